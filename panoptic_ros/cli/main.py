@@ -1,0 +1,54 @@
+"""Entry point: parse, call the verb, catch the error family once."""
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+import panoptic_ros
+from panoptic_ros.errors import PanopticError
+
+VERBS: dict[str, str] = {
+    "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
+    "solve": "2D people to skeletons, no images, no ROS",
+    "simulate": "a capture folder or 2D people with exact truth",
+    "evaluate": "compare skeletons with the truth",
+    "ltc": "decode or make LTC timecode",
+    "rig": "check or convert a calibration",
+    "models": "list, fetch and check pose models",
+    "config": "show all parameters, write the generated files",
+    "doctor": "what works on this machine, and what to do about what does not",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit code: 0, 2 for what the user can mend, 1 for our faults."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    parser = argparse.ArgumentParser(
+        prog="panoptic", description="Online multi-view, multi-person 3D pose."
+    )
+    parser.add_argument("--version", action="version", version=f"panoptic {panoptic_ros.__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    chosen = next((word for word in arguments if word in VERBS), None)
+    for verb, text in VERBS.items():
+        sub = verbs.add_parser(verb, help=text, description=text[0].upper() + text[1:] + ".")
+        if verb == chosen:  # only the chosen verb is imported, so that --help is quick
+            importlib.import_module(f"panoptic_ros.cli.{verb}").add_arguments(sub)
+    args = parser.parse_args(arguments)
+    try:
+        return int(importlib.import_module(f"panoptic_ros.cli.{args.verb}").run(args) or 0)
+    except PanopticError as error:
+        print(f"panoptic {args.verb}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print(f"panoptic {args.verb}: interrupted", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

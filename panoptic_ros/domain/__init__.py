@@ -1,0 +1,52 @@
+"""Things with identity, all frozen: cameras, rigs, skeleton models, and the records between stages.
+
+Letters of array shapes: C cameras, J joints, P people, N proposals, M parts, H W pixels.
+Records check shapes and values when they are made and hold read-only copies (images: read-only
+views). Missing joints are NaN with score 0.
+"""
+from panoptic_ros.domain.camera import Camera
+from panoptic_ros.domain.detections import (
+    DetectionSet,
+    EndOfStream,
+    ScoreMaps,
+    ViewDetections,
+    ViewFrame,
+)
+from panoptic_ros.domain.joint_map import JointMap
+from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.domain.proposals import ProposalSet
+from panoptic_ros.domain.rig import Rig
+from panoptic_ros.domain.skeleton import SkeletonModel
+from panoptic_ros.domain.time import (
+    AudioBlock,
+    ClockModel,
+    DeviceNs,
+    FrameRate,
+    MasterNs,
+    Timecode,
+    TimecodeReading,
+)
+
+__all__ = [
+    "AudioBlock",
+    "Camera",
+    "ClockModel",
+    "DetectionSet",
+    "DeviceNs",
+    "EndOfStream",
+    "FrameRate",
+    "JointMap",
+    "JointState",
+    "MasterNs",
+    "PoseSet",
+    "ProposalSet",
+    "RefinedPoseSet",
+    "Rig",
+    "ScoreMaps",
+    "SkeletonModel",
+    "Timecode",
+    "TimecodeReading",
+    "TrackedPoseSet",
+    "ViewDetections",
+    "ViewFrame",
+]

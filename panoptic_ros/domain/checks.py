@@ -1,0 +1,78 @@
+"""Checks that records run on their content."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+class Shapes:
+    """Checks the shapes of one record's arrays against letters: equal letters are equal sizes."""
+
+    def __init__(self, record: Any):
+        self.record = record
+        self.sizes: dict[str, int] = {}
+
+    def store(self, name: str, dtype: Any, letters: str) -> Array:
+        """Replace attribute `name` by a read-only copy with that dtype and shape, e.g. "P J 2".
+
+        Raises:
+            DataError: naming the record, the attribute and both shapes.
+        """
+        kind = type(self.record).__name__
+        try:
+            array = np.array(getattr(self.record, name), dtype=dtype, order="C")
+        except (TypeError, ValueError) as error:
+            raise DataError(f"{kind}.{name} is no array of {np.dtype(dtype)}: {error}") from None
+        wanted = letters.split()
+        if array.ndim != len(wanted):
+            raise DataError(f"{kind}.{name} has shape {array.shape}, expected ({letters})")
+        for letter, size in zip(wanted, array.shape):
+            known = int(letter) if letter.isdigit() else self.sizes.setdefault(letter, size)
+            if known != size:
+                raise DataError(
+                    f"{kind}.{name} has shape {array.shape}, expected ({letters}) with {letter} = {known}"
+                )
+        array.flags.writeable = False
+        object.__setattr__(self.record, name, array)
+        return array
+
+
+def check_scores(record: Any, name: str, scores: Array) -> None:
+    """Scores are in [0, 1].
+
+    Raises:
+        DataError: otherwise.
+    """
+    if scores.size and not (scores.min() >= 0.0 and scores.max() <= 1.0):
+        raise DataError(f"{type(record).__name__}.{name} has scores outside of 0..1, or NaN")
+
+
+def check_missing(record: Any, name: str, values: Array, scores: Array) -> None:
+    """Values (..., k) are finite where scores (...) are positive, and all NaN or finite elsewhere.
+
+    Raises:
+        DataError: otherwise.
+    """
+    finite = np.isfinite(values).all(-1)
+    if not finite[scores > 0.0].all():
+        raise DataError(f"{type(record).__name__}.{name} is not finite although its score is positive")
+    if np.isinf(values).any():
+        raise DataError(f"{type(record).__name__}.{name} is infinite")
+
+
+def check_stamp(record: Any, stamp_ns: Any, name: str = "stamp_ns") -> int:
+    """A stamp is a non-negative int of nanoseconds that fits 63 bits.
+
+    Raises:
+        DataError: otherwise.
+    """
+    if isinstance(stamp_ns, bool) or not isinstance(stamp_ns, (int, np.integer)):
+        raise DataError(f"{type(record).__name__}.{name} = {stamp_ns!r} is not an int of nanoseconds")
+    if not 0 <= stamp_ns < 2**63:
+        raise DataError(f"{type(record).__name__}.{name} = {stamp_ns} is out of range")
+    return int(stamp_ns)

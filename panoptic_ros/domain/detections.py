@@ -1,0 +1,191 @@
+"""Images and what detectors see in them."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes, check_missing, check_scores, check_stamp
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewFrame:
+    """One image of one camera.
+
+    Args:
+        stamp_ns: mid-exposure, on the camera's clock.
+        frame_number: counts the frames that the device gave, so gaps are visible.
+        image: (H, W, 3) uint8, BGR. Not copied; a read-only view is kept.
+        exposure_ns: 0 = not known.
+    """
+
+    camera: str
+    stamp_ns: int
+    frame_number: int
+    image: Array
+    exposure_ns: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        image = np.asarray(self.image)
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
+            raise DataError(
+                f"image of camera {self.camera}: {image.dtype} {image.shape}, expected uint8 (H, W, 3)"
+            )
+        view = image.view()
+        view.flags.writeable = False
+        object.__setattr__(self, "image", view)
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width, height in px."""
+        return self.image.shape[1], self.image.shape[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreMaps:
+    """Score maps as sparse patches on the network's grid; 0 outside of the patches.
+
+    Several patches may belong to one joint; where they overlap the largest value counts
+    (h_j = max_i h_ij, Joo et al. 2017, 5.1).
+
+    Args:
+        grid_size: (width, height) in cells.
+        grid_from_image: (2, 3), cell coordinates (centre of the first cell is 0, 0) of pixels:
+            cell = A[:, :2] @ pixel + A[:, 2]. Bilinear sampling there gives the score.
+        joints: (N,) joint of each patch, index into the working skeleton.
+        persons: (N,) index into the view's persons, -1 = merged over people.
+        corners: (N, 2) first column and row; sizes: (N, 2) columns and rows.
+        data: (B,) uint8, the patches' rows one after another; value / 255 is the score.
+    """
+
+    grid_size: tuple[int, int]
+    grid_from_image: Array
+    joints: Array
+    persons: Array
+    corners: Array
+    sizes: Array
+    data: Array
+
+    def __post_init__(self) -> None:
+        shapes = Shapes(self)
+        affine = shapes.store("grid_from_image", np.float64, "2 3")
+        joints = shapes.store("joints", np.int32, "N")
+        shapes.store("persons", np.int32, "N")
+        corners = shapes.store("corners", np.int32, "N 2")
+        sizes = shapes.store("sizes", np.int32, "N 2")
+        data = shapes.store("data", np.uint8, "B")
+        width, height = (int(value) for value in self.grid_size)
+        object.__setattr__(self, "grid_size", (width, height))
+        if width <= 0 or height <= 0:
+            raise DataError(f"ScoreMaps.grid_size = {width} x {height}")
+        if not np.isfinite(affine).all():
+            raise DataError("ScoreMaps.grid_from_image is not finite")
+        if joints.size and joints.min() < 0:
+            raise DataError("ScoreMaps.joints has a negative joint")
+        if corners.size and (
+            corners.min() < 0 or sizes.min() < 1 or (corners + sizes > (width, height)).any()
+        ):
+            raise DataError("ScoreMaps has a patch outside of its grid")
+        expected = int(sizes.prod(1, dtype=np.int64).sum())
+        if data.size != expected:
+            raise DataError(f"ScoreMaps.data has {data.size} bytes, its patches need {expected}")
+
+    def dense(self, joint_count: int) -> Array:
+        """Merged maps (J, height, width) uint8, the maximum over the patches of each joint.
+
+        Raises:
+            DataError: if a patch belongs to a joint beyond `joint_count`.
+        """
+        if self.joints.size and self.joints.max() >= joint_count:
+            raise DataError(f"ScoreMaps.joints has joint {self.joints.max()} of {joint_count}")
+        maps = np.zeros((joint_count, self.grid_size[1], self.grid_size[0]), np.uint8)
+        start = 0
+        for joint, (x, y), (w, h) in zip(self.joints, self.corners, self.sizes):
+            patch = self.data[start : start + w * h].reshape(h, w)
+            window = maps[joint, y : y + h, x : x + w]
+            np.maximum(window, patch, out=window)
+            start += w * h
+        return maps
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewDetections:
+    """The people that a detector found in one image, in the joints of the working skeleton.
+
+    Args:
+        stamp_ns, frame_number: those of the image.
+        image_size: (width, height) px.
+        skeleton_hash: `SkeletonModel.hash`.
+        points: (P, J, 2) px, NaN where the joint is missing.
+        scores: (P, J) in 0..1, 0 where missing.
+        person_scores: (P,) in 0..1.
+        maps: score maps, or None if the detector has none.
+    """
+
+    camera: str
+    stamp_ns: int
+    frame_number: int
+    image_size: tuple[int, int]
+    skeleton_hash: str
+    points: Array
+    scores: Array
+    person_scores: Array
+    maps: ScoreMaps | None = None
+
+    def __post_init__(self) -> None:
+        if not self.camera:
+            raise DataError("ViewDetections without the name of its camera")
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        width, height = (int(value) for value in self.image_size)
+        if width <= 0 or height <= 0:
+            raise DataError(f"ViewDetections.image_size = {width} x {height} of camera {self.camera}")
+        object.__setattr__(self, "image_size", (width, height))
+        shapes = Shapes(self)
+        points = shapes.store("points", np.float64, "P J 2")
+        scores = shapes.store("scores", np.float64, "P J")
+        check_scores(self, "scores", scores)
+        check_scores(self, "person_scores", shapes.store("person_scores", np.float64, "P"))
+        check_missing(self, "points", points, scores)
+        if self.maps is not None and self.maps.persons.size:
+            if not -1 <= self.maps.persons.min() <= self.maps.persons.max() < len(points):
+                raise DataError("ScoreMaps.persons does not fit the persons of its view")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EndOfStream:
+    """No more frames will come from this camera (replay only)."""
+
+    camera: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DetectionSet:
+    """The views of one instant; a camera without an image is absent.
+
+    Args:
+        index: counts the sets from 0.
+        stamp_ns: the instant, on the master clock.
+        views: in the order of the rig, each camera at most once; every view keeps its own stamp.
+    """
+
+    index: int
+    stamp_ns: int
+    skeleton_hash: str
+    views: tuple[ViewDetections, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        object.__setattr__(self, "views", tuple(self.views))
+        names = [view.camera for view in self.views]
+        if len(set(names)) != len(names):
+            raise DataError(f"DetectionSet at {self.stamp_ns} has a camera twice: {', '.join(names)}")
+        for view in self.views:
+            if view.skeleton_hash != self.skeleton_hash:
+                raise DataError(
+                    f"camera {view.camera} speaks of skeleton {view.skeleton_hash}, "
+                    f"the set of {self.skeleton_hash}"
+                )

@@ -1,0 +1,95 @@
+"""Skeletons in 3D: without identity, tracked, refined."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes, check_missing, check_scores, check_stamp
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+class JointState(IntEnum):
+    """Where a joint's position comes from."""
+
+    MISSING = 0
+    MEASURED = 1  # from this instant's images
+    PREDICTED = 2  # from earlier instants
+    FILLED = 3  # from earlier and later instants, or from the rest of the body
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseSet:
+    """The skeletons of one instant.
+
+    Args:
+        index, stamp_ns: those of the detection set.
+        skeleton_hash: `SkeletonModel.hash`.
+        positions: (P, J, 3) m in the world, NaN where missing.
+        covariances: (P, J, 3, 3) m^2, NaN where missing.
+        scores: (P, J) in 0..1, 0 where missing.
+        views: (P, J) number of views that the position rests on.
+        states: (P, J) `JointState`.
+        person_scores: (P,) in 0..1.
+    """
+
+    index: int
+    stamp_ns: int
+    skeleton_hash: str
+    positions: Array
+    covariances: Array
+    scores: Array
+    views: Array
+    states: Array
+    person_scores: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        shapes = Shapes(self)
+        positions = shapes.store("positions", np.float64, "P J 3")
+        covariances = shapes.store("covariances", np.float64, "P J 3 3")
+        scores = shapes.store("scores", np.float64, "P J")
+        shapes.store("views", np.int32, "P J")
+        states = shapes.store("states", np.uint8, "P J")
+        check_scores(self, "scores", scores)
+        check_scores(self, "person_scores", shapes.store("person_scores", np.float64, "P"))
+        check_missing(self, "positions", positions, scores)
+        there = states != JointState.MISSING
+        if states.size and states.max() > max(JointState):
+            raise DataError(f"PoseSet.states has the unknown state {states.max()}")
+        if not np.isfinite(positions[there]).all() or not np.isfinite(covariances[there]).all():
+            raise DataError("a joint that is not missing has a position or covariance that is not finite")
+        if not np.isnan(positions[~there]).all():
+            raise DataError("a missing joint has a position; missing is NaN")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedPoseSet(PoseSet):
+    """Skeletons with identity.
+
+    Args:
+        ids: (P,) int64, unique within the set; the same number is the same person over time.
+    """
+
+    ids: Array = ()  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        PoseSet.__post_init__(self)
+        ids = np.array(self.ids, np.int64).reshape(-1)
+        if len(ids) != len(self.positions):
+            raise DataError(f"{len(ids)} ids for {len(self.positions)} people")
+        if len(np.unique(ids)) != len(ids):
+            raise DataError(f"an id stands twice among {ids.tolist()}")
+        ids.flags.writeable = False
+        object.__setattr__(self, "ids", ids)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefinedPoseSet(TrackedPoseSet):
+    """Skeletons after refinement over time, for the instant `stamp_ns`."""
+
+    def __post_init__(self) -> None:
+        TrackedPoseSet.__post_init__(self)

@@ -1,0 +1,82 @@
+"""Which joints a skeleton has and how they hang together."""
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+from panoptic_ros.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class SkeletonModel:
+    """Joint names, a tree of bones, left-right pairs. Joints are indices into `joint_names`.
+
+    Args:
+        name: e.g. "panoptic19".
+        joint_names: J names.
+        root: the joint at the root of the tree.
+        bones: J - 1 pairs (parent, child); a parent stands in the list before its children.
+        head: the joint that stands for the head (association over time, Joo et al. 2017, 5.3).
+        left_right: pairs (left, right).
+        derived: (joint, sources): joints that the detector does not see, defined as the mean of
+            others in 3D, e.g. BodyCenter = mean of the hips.
+
+    Raises:
+        ConfigError: if the bones are not a tree over all joints, or names repeat.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    root: int
+    bones: tuple[tuple[int, int], ...]
+    head: int
+    left_right: tuple[tuple[int, int], ...] = ()
+    derived: tuple[tuple[int, tuple[int, ...]], ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.joint_names)
+        if len(set(self.joint_names)) != count:
+            raise ConfigError(f"skeleton {self.name}: a joint name repeats")
+        reached = {self.root}
+        for parent, child in self.bones:
+            if parent not in reached or child in reached or not 0 <= child < count:
+                raise ConfigError(f"skeleton {self.name}: bone {parent}-{child} does not extend the tree")
+            reached.add(child)
+        if len(reached) != count:
+            missing = [n for i, n in enumerate(self.joint_names) if i not in reached]
+            raise ConfigError(f"skeleton {self.name}: no bone leads to {', '.join(missing)}")
+
+    def __len__(self) -> int:
+        return len(self.joint_names)
+
+    def joint(self, name: str) -> int:
+        """Index of a joint.
+
+        Raises:
+            ConfigError: if there is none of that name.
+        """
+        if name not in self.joint_names:
+            raise ConfigError(f"skeleton {self.name} has no joint {name!r}")
+        return self.joint_names.index(name)
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """Parent of every joint, -1 for the root."""
+        table = [-1] * len(self.joint_names)
+        for parent, child in self.bones:
+            table[child] = parent
+        return tuple(table)
+
+    @property
+    def mirror(self) -> tuple[int, ...]:
+        """The joint on the other side for every joint; itself in the middle."""
+        table = list(range(len(self.joint_names)))
+        for left, right in self.left_right:
+            table[left], table[right] = right, left
+        return tuple(table)
+
+    @property
+    def hash(self) -> str:
+        """Eight hex digits that stand for this model in messages."""
+        text = repr((self.joint_names, self.root, self.bones, self.head, self.left_right, self.derived))
+        return hashlib.sha256(text.encode()).hexdigest()[:8]

@@ -1,0 +1,172 @@
+"""Clocks, timecode and audio. Stamps are int nanoseconds; each clock has its own type."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NewType
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes, check_stamp
+from panoptic_ros.errors import ClockError, DataError
+
+Array = np.ndarray
+DeviceNs = NewType("DeviceNs", int)  # a device's own clock
+MasterNs = NewType("MasterNs", int)  # the master time line of the capture
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRate:
+    """A timecode rate: labels count `nominal` frames per second, real time runs at `exact`.
+
+    Raises:
+        ClockError: for a rate that timecode does not know.
+    """
+
+    nominal: int  # 24, 25 or 30
+    exact: Fraction  # Hz
+    drop_frame: bool = False  # only for 29.97 Hz
+
+    def __post_init__(self) -> None:
+        known = {
+            (24, Fraction(24000, 1001)), (24, Fraction(24)), (25, Fraction(25)),
+            (30, Fraction(30000, 1001)), (30, Fraction(30)),
+        }  # fmt: skip
+        if (self.nominal, self.exact) not in known:
+            raise ClockError(f"no timecode rate: {self.nominal} labels at {float(self.exact):g} Hz")
+        if self.drop_frame and self.exact != Fraction(30000, 1001):
+            raise ClockError("drop-frame timecode exists at 29.97 Hz only")
+
+
+@dataclass(frozen=True, slots=True)
+class Timecode:
+    """A label HH:MM:SS:FF of SMPTE 12M.
+
+    Raises:
+        ClockError: for labels that do not exist (out of range, or dropped in drop-frame).
+    """
+
+    hours: int
+    minutes: int
+    seconds: int
+    frames: int
+    rate: FrameRate
+
+    def __post_init__(self) -> None:
+        inside = (
+            0 <= self.hours < 24 and 0 <= self.minutes < 60 and 0 <= self.seconds < 60
+            and 0 <= self.frames < self.rate.nominal
+        )  # fmt: skip
+        dropped = (
+            self.rate.drop_frame and self.seconds == 0 and self.frames < 2 and self.minutes % 10 != 0
+        )
+        if not inside or dropped:
+            raise ClockError(f"no such timecode: {self} at {float(self.rate.exact):.5g} Hz")
+
+    def __str__(self) -> str:
+        mark = ";" if self.rate.drop_frame else ":"
+        return f"{self.hours:02d}:{self.minutes:02d}:{self.seconds:02d}{mark}{self.frames:02d}"
+
+    @property
+    def frame_count(self) -> int:
+        """Frames since 00:00:00:00."""
+        minutes = 60 * self.hours + self.minutes
+        count = (60 * minutes + self.seconds) * self.rate.nominal + self.frames
+        return count - 2 * (minutes - minutes // 10) if self.rate.drop_frame else count
+
+    @classmethod
+    def from_frame_count(cls, count: int, rate: FrameRate) -> Timecode:
+        """The label of the count-th frame of the day; counts wrap at midnight."""
+        if rate.drop_frame:
+            count %= 24 * 107892
+            tens, rest = divmod(count, 17982)
+            count += 18 * tens + (2 * ((rest - 2) // 1798) if rest >= 2 else 0)
+        else:
+            count %= 24 * 3600 * rate.nominal
+        seconds, frames = divmod(count, rate.nominal)
+        minutes, seconds = divmod(seconds, 60)
+        hours, minutes = divmod(minutes, 60)
+        return cls(hours, minutes, seconds, frames, rate)
+
+    @property
+    def day_seconds(self) -> Fraction:
+        """Real time since 00:00:00:00, s."""
+        return self.frame_count / self.rate.exact
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AudioBlock:
+    """Consecutive samples of one channel.
+
+    Args:
+        stamp_ns: instant of the first sample, on the device's clock.
+        first_sample: index of the first sample since the device started; gaps are visible.
+        sample_rate: Hz.
+        samples: (N,) float32 in -1..1.
+    """
+
+    device: str
+    stamp_ns: int
+    first_sample: int
+    sample_rate: int
+    samples: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        samples = Shapes(self).store("samples", np.float32, "N")
+        if not np.isfinite(samples).all():
+            raise DataError(f"audio of {self.device} has samples that are not finite")
+        if not 1000 <= self.sample_rate <= 400_000:
+            raise DataError(f"audio of {self.device} has a sample rate of {self.sample_rate} Hz")
+
+
+@dataclass(frozen=True, slots=True)
+class TimecodeReading:
+    """One timecode word that was heard.
+
+    Args:
+        stamp_ns: start of the word (first edge of bit 0), on the device's clock.
+        start_sample: the same in samples since the device started, fractional.
+        std_samples: standard deviation of start_sample.
+        reverse: the tape ran backwards; the first edge of bit 0 then lies at the word's end.
+        user_bits: 32 bits.
+    """
+
+    device: str
+    stamp_ns: int
+    timecode: Timecode
+    start_sample: float
+    std_samples: float
+    reverse: bool = False
+    user_bits: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClockModel:
+    """A line from a device's clock to the master clock.
+
+    master = device + offset_ns + drift * (device - reference_ns)
+
+    Args:
+        reference_ns: device time about which the line is stated.
+        offset_ns: at the reference.
+        drift: dimensionless, 1e-6 = 1 ppm.
+        covariance: (2, 2) of (offset in s, drift).
+    """
+
+    device: str
+    reference_ns: int
+    offset_ns: float
+    drift: float
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reference_ns", check_stamp(self, self.reference_ns, "reference_ns"))
+        covariance = Shapes(self).store("covariance", np.float64, "2 2")
+        if not (np.isfinite(covariance).all() and np.isfinite([self.offset_ns, self.drift]).all()):
+            raise DataError(f"clock model of {self.device} is not finite")
+
+    def master_from_device(self, stamp_ns: DeviceNs) -> MasterNs:
+        """The master time of a device time."""
+        since = int(stamp_ns) - self.reference_ns
+        return MasterNs(int(stamp_ns) + round(self.offset_ns + self.drift * since))

@@ -1,0 +1,64 @@
+"""Rigid transforms, named `b_from_a`: x_b = rotation @ x_a + translation."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.errors import CalibrationError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rigid:
+    """A rotation and a translation.
+
+    Args:
+        rotation: (3, 3) orthonormal to 1e-4, determinant +1; kept as given, not re-orthonormalised.
+        translation: (3,) m.
+
+    Raises:
+        CalibrationError: if the rotation is none.
+    """
+
+    rotation: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        rotation = np.array(self.rotation, np.float64)
+        translation = np.array(self.translation, np.float64).reshape(-1)
+        if rotation.shape != (3, 3) or translation.shape != (3,):
+            raise CalibrationError(
+                f"a rigid transform needs a 3x3 rotation and 3 numbers of translation, found "
+                f"{rotation.shape} and {translation.shape}"
+            )
+        if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+            raise CalibrationError("a rigid transform has numbers that are not finite")
+        error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if error > 1e-4 or np.linalg.det(rotation) < 0.0:
+            kind = "mirrors (determinant -1)" if error <= 1e-4 else f"is off by {error:.2g}"
+            raise CalibrationError(f"a rotation matrix {kind}; is it really the rotation?")
+        rotation.flags.writeable = translation.flags.writeable = False
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "translation", translation)
+
+    @classmethod
+    def identity(cls) -> Rigid:
+        """The transform that changes nothing."""
+        return cls(np.eye(3), np.zeros(3))
+
+    def apply(self, points: Array) -> Array:
+        """Points (..., 3) of frame a in frame b."""
+        return np.asarray(points) @ self.rotation.T + self.translation
+
+    def inverse(self) -> Rigid:
+        """a_from_b."""
+        return Rigid(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def compose(self, b_from_a: Rigid) -> Rigid:
+        """c_from_a = c_from_b.compose(b_from_a)."""
+        return Rigid(
+            self.rotation @ b_from_a.rotation,
+            self.rotation @ b_from_a.translation + self.translation,
+        )

@@ -1,0 +1,148 @@
+"""N-view triangulation: linear for a start, then robust least squares on the reprojection error.
+
+Both work on undistorted normalised image points, so a view is just its `cam_from_world`; noise is
+given in pixels and divided by the focal length. Minimises the objective of Joo et al. 2017, section 5.3
+(reprojection refinement), with a Cauchy weight in place of the plain norm.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProjectionStack:
+    """The cameras of a rig as arrays, C cameras.
+
+    Args:
+        rotations: (C, 3, 3), translations: (C, 3) m: cam_from_world.
+        focals: (C,) px, mean focal length: converts px of noise to the normalised plane.
+    """
+
+    rotations: Array
+    translations: Array
+    focals: Array
+
+    @property
+    def centres(self) -> Array:
+        """Optical centres (C, 3) m in the world."""
+        return -np.einsum("cji,cj->ci", self.rotations, self.translations)
+
+    def rays(self, plane: Array) -> Array:
+        """Unit viewing rays (C, ..., 3) in the world of normalised points (C, ..., 2)."""
+        homogeneous = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
+        rays = np.einsum("c...i,cij->c...j", homogeneous, self.rotations)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Triangulated:
+    """Result for N points seen by C cameras.
+
+    points: (N, 3) m, NaN where fewer than two views were left.
+    covariances: (N, 3, 3) m^2, inverse of the weighted normal matrix; NaN likewise.
+    residuals: (N, C) px, NaN where a view was not given.
+    inliers: (N, C) bool, the views that were used in the end.
+    """
+
+    points: Array
+    covariances: Array
+    residuals: Array
+    inliers: Array
+
+
+def triangulate_linear(stack: ProjectionStack, plane: Array, weights: Array) -> Array:
+    """Weighted linear triangulation in normalised coordinates.
+
+    Args:
+        plane: (N, C, 2) undistorted normalised points, anything where the weight is 0.
+        weights: (N, C) at least 0.
+
+    Returns:
+        points (N, 3) m, NaN with fewer than two views of positive weight.
+    """
+    used = (weights > 0.0) & np.isfinite(plane).all(-1)
+    w = np.where(used, weights, 0.0)[..., None]
+    safe = np.where(used[..., None], plane, 0.0)
+    rows = w[..., None] * (safe[..., None] * stack.rotations[:, 2] [:, None, :] - stack.rotations[:, :2])
+    values = w * (stack.translations[:, :2] - safe * stack.translations[:, 2:])
+    a = rows.reshape(len(plane), -1, 3)
+    b = values.reshape(len(plane), -1, 1)
+    scale = np.einsum("nri,nri->n", a, a)[:, None, None]
+    normal = a.swapaxes(1, 2) @ a + 1e-12 * np.maximum(scale, 1e-12) * np.eye(3)
+    points = np.linalg.solve(normal, a.swapaxes(1, 2) @ b)[..., 0]
+    return np.where(used.sum(1)[:, None] >= 2, points, np.nan)
+
+
+def triangulate_robust(
+    stack: ProjectionStack,
+    plane: Array,
+    sigmas: Array,
+    start: Array | None = None,
+    *,
+    cauchy: float = 3.0,
+    gate: float = 5.0,
+    iterations: int = 8,
+) -> Triangulated:
+    """Gauss-Newton with Cauchy weights on the reprojection error, gated in the last steps.
+
+    Args:
+        plane: (N, C, 2) undistorted normalised points, NaN where there is no observation.
+        sigmas: (N, C) px, standard deviation per axis; ignored where plane is NaN.
+        start: (N, 3) m, or None for a weighted linear start; NaN rows get the linear start.
+        cauchy: scale of the Cauchy weight 1 / (1 + (r / cauchy)^2), in standard deviations.
+        gate: residual beyond which a view is left out in the last two steps, in standard deviations.
+        iterations: number of steps.
+
+    Returns:
+        see `Triangulated`. The covariance is that of the views left, without any inflation.
+    """
+    given = np.isfinite(plane).all(-1)
+    precision = np.where(given, stack.focals / np.where(given, sigmas, 1.0), 0.0)  # 1 / plane unit
+    points = triangulate_linear(stack, plane, precision)
+    if start is not None:
+        points = np.where(np.isfinite(start).all(-1, keepdims=True), start, points)
+    safe = np.where(given[..., None], plane, 0.0)
+    weights = given.astype(float)
+    solvable = np.isfinite(points).all(-1)
+    x = np.where(solvable[:, None], points, 0.0)
+    damping = 1e-9 * np.eye(3)
+    normal = np.broadcast_to(np.eye(3), (len(x), 3, 3))
+    residual = np.zeros(given.shape)
+    for step in range(iterations + 1):
+        local = np.einsum("cij,nj->nci", stack.rotations, x) + stack.translations
+        front = local[..., 2] > 1e-3
+        inverse = 1.0 / np.where(front, local[..., 2], 1.0)
+        projected = local[..., :2] * inverse[..., None]
+        error = safe - projected
+        residual = np.where(front, np.linalg.norm(error, axis=-1) * precision, np.inf)
+        residual = np.where(given, residual, 0.0)
+        weights = given / (1.0 + (residual / cauchy) ** 2)
+        if step >= iterations - 2:
+            weights = np.where(residual < gate, weights, 0.0)
+        jacobian = inverse[..., None, None] * (
+            stack.rotations[:, :2] - projected[..., None] * stack.rotations[:, 2][:, None, :]
+        )
+        w = weights * precision**2
+        normal = np.einsum("nc,ncki,nckj->nij", w, jacobian, jacobian)
+        if step == iterations:
+            break
+        right = np.einsum("nc,ncki,nck->ni", w, jacobian, error)
+        scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+        delta = np.linalg.solve(normal + damping * np.maximum(scale, 1e-6), right[..., None])[..., 0]
+        length = np.linalg.norm(delta, axis=-1, keepdims=True)
+        x = x + delta * np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))  # at most 0.5 m a step
+    inliers = given & (weights > 0.0)
+    good = solvable & (inliers.sum(1) >= 2)
+    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    covariances = np.linalg.inv(np.where(good[:, None, None], normal + damping * scale, np.eye(3)))
+    pixels = np.where(given, residual / np.maximum(precision, 1e-12) * stack.focals, np.nan)
+    return Triangulated(
+        np.where(good[:, None], x, np.nan),
+        np.where(good[:, None, None], covariances, np.nan),
+        np.where(good[:, None], pixels, np.nan),
+        inliers & good[:, None],
+    )

@@ -1,0 +1,52 @@
+"""Every topic of the graph: its name, the record it carries and the message that carries it."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Scope = Literal["camera", "device", "graph"]  # one topic per camera, per audio device, or one
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic.
+
+    Args:
+        key: how the code refers to it.
+        name: with {camera} or {device} where there is one topic each.
+        record: the record that it carries.
+        message: the ROS type.
+        latched: kept for subscribers who come late.
+    """
+
+    key: str
+    name: str
+    record: str
+    message: str
+    scope: Scope = "graph"
+    latched: bool = False
+
+
+TOPICS: dict[str, Topic] = {
+    topic.key: topic
+    for topic in (
+        Topic("image", "{camera}/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera"),
+        Topic("compressed_image", "{camera}/image_raw/compressed", "ViewFrame",
+              "sensor_msgs/msg/CompressedImage", "camera"),
+        Topic("camera_info", "{camera}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
+        Topic("detections", "{camera}/detections", "ViewDetections",
+              "panoptic_msgs/msg/ViewDetections", "camera"),
+        Topic("audio", "{device}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device"),
+        Topic("timecode", "{device}/timecode", "TimecodeReading",
+              "panoptic_msgs/msg/TimecodeReading", "device"),
+        Topic("rig", "rig", "Rig", "panoptic_msgs/msg/Rig", latched=True),
+        Topic("skeleton_model", "skeleton_model", "SkeletonModel",
+              "panoptic_msgs/msg/SkeletonModel", latched=True),
+        Topic("detection_sets", "detection_sets", "DetectionSet", "panoptic_msgs/msg/DetectionSet"),
+        Topic("proposals", "proposals", "ProposalSet", "panoptic_msgs/msg/ProposalSet"),
+        Topic("poses", "poses", "PoseSet", "panoptic_msgs/msg/Skeletons"),
+        Topic("skeletons_raw", "skeletons_raw", "TrackedPoseSet", "panoptic_msgs/msg/Skeletons"),
+        Topic("skeletons", "skeletons", "RefinedPoseSet", "panoptic_msgs/msg/Skeletons"),
+        Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
+    )
+}  # fmt: skip

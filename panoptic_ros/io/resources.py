@@ -1,0 +1,37 @@
+"""Where the files are that are installed with the package, and the user's cache."""
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import panoptic_ros
+from panoptic_ros.errors import EnvironmentProblem
+
+
+def share_folder() -> Path:
+    """The folder that holds config/ and bags/: the checkout, or share/panoptic_ros.
+
+    Raises:
+        EnvironmentProblem: if the installation is not complete.
+    """
+    checkout = Path(panoptic_ros.__file__).resolve().parent.parent
+    prefixes = [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
+    places = [checkout, *(p / "share" / "panoptic_ros" for p in [Path(sys.prefix), *prefixes])]
+    for place in places:
+        if (place / "config" / "skeletons").is_dir():
+            return place
+    raise EnvironmentProblem(
+        "the installed files of panoptic_ros (config/) are not there; looked in "
+        + ", ".join(str(place) for place in places)
+        + "; install the package again"
+    )
+
+
+def cache_folder() -> Path:
+    """Where models are kept: PANOPTIC_CACHE, else XDG_CACHE_HOME/panoptic_ros, else ~/.cache."""
+    own = os.environ.get("PANOPTIC_CACHE")
+    if own:
+        return Path(own)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "panoptic_ros"

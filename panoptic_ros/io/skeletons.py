@@ -1,0 +1,114 @@
+"""Skeleton models from config/skeletons/*.yaml, and how a detector's joints map onto them."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.domain import JointMap, SkeletonModel
+from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.resources import share_folder
+
+DEFAULT_SKELETON = "panoptic19"
+
+
+def skeleton_names() -> tuple[str, ...]:
+    """Names of the skeleton models that are installed."""
+    return tuple(sorted(path.stem for path in (share_folder() / "config" / "skeletons").glob("*.yaml")))
+
+
+def load_skeleton(name_or_path: str) -> SkeletonModel:
+    """A skeleton model by its name, or from a YAML file of the user's.
+
+    Raises:
+        ConfigError: if there is none of that name, or the file is no skeleton.
+    """
+    return _model(_document(name_or_path))
+
+
+def map_joints(skeleton: str, detector_joints: Sequence[str]) -> tuple[SkeletonModel, JointMap]:
+    """The working skeleton for a detector's joints, and how to get its joints from theirs.
+
+    Joints are the same if their names in the shared vocabulary are; a detector's joint names are
+    those of the vocabulary or of any installed skeleton (lShoulder, left_shoulder, ...).
+    Joints that the detector lacks are `derived` if the skeleton says of what, else never seen.
+
+    Raises:
+        ConfigError: if no joint of the skeleton can be had from the detector's.
+    """
+    document = _document(skeleton)
+    model = _model(document)
+    vocabulary = _vocabulary()
+    known = {vocabulary.get(joint, joint): i for i, joint in enumerate(detector_joints)}
+    sources, derived = [], []
+    for i, (joint, word) in enumerate(document["joints"].items()):
+        parts = [document["joints"][name] for name in document["mean_of"].get(joint, [])]
+        if word in known:
+            sources.append((known[word],))
+        elif parts and all(part in known for part in parts):
+            sources.append(tuple(known[part] for part in parts))
+            derived.append((i, tuple(model.joint(name) for name in document["mean_of"][joint])))
+        else:
+            sources.append(())
+    if not any(sources):
+        raise ConfigError(
+            f"skeleton {model.name} has none of the joints {', '.join(list(detector_joints)[:5])}, ..."
+        )
+    return replace(model, derived=tuple(derived)), JointMap(len(detector_joints), tuple(sources))
+
+
+def skeleton_of(joint_names: Sequence[str]) -> str | None:
+    """Name of the installed skeleton with exactly these joints, in any order and spelling."""
+    vocabulary = _vocabulary()
+    words = {vocabulary.get(joint, joint) for joint in joint_names}
+    for name in skeleton_names():
+        if set(_document(name)["joints"].values()) == words:
+            return name
+    return None
+
+
+@lru_cache(maxsize=32)
+def _document(name_or_path: str) -> dict[str, Any]:
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        path = share_folder() / "config" / "skeletons" / f"{name_or_path}.yaml"
+        if not path.is_file():
+            raise ConfigError(
+                f"unknown skeleton {name_or_path!r}; there are {', '.join(skeleton_names())}, "
+                "or the path of a YAML file"
+            )
+    document = read_yaml(path)
+    wanted = {"name": str, "root": str, "head": str, "joints": dict, "bones": list}
+    for key, kind in wanted.items():
+        if not isinstance(document, dict) or not isinstance(document.get(key), kind):
+            raise DataError(f"{path} is no skeleton model: it needs a {kind.__name__} {key!r}")
+    return {"left_right": [], "mean_of": {}, **document}
+
+
+def _model(document: dict[str, Any]) -> SkeletonModel:
+    names = tuple(document["joints"])
+
+    def at(joint: str) -> int:
+        if joint not in names:
+            raise ConfigError(f"skeleton {document['name']}: {joint!r} is none of its joints")
+        return names.index(joint)
+
+    def pairs(key: str) -> tuple[tuple[int, int], ...]:
+        return tuple((at(a), at(b)) for a, b in document[key])
+
+    return SkeletonModel(
+        document["name"], names, at(document["root"]), pairs("bones"), at(document["head"]),
+        pairs("left_right"),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _vocabulary() -> dict[str, str]:
+    """Every joint name of an installed skeleton, and what it is in the shared vocabulary."""
+    words: dict[str, str] = {}
+    for name in skeleton_names():
+        words.update(_document(name)["joints"])
+    return words

@@ -1,0 +1,173 @@
+"""`param`, `Config` and what can be derived from them."""
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar, get_type_hints
+
+from panoptic_ros.errors import ConfigError, ContractError
+
+Value = bool | int | float | str | tuple[str, ...] | tuple[float, ...] | tuple[int, ...]
+
+_SCALARS: tuple[type, ...] = (bool, int, float, str)
+_TUPLES: dict[Any, type] = {tuple[str, ...]: str, tuple[float, ...]: float, tuple[int, ...]: int}
+_KEY = "panoptic_param"
+
+
+@dataclass(frozen=True)
+class Param:
+    """One parameter: its name, type, default, unit, range and one sentence of documentation."""
+
+    name: str
+    type: Any  # bool, int, float, str or tuple[..., ...] of one of the latter three
+    default: Value
+    unit: str
+    ge: float | None
+    le: float | None
+    choices: tuple[str, ...]
+    live: bool  # may be changed while the stage runs
+    doc: str
+
+
+@dataclass(frozen=True)
+class _Spec:
+    unit: str
+    ge: float | None
+    le: float | None
+    choices: tuple[str, ...]
+    live: bool
+    doc: str
+
+
+def param(
+    default: Any,
+    *,
+    doc: str,
+    unit: str = "",
+    ge: float | None = None,
+    le: float | None = None,
+    choices: tuple[str, ...] = (),
+    live: bool = False,
+) -> Any:
+    """A dataclass field with a default, a unit, an inclusive range or choices, and a doc sentence."""
+    return dataclasses.field(
+        default=default, metadata={_KEY: _Spec(unit, ge, le, choices, live, doc)}
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Base of all configurations; checks types and ranges once, at construction.
+
+    Raises:
+        ConfigError: naming the parameter, its value and what is allowed.
+    """
+
+    def __post_init__(self) -> None:
+        for item in describe(type(self)):
+            value = _checked(item, getattr(self, item.name), type(self).__name__)
+            object.__setattr__(self, item.name, value)
+
+
+C = TypeVar("C", bound=Config)
+
+
+def describe(cls: type[Config]) -> tuple[Param, ...]:
+    """All parameters of a configuration, in the order of the fields."""
+    hints = get_type_hints(cls)
+    rows = []
+    for field in dataclasses.fields(cls):
+        spec = field.metadata.get(_KEY)
+        if spec is None:
+            raise ContractError(f"{cls.__name__}.{field.name} was not made with param()")
+        rows.append(Param(field.name, hints[field.name], field.default, **vars(spec)))
+    return tuple(rows)
+
+
+def load(cls: type[C], values: Mapping[str, Any], where: str = "") -> C:
+    """A configuration from a mapping of names to values; missing names keep their defaults.
+
+    Raises:
+        ConfigError: on unknown names, wrong types or values out of range.
+    """
+    known = {item.name for item in describe(cls)}
+    for name in values:
+        if name not in known:
+            raise ConfigError(
+                f"unknown parameter {where + name!r}; {cls.__name__} has {', '.join(sorted(known))}"
+            )
+    return cls(**values)
+
+
+def to_mapping(config: Config) -> dict[str, Any]:
+    """The configuration as plain values that `load` takes back; tuples become lists."""
+    rows = ((item.name, getattr(config, item.name)) for item in describe(type(config)))
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in rows}
+
+
+def diff(config: Config) -> dict[str, Any]:
+    """The parameters that differ from their defaults."""
+    default = to_mapping(type(config)())
+    return {name: value for name, value in to_mapping(config).items() if value != default[name]}
+
+
+def from_text(cls: type[Config], name: str, text: str) -> Any:
+    """The value of parameter `name` as written on a command line; lists are comma-separated.
+
+    Raises:
+        ConfigError: if the name is unknown or the text is no value of its type.
+    """
+    for item in describe(cls):
+        if item.name == name:
+            return _parse(item, text, cls.__name__)
+    known = ", ".join(item.name for item in describe(cls))
+    raise ConfigError(f"unknown parameter {name!r}; {cls.__name__} has {known}")
+
+
+def _parse(item: Param, text: str, owner: str) -> Any:
+    try:
+        if item.type in _TUPLES:
+            kind = _TUPLES[item.type]
+            return tuple(kind(part.strip()) for part in text.split(",") if part.strip())
+        if item.type is bool:
+            return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
+        return item.type(text)
+    except (KeyError, ValueError):
+        raise ConfigError(
+            f"{owner}.{item.name} = {text!r} is not a {_type_name(item.type)}"
+        ) from None
+
+
+def _type_name(kind: Any) -> str:
+    return kind.__name__ if kind in _SCALARS else f"list of {_TUPLES[kind].__name__}"
+
+
+def _checked(item: Param, value: Any, owner: str) -> Any:
+    """The value, converted without loss to the parameter's type."""
+    where = f"{owner}.{item.name}"
+    if item.type in _TUPLES:
+        if isinstance(value, str) or not isinstance(value, (list, tuple)):
+            raise ConfigError(f"{where} = {value!r} is not a list")
+        return tuple(_scalar(where, _TUPLES[item.type], entry, item) for entry in value)
+    if item.type not in _SCALARS:
+        raise ContractError(f"{where}: type {item.type} is not supported")
+    return _scalar(where, item.type, value, item)
+
+
+def _scalar(where: str, kind: type, value: Any, item: Param) -> Any:
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not kind:
+        raise ConfigError(f"{where} = {value!r} is not a {kind.__name__}")
+    if kind is float and not math.isfinite(value):
+        raise ConfigError(f"{where} = {value!r} is not finite")
+    if kind is str and item.choices and value not in item.choices:
+        raise ConfigError(f"{where} = {value!r} is none of {', '.join(item.choices)}")
+    if kind in (int, float):
+        if item.ge is not None and value < item.ge:
+            raise ConfigError(f"{where} = {value!r} is below {item.ge} {item.unit}".rstrip())
+        if item.le is not None and value > item.le:
+            raise ConfigError(f"{where} = {value!r} is above {item.le} {item.unit}".rstrip())
+    return value
