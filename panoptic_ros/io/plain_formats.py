@@ -1,0 +1,263 @@
+"""The plain formats for 2D people and skeletons: `detections.json.gz` and `skeletons.json.gz`.
+
+Both are JSON, gzipped if the name ends in .gz, in metres, pixels and integer nanoseconds; a
+missing joint is null. docs/formats.md defines every key.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import (
+    DetectionSet,
+    JointMap,
+    JointState,
+    Rig,
+    TrackedPoseSet,
+    ViewDetections,
+)
+from panoptic_ros.errors import CalibrationError, DataError
+from panoptic_ros.io.files import read_json, write_json
+
+Array = np.ndarray
+DETECTIONS = "panoptic-detections-1"
+SKELETONS = "panoptic-skeletons-1"
+_UPPER = np.triu_indices(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlainView:
+    """2D people of one view: points (P, K, 2) px, NaN = missing; scores (P, K), 0 = missing."""
+
+    stamp_ns: int
+    points: Array
+    scores: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlainFrame:
+    """The views of one instant by the names of their cameras."""
+
+    index: int
+    stamp_ns: int
+    views: Mapping[str, PlainView]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlainDetections:
+    """A whole file of 2D people, in the detector's own K joints."""
+
+    joint_names: tuple[str, ...]
+    frames: tuple[PlainFrame, ...]
+
+    def sets(
+        self, rig: Rig, joint_map: JointMap, skeleton_hash: str, known: Iterable[str] = ()
+    ) -> Iterator[DetectionSet]:
+        """Detection sets in the working skeleton, for the cameras of the rig.
+
+        Args:
+            known: names of cameras that may occur although they are not in `rig` (left out on purpose).
+
+        Raises:
+            CalibrationError: if a view's camera is neither in the rig nor known.
+            DataError: if stamps go back.
+        """
+        allowed = {*rig.names, *known}
+        last = -1
+        for frame in self.frames:
+            if frame.stamp_ns < last:
+                raise DataError(f"frame {frame.index}: stamp {frame.stamp_ns} lies before the one before")
+            last = frame.stamp_ns
+            for name in frame.views:
+                if name not in allowed:
+                    raise CalibrationError(
+                        f"the detections have a camera {name!r} that the rig lacks; it has "
+                        f"{', '.join(rig.names)}"
+                    )
+            views = []
+            for camera in rig.cameras:
+                view = frame.views.get(camera.name)
+                if view is not None:
+                    points, scores = joint_map.apply(view.points, view.scores)
+                    views.append(
+                        ViewDetections(
+                            camera.name, view.stamp_ns, frame.index, camera.image_size,
+                            skeleton_hash, points, scores, _person_scores(scores),
+                        )
+                    )  # fmt: skip
+            yield DetectionSet(frame.index, frame.stamp_ns, skeleton_hash, tuple(views))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlainSkeletonFrame:
+    """Skeletons of one instant: (P,), (P, J, 3) m, (P, J), (P, J, 3, 3) m^2, (P,)."""
+
+    index: int
+    stamp_ns: int
+    ids: Array
+    positions: Array
+    scores: Array
+    covariances: Array
+    ignore: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlainSkeletons:
+    """A whole file of skeletons, results or truth."""
+
+    joint_names: tuple[str, ...]
+    frames: tuple[PlainSkeletonFrame, ...]
+
+
+def read_detections(path: Path) -> PlainDetections:
+    """Read 2D people.
+
+    Raises:
+        DataError: naming the file, the frame and what is wrong.
+    """
+    document, names = _document(path, DETECTIONS)
+    frames = []
+    for number, frame in enumerate(document["frames"]):
+        where = f"{path}, frame {number}"
+        try:
+            views = {
+                str(name): PlainView(
+                    _integer(view["stamp_ns"], where),
+                    *_joint_rows(view["persons"], len(names), 3, f"{where}, camera {name}"),
+                )
+                for name, view in frame["views"].items()
+            }
+            frames.append(
+                PlainFrame(int(frame.get("index", number)), _integer(frame["stamp_ns"], where), views)
+            )
+        except (KeyError, TypeError, AttributeError) as error:
+            raise DataError(f"{where}: not as the format says: {error!r}") from None
+    return PlainDetections(names, tuple(frames))
+
+
+def write_detections(path: Path, joint_names: Iterable[str], sets: Iterable[DetectionSet]) -> None:
+    """Write 2D people; the joints of the sets must be those of `joint_names`."""
+    frames = []
+    for item in sets:
+        views = {}
+        for view in item.views:
+            rows = np.concatenate([view.points, view.scores[..., None]], axis=-1)
+            persons = [[_row(joint) for joint in person] for person in rows]
+            views[view.camera] = {"stamp_ns": view.stamp_ns, "persons": persons}
+        frames.append({"index": item.index, "stamp_ns": item.stamp_ns, "views": views})
+    write_json(path, {"format": DETECTIONS, "joint_names": list(joint_names), "frames": frames})
+
+
+def read_skeletons(path: Path) -> PlainSkeletons:
+    """Read skeletons, results or truth.
+
+    Raises:
+        DataError: naming the file, the frame and what is wrong.
+    """
+    document, names = _document(path, SKELETONS)
+    frames = []
+    for number, frame in enumerate(document["frames"]):
+        where = f"{path}, frame {number}"
+        try:
+            people = frame["skeletons"]
+            positions, _ = _joint_rows([p["joints"] for p in people], len(names), 3, where, scored=False)
+            there = np.isfinite(positions).all(-1)
+            scores = np.array([p.get("scores") or t for p, t in zip(people, there.astype(float))], float)
+            covariances = np.full((*positions.shape, 3), np.nan)
+            for k, person in enumerate(people):
+                for j, upper in enumerate(person.get("covariances") or []):
+                    if upper is not None:
+                        covariances[k, j][_UPPER] = upper
+                        covariances[k, j].T[_UPPER] = upper
+            frames.append(
+                PlainSkeletonFrame(
+                    int(frame.get("index", number)), _integer(frame["stamp_ns"], where),
+                    np.array([int(p["id"]) for p in people], np.int64), positions,
+                    scores.reshape(positions.shape[:2]), covariances,
+                    np.array([bool(p.get("ignore", False)) for p in people], bool),
+                )
+            )  # fmt: skip
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            raise DataError(f"{where}: not as the format says: {error!r}") from None
+    return PlainSkeletons(names, tuple(frames))
+
+
+def write_skeletons(path: Path, joint_names: Iterable[str], sets: Iterable[TrackedPoseSet]) -> None:
+    """Write skeletons; equal sets give equal bytes."""
+    frames = []
+    for item in sets:
+        people = [_person(item, k) for k in range(len(item.ids))]
+        frames.append({"index": item.index, "stamp_ns": item.stamp_ns, "skeletons": people})
+    write_json(path, {"format": SKELETONS, "joint_names": list(joint_names), "frames": frames})
+
+
+def _person(item: TrackedPoseSet, k: int) -> dict[str, Any]:
+    there = item.states[k] != JointState.MISSING
+    return {
+        "id": int(item.ids[k]),
+        "joints": [_row(p) for p in item.positions[k]],
+        "scores": item.scores[k].tolist(),
+        "covariances": [c[_UPPER].tolist() if ok else None for c, ok in zip(item.covariances[k], there)],
+        "views": item.views[k].tolist(),
+        "states": item.states[k].tolist(),
+    }
+
+
+def _row(values: Array) -> list[float] | None:
+    return values.tolist() if np.isfinite(values).all() else None
+
+
+def _person_scores(scores: Array) -> Array:
+    """Mean score (P,) of the joints that are there."""
+    there = scores > 0.0
+    return scores.sum(1) / np.maximum(there.sum(1), 1)
+
+
+def _document(path: Path, wanted: str) -> tuple[dict[str, Any], tuple[str, ...]]:
+    document = read_json(Path(path))
+    found = document.get("format") if isinstance(document, dict) else None
+    if found != wanted:
+        raise DataError(f"{path} has format {found!r}, expected {wanted!r}")
+    names = document.get("joint_names")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise DataError(f"{path} has no list of joint_names")
+    if len(set(names)) != len(names):
+        raise DataError(f"{path} names a joint twice in joint_names")
+    if not isinstance(document.get("frames"), list):
+        raise DataError(f"{path} has no list of frames")
+    return document, tuple(names)
+
+
+def _integer(value: Any, where: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise DataError(f"{where}: stamp_ns = {value!r} is not an integer")
+    return value
+
+
+def _joint_rows(
+    persons: list[Any], joints: int, width: int, where: str, scored: bool = True
+) -> tuple[Array, Array]:
+    """Points (P, joints, 2 or 3) and scores (P, joints) from rows of numbers or null."""
+    nothing = [np.nan] * width
+    for k, person in enumerate(persons):
+        if len(person) != joints:
+            raise DataError(f"{where}: person {k} has {len(person)} joints, joint_names has {joints}")
+    try:
+        rows = np.array([[joint or nothing for joint in person] for person in persons], float)
+        rows = rows.reshape(len(persons), joints, width)
+    except (TypeError, ValueError):
+        raise DataError(f"{where}: a joint is neither null nor {width} numbers") from None
+    if np.isinf(rows).any():
+        raise DataError(f"{where}: a joint has a number that is not finite")
+    if not scored:
+        return rows, np.isfinite(rows).all(-1).astype(float)
+    scores = np.nan_to_num(rows[..., 2])
+    if scores.size and not 0.0 <= scores.min() <= scores.max() <= 1.0:
+        raise DataError(f"{where}: a score lies outside of 0..1 ({scores.min():g} to {scores.max():g})")
+    points = np.where((scores > 0.0)[..., None], rows[..., :2], np.nan)
+    scores = np.where(np.isfinite(points).all(-1), scores, 0.0)
+    return points, scores
