@@ -1,0 +1,16 @@
+"""Calibrated cameras from files: several tools' formats in, one `Rig` out.
+
+Formats are recognised by content. Inside of the program a rig is always in metres, the world
+right-handed with z up, `cam_from_world` as in OpenCV; what a file does otherwise (centimetres,
+millimetres, y down, subpixels, camera axes) is converted here, once.
+
+In: rig.json ("panoptic-rig-1"), CMU Panoptic Studio JSON, calibration.json of data packs,
+Qualisys .qca.txt, aniposelib and caliscope TOML, a folder of ROS camera_info YAML with poses.yaml.
+Out: all of these but the data packs'.
+
+Limits: pinhole cameras with k1 k2 p1 p2 k3 only; a fisheye or rational model is refused by name.
+TOML files do not state their unit of length and world axes: see `read_rig`.
+"""
+from panoptic_ros.io.rigs.registry import WRITABLE, read_rig, write_rig
+
+__all__ = ["WRITABLE", "read_rig", "write_rig"]

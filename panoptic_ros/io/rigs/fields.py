@@ -1,0 +1,122 @@
+"""Taking cameras apart and together: checked numbers from documents that somebody else wrote."""
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import Camera
+from panoptic_ros.errors import CalibrationError
+from panoptic_ros.geometry import Intrinsics, Rigid
+
+Array = np.ndarray
+METRES = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # how many of the unit are one metre
+
+# The world of CMU Panoptic: y down, floor at y = 0. Ours: z up. x_theirs = Z_UP_TO_Y_DOWN @ x_ours.
+Z_UP_TO_Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+def entry(mapping: Any, key: str, where: str) -> Any:
+    """The value of a key that must be there.
+
+    Raises:
+        CalibrationError: if it is not, or `mapping` is none.
+    """
+    if not isinstance(mapping, Mapping):
+        raise CalibrationError(f"{where} is a {type(mapping).__name__}, expected a table with {key!r}")
+    if key not in mapping:
+        raise CalibrationError(f"{where} has no {key!r}")
+    return mapping[key]
+
+
+def numbers(mapping: Any, key: str, where: str, shape: tuple[int, ...]) -> Array:
+    """An array of finite numbers of that shape; -1 stands for any size.
+
+    Raises:
+        CalibrationError: naming the place, the key and what is wrong.
+    """
+    value = entry(mapping, key, where)
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise CalibrationError(f"{where}: {key!r} is no array of numbers") from None
+    fits = array.ndim == len(shape) and all(w in (-1, n) for n, w in zip(array.shape, shape))
+    if not fits:
+        wanted = " x ".join("n" if size < 0 else str(size) for size in shape)
+        found = " x ".join(str(size) for size in array.shape) or "a single number"
+        raise CalibrationError(f"{where}: {key!r} is {found}, expected {wanted} numbers")
+    if not np.isfinite(array).all():
+        raise CalibrationError(f"{where}: {key!r} has numbers that are not finite")
+    return array
+
+
+def whole_number(value: Any, what: str) -> int:
+    """A positive whole number, also if written as 1088.0.
+
+    Raises:
+        CalibrationError: otherwise.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise CalibrationError(f"{what} is {value!r}, expected a whole number of pixels")
+    if value != int(value) or value <= 0:
+        raise CalibrationError(f"{what} is {value!r}, expected a whole number of pixels above 0")
+    return int(value)
+
+
+def image_size(mapping: Any, key: str, where: str) -> tuple[int, int]:
+    """A list [width, height] of whole pixels."""
+    width, height = numbers(mapping, key, where, (2,))
+    return (
+        whole_number(float(width), f"{where}: width in {key!r}"),
+        whole_number(float(height), f"{where}: height in {key!r}"),
+    )
+
+
+def name_of(mapping: Any, key: str, where: str) -> str:
+    """A name: text that is not empty, or a whole number.
+
+    Raises:
+        CalibrationError: otherwise.
+    """
+    value = entry(mapping, key, where)
+    if isinstance(value, int) and not isinstance(value, bool):
+        value = str(value)
+    if not isinstance(value, str) or not value.strip():
+        raise CalibrationError(f"{where}: {key!r} is {value!r}, expected a name")
+    return value
+
+
+def listing(mapping: Any, key: str, where: str) -> list[Any]:
+    """A list that is not empty.
+
+    Raises:
+        CalibrationError: otherwise.
+    """
+    value = entry(mapping, key, where)
+    if not isinstance(value, list) or not value:
+        raise CalibrationError(f"{where}: {key!r} is no list of cameras, or an empty one")
+    return value
+
+
+def camera(
+    name: str, size: tuple[int, int], matrix: Array, distortion: Array, rotation: Array, translation: Array
+) -> Camera:
+    """A camera from its numbers, K (3, 3) px, cam_from_world in m.
+
+    Raises:
+        CalibrationError: naming the camera.
+    """
+    try:
+        if abs(matrix[1, 0]) > 0.0 or matrix[2].tolist() != [0.0, 0.0, 1.0]:
+            raise CalibrationError("K is no [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; is it transposed?")
+        return Camera(name, size, Intrinsics(matrix, distortion), Rigid(rotation, translation))
+    except CalibrationError as error:
+        raise CalibrationError(f"camera {name}: {error}") from None
+
+
+def parameters(camera: Camera) -> tuple[list[list[float]], list[float], list[list[float]], list[float]]:
+    """K, distortion, R and t of a camera as lists."""
+    pose, lens = camera.cam_from_world, camera.intrinsics
+    return lens.matrix.tolist(), lens.distortion.tolist(), pose.rotation.tolist(), pose.translation.tolist()
