@@ -1,0 +1,49 @@
+"""Options that several verbs share: parameters and the skeleton."""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.graph.build import configure, parse_setting
+from panoptic_ros.io.files import read_yaml
+from panoptic_ros.params import Config
+
+
+def add_parameter_options(parser: argparse.ArgumentParser) -> None:
+    """--config FILE and --set stage.name=value."""
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="YAML with parameters, {stage: {name: value}}"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
+        help="one parameter; may be given several times (see docs/parameters.md)",
+    )  # fmt: skip
+
+
+def read_parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """The parameters that the user gave: the file's, then those of --set.
+
+    Raises:
+        ConfigError: on unknown ones and bad values.
+    """
+    values: dict[str, dict[str, Any]] = {}
+    if args.config is not None:
+        document = read_yaml(args.config) or {}
+        if not isinstance(document, dict) or not all(isinstance(v, dict) for v in document.values()):
+            raise ConfigError(f"{args.config} must hold {{stage: {{parameter: value}}}}")
+        values = {str(stage): dict(entries) for stage, entries in document.items()}
+    for text in args.settings:
+        stage, name, value = parse_setting(text)
+        values.setdefault(stage, {})[name] = value
+    configure(values)  # so that mistakes are told before anything starts
+    return values
+
+
+def with_defaults(
+    given: dict[str, dict[str, Any]], defaults: dict[str, dict[str, Any]]
+) -> dict[str, Config]:
+    """Configurations where `defaults` count only where the user gave nothing."""
+    stages = {**defaults, **given}
+    return configure({s: {**defaults.get(s, {}), **given.get(s, {})} for s in stages})

@@ -1,0 +1,61 @@
+"""Making stages from the table: classes by name, configurations from plain values."""
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from typing import Any
+
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.params import Config, from_text, load
+from panoptic_ros.stage import Stage, StageContext
+
+
+def resolve(path: str) -> Any:
+    """The object that "module:name" names."""
+    module, _, name = path.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def config_class(stage: str) -> type[Config]:
+    """The class of a stage's configuration.
+
+    Raises:
+        ConfigError: if there is no such stage.
+    """
+    if stage not in NODES:
+        raise ConfigError(f"there is no stage {stage!r}; there are {', '.join(NODES)}")
+    cls: type[Config] = resolve(NODES[stage].config)
+    return cls
+
+
+def configure(values: Mapping[str, Mapping[str, Any]]) -> dict[str, Config]:
+    """Configurations of all stages from {stage: {parameter: value}}; the rest are defaults.
+
+    Raises:
+        ConfigError: on unknown stages or parameters and on bad values.
+    """
+    for stage in values:
+        config_class(stage)
+    return {
+        stage: load(config_class(stage), values.get(stage, {}), where=f"{stage}.") for stage in NODES
+    }
+
+
+def parse_setting(text: str) -> tuple[str, str, Any]:
+    """("stage", "parameter", value) of a command line's "stage.parameter=value".
+
+    Raises:
+        ConfigError: if it is not of that form, or names what is not there.
+    """
+    name, equals, value = text.partition("=")
+    stage, dot, parameter = name.strip().partition(".")
+    if not (equals and dot and parameter):
+        raise ConfigError(f"--set {text!r}: write stage.parameter=value, e.g. sync.window_s=0.01")
+    return stage, parameter, from_text(config_class(stage), parameter, value.strip())
+
+
+def make_stage(name: str, config: Config, context: StageContext) -> Stage[Any, Any]:
+    """A stage of the table."""
+    stage: Stage[Any, Any] = resolve(NODES[name].stage)(config, context)
+    return stage
