@@ -1,0 +1,113 @@
+"""`panoptic evaluate TRUTH RESULT`: scores of skeletons against the truth."""
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.errors import DataError, UsageError, UserError
+from panoptic_ros.evaluation import (
+    PCP_RULES,
+    SkeletonFrame,
+    SkeletonSequence,
+    evaluate_pcp,
+    failures,
+    find_time_offset,
+    pair_sequences,
+    parse_limit,
+    pcp_table,
+    report_table,
+    shifted,
+)
+from panoptic_ros.evaluation.annotations import is_annotation, parse_annotation
+from panoptic_ros.evaluation.report import report_of
+from panoptic_ros.io.files import read_json
+from panoptic_ros.io.plain_formats import read_skeletons
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("truth", type=Path, help="true skeletons (.json or .json.gz), or an annotation")
+    parser.add_argument("result", type=Path, help="estimated skeletons")
+    parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
+    parser.add_argument("--plots", type=Path, metavar="DIR", help="also draw the plots into DIR")
+    parser.add_argument("--skip", type=int, default=0, metavar="N", help="leave out the first N truth frames")
+    parser.add_argument(
+        "--align-time", action="store_true",
+        help="first remove a constant offset of the result's stamps, found from the motion",
+    )  # fmt: skip
+    parser.add_argument(
+        "--protocol", choices=["default", *PCP_RULES], default="default",
+        help="count right limbs (PCP) as papers on Shelf and Campus do",
+    )  # fmt: skip
+    for flag, word in (("--minimum", "least"), ("--maximum", "most")):
+        parser.add_argument(
+            flag, action="append", default=[], metavar="SCORE=NUMBER",
+            help=f"exit with 2 unless the score (as named by --json) is at {word} this; repeatable",
+        )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the scores; raises UserError (exit code 2) on bad input and on missed bars."""
+    if args.skip < 0:
+        raise UsageError(f"--skip {args.skip} is negative")
+    limits = [parse_limit(text) for text in args.minimum]
+    limits += [parse_limit(text, upper=True) for text in args.maximum]
+    truth, result = read_sequence(args.truth), read_sequence(args.result)
+    if not truth.frames:
+        raise DataError(f"{args.truth} has no frames")
+    offset = None
+    if args.align_time:
+        offset = find_time_offset(truth, result)
+        result = shifted(result, offset.seconds)
+    if args.protocol in PCP_RULES:
+        if args.plots is not None:
+            raise UsageError("--plots needs the default protocol")
+        pcp = evaluate_pcp(_without_first(truth, args.skip), result, args.protocol)
+        scores, table = pcp.to_mapping(), pcp_table(pcp)
+    else:
+        pairs = pair_sequences(truth, result, args.skip)
+        report = report_of(pairs, truth.joint_names)
+        scores, table = report.to_mapping(), report_table(report)
+        if args.plots is not None:
+            _plot(args.plots, pairs, truth.joint_names)
+    if offset is not None:
+        scores["time_offset_ms"] = 1e3 * offset.seconds
+        table += f"\n\n{1e3 * offset.seconds:.1f} ms were added to the result's stamps"
+    print(json.dumps(scores, indent=1) if args.json else table)
+    missed = failures(scores, limits)
+    if missed:
+        raise UserError(f"{args.result} misses its bars: {'; '.join(missed)}")
+    return 0
+
+
+def read_sequence(path: Path) -> SkeletonSequence:
+    """Skeletons of a plain file or an annotation.
+
+    Raises:
+        DataError: naming the file and what is wrong.
+    """
+    document: Any = read_json(path)
+    if is_annotation(document):
+        return parse_annotation(document, str(path))
+    plain = read_skeletons(path)
+    try:
+        return SkeletonSequence(
+            plain.joint_names,
+            tuple(
+                SkeletonFrame(f.stamp_ns, f.ids, f.positions, f.covariances, f.ignore) for f in plain.frames
+            ),
+        )
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+def _without_first(sequence: SkeletonSequence, skip: int) -> SkeletonSequence:
+    return SkeletonSequence(sequence.joint_names, sequence.frames[skip:])
+
+
+def _plot(folder: Path, pairs: list[Any], joint_names: tuple[str, ...]) -> None:
+    from panoptic_ros.view.evaluation_plots import write_plots  # matplotlib is slow to load
+
+    write_plots(folder, pairs, joint_names)

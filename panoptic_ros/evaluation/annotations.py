@@ -1,0 +1,45 @@
+"""Hand-made 3D annotation of Shelf and Campus, as a JSON document.
+
+    {"unit": "m", "joint_names": [...], "frames": {"300": [{"id": 0, "joints": [[x, y, z], ...]}]}}
+
+Frames carry numbers and no stamps; somebody who is not listed may still be there.
+"""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.evaluation.sequences import SkeletonFrame, SkeletonSequence
+
+SHELF_PERIOD_NS = 40_000_000  # 25 Hz
+
+
+def is_annotation(document: Any) -> bool:
+    """Whether a JSON document looks like this."""
+    return isinstance(document, dict) and isinstance(document.get("frames"), dict)
+
+
+def parse_annotation(
+    document: Any, where: str, frame_period_ns: int = SHELF_PERIOD_NS
+) -> SkeletonSequence:
+    """The annotated people; the stamp of a frame is its number times `frame_period_ns`.
+
+    Raises:
+        DataError: naming `where` and what is wrong.
+    """
+    if document.get("unit") != "m":
+        raise DataError(f"{where}: the unit is {document.get('unit')!r}, expected 'm'")
+    try:
+        names = tuple(str(name) for name in document["joint_names"])
+        frames = []
+        for number in sorted(document["frames"], key=int):
+            people = document["frames"][number]
+            joints = [[(joint or [np.nan] * 3)[:3] for joint in p["joints"]] for p in people]
+            positions = np.array(joints, np.float64).reshape(len(people), len(names), 3)
+            ids = [int(person["id"]) for person in people]
+            frames.append(SkeletonFrame(int(number) * frame_period_ns, ids, positions))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{where}: no annotation of 3D joints: {error!r}") from None
+    return SkeletonSequence(names, tuple(frames))

@@ -1,0 +1,98 @@
+"""How far joints are off, and how many were found."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.evaluation.pairing import FramePair
+
+Array = np.ndarray
+
+HIT = 0.10  # m, a joint within this distance counts for recall and precision
+PCK_THRESHOLDS = (0.02, 0.05, 0.10, 0.15)  # m
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class JointScore:
+    """One joint over all matches; errors in mm."""
+
+    name: str
+    mean_mm: float
+    median_mm: float
+    p90_mm: float
+    recall: float  # within HIT, of all truth joints of this name
+
+
+@dataclass(frozen=True, slots=True)
+class JointScores:
+    """Position errors over all matched joints, and recall and precision over all joints.
+
+    mpjpe_mm, median_mm: distance over all joints of all matches.
+    pck: (threshold in m, share of the truth joints of matched people that are closer); a missing
+        joint is wrong.
+    recall, precision: joints within `HIT`, of all truth joints and of all result joints.
+    """
+
+    mpjpe_mm: float
+    median_mm: float
+    pck: tuple[tuple[float, float], ...]
+    recall: float
+    precision: float
+    by_joint: tuple[JointScore, ...]
+
+
+def ratio(part: float, whole: float) -> float:
+    """part / whole, NaN if the whole is 0."""
+    return float(part / whole) if whole else NAN
+
+
+def matched_distances(pairs: Sequence[FramePair], joints: int) -> Array:
+    """Distances (M, J) m of all matches of all frames, NaN where a joint is missing."""
+    return np.concatenate([np.empty((0, joints)), *(pair.distances for pair in pairs)])
+
+
+def pck_curve(pairs: Sequence[FramePair], joints: int, thresholds: Array) -> Array:
+    """PCK (N,) at thresholds (N,) m."""
+    distances = matched_distances(pairs, joints)
+    errors = np.sort(distances[~np.isnan(distances)])
+    whole = sum(_count(pair.truth[pair.matches[:, 0]]) for pair in pairs)
+    closer = np.searchsorted(errors, thresholds, side="left")
+    return closer / whole if whole else np.full(len(thresholds), NAN)
+
+
+def score_joints(pairs: Sequence[FramePair], joint_names: Sequence[str]) -> JointScores:
+    """Position errors, PCK, recall and precision of all joints."""
+    distances = matched_distances(pairs, len(joint_names))
+    errors = distances[~np.isnan(distances)]
+    hits = int((errors < HIT).sum())
+    curve = pck_curve(pairs, len(joint_names), np.array(PCK_THRESHOLDS))
+    there = np.concatenate(
+        [np.empty((0, len(joint_names)), bool), *(~np.isnan(pair.truth[..., 0]) for pair in pairs)]
+    ).sum(axis=0)
+    return JointScores(
+        mpjpe_mm=1e3 * float(errors.mean()) if errors.size else NAN,
+        median_mm=1e3 * float(np.median(errors)) if errors.size else NAN,
+        pck=tuple(zip(PCK_THRESHOLDS, curve.tolist())),
+        recall=ratio(hits, int(there.sum())),
+        precision=ratio(hits, sum(_count(pair.result) for pair in pairs)),
+        by_joint=tuple(
+            _score_joint(name, column[~np.isnan(column)], int(count))
+            for name, column, count in zip(joint_names, distances.T, there)
+        ),
+    )
+
+
+def _score_joint(name: str, errors: Array, truth_count: int) -> JointScore:
+    if not errors.size:
+        return JointScore(name, NAN, NAN, NAN, ratio(0, truth_count))
+    median, p90 = np.percentile(1e3 * errors, [50, 90])
+    hits = int((errors < HIT).sum())
+    return JointScore(name, 1e3 * float(errors.mean()), float(median), float(p90), ratio(hits, truth_count))
+
+
+def _count(positions: Array) -> int:
+    """Number of joints (..., 3) that are not missing."""
+    return int((~np.isnan(positions[..., 0])).sum())

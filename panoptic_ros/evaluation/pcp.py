@@ -1,0 +1,192 @@
+"""Percentage of correct parts (PCP) on the Shelf and Campus annotation, by two published rules.
+
+A limb is right if the mean error of its two ends is at most half of its true length (Belagiannis et
+al. 2014). Ten limbs: upper and lower arms and legs, head (bottom to top), torso (mid hip to bottom of
+the head). Actors that are not annotated in a frame do not count there.
+
+voxelpose: every annotated actor takes the nearest estimate (mean distance over the 14 joints); one
+    estimate may serve two actors, so ghosts cost nothing.
+4d-association: one-to-one assignment on the summed distance over 15 joints (mid hip added); an actor
+    without an estimate is left out of the count.
+
+Published numbers are the mean over actors 1 to 3 of the frames 300 to 600. The rules take complete
+skeletons for granted; here a limb with a missing end is wrong, the distance is taken over the joints
+that are there, and one ear stands for both if the other is missing.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.evaluation.pairing import distance_table, nearest_frames
+from panoptic_ros.evaluation.pcp_joints import (
+    ANNOTATION_JOINTS,
+    NamedJoints,
+    annotated_joints,
+    head_of_association,
+    head_of_voxelpose,
+    plain_name,
+)
+from panoptic_ros.evaluation.sequences import SkeletonSequence
+
+Array = np.ndarray
+
+PARTS = (
+    ("right lower leg", "right_ankle", "right_knee"), ("right upper leg", "right_knee", "right_hip"),
+    ("left upper leg", "left_hip", "left_knee"), ("left lower leg", "left_knee", "left_ankle"),
+    ("right lower arm", "right_wrist", "right_elbow"),
+    ("right upper arm", "right_elbow", "right_shoulder"),
+    ("left upper arm", "left_shoulder", "left_elbow"),
+    ("left lower arm", "left_elbow", "left_wrist"),
+    ("head", "bottom_head", "top_head"), ("torso", "mid_hip", "bottom_head"),
+)  # fmt: skip
+JOINTS = (*ANNOTATION_JOINTS, "mid_hip")
+ENDS = np.array([[JOINTS.index(a), JOINTS.index(b)] for _, a, b in PARTS])  # (10, 2)
+FAR = 1e3  # m, cost of an estimate that shares no joint with an actor
+AVERAGED_ACTORS = 3  # of the four; the last one is left out of published means
+
+
+@dataclass(frozen=True, slots=True)
+class PcpRule:
+    """One protocol."""
+
+    name: str
+    head: Callable[[NamedJoints], Array]
+    exclusive: bool  # one estimate per actor; actors without one do not count
+
+
+PCP_RULES: dict[str, PcpRule] = {
+    "pcp-voxelpose": PcpRule("voxelpose", head_of_voxelpose, exclusive=False),
+    "pcp-4d-association": PcpRule("4d-association", head_of_association, exclusive=True),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PcpReport:
+    """Shares in 0..1, NaN where nothing counts.
+
+    Args:
+        actors: number of each actor, from 1; poses: how many of their poses count.
+        by_limb: per limb and actor; limb_means: over the first three actors.
+        by_actor: over the ten limbs; mean: over the first three actors that are annotated.
+    """
+
+    rule: str
+    limbs: tuple[str, ...]
+    actors: tuple[int, ...]
+    poses: tuple[int, ...]
+    by_limb: tuple[tuple[float, ...], ...]
+    limb_means: tuple[float, ...]
+    by_actor: tuple[float, ...]
+    mean: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """For `--json`: percent, None where nothing counts."""
+
+        def percent(share: float) -> float | None:
+            return None if np.isnan(share) else 100.0 * share
+
+        names = [f"actor{actor}" for actor in self.actors]
+        return {
+            "protocol": self.rule,
+            "pcp": percent(self.mean),
+            "pcp_by_actor": dict(zip(names, map(percent, self.by_actor))),
+            "pcp_by_limb": dict(zip(self.limbs, map(percent, self.limb_means))),
+            "poses": dict(zip(names, self.poses)),
+        }
+
+
+def evaluate_pcp(truth: SkeletonSequence, result: SkeletonSequence, protocol: str) -> PcpReport:
+    """PCP of a result; `protocol` is a key of `PCP_RULES`.
+
+    The truth has the 14 annotation joints and ids from 0 (actor 1). Frames are paired by stamp.
+
+    Raises:
+        DataError: if a joint that is needed is missing.
+    """
+    rule = PCP_RULES[protocol]
+    annotated = _truth_joints(truth)
+    stamps = (np.array([f.stamp_ns for f in s.frames], np.int64) for s in (truth, result))
+    counts: dict[int, list[Array]] = {int(n): [] for frame in truth.frames for n in frame.ids}
+    for frame, actors, partner in zip(truth.frames, annotated, nearest_frames(*stamps)):
+        people = result.frames[partner].positions if partner is not None else None
+        estimates = _estimates(rule, result.joint_names, people)
+        for actor, pose in _assign(rule, actors, estimates):
+            counts[int(frame.ids[actor])].append(right_limbs(actors[actor], pose))
+    return _report(rule, counts)
+
+
+def right_limbs(truth: Array, estimate: Array) -> Array:
+    """Which of the ten limbs (10,) are right, for joints (15, 3) m of truth and estimate."""
+    errors = np.linalg.norm(truth - estimate, axis=-1)
+    lengths = np.linalg.norm(truth[ENDS[:, 0]] - truth[ENDS[:, 1]], axis=-1)
+    return errors[ENDS].mean(axis=1) <= 0.5 * lengths  # NaN compares false
+
+
+def _truth_joints(truth: SkeletonSequence) -> list[Array]:
+    """Annotated joints (P, 15, 3) of every frame."""
+    columns = {plain_name(name): i for i, name in enumerate(truth.joint_names)}
+    missing = [name for name in ANNOTATION_JOINTS if name not in columns]
+    if missing:
+        raise DataError(f"PCP needs an annotation of 14 joints; the truth has no {missing[0]}")
+    order = [columns[name] for name in ANNOTATION_JOINTS]
+    return [_with_hips(frame.positions[:, order]) for frame in truth.frames]
+
+
+def _estimates(rule: PcpRule, joint_names: tuple[str, ...], people: Array | None) -> Array:
+    """Estimated joints (P, 15, 3) of one frame."""
+    if people is None or not len(people):
+        return np.empty((0, len(JOINTS), 3))
+    joints = NamedJoints(joint_names, people)
+    made = _with_hips(annotated_joints(joints, rule.head(joints)))
+    if rule.exclusive and "mid_hip" in joints:
+        made[:, -1] = joints["mid_hip"]
+    return made
+
+
+def _with_hips(joints: Array) -> Array:
+    """Joints (P, 14, 3) and the middle of the hips: (P, 15, 3)."""
+    right, left = JOINTS.index("right_hip"), JOINTS.index("left_hip")
+    middle = 0.5 * (joints[:, right] + joints[:, left])
+    return np.concatenate([joints, middle[:, None]], axis=1)
+
+
+def _assign(rule: PcpRule, actors: Array, estimates: Array) -> list[tuple[int, Array]]:
+    """(row of the actor, joints (15, 3) of its estimate) for every actor that counts."""
+    nothing = np.full((len(JOINTS), 3), np.nan)
+    if not len(actors):
+        return []
+    if not len(estimates):
+        return [] if rule.exclusive else [(row, nothing) for row in range(len(actors))]
+    used = slice(None) if rule.exclusive else slice(len(ANNOTATION_JOINTS))
+    means = distance_table(actors[:, used], estimates[:, used])[1]
+    if rule.exclusive:
+        rows, columns = linear_sum_assignment(np.minimum(means, FAR))
+        return [(int(row), estimates[column]) for row, column in zip(rows, columns)]
+    return [(row, estimates[int(means[row].argmin())]) for row in range(len(actors))]
+
+
+def _report(rule: PcpRule, counts: dict[int, list[Array]]) -> PcpReport:
+    numbers = sorted(counts)
+    shares = np.full((len(PARTS), len(numbers)), np.nan)
+    for column, number in enumerate(numbers):
+        if counts[number]:
+            shares[:, column] = np.mean(counts[number], axis=0)
+    by_actor = shares.mean(axis=0)
+    averaged = np.array([n < AVERAGED_ACTORS and bool(counts[n]) for n in numbers], bool)
+    limb_means = shares[:, averaged].mean(axis=1) if averaged.any() else np.full(len(PARTS), np.nan)
+    return PcpReport(
+        rule=rule.name,
+        limbs=tuple(name for name, _, _ in PARTS),
+        actors=tuple(n + 1 for n in numbers),
+        poses=tuple(len(counts[n]) for n in numbers),
+        by_limb=tuple(map(tuple, shares.tolist())),
+        limb_means=tuple(limb_means.tolist()),
+        by_actor=tuple(by_actor.tolist()),
+        mean=float(by_actor[averaged].mean()) if averaged.any() else float("nan"),
+    )
