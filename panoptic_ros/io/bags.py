@@ -1,0 +1,148 @@
+"""Rosbags (rosbag2, MCAP) without ROS: writing records or raw messages, reading them back."""
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rosbags.rosbag2 import Reader, ReaderError, StoragePlugin, Writer, WriterError
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
+
+
+class BagWriter:
+    """Writes a bag as a whole: it appears under its name when it is closed without an error.
+
+    Use as a context manager; after an exception nothing is left behind.
+
+    Raises:
+        DataError: if something of that name is there already.
+        EnvironmentProblem: on a full disk or missing permission.
+    """
+
+    def __init__(self, path: Path):
+        self.path = Path(path)
+        if self.path.exists():
+            raise DataError(f"{self.path} is there already; choose another name or remove it")
+        self._part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
+        with file_errors(self.path, "write"):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.rmtree(self._part, ignore_errors=True)
+            self._writer = Writer(self._part, version=9, storage_plugin=StoragePlugin.MCAP)
+            self._writer.open()
+        self._connections: dict[str, Any] = {}
+        self._open = True
+
+    def write_raw(self, topic: str, message_type: str, stamp_ns: int, data: bytes) -> None:
+        """Append a message as CDR bytes; `message_type` is "package/msg/Name"."""
+        with file_errors(self.path, "write"):
+            if topic not in self._connections:
+                self._connections[topic] = self._writer.add_connection(
+                    topic, message_type, typestore=bag_typestore()
+                )
+            self._writer.write(self._connections[topic], stamp_ns, data)
+
+    def write(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """Append a message of the family `bag_messages()`."""
+        kind = message.__msgtype__
+        self.write_raw(topic, kind, stamp_ns, bytes(bag_typestore().serialize_cdr(message, kind)))
+
+    def close(self) -> None:
+        """Finish: the bag gets its name."""
+        if self._open:
+            self._open = False
+            with file_errors(self.path, "write"):
+                self._writer.close()
+                os.replace(self._part, self.path)
+
+    def discard(self) -> None:
+        """Stop and leave nothing behind."""
+        if self._open:
+            self._open = False
+            with suppress(OSError, WriterError):
+                self._writer.close()
+            shutil.rmtree(self._part, ignore_errors=True)
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.discard()
+
+
+class BagReader:
+    """Reads a bag: the topics it has, and their messages in the order of recording.
+
+    Raises:
+        DataError: if it is no bag, was never finished, or is damaged.
+    """
+
+    def __init__(self, path: Path):
+        self.path = Path(path)
+        if not self.path.exists():
+            raise DataError(f"there is no bag {self.path}")
+        self._reader = self._opened()
+        self.topics: dict[str, str] = {c.topic: c.msgtype for c in self._reader.connections}
+        self.counts: dict[str, int] = {
+            name: info.msgcount for name, info in self._reader.topics.items()
+        }
+
+    def _opened(self) -> Reader:
+        try:
+            reader = Reader(self.path)
+            reader.open()
+        except (ReaderError, OSError, ValueError, KeyError, AssertionError) as error:
+            raise DataError(
+                f"{self.path} cannot be read as a rosbag2 folder ({error}); a bag whose recording was "
+                "cut off has no metadata.yaml: mend it with `ros2 bag reindex`"
+            ) from None
+        return reader
+
+    def messages(self, *topics: str) -> Iterator[tuple[str, int, Any]]:
+        """(topic, recording stamp ns, message), of some topics or of all.
+
+        Raises:
+            DataError: if a message cannot be read.
+        """
+        for topic, stamp, data, kind in self.raw(*topics):
+            yield topic, stamp, self._decode(topic, data, kind)
+
+    def raw(self, *topics: str) -> Iterator[tuple[str, int, bytes, str]]:
+        """(topic, recording stamp ns, CDR bytes, type)."""
+        chosen = [c for c in self._reader.connections if not topics or c.topic in topics]
+        if not chosen:
+            return
+        try:
+            for connection, stamp, data in self._reader.messages(chosen):
+                yield connection.topic, stamp, data, connection.msgtype
+        except (ReaderError, OSError, ValueError) as error:
+            raise DataError(f"{self.path} is damaged: {error}") from None
+
+    def _decode(self, topic: str, data: bytes, kind: str) -> Any:
+        try:
+            return decode_cdr(data, kind)
+        except DataError as error:
+            raise DataError(f"{self.path}, topic {topic}: {error}") from None
+
+    def close(self) -> None:
+        """Close the files."""
+        self._reader.close()
+
+    def __enter__(self) -> BagReader:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,25 @@
+"""Records to ROS messages and back, for rclpy's classes and for those of rosbags alike.
+
+`Messages` stands for one family of message classes. The converters fill flat arrays without a
+Python loop over values; `from_message` builds the record, whose checks refuse bad content.
+"""
+from panoptic_ros.io.messages.family import Messages, bag_messages, stamp_of
+from panoptic_ros.io.messages.images import (
+    camera_info_message,
+    compressed_image_message,
+    frame_from_message,
+    image_message,
+)
+from panoptic_ros.io.messages.records import from_message, to_message
+
+__all__ = [
+    "Messages",
+    "bag_messages",
+    "camera_info_message",
+    "compressed_image_message",
+    "frame_from_message",
+    "from_message",
+    "image_message",
+    "stamp_of",
+    "to_message",
+]

@@ -1,0 +1,110 @@
+"""Families of message classes: rclpy's, and those that rosbags makes from the same .msg files."""
+from __future__ import annotations
+
+import importlib.util
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.io.resources import share_folder
+
+Array = np.ndarray
+PACKAGE = "panoptic_msgs"
+
+
+@dataclass(frozen=True)
+class Messages:
+    """One family of message classes.
+
+    Args:
+        type_of: "package/msg/Name" -> class, whose constructor takes the fields by keyword.
+        sequence: makes what a field of unbounded length takes from a flat array.
+    """
+
+    type_of: Callable[[str], Any]
+    sequence: Callable[[Array], Any]
+
+    def make(self, name: str, /, **fields: Any) -> Any:
+        """A message; short names are those of this project's package."""
+        return self.type_of(name if "/" in name else f"{PACKAGE}/msg/{name}")(**fields)
+
+    def header(self, stamp_ns: int, frame_id: str) -> Any:
+        """std_msgs/Header."""
+        seconds, nanoseconds = divmod(int(stamp_ns), 1_000_000_000)
+        stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+
+def stamp_of(header: Any) -> int:
+    """Nanoseconds of a header's stamp."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+@lru_cache(maxsize=1)
+def bag_typestore() -> Typestore:
+    """rosbags' types of ROS 2 Jazzy with those of this project."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types: dict[str, Any] = {}
+    for path in sorted(_message_folder().glob("*.msg")):
+        types.update(get_types_from_msg(path.read_text(), f"{PACKAGE}/msg/{path.stem}"))
+    store.register(types)
+    return store
+
+
+def decode_cdr(data: bytes, kind: str) -> Any:
+    """A message of `bag_messages()` from CDR bytes.
+
+    Bytes beyond the message are ignored: Fast DDS, which `ros2 bag record` stores as it is, leaves some
+    after empty sequences of doubles, and rosbags' own function refuses them.
+
+    Raises:
+        DataError: if the type is not known or the bytes are no message of it.
+    """
+    store = bag_typestore()
+    if kind not in store.types:
+        raise DataError(f"messages of type {kind} are not known here")
+    definition = store.get_msgdef(kind)
+    if len(data) < 4 or data[0] != 0 or data[1] > 1:
+        raise DataError(f"no CDR message of type {kind}")
+    read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
+    try:
+        return read(memoryview(data)[4:], 0, definition.cls, store)[0]
+    except (struct.error, UnicodeDecodeError, ValueError, IndexError, SerdeError) as error:
+        raise DataError(f"a message of type {kind} cannot be decoded: {error}") from None
+
+
+@lru_cache(maxsize=1)
+def bag_messages() -> Messages:
+    """The family that `rosbags` reads and writes; needs no ROS."""
+    types = bag_typestore().types
+    return Messages(lambda name: types[name], lambda array: array)
+
+
+def _message_folder() -> Path:
+    """The .msg files: of the installed package, else of the checkout.
+
+    Raises:
+        EnvironmentProblem: if they are nowhere.
+    """
+    places = [share_folder() / "msg_defs" / "msg"]
+    spec = importlib.util.find_spec(PACKAGE)
+    if spec is not None and spec.origin is not None:
+        installed = Path(spec.origin).parent
+        share = next(
+            (p / "share" / PACKAGE / "msg" for p in installed.parents if (p / "share" / PACKAGE).is_dir()),
+            installed / "msg",
+        )
+        places = [installed / "msg", share, *places]
+    for place in places:
+        if any(place.glob("*.msg")):
+            return place
+    raise EnvironmentProblem(f"the message definitions are not there: install {PACKAGE} (msg_defs/)")

@@ -1,0 +1,112 @@
+"""Images and CameraInfo as sensor_msgs, and back."""
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from panoptic_ros.domain import Camera, ViewFrame
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.messages.family import Messages, stamp_of
+
+Array = np.ndarray
+_CHANNELS = {"bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4, "mono8": 1, "8UC1": 1,
+             "bayer_rggb8": 1, "bayer_bggr8": 1, "bayer_gbrg8": 1, "bayer_grbg8": 1,
+             "yuv422_yuy2": 2, "yuv422": 2}  # fmt: skip
+_TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "bgra8": cv2.COLOR_BGRA2BGR, "rgba8": cv2.COLOR_RGBA2BGR,
+           "mono8": cv2.COLOR_GRAY2BGR, "8UC1": cv2.COLOR_GRAY2BGR,
+           "bayer_rggb8": cv2.COLOR_BayerRGGB2BGR, "bayer_bggr8": cv2.COLOR_BayerBGGR2BGR,
+           "bayer_gbrg8": cv2.COLOR_BayerGBRG2BGR, "bayer_grbg8": cv2.COLOR_BayerGRBG2BGR,
+           "yuv422_yuy2": cv2.COLOR_YUV2BGR_YUY2, "yuv422": cv2.COLOR_YUV2BGR_UYVY}  # fmt: skip
+
+
+def optical_frame(camera: str) -> str:
+    """The frame id of a camera's images (REP-103: z forward, x right, y down)."""
+    return f"{camera}_optical_frame"
+
+
+def image_message(frame: ViewFrame, family: Messages) -> Any:
+    """sensor_msgs/Image, bgr8."""
+    height, width = frame.image.shape[:2]
+    return family.make(
+        "sensor_msgs/msg/Image",
+        header=family.header(frame.stamp_ns, optical_frame(frame.camera)),
+        height=height,
+        width=width,
+        encoding="bgr8",
+        is_bigendian=0,
+        step=3 * width,
+        data=family.sequence(np.ascontiguousarray(frame.image).reshape(-1)),
+    )
+
+
+def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -> Any:
+    """sensor_msgs/CompressedImage, JPEG of that quality (1 to 100)."""
+    _, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return family.make(
+        "sensor_msgs/msg/CompressedImage",
+        header=family.header(frame.stamp_ns, optical_frame(frame.camera)),
+        format="bgr8; jpeg compressed bgr8",
+        data=family.sequence(data.reshape(-1)),
+    )
+
+
+def frame_from_message(message: Any, camera: str, frame_number: int) -> ViewFrame:
+    """A frame from Image or CompressedImage; the message has no number, so the caller counts.
+
+    Raises:
+        DataError: on encodings that are not supported, wrong lengths or broken JPEG.
+    """
+    data = np.asarray(message.data, np.uint8) if not isinstance(message.data, bytes) else None
+    data = np.frombuffer(message.data, np.uint8) if data is None else data
+    image = _decode(message, data, camera) if hasattr(message, "format") else _unpack(message, data, camera)
+    return ViewFrame(camera, stamp_of(message.header), frame_number, image)
+
+
+def _decode(message: Any, data: Array, camera: str) -> Array:
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise DataError(f"compressed image of camera {camera} ({message.format!r}) cannot be decoded")
+    return image
+
+
+def _unpack(message: Any, data: Array, camera: str) -> Array:
+    encoding, width, height = str(message.encoding), int(message.width), int(message.height)
+    if encoding not in _CHANNELS:
+        raise DataError(
+            f"image of camera {camera} has encoding {encoding!r}; supported: {', '.join(_CHANNELS)}"
+        )
+    row = width * _CHANNELS[encoding]
+    step = int(message.step)
+    if not width or not height or step < row or data.size != step * height:
+        raise DataError(
+            f"image of camera {camera}: {width} x {height} {encoding} with step {step} cannot have "
+            f"{data.size} bytes"
+        )
+    pixels = data.reshape(height, step)[:, :row].reshape(height, width, -1)
+    if encoding in _TO_BGR:
+        return cv2.cvtColor(np.ascontiguousarray(pixels), _TO_BGR[encoding])
+    return pixels
+
+
+def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:
+    """sensor_msgs/CameraInfo of one image, plumb_bob."""
+    k = np.array(camera.intrinsics.matrix)
+    roi = family.make(
+        "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+    )
+    return family.make(
+        "sensor_msgs/msg/CameraInfo",
+        header=family.header(stamp_ns, optical_frame(camera.name)),
+        height=camera.image_size[1],
+        width=camera.image_size[0],
+        distortion_model="plumb_bob",
+        d=family.sequence(np.array(camera.intrinsics.distortion)),
+        k=k.reshape(9),
+        r=np.eye(3).reshape(9),
+        p=np.hstack([k, np.zeros((3, 1))]).reshape(12),
+        binning_x=0,
+        binning_y=0,
+        roi=roi,
+    )

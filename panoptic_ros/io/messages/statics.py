@@ -1,0 +1,153 @@
+"""What does not change with every frame as messages: rig, skeleton model, audio, timecode, clocks."""
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import (
+    AudioBlock,
+    Camera,
+    ClockModel,
+    FrameRate,
+    Rig,
+    SkeletonModel,
+    Timecode,
+    TimecodeReading,
+)
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.messages.arrays import flat
+from panoptic_ros.io.messages.family import Messages, stamp_of
+
+
+def write_skeleton_model(model: SkeletonModel, family: Messages, frame_id: str) -> Any:
+    def numbers(values: Any) -> Any:
+        return flat(family, np.array(list(values), np.int32), np.int32)
+
+    return family.make(
+        "SkeletonModel",
+        name=model.name,
+        hash=model.hash,
+        joint_names=list(model.joint_names),
+        root=model.root,
+        head=model.head,
+        bones=numbers(joint for bone in model.bones for joint in bone),
+        left_right=numbers(joint for pair in model.left_right for joint in pair),
+        derived_joints=numbers(joint for joint, _ in model.derived),
+        derived_counts=numbers(len(sources) for _, sources in model.derived),
+        derived_sources=numbers(s for _, sources in model.derived for s in sources),
+    )
+
+
+def read_skeleton_model(message: Any) -> SkeletonModel:
+    def pairs(values: Any) -> tuple[tuple[int, int], ...]:
+        return tuple((int(a), int(b)) for a, b in np.asarray(values).reshape(-1, 2))
+
+    ends = list(accumulate(int(n) for n in message.derived_counts))
+    sources = [int(s) for s in message.derived_sources]
+    derived = tuple(
+        (int(joint), tuple(sources[end - int(n) : end]))
+        for joint, n, end in zip(message.derived_joints, message.derived_counts, ends)
+    )
+    return SkeletonModel(
+        str(message.name), tuple(map(str, message.joint_names)), int(message.root),
+        pairs(message.bones), int(message.head), pairs(message.left_right), derived,
+    )  # fmt: skip
+
+
+def write_rig(rig: Rig, family: Messages, frame_id: str) -> Any:
+    cameras = [
+        family.make(
+            "Camera",
+            name=camera.name,
+            width=camera.image_size[0],
+            height=camera.image_size[1],
+            matrix=np.array(camera.intrinsics.matrix).reshape(9),
+            distortion=np.array(camera.intrinsics.distortion),
+            rotation=np.array(camera.cam_from_world.rotation).reshape(9),
+            translation=np.array(camera.cam_from_world.translation),
+        )
+        for camera in rig.cameras
+    ]
+    return family.make("Rig", header=family.header(0, rig.frame_id), cameras=cameras)
+
+
+def read_rig(message: Any) -> Rig:
+    cameras = tuple(
+        Camera(
+            str(c.name),
+            (int(c.width), int(c.height)),
+            Intrinsics(np.asarray(c.matrix).reshape(3, 3), np.asarray(c.distortion)),
+            Rigid(np.asarray(c.rotation).reshape(3, 3), np.asarray(c.translation)),
+        )
+        for c in message.cameras
+    )
+    return Rig(cameras, str(message.header.frame_id))
+
+
+def write_audio(block: AudioBlock, family: Messages, frame_id: str) -> Any:
+    return family.make(
+        "AudioBlock",
+        header=family.header(block.stamp_ns, block.device),
+        first_sample=block.first_sample,
+        sample_rate=block.sample_rate,
+        samples=flat(family, block.samples, np.float32),
+    )
+
+
+def read_audio(message: Any) -> AudioBlock:
+    return AudioBlock(
+        str(message.header.frame_id), stamp_of(message.header), int(message.first_sample),
+        int(message.sample_rate), np.asarray(message.samples),
+    )  # fmt: skip
+
+
+def write_timecode(reading: TimecodeReading, family: Messages, frame_id: str) -> Any:
+    label = reading.timecode
+    return family.make(
+        "TimecodeReading",
+        header=family.header(reading.stamp_ns, reading.device),
+        hours=label.hours,
+        minutes=label.minutes,
+        seconds=label.seconds,
+        frames=label.frames,
+        rate_numerator=label.rate.exact.numerator,
+        rate_denominator=label.rate.exact.denominator,
+        drop_frame=label.rate.drop_frame,
+        start_sample=reading.start_sample,
+        std_samples=reading.std_samples,
+        reverse=reading.reverse,
+        user_bits=reading.user_bits,
+    )
+
+
+def read_timecode(message: Any) -> TimecodeReading:
+    if not message.rate_denominator:
+        raise DataError("TimecodeReading.rate_denominator is 0")
+    exact = Fraction(int(message.rate_numerator), int(message.rate_denominator))
+    rate = FrameRate(round(exact), exact, bool(message.drop_frame))
+    label = Timecode(*(int(getattr(message, f)) for f in ("hours", "minutes", "seconds", "frames")), rate)
+    return TimecodeReading(
+        str(message.header.frame_id), stamp_of(message.header), label, float(message.start_sample),
+        float(message.std_samples), bool(message.reverse), int(message.user_bits),
+    )  # fmt: skip
+
+
+def write_clock(model: ClockModel, family: Messages, frame_id: str) -> Any:
+    return family.make(
+        "ClockModel",
+        header=family.header(model.reference_ns, model.device),
+        offset_ns=model.offset_ns,
+        drift=model.drift,
+        covariance=np.array(model.covariance).reshape(4),
+    )
+
+
+def read_clock(message: Any) -> ClockModel:
+    return ClockModel(
+        str(message.header.frame_id), stamp_of(message.header), float(message.offset_ns),
+        float(message.drift), np.asarray(message.covariance).reshape(2, 2),
+    )  # fmt: skip

@@ -1,0 +1,45 @@
+"""rclpy's message classes for the converters of `io.messages`."""
+from __future__ import annotations
+
+import array
+import importlib
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.io.messages import Messages
+
+Array = np.ndarray
+
+
+def message_class(name: str) -> Any:
+    """The class of "package/msg/Name".
+
+    Raises:
+        EnvironmentProblem: if its package is not installed.
+    """
+    package, _, kind = name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), kind)
+    except ImportError as error:
+        raise EnvironmentProblem(
+            f"the ROS package {package} is not installed here ({error}); `panoptic doctor` tells more"
+        ) from None
+
+
+def _sequence(values: Array) -> array.array[Any]:
+    """array.array, the only type that rclpy's setters take without a Python loop."""
+    result = array.array(_CODES[values.dtype.str[1:]])
+    result.frombytes(values.tobytes())
+    return result
+
+
+_CODES = {"f8": "d", "f4": "f", "i4": "i", "u1": "B", "i8": "q"}
+
+
+@lru_cache(maxsize=1)
+def ros_messages() -> Messages:
+    """The family that rclpy publishes."""
+    return Messages(lru_cache(maxsize=64)(message_class), _sequence)

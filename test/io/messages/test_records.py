@@ -1,0 +1,161 @@
+"""Every record survives the way through a message, bit for bit, in both families."""
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import (
+    AudioBlock,
+    Camera,
+    ClockModel,
+    DetectionSet,
+    FrameRate,
+    PoseSet,
+    ProposalSet,
+    RefinedPoseSet,
+    Rig,
+    ScoreMaps,
+    SkeletonModel,
+    Timecode,
+    TimecodeReading,
+    TrackedPoseSet,
+    ViewDetections,
+    ViewFrame,
+)
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.messages import (
+    bag_messages,
+    compressed_image_message,
+    frame_from_message,
+    from_message,
+    image_message,
+    to_message,
+)
+from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
+
+rng = np.random.default_rng(0)
+
+
+def maps():
+    sizes = np.array([[2, 3], [4, 1]])
+    return ScoreMaps(
+        (20, 10), rng.normal(size=(2, 3)), [0, 1], [0, -1], [[1, 2], [3, 9]], sizes,
+        rng.integers(0, 255, 10),
+    )  # fmt: skip
+
+
+def view(camera="cam0", people=2, with_maps=True):
+    points, scores = rng.normal(size=(people, 3, 2)), rng.uniform(0.1, 1, (people, 3))
+    if people:
+        points[0, 1], scores[0, 1] = np.nan, 0.0
+    return ViewDetections(
+        camera, 123456789012345, 7, (640, 480), "cafe0123", points, scores,
+        rng.uniform(size=people), maps() if with_maps and people else None,
+    )  # fmt: skip
+
+
+def poses(cls, people=2, **more):
+    positions = rng.normal(size=(people, 3, 3))
+    covariances = np.tile(np.eye(3) * 1e-4, (people, 3, 1, 1))
+    scores, states = rng.uniform(0.1, 1, (people, 3)), np.ones((people, 3))
+    if people:
+        positions[0, 1] = covariances[0, 1] = np.nan
+        scores[0, 1] = states[0, 1] = 0
+    views = rng.integers(0, 5, (people, 3))
+    return cls(3, 10**18 + 1, "cafe0123", positions, covariances, scores, views, states,
+               rng.uniform(size=people), **more)  # fmt: skip
+
+
+SET = DetectionSet(5, 99, "cafe0123", (view("a"), view("b", 0), view("c", with_maps=False)))
+RATE = FrameRate(30, Fraction(30000, 1001), True)
+CAMERA = Camera(
+    "cam0", (640, 480), Intrinsics(np.array([[500.0, 0, 320], [0, 501, 240], [0, 0, 1]]), [0.1, 0.2, 0, 0, 1]),
+    Rigid(np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]), np.array([0.1, 0.2, 0.3])),
+)  # fmt: skip
+RECORDS = [
+    view(), view(people=0), SET,
+    ProposalSet(SET, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]),
+    poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
+    SkeletonModel("s", ("a", "b", "c"), 0, ((0, 1), (0, 2)), 1, ((1, 2),), ((0, (1, 2)),)),
+    Rig((CAMERA,), "map"),
+    AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, 50)),
+    TimecodeReading("mic", 17, Timecode(1, 2, 3, 4, RATE), 12.25, 0.5, True, 0xDEADBEEF),
+    ClockModel("mic", 17, 0.25, 1e-6, np.eye(2)),
+]  # fmt: skip
+
+
+def same(a, b):
+    if isinstance(a, np.ndarray):
+        equal_nan = a.dtype.kind == "f"
+        return a.dtype == b.dtype and a.shape == b.shape and np.array_equal(a, b, equal_nan=equal_nan)
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b))
+    names = [n for c in type(a).__mro__ for n in getattr(c, "__slots__", ())]
+    if type(a).__module__.startswith("panoptic_ros") and names:
+        return type(a) is type(b) and all(same(getattr(a, n), getattr(b, n)) for n in names)
+    return a == b
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: type(r).__name__)
+def test_round_trip_through_bag_bytes(record):
+    store = bag_typestore()
+    message = to_message(record, bag_messages())
+    data = store.serialize_cdr(message, message.__msgtype__)
+    back = from_message(store.deserialize_cdr(data, message.__msgtype__), type(record).__name__)
+    assert same(record, back)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: type(r).__name__)
+def test_round_trip_through_ros_bytes(record):
+    serialization = pytest.importorskip("rclpy.serialization")
+    from panoptic_ros.nodes.family import ros_messages
+
+    message = to_message(record, ros_messages())
+    data = serialization.serialize_message(message)
+    back = from_message(serialization.deserialize_message(data, type(message)), type(record).__name__)
+    assert same(record, back)
+    kind = type(to_message(record, bag_messages())).__msgtype__
+    assert same(record, from_message(decode_cdr(data, kind), type(record).__name__))
+
+
+def test_image_round_trip_and_padding():
+    frame = ViewFrame("cam0", 5, 0, rng.integers(0, 255, (6, 4, 3), np.uint8))
+    message = image_message(frame, bag_messages())
+    assert np.array_equal(frame_from_message(message, "cam0", 0).image, frame.image)
+    padded = np.zeros((6, 20), np.uint8)
+    padded[:, :12] = frame.image.reshape(6, 12)
+    message.step, message.data = 20, padded.reshape(-1)
+    assert np.array_equal(frame_from_message(message, "cam0", 0).image, frame.image)
+    message.encoding, message.step = "mono8", 20
+    assert frame_from_message(message, "cam0", 0).image.shape == (6, 4, 3)
+    message.encoding = "32FC1"
+    with pytest.raises(DataError, match="32FC1"):
+        frame_from_message(message, "cam0", 0)
+
+
+def test_compressed_image_round_trip():
+    frame = ViewFrame("cam0", 5, 0, np.full((32, 48, 3), 128, np.uint8))
+    message = compressed_image_message(frame, bag_messages(), 95)
+    back = frame_from_message(message, "cam0", 3)
+    assert back.frame_number == 3 and np.abs(back.image.astype(int) - 128).max() <= 2
+    message.data = message.data[:20]
+    with pytest.raises(DataError, match="cannot be decoded"):
+        frame_from_message(message, "cam0", 0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "match"),
+    [
+        ("scores", np.ones(5), "values"),
+        ("points", np.full(12, np.inf), "not finite|infinite"),
+        ("image_width", 0, "image_size"),
+        ("person_scores", np.array([0.1, np.nan]), "scores"),
+    ],
+)
+def test_bad_content_is_refused(field, value, match):
+    message = to_message(view(with_maps=False), bag_messages())
+    setattr(message, field, value)
+    with pytest.raises(DataError, match=match):
+        from_message(message, "ViewDetections")
