@@ -1,0 +1,91 @@
+"""`panoptic models`: list, fetch and check pose models."""
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from panoptic_ros.io.models import DEFAULT_MODEL, card_names, fetch, is_cached, load_detector, read_card
+from panoptic_ros.io.models.check import check_model
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the actions and their arguments."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    actions.add_parser("list", help="the model cards that are installed, and which models are there")
+    fetching = actions.add_parser("fetch", help="download and convert a model into the cache")
+    fetching.add_argument("name", nargs="?", default=DEFAULT_MODEL, help=f"default: {DEFAULT_MODEL}")
+    checking = actions.add_parser("check", help="load a model and run it once")
+    checking.add_argument("name", nargs="?", default=DEFAULT_MODEL, help="a name, a card or an ONNX file")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the chosen action."""
+    if args.action == "list":
+        _list()
+    elif args.action == "fetch":
+        _fetch(args.name)
+    else:
+        _check(args.name)
+    return 0
+
+
+def _list() -> None:
+    rows = [("MODEL", "FAMILY", "LICENCE", "STATE")]
+    for name in card_names():
+        source = read_card(name)
+        if is_cached(source):
+            state = "ready"
+        elif source.origin is not None:
+            state = f"panoptic models fetch {name}"
+        else:
+            state = "example card: copy it and name your file"
+        rows.append((name, source.card.family, source.card.licence, state))
+    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths)) + "  " + row[3])
+
+
+def _fetch(name: str) -> None:
+    with _ProgressLine() as line:
+        written = fetch(name, line.show)
+    for path in written:
+        print(f"{path.stem}: converted, checked against the original, written to {path}")
+    if not written:
+        print(f"{name}: already there, nothing to do")
+
+
+def _check(name: str) -> None:
+    model, source = load_detector(name), read_card(name)
+    result = check_model(model, source)
+    shapes = ", ".join(f"{role} {'x'.join(map(str, shape))}" for role, shape in result.shapes.items())
+    print(f"{model.card.name}: {Path(source.model_path)} runs and gives {shapes}")
+    if result.compared:
+        print("the values on the test picture are the expected ones")
+    if model.person_detector is not None:
+        print(f"people are found by {model.person_detector.card.name}")
+
+
+class _ProgressLine:
+    """One line on a terminal that is overwritten; nothing where nobody watches."""
+
+    def __init__(self) -> None:
+        self.width = 0
+
+    def __enter__(self) -> _ProgressLine:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._write("")
+        if self.width:
+            sys.stderr.write("\r")
+            sys.stderr.flush()
+
+    def show(self, doing: str, megabytes: float) -> None:
+        self._write(f"{doing} ... {megabytes:.0f} MB" if megabytes else f"{doing} ...")
+
+    def _write(self, text: str) -> None:
+        if sys.stderr.isatty():
+            sys.stderr.write("\r" + text.ljust(self.width))
+            sys.stderr.flush()
+            self.width = max(self.width, len(text))

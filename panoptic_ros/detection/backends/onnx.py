@@ -1,0 +1,123 @@
+"""Running a network with onnxruntime, after checking that it is what its card says."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import onnxruntime
+from onnxruntime.capi import onnxruntime_pybind11_state
+
+from panoptic_ros.detection.card import ModelCard, expected_shapes
+from panoptic_ros.errors import BackendError
+
+Array = np.ndarray
+_DTYPES = {"tensor(uint8)": "uint8", "tensor(float)": "float32"}
+# onnxruntime's own exceptions have no common base but Exception
+_RUNTIME_ERRORS = tuple(
+    kind
+    for kind in vars(onnxruntime_pybind11_state).values()
+    if isinstance(kind, type) and issubclass(kind, Exception)
+) + (RuntimeError, ValueError)
+
+
+class OnnxNetwork:
+    """A session; `run` takes the input tensor and gives the outputs by role.
+
+    Args:
+        providers: execution providers in order of preference; empty = the CPU.
+        threads: inside one operator. More than one is slower than one on a busy machine.
+
+    Raises:
+        BackendError: if the bytes are no ONNX file, a provider is not there, or a tensor differs
+            from the card.
+    """
+
+    def __init__(
+        self, card: ModelCard, onnx_bytes: bytes, providers: Sequence[str] = (), threads: int = 1
+    ):
+        self.card = card
+        self._session = _open(card, onnx_bytes, _checked_providers(providers), threads)
+        _check_tensors(card, self._session)
+        first = self._session.get_inputs()[0].shape[0]
+        self.batch_limit = first if isinstance(first, int) else None  # None = any number of images
+        self._roles = tuple(card.output)
+        self._names = [card.output[role] for role in self._roles]
+
+    def run(self, tensor: Array) -> dict[str, Array]:
+        """Outputs by role for an input tensor.
+
+        Raises:
+            BackendError: if the runtime fails.
+        """
+        try:
+            values = self._session.run(self._names, {self.card.input.name: tensor})
+        except _RUNTIME_ERRORS as error:
+            raise BackendError(f"model {self.card.name} failed: {_first_line(error)}") from None
+        return dict(zip(self._roles, values))
+
+
+def _checked_providers(providers: Sequence[str]) -> list[str]:
+    available = onnxruntime.get_available_providers()
+    for name in providers:
+        if name not in available:
+            raise BackendError(
+                f"execution provider {name!r} is not available; onnxruntime has {', '.join(available)}"
+            )
+    return list(providers) or ["CPUExecutionProvider"]
+
+
+def _open(card: ModelCard, data: bytes, providers: list[str], threads: int) -> onnxruntime.InferenceSession:
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.use_deterministic_compute = True
+    options.log_severity_level = 4  # errors are raised; the runtime shall not write to the terminal
+    try:
+        return onnxruntime.InferenceSession(data, options, providers=providers)
+    except _RUNTIME_ERRORS as error:
+        raise BackendError(
+            f"model {card.name} is no ONNX file that can be run: {_first_line(error)}"
+        ) from None
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or ["no reason given"])[0][:200]
+
+
+def _check_tensors(card: ModelCard, session: onnxruntime.InferenceSession) -> None:
+    inputs = {item.name: item for item in session.get_inputs()}
+    outputs = {item.name: item for item in session.get_outputs()}
+    if set(inputs) != {card.input.name}:
+        raise BackendError(
+            f"model {card.name}: its inputs are {', '.join(inputs)}, the card says {card.input.name!r}"
+        )
+    given = inputs[card.input.name]
+    dtype = _DTYPES.get(given.type, given.type)
+    if dtype != card.input.dtype:
+        raise BackendError(
+            f"model {card.name}: input {given.name!r} is {dtype}, the card says {card.input.dtype}"
+        )
+    height, width = card.input.size or (None, None)
+    planes = (None, 3, height, width) if card.input.layout == "NCHW" else (None, height, width, 3)
+    _check_shape(card, f"input {given.name!r}", given.shape, planes)
+    for role, expected in expected_shapes(card).items():
+        name = card.output[role]
+        if name not in outputs:
+            raise BackendError(
+                f"model {card.name}: it has no output {name!r} ({role}); it has {', '.join(outputs)}"
+            )
+        _check_shape(card, f"output {name!r} ({role})", outputs[name].shape, expected)
+
+
+def _check_shape(
+    card: ModelCard, label: str, shape: Sequence[int | str | None], expected: Sequence[int | None]
+) -> None:
+    """Sizes that the file leaves open, or that the card does, fit everything."""
+    fits = len(shape) == len(expected) and all(
+        want is None or not isinstance(have, int) or have == want for have, want in zip(shape, expected)
+    )
+    if not fits:
+        def text(sizes: Sequence[int | str | None]) -> str:
+            return " x ".join("any" if size is None else str(size) for size in sizes)
+
+        raise BackendError(f"model {card.name}: {label} is {text(shape)}, the card says {text(expected)}")

@@ -1,0 +1,115 @@
+"""Model cards from YAML: those installed in config/models, and the user's own files."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.detection.card import ModelCard, card_from_mapping
+from panoptic_ros.errors import ConfigError, UsageError
+from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.resources import cache_folder, share_folder
+from panoptic_ros.io.skeletons import load_skeleton
+
+DEFAULT_MODEL = "movenet-multipose"
+
+
+@dataclass(frozen=True)
+class PackedFile:
+    """A file inside a package and what its SHA-256 must be."""
+
+    member: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a model that we convert comes from: an npm package and two files in it.
+
+    Args:
+        mean_outputs: mean magnitude of each output by role on the picture of `check.made_picture`.
+    """
+
+    package: str
+    topology: PackedFile
+    weights: PackedFile
+    mean_outputs: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class CardFile:
+    """A card, the file that it stands in, and where its model comes from if we can fetch it."""
+
+    card: ModelCard
+    path: Path
+    origin: Origin | None
+
+    @property
+    def model_path(self) -> Path:
+        """The ONNX file: beside the card, or in the cache."""
+        if self.card.file:
+            return self.path.parent / Path(self.card.file).expanduser()
+        return cache_folder() / "models" / f"{self.card.name}.onnx"
+
+
+def card_names() -> tuple[str, ...]:
+    """Names of the installed cards, the default first."""
+    names = sorted(path.stem for path in (share_folder() / "config" / "models").glob("*.yaml"))
+    return tuple(sorted(names, key=lambda name: name != DEFAULT_MODEL))
+
+
+def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
+    """The card of an installed model, of a YAML file, or beside an ONNX file of the same name.
+
+    Args:
+        beside: folder that relative paths start from; None = the working directory.
+
+    Raises:
+        UsageError: if there is none of that name.
+        ConfigError: if the card is wrong, naming file and entry.
+    """
+    path = Path(name_or_path).expanduser()
+    if path.suffix == ".onnx":
+        path = path.with_suffix(".yaml")
+        if not path.is_file():
+            raise UsageError(
+                f"{name_or_path} needs a model card {path.name} beside it that says how to read it; "
+                f"copy the one of the same family from {share_folder() / 'config' / 'models'}"
+            )
+    if path.suffix not in (".yaml", ".yml"):
+        if name_or_path not in card_names():
+            raise UsageError(
+                f"unknown model {name_or_path!r}; there are {', '.join(card_names())}, "
+                "or the path of a model card (YAML)"
+            )
+        path = share_folder() / "config" / "models" / f"{name_or_path}.yaml"
+    elif beside is not None:
+        path = beside / path
+    document = read_yaml(path)
+    if not isinstance(document, dict):
+        raise ConfigError(f"{path} is no model card")
+    try:
+        return _card_file(document, path)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def _card_file(document: dict[str, Any], path: Path) -> CardFile:
+    values = dict(document)
+    origin = values.pop("fetch", None)
+    if isinstance(values.get("joints"), str):
+        values["joints"] = load_skeleton(values["joints"]).joint_names
+    return CardFile(card_from_mapping(values), path, None if origin is None else _origin(origin))
+
+
+def _origin(values: Any) -> Origin:
+    try:
+        rest = dict(values)
+        files = {key: PackedFile(**rest.pop(key)) for key in ("topology", "weights")}
+        means = {str(key): float(value) for key, value in rest.pop("mean_outputs").items()}
+        return Origin(**rest, **files, mean_outputs=means)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise ConfigError(
+            "fetch needs package, topology and weights (each with member and sha256) and mean_outputs"
+        ) from None

@@ -1,0 +1,94 @@
+"""Reading TensorFlow.js graph models: a JSON topology and one file of weights.
+
+Format: github.com/tensorflow/tfjs, tfjs-converter (model.json with `modelTopology` and
+`weightsManifest`; strings in attributes are base64; float16 weights are plain casts).
+"""
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One node of the graph; attributes are decoded to int, bool, str or lists of them."""
+
+    name: str
+    kind: str
+    inputs: tuple[str, ...]
+    attributes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class GraphModel:
+    """Operations by name, and the constants among them as arrays."""
+
+    operations: Mapping[str, Operation]
+    weights: Mapping[str, Array]
+
+
+def parse_graph(topology: bytes, weights: bytes) -> GraphModel:
+    """The graph of a model.json and the bytes of its weights.
+
+    Raises:
+        DataError: if the two do not fit each other, or are no such model.
+    """
+    try:
+        document = json.loads(topology)
+        nodes = document["modelTopology"]["node"]
+        entries = [entry for group in document["weightsManifest"] for entry in group["weights"]]
+        operations = {node["name"]: _operation(node) for node in nodes}
+        return GraphModel(operations, _weights(entries, weights))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DataError(f"no TensorFlow.js graph model: {type(error).__name__} {error}") from None
+
+
+def _operation(node: Mapping[str, Any]) -> Operation:
+    inputs = tuple(name.split(":")[0] for name in node.get("input", ()) if not name.startswith("^"))
+    attributes = {key: _attribute(value) for key, value in node.get("attr", {}).items()}
+    return Operation(node["name"], node["op"], inputs, attributes)
+
+
+def _attribute(value: Mapping[str, Any]) -> Any:
+    if "list" in value:
+        items = value["list"]
+        return [int(i) for i in items.get("i", ())] or [_text(s) for s in items.get("s", ())]
+    if "s" in value:
+        return _text(value["s"])
+    if "i" in value:
+        return int(value["i"])
+    return value.get("b", value.get("type"))
+
+
+def _text(encoded: str) -> str:
+    try:
+        return base64.b64decode(encoded).decode()
+    except (binascii.Error, UnicodeDecodeError) as error:
+        raise ValueError(f"string {encoded!r} is not base64: {error}") from None
+
+
+def _weights(entries: list[Mapping[str, Any]], data: bytes) -> dict[str, Array]:
+    arrays: dict[str, Array] = {}
+    start = 0
+    for entry in entries:
+        packing = entry.get("quantization", {})
+        if "scale" in packing:
+            raise ValueError(f"weight {entry['name']} is quantised, which is not supported")
+        stored = np.dtype(packing.get("dtype", entry["dtype"])).newbyteorder("<")
+        count = int(np.prod(entry["shape"], dtype=np.int64))
+        raw = np.frombuffer(data, stored, count, start).reshape(entry["shape"])
+        arrays[entry["name"]] = raw.astype(entry["dtype"])
+        start += raw.nbytes
+    if start != len(data):
+        raise ValueError(f"the weights have {len(data)} bytes, the manifest speaks of {start}")
+    return arrays
