@@ -38,6 +38,8 @@ class Intrinsics:
             )
         if not (np.isfinite(matrix).all() and np.isfinite(given).all()):
             raise CalibrationError("intrinsics have numbers that are not finite")
+        if np.abs(given).max(initial=0.0) > 1e6 or np.abs(matrix).max() > 1e9:
+            raise CalibrationError("intrinsics have absurdly large numbers")
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise CalibrationError(f"focal lengths must be positive, found {matrix[0, 0]}, {matrix[1, 1]}")
         distortion = np.zeros(5)
@@ -137,7 +139,7 @@ class Intrinsics:
 
 def _fold_radius(distortion: Array) -> float:
     """Largest undistorted radius up to which the radial polynomial increases; inf if always."""
-    k1, k2, _, _, k3 = distortion
+    k1, k2, _, _, k3 = np.where(np.abs(distortion) < 1e-15, 0.0, distortion)  # roots() divides by them
     roots = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])  # of d(r * radial)/dr, in r^2
     real = roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)].real
     return float(np.sqrt(real.min())) if real.size else float("inf")

@@ -12,5 +12,6 @@ Limits: pinhole cameras with k1 k2 p1 p2 k3 only; a fisheye or rational model is
 TOML files do not state their unit of length and world axes: see `read_rig`.
 """
 from panoptic_ros.io.rigs.registry import WRITABLE, read_rig, write_rig
+from panoptic_ros.io.rigs.search import find_rig
 
-__all__ = ["WRITABLE", "read_rig", "write_rig"]
+__all__ = ["WRITABLE", "find_rig", "read_rig", "write_rig"]

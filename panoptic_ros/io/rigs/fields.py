@@ -31,8 +31,8 @@ def entry(mapping: Any, key: str, where: str) -> Any:
     return mapping[key]
 
 
-def numbers(mapping: Any, key: str, where: str, shape: tuple[int, ...]) -> Array:
-    """An array of finite numbers of that shape; -1 stands for any size.
+def numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Array:
+    """An array of finite numbers of one of the shapes; -1 stands for any size.
 
     Raises:
         CalibrationError: naming the place, the key and what is wrong.
@@ -42,14 +42,29 @@ def numbers(mapping: Any, key: str, where: str, shape: tuple[int, ...]) -> Array
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise CalibrationError(f"{where}: {key!r} is no array of numbers") from None
-    fits = array.ndim == len(shape) and all(w in (-1, n) for n, w in zip(array.shape, shape))
-    if not fits:
-        wanted = " x ".join("n" if size < 0 else str(size) for size in shape)
+    if not any(_fits(array, shape) for shape in shapes):
+        wanted = " x ".join("n" if size < 0 else str(size) for size in shapes[0])
         found = " x ".join(str(size) for size in array.shape) or "a single number"
         raise CalibrationError(f"{where}: {key!r} is {found}, expected {wanted} numbers")
     if not np.isfinite(array).all():
         raise CalibrationError(f"{where}: {key!r} has numbers that are not finite")
     return array
+
+
+def per_metre(unit: Any, where: str) -> float:
+    """How many of a stated unit of length make a metre.
+
+    Raises:
+        CalibrationError: if it is none that we know.
+    """
+    if not isinstance(unit, str) or unit not in METRES:
+        known = ", ".join(METRES)
+        raise CalibrationError(f"{where}: the unit of length is {unit!r}, expected one of {known}")
+    return METRES[unit]
+
+
+def _fits(array: Array, shape: tuple[int, ...]) -> bool:
+    return array.ndim == len(shape) and all(w in (-1, n) for n, w in zip(array.shape, shape))
 
 
 def whole_number(value: Any, what: str) -> int:

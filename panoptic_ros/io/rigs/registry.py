@@ -1,16 +1,19 @@
 """Which formats there are; reading by content, writing by name."""
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import shutil
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError, UsageError
-from panoptic_ros.io.files import write_bytes
-from panoptic_ros.io.rigs import qualisys, rig_json
+from panoptic_ros.io.files import file_errors, write_bytes
+from panoptic_ros.io.rigs import camera_info, pack_json, panoptic_json, qualisys, rig_json, toml_rigs
 from panoptic_ros.io.rigs.document import Document, load_document
+from panoptic_ros.io.rigs.options import ReadOptions
 
 
 @dataclass(frozen=True)
@@ -21,51 +24,101 @@ class _Format:
         name: as in `write_rig(format=...)`.
         title: for messages.
         syntax: of `Document`.
-        recognises: whether a parsed document is of this format.
-        parse: content and unit of length to a rig.
-        dump: rig to text, or None if it is only read.
+        recognises: whether parsed content is of this format.
+        parse: content and options to a rig.
+        dump: rig to text, or to several files' names and texts; None if it is only read.
+        uses: the options that mean something to it.
     """
 
     name: str
     title: str
     syntax: str
     recognises: Callable[[Any], bool]
-    parse: Callable[[Any, str], Rig]
-    dump: Callable[[Rig], str] | None
+    parse: Callable[[Any, ReadOptions], Rig]
+    dump: Callable[[Rig], str | dict[str, str]] | None
+    uses: frozenset[str] = frozenset()
 
 
+_SELECTION = frozenset({"types", "panels"})
 _FORMATS = (
     _Format(
         "rig.json", "rig.json (panoptic-rig-1)", "json",
         lambda document: document.get("format") == rig_json.FORMAT,
-        lambda document, unit: rig_json.parse(document), rig_json.dump,
+        lambda document, _: rig_json.parse(document), rig_json.dump,
+    ),
+    _Format(
+        "panoptic", "CMU Panoptic JSON", "json",
+        panoptic_json.recognises, panoptic_json.parse, panoptic_json.dump, _SELECTION,
+    ),
+    _Format(
+        "pack", "calibration.json with a stated unit", "json",
+        pack_json.recognises, pack_json.parse, None, _SELECTION,
     ),
     _Format(
         "qca", "Qualisys .qca.txt", "xml",
-        qualisys.recognises, lambda root, unit: qualisys.parse(root), qualisys.dump,
+        qualisys.recognises, lambda root, _: qualisys.parse(root), qualisys.dump,
+    ),
+    _Format(
+        "caliscope", "caliscope TOML", "toml",
+        toml_rigs.is_caliscope, toml_rigs.parse_caliscope, toml_rigs.dump_caliscope, frozenset({"unit"}),
+    ),
+    _Format(
+        "aniposelib", "aniposelib TOML", "toml",
+        toml_rigs.is_aniposelib, toml_rigs.parse_aniposelib, toml_rigs.dump_aniposelib, frozenset({"unit"}),
+    ),
+    _Format(
+        "camera_info", f"a folder of ROS camera_info YAML with {camera_info.POSES}", "folder",
+        camera_info.recognises, lambda folder, _: camera_info.parse(folder), camera_info.dump,
     ),
 )  # fmt: skip
 WRITABLE = tuple(item.name for item in _FORMATS if item.dump)
 
 
-def read_rig(path: Path | str) -> Rig:
+def read_rig(
+    path: Path | str,
+    *,
+    unit: str | None = None,
+    types: Sequence[str] = (),
+    panels: Sequence[int] = (),
+) -> Rig:
     """A rig from a file or folder in any of the formats of this package, recognised by content.
+
+    Args:
+        unit: m, cm or mm, for TOML files, which do not state theirs; None takes them for metres
+            unless the cameras would be absurdly far apart.
+        types, panels: only these cameras, for formats that know them (CMU Panoptic JSON: vga,
+            hd, kinect-color; panels 0 to 20).
 
     Raises:
         DataError: if it cannot be read.
         CalibrationError: if the format is unknown or the content cannot be right; names the file.
+        UsageError: for options that mean nothing to the format, or leave no camera.
     """
     path = Path(path)
+    options = ReadOptions(unit, tuple(types), tuple(panels))
     try:
         document = load_document(path)
-        return _format_of(document).parse(document.content if document else None, "m")
+        chosen = _format_of(document)
+        useless = options.given() - chosen.uses
+        if useless:
+            raise UsageError(f"{path}: {chosen.title} has no use for {', '.join(sorted(useless))}")
+        return chosen.parse(document.content if document else None, options)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from None
 
 
+def is_rig(document: Document | None) -> bool:
+    """Whether some format recognises the document."""
+    return any(_recognised(item, document) for item in _FORMATS)
+
+
+def _recognised(item: _Format, document: Document | None) -> bool:
+    return document is not None and item.syntax == document.syntax and item.recognises(document.content)
+
+
 def _format_of(document: Document | None) -> _Format:
     for item in _FORMATS:
-        if document and item.syntax == document.syntax and item.recognises(document.content):
+        if _recognised(item, document):
             return item
     titles = ", ".join(item.title for item in _FORMATS)
     raise CalibrationError(f"no rig in a format that is known here; these are read: {titles}")
@@ -75,17 +128,39 @@ def write_rig(path: Path | str, rig: Rig, format: str | None = None) -> None:
     """Write a rig, whole or not at all.
 
     Args:
-        format: one of `WRITABLE`; None takes it from the name: *.qca.txt, *.toml, else rig.json.
+        format: one of `WRITABLE`; None takes it from the name: *.qca.txt is Qualisys, *.toml
+            aniposelib, *.json rig.json, and a name without suffix is a folder of camera_info files.
 
     Raises:
         UsageError: for an unknown format.
+        EnvironmentProblem: if it cannot be written, or the folder is there already and not empty.
     """
     path = Path(path)
-    chosen = next((item for item in _FORMATS if item.name == (format or _by_name(path))), None)
+    name = format or _by_name(path)
+    chosen = next((item for item in _FORMATS if item.name == name), None)
     if chosen is None or chosen.dump is None:
-        raise UsageError(f"cannot write rigs as {format!r}; formats are {', '.join(WRITABLE)}")
-    write_bytes(path, chosen.dump(rig).encode())
+        raise UsageError(f"cannot write a rig as {name!r}; formats are {', '.join(WRITABLE)}")
+    content = chosen.dump(rig)
+    if isinstance(content, str):
+        write_bytes(path, content.encode())
+    else:
+        _write_folder(path, content)
 
 
 def _by_name(path: Path) -> str:
-    return "qca" if path.name.endswith((".qca.txt", ".qca")) else "rig.json"
+    if path.name.endswith(".qca.txt"):
+        return "qca"
+    known = {".json": "rig.json", ".toml": "aniposelib", "": "camera_info"}
+    return known.get(path.suffix, path.suffix)
+
+
+def _write_folder(path: Path, files: dict[str, str]) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with file_errors(path, "write"):
+        try:
+            temporary.mkdir(parents=True)
+            for name, text in files.items():
+                (temporary / name).write_text(text)
+            os.replace(temporary, path)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)

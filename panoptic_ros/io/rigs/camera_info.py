@@ -1,0 +1,120 @@
+"""A folder of ROS calibration files, <camera>.yaml, and poses.yaml.
+
+<camera>.yaml is what camera_calibration and camera_info_manager write: image_width, image_height,
+camera_matrix, distortion_model (plumb_bob), distortion_coefficients. ROS has no file for the
+poses, so this package defines one, poses.yaml:
+
+    frame_id: world
+    poses:
+      cam01: {translation: [x, y, z], rotation: [x, y, z, w]}
+
+Each is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id`, metres
+and a quaternion: what `tf2_echo world cam01_optical_frame` prints.
+"""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.rigs.fields import camera, entry, name_of, numbers, whole_number
+
+POSES = "poses.yaml"
+
+
+def recognises(folder: Path) -> bool:
+    """Whether a folder has a poses.yaml."""
+    return (folder / POSES).is_file()
+
+
+def parse(folder: Path) -> Rig:
+    """A rig from the folder, cameras in the order of poses.yaml.
+
+    Raises:
+        DataError: if a file cannot be read or is no YAML.
+        CalibrationError: naming the file and the key.
+    """
+    document = read_yaml(folder / POSES)
+    frame_id = name_of(document, "frame_id", POSES)
+    poses = entry(document, "poses", POSES)
+    if not isinstance(poses, dict) or not poses:
+        raise CalibrationError(f"{POSES}: 'poses' is no table of cameras, or an empty one")
+    files = {path.stem for path in folder.glob("*.yaml") if path.name != POSES}
+    names = [str(name) for name in poses]
+    for name in sorted(files ^ set(names)):
+        lacks = f"no pose in {POSES}" if name in files else f"no {name}.yaml"
+        raise CalibrationError(f"camera {name} has {lacks}")
+    return Rig(tuple(_camera(folder, str(name), pose) for name, pose in poses.items()), frame_id)
+
+
+def _camera(folder: Path, name: str, pose: Any) -> Camera:
+    where = f"{name}.yaml"
+    document = read_yaml(folder / where)
+    model = entry(document, "distortion_model", where)
+    if model != "plumb_bob":
+        raise CalibrationError(f"{where}: distortion_model is {model!r}; only 'plumb_bob' is supported")
+    size = (
+        whole_number(entry(document, "image_width", where), f"{where}: image_width"),
+        whole_number(entry(document, "image_height", where), f"{where}: image_height"),
+    )
+    matrix = numbers(entry(document, "camera_matrix", where), "data", f"{where}: camera_matrix", (9,))
+    lens = entry(document, "distortion_coefficients", where)
+    distortion = numbers(lens, "data", f"{where}: distortion_coefficients", (-1,))
+    translation = numbers(pose, "translation", f"{POSES}: {name}", (3,))
+    quaternion = numbers(pose, "rotation", f"{POSES}: {name}", (4,))
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > 1e-3:
+        raise CalibrationError(f"{POSES}: {name}: 'rotation' has length {length:.4g}, no unit quaternion")
+    world_from_cam = Rigid(Rotation.from_quat(quaternion).as_matrix(), translation)
+    cam_from_world = world_from_cam.inverse()
+    return camera(
+        name, size, matrix.reshape(3, 3), distortion, cam_from_world.rotation, cam_from_world.translation
+    )
+
+
+def dump(rig: Rig) -> dict[str, str]:
+    """The files of the folder: names and texts.
+
+    Raises:
+        UsageError: if a camera's name cannot be that of a file.
+    """
+    files, poses = {}, {}
+    for item in rig.cameras:
+        if "/" in item.name or item.name.startswith(".") or f"{item.name}.yaml" == POSES:
+            raise UsageError(f"camera {item.name!r} cannot name a file; rename it for this format")
+        files[f"{item.name}.yaml"] = yaml.safe_dump(_info(item), sort_keys=False)
+        rotation = item.cam_from_world.rotation
+        poses[item.name] = {
+            "translation": item.centre.tolist(),
+            "rotation": Rotation.from_matrix(rotation.T).as_quat().tolist(),
+        }
+    files[POSES] = yaml.safe_dump({"frame_id": rig.frame_id, "poses": poses}, sort_keys=False)
+    return files
+
+
+def _info(item: Camera) -> dict[str, Any]:
+    matrix = item.intrinsics.matrix
+    width, height = item.image_size
+    projection = np.hstack([matrix, np.zeros((3, 1))])
+    return {
+        "image_width": width,
+        "image_height": height,
+        "camera_name": item.name,
+        "camera_matrix": _matrix(matrix),
+        "distortion_model": "plumb_bob",
+        "distortion_coefficients": _matrix(item.intrinsics.distortion[None]),
+        "rectification_matrix": _matrix(np.eye(3)),
+        "projection_matrix": _matrix(projection),
+    }
+
+
+def _matrix(values: np.ndarray) -> dict[str, Any]:
+    rows, columns = values.shape
+    return {"rows": rows, "cols": columns, "data": values.reshape(-1).tolist()}

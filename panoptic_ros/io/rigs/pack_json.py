@@ -1,0 +1,72 @@
+"""calibration.json of data packs: a list of cameras and a stated unit of length; only read.
+
+Shelf, Campus and others are handed on like this: `unit` or `units` (m, cm, mm), then per camera K, R, t,
+optionally distortion; sizes as width and height, resolution or image_size. A document with
+`to_z_up` has the world of CMU Panoptic, y down.
+"""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.io.rigs.fields import (
+    Z_UP_TO_Y_DOWN,
+    camera,
+    entry,
+    image_size,
+    listing,
+    name_of,
+    numbers,
+    per_metre,
+    whole_number,
+)
+from panoptic_ros.io.rigs.options import ReadOptions, check_selection
+
+
+def recognises(document: Any) -> bool:
+    """Whether a JSON document is one: a unit and a list of cameras with K, R and t."""
+    cameras = document.get("cameras")
+    stated = "unit" in document or "units" in document
+    return "format" not in document and stated and isinstance(cameras, list) and any(
+        isinstance(item, dict) and {"K", "R", "t"} <= set(item) for item in cameras
+    )  # fmt: skip
+
+
+def parse(document: Any, options: ReadOptions) -> Rig:
+    """A rig from the JSON document.
+
+    Raises:
+        CalibrationError: naming the camera and the key.
+        UsageError: if the selection leaves no camera.
+    """
+    scale = per_metre(document.get("unit", document.get("units")), "the file")
+    ours = Z_UP_TO_Y_DOWN if "to_z_up" in document else np.eye(3)
+    items = listing(document, "cameras", "the file")
+    chosen = [item for item in items if options.wants(item)]
+    check_selection(items, chosen, options)
+    return Rig(tuple(_camera(i, item, scale, ours) for i, item in enumerate(chosen)))
+
+
+def _camera(index: int, item: Any, scale: float, theirs_from_ours: np.ndarray) -> Camera:
+    named = isinstance(item, dict) and "name" in item
+    name = name_of(item, "name" if named else "id", f"camera number {index}")
+    where = f"camera {name}"
+    lens = next((key for key in ("distortion", "distCoef") if key in item), None)
+    return camera(
+        name,
+        _size(item, where),
+        numbers(item, "K", where, (3, 3)),
+        numbers(item, lens, where, (-1,)) if lens else np.zeros(5),
+        numbers(item, "R", where, (3, 3)) @ theirs_from_ours,
+        numbers(item, "t", where, (3,), (3, 1)).reshape(3) / scale,
+    )
+
+
+def _size(item: Any, where: str) -> tuple[int, int]:
+    for key in ("resolution", "image_size"):
+        if key in item:
+            return image_size(item, key, where)
+    width, height = entry(item, "width", where), entry(item, "height", where)
+    return whole_number(width, f"{where}: 'width'"), whole_number(height, f"{where}: 'height'")

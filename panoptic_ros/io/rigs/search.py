@@ -1,0 +1,46 @@
+"""The rig of a capture folder."""
+from __future__ import annotations
+
+from pathlib import Path
+
+from panoptic_ros.errors import CalibrationError, DataError, UsageError
+from panoptic_ros.io.rigs.document import load_document
+from panoptic_ros.io.rigs.registry import is_rig
+
+SUFFIXES = (".json", ".json.gz", ".toml", ".qca.txt", ".xml")
+FOLDERS = ("calibration", "calib")
+
+
+def find_rig(folder: Path) -> Path:
+    """rig.json if there is one, else the only file (or camera_info folder) that is a rig.
+
+    Looks in the folder itself and in `calibration/`.
+
+    Raises:
+        DataError: if there is none.
+        UsageError: if there are several and none is called rig.json.
+    """
+    if not folder.is_dir():
+        raise DataError(f"{folder} is no folder")
+    if (folder / "rig.json").is_file():
+        return folder / "rig.json"
+    places = [folder, *(folder / name for name in FOLDERS if (folder / name).is_dir())]
+    found = [path for place in places for path in [place, *_files(place)] if _is_rig(path)]
+    if not found:
+        raise DataError(f"{folder} has no rig; put rig.json or another calibration file there, or name it")
+    if len(found) > 1:
+        names = ", ".join(str(path.relative_to(folder)) for path in found)
+        raise UsageError(f"{folder} has several rigs: {names}; name the one to use")
+    return found[0]
+
+
+def _files(place: Path) -> list[Path]:
+    return sorted(path for path in place.iterdir() if path.name.endswith(SUFFIXES) and path.is_file())
+
+
+def _is_rig(path: Path) -> bool:
+    """Whether a file is a rig; one that is broken is none here and complains when it is named."""
+    try:
+        return is_rig(load_document(path))
+    except CalibrationError:
+        return False

@@ -1,0 +1,129 @@
+"""TOML of aniposelib (also written by Pose2Sim) and caliscope.
+
+Both hold per camera size, matrix, distortions, and cam_from_world as a Rodrigues vector and a
+translation; neither states its unit of length nor which way is up. aniposelib has one table per
+camera, caliscope a table `cameras` of numbered ones, whose videos are called cam_<number>.mp4
+(port_<number>.mp4 in older versions).
+"""
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from scipy.spatial.transform import Rotation
+
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.errors import CalibrationError
+from panoptic_ros.io.rigs.fields import camera, image_size, name_of, numbers, per_metre
+from panoptic_ros.io.rigs.options import ReadOptions, check_unit
+
+POSE = {"matrix", "rotation", "translation"}
+
+
+def is_aniposelib(document: Mapping[str, Any]) -> bool:
+    """Whether top-level tables look like cameras."""
+    return any(isinstance(item, dict) and POSE <= set(item) for item in document.values())
+
+
+def is_caliscope(document: Mapping[str, Any]) -> bool:
+    """Whether there is a table `cameras` of tables that look like cameras."""
+    cameras = document.get("cameras")
+    return isinstance(cameras, dict) and is_aniposelib(cameras)
+
+
+def parse_aniposelib(document: Mapping[str, Any], options: ReadOptions) -> Rig:
+    """A rig from the tables that are not `metadata`.
+
+    Raises:
+        CalibrationError: naming the camera and the key, or if it cannot be in metres.
+    """
+    metadata = document.get("metadata", {})
+    stated = metadata.get("unit", "m") if isinstance(metadata, dict) else "m"
+    scale = per_metre(options.unit or stated, "[metadata]")
+    cameras = []
+    for table, item in document.items():
+        if table != "metadata":
+            name = name_of(item, "name", f"table [{table}]")
+            cameras.append(_camera(name, item, scale))
+    return check_unit(Rig(tuple(cameras)), options)
+
+
+def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
+    """A rig from the cameras that are not marked `ignore`.
+
+    Raises:
+        CalibrationError: as above.
+    """
+    scale = per_metre(options.unit or "m", "the file")
+    cameras = []
+    for number, item in document["cameras"].items():
+        if not isinstance(item, dict):
+            raise CalibrationError(f"[cameras.{number}] is no table")
+        usual = f"port_{number}" if "port" in item else f"cam_{number}"
+        if not item.get("ignore", False):
+            cameras.append(_camera(str(item.get("name", usual)), item, scale))
+    return check_unit(Rig(tuple(cameras)), options)
+
+
+def _camera(name: str, item: Mapping[str, Any], scale: float) -> Camera:
+    where = f"camera {name}"
+    if item.get("fisheye", False):
+        raise CalibrationError(f"{where} is a fisheye; calibrate it with the pinhole model k1 k2 p1 p2 k3")
+    rotation = numbers(item, "rotation", where, (3,), (3, 3))
+    if rotation.ndim == 1:
+        rotation = Rotation.from_rotvec(rotation).as_matrix()
+    return camera(
+        name,
+        image_size(item, "size", where),
+        numbers(item, "matrix", where, (3, 3)),
+        numbers(item, "distortions", where, (-1,)),
+        rotation,
+        numbers(item, "translation", where, (3,)) / scale,
+    )
+
+
+def dump_aniposelib(rig: Rig) -> str:
+    """The tables as text, in metres."""
+    tables = []
+    for i, item in enumerate(rig.cameras):
+        tables.append(_table(f"cam_{i}", [("name", _text(item.name)), *_rows(item)]))
+    metadata = _table("metadata", [("adjusted", "false"), ("error", "0.0"), ("unit", _text("m"))])
+    return "\n".join([*tables, metadata])
+
+
+def dump_caliscope(rig: Rig) -> str:
+    """The tables as text; cameras not called cam_<number> are numbered and keep their name beside."""
+    matches = [re.fullmatch(r"cam_(0|[1-9][0-9]*)", item.name) for item in rig.cameras]
+    tables = []
+    for i, (item, match) in enumerate(zip(rig.cameras, matches)):
+        number = match.group(1) if match and all(matches) else str(i)
+        extra = [("rotation_count", "0"), ("fisheye", "false")]
+        if not all(matches):
+            extra.append(("name", _text(item.name)))
+        tables.append(_table(f"cameras.{number}", [("cam_id", number), *extra, *_rows(item)]))
+    return "\n".join(tables)
+
+
+def _rows(item: Camera) -> list[tuple[str, str]]:
+    pose, lens = item.cam_from_world, item.intrinsics
+    return [
+        ("size", f"[{item.image_size[0]}, {item.image_size[1]}]"),
+        ("matrix", "[" + ", ".join(_numbers(row) for row in lens.matrix) + "]"),
+        ("distortions", _numbers(lens.distortion)),
+        ("rotation", _numbers(Rotation.from_matrix(pose.rotation).as_rotvec())),
+        ("translation", _numbers(pose.translation)),
+    ]
+
+
+def _table(name: str, rows: Iterable[tuple[str, str]]) -> str:
+    return f"[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in rows)
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return "[" + ", ".join(repr(float(value)) for value in values) + "]"
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
