@@ -1,0 +1,26 @@
+"""Where images come from: videos, image folders, live devices, capture folders, the demo captures.
+
+Every source is a `FrameSource`: it has a camera's name, an image size and a nominal frame rate, and
+hands out `ViewFrame`s in order. Recorded sources give the same frames and stamps every time they
+are read; frame i of a video lies at start + i / frame rate, or where the container puts it if the
+frame rate varies. Live sources keep the newest frame only and count the others as dropped.
+
+In: files, devices, URLs, through OpenCV (FFmpeg, V4L2). Out: `ViewFrame`s, BGR, upright (a video's
+rotation mark is obeyed), distorted as the lens saw them. Limits: no audio, no hardware trigger; a
+capture folder holds one file or folder of images per camera.
+"""
+from panoptic_ros.capture.demo import demo_capture
+from panoptic_ros.capture.folder import CaptureFolder, open_capture_folder, open_files
+from panoptic_ros.capture.image_folder import ImageFolderSource
+from panoptic_ros.capture.source import FrameSource
+from panoptic_ros.capture.video import VideoSource
+
+__all__ = [
+    "CaptureFolder",
+    "FrameSource",
+    "ImageFolderSource",
+    "VideoSource",
+    "demo_capture",
+    "open_capture_folder",
+    "open_files",
+]

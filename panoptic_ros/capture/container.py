@@ -1,0 +1,93 @@
+"""What the outermost structure of MP4 and AVI files tells: are they whole, and do they count frames?
+
+ISO/IEC 14496-12 (boxes of MP4 and QuickTime), Microsoft RIFF. Other containers are left to FFmpeg.
+"""
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+from typing import BinaryIO
+
+from panoptic_ros.io.files import file_errors
+
+_TOP_BOXES = {
+    b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"moof", b"sidx", b"uuid", b"styp",
+}  # fmt: skip
+_BIG_BOX = 1 << 26  # bytes; an index of frames larger than this is not searched
+
+
+def find_cut(path: Path) -> str:
+    """What is missing at the end of an MP4, QuickTime or AVI file, or "" if nothing is known to be."""
+    with file_errors(path, "read"), open(path, "rb") as file:
+        size = path.stat().st_size
+        head = file.read(12)
+        if head[:4] == b"RIFF" and head[8:12] == b"AVI ":
+            wanted = struct.unpack("<I", head[4:8])[0] + 8
+            return f"{size} bytes of {wanted}" if 8 < size < wanted else ""
+        if head[4:8] not in _TOP_BOXES:
+            return ""
+        names = []
+        for name, start, length in _boxes(file, size):
+            names.append(name)
+            if start + length > size:
+                return f"{size} bytes of at least {start + length}"
+        if b"moov" not in names:
+            return "its index of frames (the moov box, which recorders write last) is missing"
+        return ""
+
+
+def hidden_seconds(path: Path) -> float:
+    """How much of an MP4's or AVI's video is counted as frames but never shown, s.
+
+    An edit list hides the start of a trimmed copy; encoders that reorder frames hide a few frames'
+    worth of delay. Infinite where frames are not counted one by one, or the edits are many.
+    """
+    with file_errors(path, "read"), open(path, "rb") as file:
+        size = path.stat().st_size
+        head = file.read(12)
+        if head[:4] == b"RIFF":
+            return 0.0
+        if head[4:8] not in _TOP_BOXES:
+            return math.inf
+        boxes = _boxes(file, size)
+        index = [(start, length) for name, start, length in boxes if name == b"moov"]
+        if not index or index[0][1] > _BIG_BOX or any(name == b"moof" for name, _, _ in boxes):
+            return math.inf
+        file.seek(index[0][0])
+        tracks = file.read(index[0][1]).split(b"trak")[1:]
+    return max((_edited(track) for track in tracks if b"vide" in track), default=math.inf)
+
+
+def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int, int]]:
+    """Name, start and length of the outermost boxes; the last may reach beyond the end of the file."""
+    found = []
+    start = 0
+    while start + 8 <= size:
+        file.seek(start)
+        length, name = struct.unpack(">I4s", file.read(8))
+        if length == 1:
+            length = int.from_bytes(file.read(8), "big")
+        elif length == 0:
+            length = size - start
+        if length < 8:  # no box: trailing bytes that players ignore
+            break
+        found.append((name, start, length))
+        start += length
+    return found
+
+
+def _edited(track: bytes) -> float:
+    """Seconds at the start of a track's media that its edit list leaves out; see `hidden_seconds`."""
+    at, scale_at = track.find(b"elst"), track.find(b"mdhd")
+    if at < 0:
+        return 0.0
+    count = int.from_bytes(track[at + 8 : at + 12], "big")
+    layout, width = (">QqI", 20) if track[at + 4] == 1 else (">IiI", 12)
+    if scale_at < 0 or at + 12 + count * width > len(track):
+        return math.inf
+    entries = [struct.unpack_from(layout, track, at + 12 + i * width) for i in range(count)]
+    starts = [entry[1] for entry in entries if entry[1] >= 0]  # -1 = nothing is shown at first
+    scale_at += 24 if track[scale_at + 4] == 1 else 16
+    scale = int.from_bytes(track[scale_at : scale_at + 4], "big")
+    return starts[0] / scale if len(starts) == 1 and scale else math.inf

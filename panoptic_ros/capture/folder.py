@@ -1,0 +1,179 @@
+"""Capture folders: a rig and one video or folder of images per camera, checked against each other."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
+from panoptic_ros.capture.image_size import SizePolicy, fit_camera
+from panoptic_ros.capture.source import FrameSource
+from panoptic_ros.capture.timestamps import read_timestamps
+from panoptic_ros.capture.video import VideoSource
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import CalibrationError, DataError
+from panoptic_ros.io.rigs import find_rig, read_rig
+
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg")
+
+
+@dataclass(frozen=True)
+class CaptureFolder:
+    """A recorded capture, ready to be read; a context manager that closes its sources.
+
+    Args:
+        path: the folder, or the common parent of the files.
+        rig: the cameras that have images, with the images' sizes.
+        sources: one per camera, in the order of the rig.
+        notices: one line each about what was adapted or left out.
+    """
+
+    path: Path
+    rig: Rig
+    sources: tuple[FrameSource, ...]
+    notices: tuple[str, ...] = ()
+
+    @property
+    def frame_count(self) -> int | None:
+        """Frames of all cameras together; None if a source does not know its own."""
+        counts = [source.frame_count for source in self.sources]
+        return None if None in counts else sum(count for count in counts if count is not None)
+
+    def close(self) -> None:
+        """Close all sources."""
+        for source in self.sources:
+            source.close()
+
+    def __enter__(self) -> CaptureFolder:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+def open_capture_folder(
+    path: Path,
+    *,
+    rig: Rig | None = None,
+    cameras: Sequence[str] | None = None,
+    size_policy: SizePolicy = "strict",
+    start_ns: int = 0,
+    frame_rate: float | None = None,
+) -> CaptureFolder:
+    """Open a capture folder.
+
+    Args:
+        path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
+            and optionally timestamps.csv. Other files and folders are left alone.
+        rig: in place of the rig file.
+        cameras: use these only.
+        size_policy: see `fit_camera`.
+        start_ns, frame_rate: see `VideoSource`; image folders without timestamps need a rate, 30 Hz
+            unless given.
+
+    Raises:
+        DataError: no folder, no rig, cameras without images, two files for one camera.
+        UsageError: several rigs.
+        CalibrationError: videos without a camera in the rig, image sizes that differ from the rig's.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise DataError(f"capture folder {path} " + ("is a file" if path.exists() else "is not there"))
+    if rig is None:
+        rig = read_rig(find_rig(path))
+    if cameras is not None:
+        rig = rig.subset(cameras)
+    videos, folders = _videos(path), _image_folders(path)
+    unknown = sorted(set(videos) - set(rig.names))
+    if unknown and cameras is None:
+        lacking = [name for name in rig.names if name not in videos and name not in folders]
+        raise CalibrationError(
+            f"{path}: the rig has no camera for the videos {', '.join(unknown)}; it has "
+            f"{', '.join(rig.names)}" + (f", of which {', '.join(lacking)} lack a video" if lacking else "")
+            + "; names must be equal"
+        )  # fmt: skip
+    files = {}
+    for name in rig.names:
+        if name in videos and name in folders:
+            raise DataError(f"camera {name} has both {videos[name]} and {folders[name]}; remove one")
+        if name not in videos and name not in folders:
+            raise DataError(
+                f"{path} has no video {name}.mp4 and no images {name}/ for camera {name} of the rig; "
+                "add them or choose cameras that are there"
+            )
+        files[name] = videos.get(name) or folders[name]
+    stamps = read_timestamps(path / "timestamps.csv") if (path / "timestamps.csv").exists() else {}
+    return open_files(
+        rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps
+    )
+
+
+def open_files(
+    rig: Rig,
+    files: Mapping[str, Path],
+    *,
+    size_policy: SizePolicy = "strict",
+    start_ns: int = 0,
+    frame_rate: float | None = None,
+    stamps: Mapping[str, Sequence[int]] | None = None,
+) -> CaptureFolder:
+    """Open one video or image folder per camera and check it against the rig.
+
+    Args:
+        files: path by camera; cameras of the rig that are not in it are left out of the result's rig.
+        stamps: ns by camera, in place of the files' own times; where there are any, all cameras need them.
+
+    Raises:
+        CalibrationError, DataError: as `open_capture_folder`.
+    """
+    chosen = rig.subset(files)
+    notices = [f"camera {name} of the rig has no images" for name in rig.names if name not in files]
+    if stamps:
+        for name in chosen.names:
+            if name not in stamps:
+                there = ", ".join(sorted(stamps))
+                raise DataError(f"timestamps.csv has stamps for {there} but none for camera {name}")
+    sources: list[FrameSource] = []
+    fitted = []
+    try:
+        for camera in chosen.cameras:
+            own = stamps[camera.name] if stamps else None
+            source = _open(camera.name, Path(files[camera.name]), start_ns, frame_rate, own)
+            sources.append(source)
+            fitted.append(fit_camera(camera, source.image_size, size_policy))
+            if fitted[-1].image_size != camera.image_size:
+                notices.append(
+                    f"camera {camera.name}: calibrated at {camera.image_size[0]}x{camera.image_size[1]}, "
+                    f"images are {source.image_size[0]}x{source.image_size[1]}: {size_policy}"
+                )
+    except BaseException:
+        for source in sources:
+            source.close()
+        raise
+    parent = Path(files[chosen.names[0]]).parent
+    return CaptureFolder(parent, Rig(tuple(fitted), rig.frame_id), tuple(sources), tuple(notices))
+
+
+def _videos(path: Path) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for file in sorted(path.iterdir()):
+        if file.is_file() and file.suffix.lower() in VIDEO_SUFFIXES and not file.name.startswith("."):
+            if file.stem in found:
+                first = found[file.stem]
+                raise DataError(f"two videos of camera {file.stem}: {first} and {file}; remove one")
+            found[file.stem] = file
+    return found
+
+
+def _image_folders(path: Path) -> dict[str, Path]:
+    return {p.name: p for p in sorted(path.iterdir()) if p.is_dir() and image_files(p)}
+
+
+def _open(
+    camera: str, path: Path, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None
+) -> FrameSource:
+    if path.is_dir():
+        rate = 30.0 if frame_rate is None else frame_rate
+        return ImageFolderSource(camera, path, start_ns=start_ns, frame_rate=rate, stamps=stamps)
+    return VideoSource(camera, path, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps)
+

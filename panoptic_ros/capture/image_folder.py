@@ -1,0 +1,114 @@
+"""Folders of numbered images."""
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from panoptic_ros.capture.opencv import quiet_opencv
+from panoptic_ros.capture.source import check_stamps, exact_rate, grid_stamp
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import read_bytes
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
+
+
+class ImageFolderSource:
+    """The images of a folder in natural order of their names: 2.png before 10.png.
+
+    Iterating starts at the first image every time; images are read one by one. Frame numbers
+    count the files from 0, whatever numbers their names have.
+
+    Args:
+        camera: name.
+        path: folder with PNG or JPEG files; others in it are ignored.
+        start_ns: stamp of the first image, ns.
+        frame_rate: Hz, image i is at start_ns + i / frame_rate.
+        stamps: ns, one per image, in place of the frame rate.
+
+    Raises:
+        DataError: no folder, no images; while iterating: an image that cannot be read or has another
+            size than the first.
+    """
+
+    def __init__(
+        self,
+        camera: str,
+        path: Path,
+        *,
+        start_ns: int = 0,
+        frame_rate: float = 30.0,
+        stamps: Sequence[int] | None = None,
+    ):
+        self.camera = camera
+        self.path = Path(path)
+        self._what = f"image folder {self.path} of camera {camera}"
+        self.files = image_files(self.path)
+        if not self.files:
+            raise DataError(f"{self._what} has no PNG or JPEG images")
+        self._start_ns = int(start_ns)
+        self._rate = exact_rate(frame_rate, self._what)
+        self.frame_rate = float(self._rate)
+        self._stamps = None if stamps is None else check_stamps(stamps, self._what)
+        if self._stamps is not None and len(self._stamps) != len(self.files):
+            raise DataError(f"{self._what} has {len(self.files)} images but {len(self._stamps)} stamps")
+        self.frame_count: int | None = len(self.files)
+        first = _read_image(self.files[0])
+        self.image_size = (first.shape[1], first.shape[0])
+        self._closed = False
+
+    def __iter__(self) -> Iterator[ViewFrame]:
+        self._closed = False
+        for number, file in enumerate(self.files):
+            if self._closed:
+                return
+            image = _read_image(file)
+            if (image.shape[1], image.shape[0]) != self.image_size:
+                raise DataError(
+                    f"image {file} is {image.shape[1]}x{image.shape[0]}, "
+                    f"the first of its folder {self.image_size[0]}x{self.image_size[1]}"
+                )
+            yield ViewFrame(self.camera, self._stamp(number), number, image)
+
+    def _stamp(self, number: int) -> int:
+        if self._stamps is not None:
+            return self._stamps[number]
+        return grid_stamp(self._start_ns, number, self._rate)
+
+    def close(self) -> None:
+        """End iterations that are under way."""
+        self._closed = True
+
+    def __enter__(self) -> ImageFolderSource:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+def image_files(path: Path) -> tuple[Path, ...]:
+    """The images directly in a folder, in natural order; none if it is no folder."""
+    if not path.is_dir():
+        return ()
+    found = (p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith("."))
+    return tuple(sorted(found, key=lambda p: natural_key(p.name)))
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """A key that sorts names as people do: digits as numbers, and the rest by its letters."""
+    parts = re.findall(r"\d+|\D+", name)
+    # the last entry orders names that differ in leading zeros only
+    return (*((0, int(p), "") if p.isdecimal() else (1, 0, p.casefold()) for p in parts), (2, 0, name))
+
+
+def _read_image(file: Path) -> np.ndarray:
+    data = np.frombuffer(read_bytes(file), np.uint8)
+    with quiet_opencv():
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise DataError(f"{file} is no image that can be decoded; make it again or remove it")
+    return image
