@@ -1,0 +1,45 @@
+"""Parameters of detection."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectionConfig(Config):
+    """How people are found in one image."""
+
+    model: str = param(
+        "movenet-multipose", doc="Name of an installed model card, or path of a card (YAML) or ONNX file."
+    )
+    providers: tuple[str, ...] = param(
+        (), doc="Execution providers of onnxruntime in order of preference; empty = the CPU."
+    )
+    threads: int = param(
+        1, ge=1, le=64, doc="Threads inside one network operator; more than one pays on idle machines only."
+    )
+    person_threshold: float = param(
+        0.1, ge=0.0, le=1.0,
+        doc="People with lower scores are dropped; low, as fusing the views sorts out the rest.",
+    )
+    joint_threshold: float = param(
+        0.13, ge=0.0, le=1.0, doc="Joints with lower scores are missing."
+    )
+    map_cut: float = param(
+        0.05, ge=0.004, le=0.9, doc="Values of score maps below this are 0 and not carried."
+    )
+    maps: bool = param(True, doc="Carry score maps, where the network has them.")
+    input_side: int = param(
+        512, ge=0, le=4096, unit="px",
+        doc="Longer side of the network's input at the start, if it takes any size; 0 = try several.",
+    )
+    adapt_input: bool = param(
+        True, doc="Follow the size of the people of each camera with the size of the input."
+    )
+    smallest_input: int = param(160, ge=32, le=4096, unit="px", doc="Least longer side of the input.")
+    largest_input: int = param(960, ge=32, le=4096, unit="px", doc="Greatest longer side of the input.")
+    duplicate_overlap: float = param(
+        0.7, ge=0.0, le=1.0,
+        doc="Someone whose joints coincide this much with those of a better person is dropped; 1 = never.",
+    )

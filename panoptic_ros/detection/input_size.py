@@ -1,0 +1,133 @@
+"""Which size to give the network's input, from the size of the people that it is to find.
+
+MoveNet finds people best who are 100 to 200 px tall in its input, is imprecise below 70 px, and
+does not find people above about 250 px at all: a larger input is worse then, not better. So the
+size follows the tallest people of each camera, with hysteresis, and other sizes are tried on single
+frames while nobody is found, or while the maps show joints of people whom the list lacks.
+"""
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+START_SIDES = (256, 384, 512, 768)  # tried on the first frame where no side is given
+SURE = 0.2  # people above this score count
+PROBE_FACTORS = (0.6, 1.6, 0.36, 2.5)  # of the present side, in turn
+PROBE_AFTER, PROBE_AFTER_MOST = 4, 64  # frames; doubles with every probe in vain
+UNCLAIMED_JOINTS = 6  # so many joints of nobody are a person that is missing
+GAIN = 0.15  # summed person scores by which another size must be better
+TALL, TARGET, SMALL = 235.0, 180.0, 90.0  # net px: shrink above, aim at, enlarge below
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What one run of the network tells about its input's size.
+
+    Args:
+        side: longer side of the input, net px.
+        scores, heights: (P,) person scores; heights in image px, over the joints that are seen.
+        unclaimed: joints with peaks in the maps that belong to nobody.
+    """
+
+    side: int
+    scores: np.ndarray
+    heights: np.ndarray
+    unclaimed: int = 0
+
+    @property
+    def sure(self) -> np.ndarray:
+        """Which people count (P,)."""
+        return self.scores >= SURE
+
+    @property
+    def value(self) -> float:
+        """Sum of the scores of those who count."""
+        return float(self.scores[self.sure].sum())
+
+
+@dataclass
+class SideChooser:
+    """The longer side of the network's input for one camera.
+
+    Args:
+        start: 0 = try several on the first frame.
+        least, most: limits of the side.
+        multiple: sides are multiples of this.
+        window: frames over which the tallest people are looked at.
+        adaptive: False = `start` stays.
+    """
+
+    start: int
+    least: int
+    most: int
+    multiple: int = 32
+    window: int = 10
+    adaptive: bool = True
+    side: int = field(init=False, default=0)
+    _tallest: list[float] = field(init=False, default_factory=list)
+    _missing: int = field(init=False, default=0)
+    _patience: int = field(init=False, default=PROBE_AFTER)
+    _probes: int = field(init=False, default=0)
+
+    def plan(self) -> tuple[int, ...]:
+        """Sides to run the next frame with; the first is the present one."""
+        if not self.side:
+            sides = [self.start] if self.start else START_SIDES
+            return tuple(dict.fromkeys(self._allowed(side) for side in sides))
+        if self.adaptive and self._missing >= self._patience:
+            factors = [PROBE_FACTORS[(self._probes + k) % len(PROBE_FACTORS)] for k in range(4)]
+            others = [self._allowed(self.side * factor) for factor in factors]
+            other = next((side for side in others if side != self.side), self.side)
+            return (self.side, other) if other != self.side else (self.side,)
+        return (self.side,)
+
+    def learn(self, answers: Sequence[Answer], image_side: int) -> int:
+        """Take the answers for the planned sides; gives the index of the best of them."""
+        best = 0
+        for index, answer in enumerate(answers):
+            if answer.value > answers[best].value + GAIN:
+                best = index
+        if len(answers) > 1 and self.side:  # this was a probe
+            self._probes += 1
+            self._patience = PROBE_AFTER if best else min(2 * self._patience, PROBE_AFTER_MOST)
+            self._missing = 0
+        chosen = answers[best]
+        if chosen.side != self.side:
+            self.side = chosen.side
+            self._tallest.clear()
+        if self.adaptive:
+            self._follow(chosen, image_side)
+        return best
+
+    def _follow(self, answer: Answer, image_side: int) -> None:
+        people = answer.heights[answer.sure]
+        lost = not people.size or answer.unclaimed >= UNCLAIMED_JOINTS
+        self._missing = self._missing + 1 if lost else 0
+        if not lost:
+            self._patience = PROBE_AFTER
+        if not people.size:
+            return
+        self._tallest = [*self._tallest[1 - self.window :], float(people.max())]
+        typical = float(np.median(self._tallest)) * self.side / image_side
+        count = len(self._tallest)
+        if (typical > TALL and count >= 3) or (typical < SMALL and count >= self.window):
+            wanted = self._allowed(self.side * TARGET / typical)
+            if wanted != self.side:
+                self.side = wanted
+                self._tallest.clear()
+
+    def _allowed(self, side: float) -> int:
+        steps = max(round(side / self.multiple), 1) * self.multiple
+        return int(min(max(steps, self.least), self.most))
+
+
+def input_size(side: int, image_size: tuple[int, int], multiple: int) -> tuple[int, int]:
+    """(height, width) of the input that holds an image (width, height) with that longer side."""
+    width, height = image_size
+    scale = side / max(width, height)
+    return tuple(  # type: ignore[return-value]
+        max(math.ceil(round(extent * scale) / multiple), 1) * multiple for extent in (height, width)
+    )

@@ -1,0 +1,123 @@
+"""The stage: images in, 2D people and score maps in the joints of the working skeleton out."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.input_size import Answer, SideChooser
+from panoptic_ros.detection.model import DetectorModel
+from panoptic_ros.detection.network import Finding, make_network
+from panoptic_ros.detection.people import boxes_of_points
+from panoptic_ros.domain import JointMap, ViewDetections, ViewFrame
+from panoptic_ros.errors import ContractError
+from panoptic_ros.stage import Notice, StageContext, StepResult
+
+Array = np.ndarray
+
+
+class DetectionStage:
+    """Finds people in the images of any number of cameras, each camera on its own.
+
+    `context.extras` holds "detector", a DetectorModel, and "joint_map", the JointMap from its
+    joints to those of the context's skeleton.
+
+    Raises:
+        BackendError: if the network cannot be run here or is not what its card says.
+    """
+
+    def __init__(self, config: DetectionConfig, context: StageContext):
+        model = context.extras.get("detector")
+        joint_map = context.extras.get("joint_map")
+        if not isinstance(model, DetectorModel) or not isinstance(joint_map, JointMap):
+            raise ContractError("detection needs extras 'detector' and 'joint_map'")
+        if joint_map.source_count != len(model.card.joints):
+            raise ContractError(
+                f"the joint map is for {joint_map.source_count} joints, "
+                f"model {model.card.name} has {len(model.card.joints)}"
+            )
+        self.config = config
+        self.skeleton_hash = context.skeleton.hash
+        self.joint_map = joint_map
+        self.network = make_network(model, config)
+        self._sides: dict[str, SideChooser] = {}
+        self._warned: dict[str, bool] = {}
+
+    def step(self, item: ViewFrame) -> StepResult[ViewDetections]:
+        """The people in one image."""
+        image_side = max(item.image_size)
+        if self.network.any_size:
+            chooser = self._chooser(item)
+            findings = [self.network.find(item.image, side) for side in chooser.plan()]
+            answers = [self._answer(finding, image_side) for finding in findings]
+            finding = findings[chooser.learn(answers, image_side)]
+        else:
+            finding = self.network.find(item.image, 0)
+        return StepResult((self._record(item, finding),), self._size_notice(item.camera, finding))
+
+    def flush(self) -> StepResult[ViewDetections]:
+        """Nothing is buffered."""
+        self.reset()
+        return StepResult()
+
+    def reset(self) -> None:
+        """Forget the sizes of the people."""
+        self._sides.clear()
+        self._warned.clear()
+
+    def _chooser(self, item: ViewFrame) -> SideChooser:
+        if item.camera not in self._sides:
+            config, multiple = self.config, self.network.multiple
+            self._sides[item.camera] = SideChooser(
+                start=config.input_side,
+                least=config.smallest_input,
+                most=max(config.smallest_input, min(config.largest_input, max(item.image_size))),
+                multiple=multiple,
+                adaptive=config.adapt_input,
+            )
+        return self._sides[item.camera]
+
+    def _answer(self, finding: Finding, image_side: int) -> Answer:
+        people = finding.people
+        unclaimed = finding.patches.unclaimed_joints(0.3) if finding.patches else 0
+        side = round(finding.scale * image_side)
+        return Answer(side, people.person_scores, self._heights(finding), unclaimed)
+
+    def _heights(self, finding: Finding) -> Array:
+        """Longer side (P,) of the box round the joints that are seen, image px."""
+        people = finding.people
+        boxes = boxes_of_points(people.points, people.scores >= self.config.joint_threshold)
+        return (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)
+
+    def _record(self, item: ViewFrame, finding: Finding) -> ViewDetections:
+        people = finding.people
+        scores = np.where(people.scores >= self.config.joint_threshold, people.scores, 0.0)
+        points, scores = self.joint_map.apply(people.points, scores)
+        return ViewDetections(
+            camera=item.camera,
+            stamp_ns=item.stamp_ns,
+            frame_number=item.frame_number,
+            image_size=item.image_size,
+            skeleton_hash=self.skeleton_hash,
+            points=points,
+            scores=scores,
+            person_scores=people.person_scores,
+            maps=finding.patches.score_maps(self.joint_map) if finding.patches else None,
+        )
+
+    def _size_notice(self, camera: str, finding: Finding) -> tuple[Notice, ...]:
+        """A notice when people become too small or too large for the network, once each time."""
+        sure = finding.people.person_scores >= 0.2
+        heights = self._heights(finding)[sure] * finding.scale
+        smallest, largest = self.network.person_px
+        outside = bool(((heights < smallest) | (heights > largest)).any())
+        first = outside and not self._warned.get(camera, False)
+        if sure.any():
+            self._warned[camera] = outside
+        if not first:
+            return ()
+        text = (
+            f"camera {camera}: people are {heights.min():.0f} to {heights.max():.0f} px tall in the "
+            f"network's input, which works best with {smallest:.0f} to {largest:.0f} px"
+        )
+        values = {"camera": camera, "smallest_px": float(heights.min()), "largest_px": float(heights.max())}
+        return (Notice("detection.person_size", "info", text, values),)
