@@ -23,7 +23,7 @@ class ProposalSet:
         node_scores: (N,) in 0..1, the vote of eq. 1.
         node_views: (N,) number of views that support the node.
         parts: (M, 2) nodes (of the parent joint, of the child joint).
-        part_bones: (M,) index into `SkeletonModel.bones`.
+        part_bones: (M,) index into `SkeletonModel.bones`; -1 = a part across one missing joint.
         part_scores: (M,) in 0..1, connectivity over the views (5.2).
     """
 

@@ -1,0 +1,15 @@
+"""Voting: 2D score maps of many views become 3D node proposals and scored parts.
+
+Method: Joo et al. 2017, "Panoptic Studio", sections 5.1 and 5.2. Every 4 cm voxel gets the mean over the
+cameras that see its centre of the score of their maps there (eq. 1); local maxima above a threshold are
+node proposals. A pair of proposals that may be a bone is scored by the mean over the views of how well one
+2D person explains both ends. Detectors without maps get the same function from their keypoints.
+
+In: `DetectionSet`. Out: `ProposalSet`, with the detections carried along.
+
+`seeds` (the default) looks for maxima only where viewing rays of 2D peaks meet, `dense` visits every voxel
+of a working volume, `off` votes for nothing. Positions are refined below the voxel by a soft vote.
+
+Limits: `seeds` finds no joint without a 2D peak in two of the views that are paired; visibility is the
+field of view, occlusion is not modelled.
+"""

@@ -1,0 +1,72 @@
+"""Parameters of voting."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class VotingConfig(Config):
+    """How node proposals are found and parts are scored."""
+
+    method: str = param(
+        "seeds",
+        choices=("seeds", "dense", "off"),
+        doc="Where to look for node proposals: where rays of 2D peaks meet, in all of the volume, nowhere.",
+    )
+    voxel: float = param(0.04, unit="m", ge=0.005, le=0.5, doc="Side of a voxel.")
+    threshold: float = param(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        live=True,
+        doc="Least mean score of a node proposal; 0 = by the number of views (0.06, 0.1 or 0.05).",
+    )
+    min_views: int = param(
+        0,
+        ge=0,
+        live=True,
+        doc="Least number of views that support a node proposal; 0 = by the number of views (2 or 3).",
+    )
+    view_threshold: float = param(
+        0.1, ge=0.0, le=1.0, live=True, doc="Score above which a view supports a node, or has a 2D peak."
+    )
+    volume: tuple[float, ...] = param(
+        (),
+        unit="m",
+        doc="Working volume: least x, y, z and largest x, y, z; empty = derived from the rig if dense, "
+        "everywhere if seeds.",
+    )
+    ray_gap: float = param(
+        0.15, unit="m", ge=0.0, le=1.0, doc="Largest distance between two rays that may be of one joint."
+    )
+    pair_views: int = param(
+        10, ge=2, doc="Rays of at most so many views, spread over the rig, are paired for seeds."
+    )
+    max_depth: float = param(25.0, unit="m", ge=1.0, doc="Seeds farther from a camera are dropped.")
+    keypoint_width: float = param(
+        0.025,
+        ge=0.001,
+        le=0.5,
+        doc="Without maps: standard deviation of a joint's Gaussian, as a fraction of the square root of "
+        "the area of the person's box.",
+    )
+    person_gate: float = param(
+        4.0,
+        ge=0.5,
+        doc="A map of all people counts for one person within so many of those standard deviations "
+        "of the person's joint.",
+    )
+    part_threshold: float = param(
+        0.05, ge=0.0, le=1.0, live=True, doc="Score that both ends of a part need in a view."
+    )
+    max_bone: float = param(0.8, unit="m", ge=0.01, doc="Longest part.")
+    max_skip: float = param(
+        1.1, unit="m", ge=0.01, doc="Longest part across a missing joint, e.g. from hip to ankle."
+    )
+    skip_parts: bool = param(True, doc="Also score parts across one missing joint.")
+    refine_nodes: bool = param(True, doc="Refine node proposals below the voxel by a soft vote.")
+    merge_distance: float = param(
+        0.03, unit="m", ge=0.0, doc="Refined proposals of one joint that are closer become one."
+    )

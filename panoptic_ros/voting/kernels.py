@@ -1,0 +1,322 @@
+"""Compiled kernels of voting. `score_field`, `score_volume` and the tests hold the numpy meaning.
+
+All that sample scores are in one file because numba's cache watches only the file of the function that is
+called. `scene` is a `VoteScene`; its sums run over the views in order.
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from panoptic_ros.voting.score_field import GAUSSIAN_END
+
+MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
+KEY_BITS = 21  # of a voxel's index per axis
+KEY_HALF = 1 << (KEY_BITS - 1)
+HASH = -7046029254386353131  # odd, with well mixed bits
+
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@_jit
+def project(cameras, v, x, y, z):
+    """Pixel (u, w), cell (a, b) of a world point in view v, and whether the view covers it."""
+    depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
+    if depth <= MIN_DEPTH:
+        return 0.0, 0.0, 0.0, 0.0, False
+    px = (cameras[v, 0] * x + cameras[v, 1] * y + cameras[v, 2] * z + cameras[v, 9]) / depth
+    py = (cameras[v, 3] * x + cameras[v, 4] * y + cameras[v, 5] * z + cameras[v, 10]) / depth
+    r2 = px * px + py * py
+    if not r2 < cameras[v, 22]:
+        return 0.0, 0.0, 0.0, 0.0, False
+    p1, p2 = cameras[v, 19], cameras[v, 20]
+    radial = 1.0 + r2 * (cameras[v, 17] + r2 * (cameras[v, 18] + r2 * cameras[v, 21]))
+    dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
+    dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
+    u = cameras[v, 12] * dx + cameras[v, 13] * dy + cameras[v, 14]
+    w = cameras[v, 15] * dy + cameras[v, 16]
+    if not (-0.5 <= u <= cameras[v, 23] - 0.5 and -0.5 <= w <= cameras[v, 24] - 0.5):
+        return u, w, 0.0, 0.0, False
+    if cameras[v, 25] == 0.0:
+        return u, w, 0.0, 0.0, True
+    a = cameras[v, 27] * u + cameras[v, 28] * w + cameras[v, 29]
+    b = cameras[v, 30] * u + cameras[v, 31] * w + cameras[v, 32]
+    return u, w, a, b, -0.5 <= a <= cameras[v, 25] - 0.5 and -0.5 <= b <= cameras[v, 26] - 0.5
+
+
+@_jit
+def _corner(at, size):
+    """Lower and upper cell, and the upper one's weight, for a bilinear sample clamped to the grid."""
+    at = min(max(at, 0.0), size - 1.0)
+    low = min(int(at), max(size - 2, 0))
+    return low, min(low + 1, size - 1), at - low
+
+
+@_jit
+def sample_map(cameras, v, start, data, a, b):
+    """Merged map of view v that begins at `start`, at a cell."""
+    width = int(cameras[v, 25])
+    x0, x1, fx = _corner(a, width)
+    y0, y1, fy = _corner(b, int(cameras[v, 26]))
+    top = data[start + y0 * width + x0] * (1.0 - fx) + data[start + y0 * width + x1] * fx
+    bottom = data[start + y1 * width + x0] * (1.0 - fx) + data[start + y1 * width + x1] * fx
+    return (top * (1.0 - fy) + bottom * fy) / 255.0
+
+
+@_jit
+def sample_keypoint(people, v, j, i, u, w):
+    """Gaussian of joint j of 2D person i in view v at a pixel; 0 if the joint is missing."""
+    dx, dy = people[v, j, i, 0] - u, people[v, j, i, 1] - w
+    exponent = (dx * dx + dy * dy) * people[v, j, i, 2]
+    return people[v, j, i, 3] * math.exp(-exponent) if exponent < GAUSSIAN_END else 0.0
+
+
+@_jit
+def vote(cameras, people, map_start, map_data, j, x, y, z, view_threshold):
+    """Eq. 1 at a point: the mean over the views that cover it, and how many support it."""
+    total, covering, support = 0.0, 0, 0
+    for v in range(len(cameras)):
+        u, w, a, b, covered = project(cameras, v, x, y, z)
+        if not covered:
+            continue
+        start = map_start[v, j]
+        score = 0.0
+        if start >= 0:
+            score = sample_map(cameras, v, start, map_data, a, b)
+        else:
+            for i in range(people.shape[2]):
+                score = max(score, sample_keypoint(people, v, j, i, u, w))
+        covering += 1
+        total += score
+        support += score > view_threshold
+    return (total / covering if covering else 0.0), support
+
+
+@_jit
+def vote_points(scene, joints, points, view_threshold):
+    """Votes (N,) and supporting views (N,) of points (N, 3) for the joints (N,)."""
+    cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    votes = np.zeros(len(points))
+    support = np.zeros(len(points), np.int64)
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        votes[n], support[n] = vote(
+            cameras, people, map_start, map_data, joints[n], x, y, z, view_threshold
+        )
+    return votes, support
+
+
+@_jit
+def vote_block(scene, first, shape, voxel, view_threshold):
+    """Votes and supporting views (J, nx, ny, nz) at the centres of a block of voxels.
+
+    A projection is shared by all joints.
+    """
+    cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    nx, ny, nz = shape
+    joint_count = map_start.shape[1]
+    votes = np.zeros((joint_count, nx, ny, nz))
+    support = np.zeros((joint_count, nx, ny, nz), np.int64)
+    for cell in range(nx * ny * nz):
+        p, q, s = cell // (ny * nz), cell // nz % ny, cell % nz
+        x, y, z = _centre(first[0] + p, first[1] + q, first[2] + s, voxel)
+        covering = 0
+        for v in range(len(cameras)):
+            u, w, a, b, covered = project(cameras, v, x, y, z)
+            if not covered:
+                continue
+            covering += 1
+            for j in range(joint_count):
+                score = 0.0
+                if map_start[v, j] >= 0:
+                    score = sample_map(cameras, v, map_start[v, j], map_data, a, b)
+                else:
+                    for i in range(people.shape[2]):
+                        score = max(score, sample_keypoint(people, v, j, i, u, w))
+                votes[j, p, q, s] += score
+                support[j, p, q, s] += score > view_threshold
+        for j in range(joint_count):
+            votes[j, p, q, s] /= max(covering, 1)
+    return votes, support
+
+
+@_jit
+def _centre(i, j, k, voxel):
+    return (i + 0.5) * voxel, (j + 0.5) * voxel, (k + 0.5) * voxel
+
+
+@_jit
+def _key(i, j, k):
+    """One number per voxel; smaller ones come first among equal votes."""
+    return ((i + KEY_HALF) << (2 * KEY_BITS)) | ((j + KEY_HALF) << KEY_BITS) | (k + KEY_HALF)
+
+
+@_jit
+def climb(scene, joints, voxels, lower, upper, voxel, view_threshold, eligible, keys, epochs, ranks):
+    """Steepest ascent from voxels (S, 3) for joints (S,), in order of joint, to local maxima (S, 3).
+
+    What it climbs is the vote at the voxel's centre, plus 2 if `eligible` views support it; also returned
+    (S,), 0 where there is nothing to climb. Stays within the voxels lower <= index < upper. The last three
+    arrays, of one size, a power of two, are the memory of votes: a hash table whose entries of earlier
+    epochs count as empty.
+    """
+    cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    tops = voxels.copy()
+    heights = np.zeros(len(voxels))
+    mask = len(keys) - 1
+    epoch, remembered = 0, 0
+    for s in range(len(voxels)):
+        joint = joints[s]
+        if s == 0 or joint != joints[s - 1] or remembered > len(keys) // 2:
+            epoch += 1
+            remembered = 0
+        i, j, k = tops[s, 0], tops[s, 1], tops[s, 2]
+        best = -1.0
+        while True:
+            ci, cj, ck = i, j, k
+            for ni in range(max(ci - 1, lower[0]), min(ci + 2, upper[0])):
+                for nj in range(max(cj - 1, lower[1]), min(cj + 2, upper[1])):
+                    for nk in range(max(ck - 1, lower[2]), min(ck + 2, upper[2])):
+                        key = _key(ni, nj, nk)
+                        slot = ((key * HASH) >> 24) & mask
+                        while epochs[slot] == epoch and keys[slot] != key:
+                            slot = (slot + 1) & mask
+                        if epochs[slot] != epoch:
+                            x, y, z = _centre(ni, nj, nk, voxel)
+                            score, support = vote(
+                                cameras, people, map_start, map_data, joint, x, y, z, view_threshold
+                            )
+                            keys[slot], epochs[slot] = key, epoch
+                            ranks[slot] = score + (2.0 if support >= eligible else 0.0)
+                            remembered += 1
+                        rank = ranks[slot]
+                        if rank > best or (rank == best and rank > 0.0 and key < _key(i, j, k)):
+                            best, i, j, k = rank, ni, nj, nk
+            if best <= 0.0 or (i == ci and j == cj and k == ck):
+                break
+        tops[s, 0], tops[s, 1], tops[s, 2] = i, j, k
+        heights[s] = max(best, 0.0)
+    return tops, heights
+
+
+@_jit
+def person_scores(scene, joints, points):
+    """Scores h_ij (N, V, P) of points (N, 3) for the joints (N,), and which views cover them (N, V)."""
+    cameras, people, map_start = scene.cameras, scene.people, scene.map_start
+    gates, patch_start, patch_table, patch_data = (
+        scene.gates, scene.patch_start, scene.patch_table, scene.patch_data
+    )  # fmt: skip
+    views, joint_count, most = len(cameras), map_start.shape[1], people.shape[2]
+    scores = np.zeros((len(points), views, most))
+    covers = np.zeros((len(points), views), np.bool_)
+    for n in range(len(points)):
+        j = joints[n]
+        for v in range(views):
+            u, w, a, b, covered = project(cameras, v, points[n, 0], points[n, 1], points[n, 2])
+            covers[n, v] = covered
+            if not covered:
+                continue
+            first, last = patch_start[v * joint_count + j], patch_start[v * joint_count + j + 1]
+            for i in range(most):
+                if map_start[v, j] < 0:
+                    scores[n, v, i] = sample_keypoint(people, v, j, i, u, w)
+                    continue
+                dx, dy = people[v, j, i, 0] - u, people[v, j, i, 1] - w
+                near = dx * dx + dy * dy <= gates[v, i]
+                scores[n, v, i] = _sample_patches(
+                    cameras, v, patch_table, patch_data, first, last, i, near, a, b
+                )
+    return scores, covers
+
+
+@_jit
+def _sample_patches(cameras, v, patch_table, patch_data, first, last, person, near, a, b):
+    """The map made of a person's patches and, if near, of those of all people, at a cell."""
+    x0, x1, fx = _corner(a, int(cameras[v, 25]))
+    y0, y1, fy = _corner(b, int(cameras[v, 26]))
+    corners = np.zeros(4)
+    for k in range(first, last):
+        if patch_table[k, 0] != person and not (patch_table[k, 0] == -1 and near):
+            continue
+        column, row, width = patch_table[k, 1], patch_table[k, 2], patch_table[k, 3]
+        for c in range(4):
+            x = (x1 if c & 1 else x0) - column
+            y = (y1 if c & 2 else y0) - row
+            if 0 <= x < width and 0 <= y < patch_table[k, 4]:
+                corners[c] = max(corners[c], patch_data[patch_table[k, 5] + y * width + x])
+    top = corners[0] * (1.0 - fx) + corners[1] * fx
+    bottom = corners[2] * (1.0 - fx) + corners[3] * fx
+    return (top * (1.0 - fy) + bottom * fy) / 255.0
+
+
+@_jit
+def soft_argmax(scene, joints, starts, offsets, softness):
+    """The mean of start + offsets (G, 3), for each start (N, 3), weighted by exp(vote / softness).
+
+    The votes count the views that cover the start. Where there are none, the start stays.
+    """
+    cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    result = starts.copy()
+    votes, scores = np.zeros(len(offsets)), np.zeros(len(offsets))
+    pixels = np.zeros((len(offsets), 2))
+    for n in range(len(starts)):
+        votes[:] = 0.0
+        j, covering = joints[n], 0
+        x, y, z = starts[n, 0], starts[n, 1], starts[n, 2]
+        for v in range(len(cameras)):
+            u0, w0, _, _, covered = project(cameras, v, x, y, z)
+            if not covered:
+                continue
+            covering += 1
+            start = map_start[v, j]
+            reach = 0.0
+            for g in range(len(offsets)):
+                u, w, a, b, covered = project(
+                    cameras, v, x + offsets[g, 0], y + offsets[g, 1], z + offsets[g, 2]
+                )
+                if start >= 0:
+                    if covered:
+                        votes[g] += sample_map(cameras, v, start, map_data, a, b)
+                    continue
+                pixels[g, 0], pixels[g, 1] = (u, w) if covered else (np.inf, np.inf)
+                scores[g] = 0.0
+                if covered:
+                    reach = max(reach, (u - u0) ** 2 + (w - w0) ** 2)
+            if start < 0:
+                _add_keypoints(people, v, j, u0, w0, math.sqrt(reach), pixels, scores)
+                votes += scores
+        _weighted_mean(result[n], offsets, votes, softness * covering)
+    return result
+
+
+@_jit
+def _add_keypoints(people, v, j, u0, w0, reach, pixels, scores):
+    """Largest Gaussian of any person at pixels, all within `reach` of (u0, w0)."""
+    for i in range(people.shape[2]):
+        rate = people[v, j, i, 2]
+        distance = math.sqrt((people[v, j, i, 0] - u0) ** 2 + (people[v, j, i, 1] - w0) ** 2) - reach
+        if not (distance <= 0.0 or distance * distance * rate < GAUSSIAN_END):
+            continue
+        for g in range(len(pixels)):
+            scores[g] = max(scores[g], sample_keypoint(people, v, j, i, pixels[g, 0], pixels[g, 1]))
+
+
+@_jit
+def _weighted_mean(place, offsets, votes, softness):
+    """Move a place (3,) by the mean of the offsets, weighted by exp(vote / softness)."""
+    best = votes.max()
+    if not best > 0.0:
+        return
+    total, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for g in range(len(offsets)):
+        if votes[g] > best - 12.0 * softness:
+            weight = math.exp((votes[g] - best) / softness)
+            total += weight
+            x += weight * offsets[g, 0]
+            y += weight * offsets[g, 1]
+            z += weight * offsets[g, 2]
+    place[0] += x / total
+    place[1] += y / total
+    place[2] += z / total

@@ -1,0 +1,142 @@
+"""The sparse search: local maxima of eq. 1, looked for only where viewing rays of 2D peaks meet."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.domain import Camera
+from panoptic_ros.voting import kernels, map_kernels, ray_kernels
+from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.score_volume import Peaks, sorted_peaks
+from panoptic_ros.voting.volume import Volume
+
+Array = np.ndarray
+MEMORY_SLOTS = 1 << 16  # of the hash table of votes
+
+
+class SeedSearch:
+    """Finds peaks by seeds; holds the memory that is used again in every frame.
+
+    Args:
+        gap: m, largest distance between two rays that may be of one joint.
+        pair_views: rays of at most so many views are paired.
+        max_depth: m, largest distance of a seed from a camera.
+    """
+
+    def __init__(self, gap: float, pair_views: int, max_depth: float):
+        self.gap, self.pair_views, self.max_depth = gap, pair_views, max_depth
+        slots = MEMORY_SLOTS
+        self._memory = (np.zeros(slots, np.int64), np.zeros(slots, np.int64), np.zeros(slots))
+
+    def peaks(
+        self,
+        scene: VoteScene,
+        cameras: Sequence[Camera],
+        volume: Volume,
+        threshold: float,
+        view_threshold: float,
+        enough: int,
+        min_views: int,
+    ) -> Peaks:
+        """Local maxima as `dense_peaks` would find them, those that a seed of `min_views` rays leads to."""
+        joints, points = self.seeds(scene, cameras, view_threshold, min_views)
+        voxels = volume.voxels(points)
+        inside = volume.contains(voxels)
+        start = sorted_peaks(Peaks(joints[inside], voxels[inside], points[inside, 0], joints[inside]))
+        self._memory[1][:] = 0
+        tops, ranks = kernels.climb(
+            scene, start.joints, start.voxels, np.array(volume.lower), np.array(volume.upper),
+            volume.side, view_threshold, enough, *self._memory,
+        )  # fmt: skip
+        climbed = ranks > 0.0
+        top = sorted_peaks(Peaks(start.joints[climbed], tops[climbed], ranks[climbed], start.joints[climbed]))
+        votes, support = kernels.vote_points(scene, top.joints, volume.centres(top.voxels), view_threshold)
+        good = (votes > threshold) & (support >= enough)
+        return Peaks(top.joints[good], top.voxels[good], votes[good], support[good].astype(np.int64))
+
+    def seeds(
+        self, scene: VoteScene, cameras: Sequence[Camera], view_threshold: float, min_views: int = 2
+    ) -> tuple[Array, Array]:
+        """Joints (S,) and points (S, 3) m where rays of `min_views` (two or more) views meet."""
+        joint_count = scene.map_start.shape[1]
+        start, pixels = find_peaks(scene, view_threshold)
+        views = np.repeat(np.arange(len(start) - 1) // max(joint_count, 1), np.diff(start))
+        rays = ray_kernels.pixel_rays(scene.cameras, views, pixels)
+        centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
+        paired = spread(centres, self.pair_views)
+        joints, found = [np.zeros(0, np.int64)], [np.zeros((0, 3))]
+        for joint in range(joint_count):
+            points = self._pair(centres, rays, start, paired, joint, joint_count, min_views)
+            joints.append(np.full(len(points), joint))
+            found.append(points)
+        return np.concatenate(joints), np.concatenate(found)
+
+    def _pair(
+        self, centres: Array, rays: Array, start: Array, paired: Array, joint: int, joint_count: int,
+        min_views: int,
+    ) -> Array:  # fmt: skip
+        size = 1024
+        while True:
+            points = np.zeros((size, 3))
+            total = ray_kernels.pair_seeds(
+                centres, rays, start, paired, joint, joint_count, self.gap, self.max_depth,
+                max(min_views, 2), points,
+            )
+            if total <= size:
+                return points[:total]
+            size = total
+
+
+def find_peaks(scene: VoteScene, threshold: float) -> tuple[Array, Array]:
+    """2D peaks of all views and joints above a threshold.
+
+    3x3 local maxima of the maps, and the keypoints of joints without maps.
+
+    Returns:
+        start (V * J + 1), the first peak of (v, j) being start[v * J + j]; pixels (K, 2).
+    """
+    views, joint_count, _, _ = scene.people.shape
+    maps = (scene.map_start, scene.map_data, scene.cameras[:, 25:27].astype(np.int64))
+    affine = scene.cameras[:, 27:33].reshape(views, 2, 3)
+    patches = (scene.patch_start, scene.patch_table)
+    counts = np.zeros(views * joint_count, np.int64)
+    cells = np.zeros((1024, 2), np.int64)
+    total = map_kernels.count_map_peaks(*maps, *patches, threshold, counts, cells)
+    if total > len(cells):
+        cells = np.zeros((total, 2), np.int64)
+        map_kernels.count_map_peaks(*maps, *patches, threshold, counts, cells)
+    places = map_kernels.peak_centroids(*maps, counts, cells[:total])
+    view = np.repeat(np.arange(len(counts)) // max(joint_count, 1), counts)
+    inverse = np.zeros((views, 2, 2))
+    has_maps = maps[2][:, 0] > 0
+    inverse[has_maps] = np.linalg.inv(affine[has_maps, :, :2])
+    from_maps = np.einsum("kij,kj->ki", inverse[view], places - affine[view, :, 2])
+
+    known = (scene.people[..., 3] > threshold) & (scene.map_start < 0)[..., None]
+    from_people = scene.people[known][:, :2]
+    people = known.sum(axis=2).ravel()
+    key = np.arange(len(counts))
+    keys = np.concatenate([np.repeat(key, counts), np.repeat(key, people)])
+    order = np.argsort(keys, kind="stable")
+    start = np.concatenate([[0], np.cumsum(counts + people)])
+    return start, np.concatenate([from_maps, from_people])[order]
+
+
+def spread(centres: Array, count: int) -> Array:
+    """Which of the views (V,) to take so that `count` of them are far from each other.
+
+    Starts with the one farthest from the middle and adds the farthest from those taken.
+    """
+    taken = np.ones(len(centres), bool)
+    if len(centres) <= count:
+        return taken
+    taken[:] = False
+    distance = np.linalg.norm(centres - centres.mean(axis=0), axis=1)
+    for _ in range(count):
+        farthest = int(np.argmax(distance))
+        gaps = np.linalg.norm(centres - centres[farthest], axis=1)
+        distance = gaps if not taken.any() else np.minimum(distance, gaps)
+        taken[farthest] = True
+        distance[taken] = -1.0
+    return taken

@@ -1,0 +1,83 @@
+"""The working volume: which voxels there are."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import ConfigError
+
+Array = np.ndarray
+EVERYWHERE = 1 << 19  # voxels from the origin along each axis
+
+
+@dataclass(frozen=True, slots=True)
+class Volume:
+    """Voxels lower <= index < upper; the centre of voxel i is at (i + 0.5) * side, m, in the world."""
+
+    lower: tuple[int, int, int]
+    upper: tuple[int, int, int]
+    side: float
+
+    @classmethod
+    def everywhere(cls, side: float) -> Volume:
+        """As far as voxels can be numbered."""
+        return cls((-EVERYWHERE,) * 3, (EVERYWHERE,) * 3, side)
+
+    @classmethod
+    def between(cls, bounds: Sequence[float], side: float) -> Volume:
+        """The voxels that touch the box of least x, y, z and largest x, y, z, m.
+
+        Raises:
+            ConfigError: if that is no box.
+        """
+        if len(bounds) != 6 or not all(a < b for a, b in zip(bounds[:3], bounds[3:])):
+            raise ConfigError(
+                f"volume = {list(bounds)} is no box; give least x, y, z and then largest x, y, z in metres"
+            )
+        lower = tuple(int(np.floor(a / side + 1e-9)) for a in bounds[:3])
+        upper = tuple(int(np.ceil(b / side - 1e-9)) for b in bounds[3:])
+        return cls(lower, upper, side)  # type: ignore[arg-type]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along each axis."""
+        return tuple(b - a for a, b in zip(self.lower, self.upper))  # type: ignore[return-value]
+
+    def contains(self, voxels: Array) -> Array:
+        """Whether voxels (N, 3) are in the volume (N,)."""
+        return ((voxels >= self.lower) & (voxels < self.upper)).all(-1)
+
+    def voxels(self, points: Array) -> Array:
+        """Indices (N, 3) int64 of the voxels of points (N, 3) m."""
+        return np.floor(np.clip(points / self.side, -EVERYWHERE, EVERYWHERE)).astype(np.int64)
+
+    def centres(self, voxels: Array) -> Array:
+        """Centres (N, 3) m of voxels (N, 3)."""
+        return (voxels + 0.5) * self.side
+
+
+def volume_of_rig(rig: Rig, side: float, reach: float = 2.0) -> Volume:
+    """The box round everything near the cameras that at least two of them see.
+
+    Looked for on a grid of 0.25 m, within the box of the cameras and of the point they look at, its
+    mirror image at that point, and `reach` m around.
+    """
+    centres = np.array([camera.centre for camera in rig.cameras])
+    axes = np.array([camera.cam_from_world.rotation[2] for camera in rig.cameras])
+    aside = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    ahead = centres + 4.0 * axes  # weakly, for cameras that look the same way
+    normal = aside.sum(0) + 0.01 * len(rig) * np.eye(3)
+    focus = np.linalg.solve(normal, np.einsum("cij,cj->i", aside, centres) + 0.01 * ahead.sum(0))
+    half = np.abs(centres - focus).max(axis=0) + reach
+    grid = np.stack(np.meshgrid(*(np.arange(-h, h + 0.25, 0.25) for h in half), indexing="ij"), -1)
+    points = focus + grid.reshape(-1, 3)
+    seen = np.zeros(len(points), np.int64)
+    for camera in rig.cameras:
+        seen += camera.sees(points)
+    both = points[seen >= min(2, len(rig))]
+    if not len(both):
+        both = focus[None]
+    return Volume.between([*(both.min(0) - 0.25), *(both.max(0) + 0.25)], side)

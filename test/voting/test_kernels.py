@@ -1,0 +1,80 @@
+"""The compiled kernels against the numpy meaning."""
+import numpy as np
+import pytest
+
+from panoptic_ros.voting import kernels
+from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.score_field import ViewField
+from panoptic_ros.voting.score_volume import vote_reference
+
+LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+
+
+def setting(scenes, maps, distortion):
+    rig = scenes.ring(4, distortion)
+    people = [scenes.person(0.3, 0.2), scenes.person(0.1, -0.3, 1.0)]
+    views = scenes.detect(rig, people, maps).views
+    return rig, people, build_scene(rig.cameras, views, 19), [ViewField(view) for view in views]
+
+
+def points_about(people, rng):
+    near = np.concatenate(people)[rng.integers(0, 38, 150)] + rng.normal(0.0, 0.04, (150, 3))
+    return np.concatenate([near, rng.uniform(-6.0, 6.0, (150, 3))])
+
+
+@pytest.mark.parametrize("distortion", [(), LENS])
+@pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
+def test_votes_are_those_of_numpy(scenes, maps, distortion):
+    rig, people, scene, fields = setting(scenes, maps, distortion)
+    rng = np.random.default_rng(0)
+    points = points_about(people, rng)
+    for joint in (0, 1, 5, 12):
+        expected, support = vote_reference(fields, rig.cameras, joint, points)
+        votes, views_found = kernels.vote_points(scene, np.full(len(points), joint), points, 0.1)
+        assert votes == pytest.approx(expected, abs=1e-12)
+        assert (views_found == support).all()
+        assert expected.max() > 0.3
+
+
+@pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
+def test_scores_of_persons_are_those_of_numpy(scenes, maps):
+    rig, people, scene, fields = setting(scenes, maps, LENS)
+    points = points_about(people, np.random.default_rng(1))
+    joints = np.arange(len(points)) % 19
+    scores, covers = kernels.person_scores(scene, joints, points)
+    assert scores.max() > 0.5
+    for v, (field, camera) in enumerate(zip(fields, rig.cameras)):
+        pixels, seen = camera.project(points)
+        seen &= field.covers(pixels)
+        assert (covers[:, v] == seen).all()
+        for n in np.flatnonzero(seen):
+            for i in range(2):
+                expected = field.sample_person(i, int(joints[n]), pixels[n : n + 1])
+                assert scores[n, v, i] == pytest.approx(expected[0], abs=1e-12)
+
+
+def test_a_block_of_voxels_holds_the_votes_of_its_centres(scenes):
+    _, _, scene, _ = setting(scenes, "merged", LENS)
+    first = np.array([3, 2, 20])
+    votes, support = kernels.vote_block(scene, first, (5, 4, 6), 0.04, 0.1)
+    grid = np.stack(np.meshgrid(*(np.arange(n) for n in (5, 4, 6)), indexing="ij"), -1).reshape(-1, 3)
+    for joint in (2, 6):
+        one, views = kernels.vote_points(
+            scene, np.full(len(grid), joint), (grid + first + 0.5) * 0.04, 0.1
+        )
+        assert (votes[joint].ravel() == one).all()
+        assert (support[joint].ravel() == views).all()
+
+
+def test_eq_1_divides_by_the_views_that_see_the_point(scenes):
+    rig = scenes.ring(4)
+    people = [scenes.person(0.0, 0.0)]
+    views = scenes.detect(rig, people, score=0.8).views
+    scene = build_scene(rig.cameras, views, 19)
+    votes, support = kernels.vote_points(scene, np.array([1]), people[0][1:2], 0.1)
+    assert votes == pytest.approx([0.8])
+    assert support.tolist() == [4]
+    behind = np.array([[4.5 * np.cos(0.1 * np.pi), 4.5 * np.sin(0.1 * np.pi), 1.0]])  # behind camera 0
+    seen = [camera.sees(behind)[0] for camera in rig.cameras]
+    assert sum(seen) in (1, 2, 3)
+    assert not seen[0]
