@@ -34,7 +34,8 @@ class BagWriter:
         with file_errors(self.path, "write"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             shutil.rmtree(self._part, ignore_errors=True)
-            self._writer = Writer(self._part, version=9, storage_plugin=StoragePlugin.MCAP)
+            self._part.mkdir()
+            self._writer = Writer(self._part / self.path.name, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
         self._connections: dict[str, Any] = {}
         self._open = True
@@ -59,7 +60,8 @@ class BagWriter:
             self._open = False
             with file_errors(self.path, "write"):
                 self._writer.close()
-                os.replace(self._part, self.path)
+                os.replace(self._part / self.path.name, self.path)
+                self._part.rmdir()
 
     def discard(self) -> None:
         """Stop and leave nothing behind."""

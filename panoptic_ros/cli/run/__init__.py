@@ -1,0 +1,68 @@
+"""`panoptic run`: cameras, videos, a capture folder or a bag to skeletons."""
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from panoptic_ros.cli.options import add_parameter_options
+from panoptic_ros.io.models import DEFAULT_MODEL
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.add_argument("capture", nargs="?", type=Path, metavar="CAPTURE_DIR", help="a capture folder")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    parser.add_argument("--demo", nargs="?", const="multi", help="the demo capture: multi or single")
+    parser.add_argument("--bag", type=Path, help="a rosbag2 with detections or images")
+    parser.add_argument("--redetect", action="store_true", help="with --bag: use its images, not its detections")
+    parser.add_argument("--rig", type=Path, help="calibration, in place of the capture's own")
+    parser.add_argument("--video", action="append", default=[], metavar="CAMERA=FILE", help="a video or image folder")
+    parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",
+                        help="V4L2 device or RTSP/HTTP address")  # fmt: skip
+    parser.add_argument("--cameras", help="use only these, names separated by commas")
+    parser.add_argument("--frame-rate", type=float, metavar="HZ", help="in place of the files' own")
+    parser.add_argument("--size-policy", choices=("strict", "scale"), default="strict",
+                        help="images of another size than calibrated: refuse, or scale the calibration")  # fmt: skip
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="pose model: name, card or ONNX file")
+    parser.add_argument("--skeleton", default=DEFAULT_SKELETON, help="working skeleton: name or YAML file")
+    parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
+    parser.add_argument("--jpeg", type=int, default=0, metavar="QUALITY",
+                        help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
+    parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
+    parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
+    parser.add_argument("--duration", type=float, metavar="S", help="stop after so many seconds (devices)")
+    add_parameter_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run to the end and leave the results."""
+    from panoptic_ros.cli.run.finish import finish
+    from panoptic_ros.cli.run.plan import make_plan
+    from panoptic_ros.cli.run.results import Results, result_folder
+    from panoptic_ros.cli.run.watch import Watch
+
+    plan = make_plan(args)
+    started = time.monotonic()
+    with result_folder(args.out) as folder, Watch(plan, args.live_view) as watch:
+        results = Results(folder, plan, watch.skeletons)
+        try:
+            def stop() -> bool:
+                return args.duration is not None and time.monotonic() - started > args.duration
+
+            if args.in_process:
+                from panoptic_ros.cli.run.in_process import run_in_process
+
+                counted = {k: dict(v.values()) for k, v in run_in_process(plan, results, stop).items()}
+            else:
+                from panoptic_ros.cli.run.over_dds import run_over_dds
+
+                counted = run_over_dds(plan, results, stop, args.jpeg)
+            results.close()
+        except BaseException:
+            results.discard()
+            raise
+        watch.close()
+        finish(plan, results, counted, pictures=not args.no_pictures, out=args.out)
+    return 0

@@ -1,0 +1,123 @@
+"""What a run leaves in its folder: all of it, or nothing."""
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.cli.run.plan import Plan
+from panoptic_ros.domain import RefinedPoseSet, ViewDetections
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.io.messages.markers import marker_array
+from panoptic_ros.io.plain_formats import write_skeletons
+
+MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
+
+
+@contextmanager
+def result_folder(out: Path) -> Iterator[Path]:
+    """A temporary folder beside `out` that takes its place at the end, or vanishes on an error.
+
+    Raises:
+        UsageError: if `out` is a file, or a folder with other things in it.
+        EnvironmentProblem: if it cannot be written.
+    """
+    out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"--out {out} is a file; give a folder")
+    if out.is_dir() and any(out.iterdir()) and not (out / MARK).is_file():
+        raise UsageError(f"--out {out} holds other things than the results of a run; choose another folder")
+    part = out.with_name(f".{out.name}.{os.getpid()}.part")
+    old = out.with_name(f".{out.name}.{os.getpid()}.old")
+    with file_errors(out, "write"):
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+    try:
+        yield part
+        with file_errors(out, "write"):
+            if out.exists():
+                os.replace(out, old)
+            os.replace(part, out)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+class Results:
+    """Takes the records of a run as they come: into the bag at once, the rest is kept for the end.
+
+    Args:
+        on_skeletons: called with every set of skeletons, e.g. for progress.
+    """
+
+    def __init__(
+        self, folder: Path, plan: Plan, on_skeletons: Callable[[RefinedPoseSet], None] = lambda item: None
+    ):
+        self.folder = folder
+        self.poses: list[RefinedPoseSet] = []
+        self.views: dict[str, list[ViewDetections]] = {name: [] for name in plan.rig.names}
+        self._plan = plan
+        self._on_skeletons = on_skeletons
+        self._bag = BagWriter(folder / "bag")
+        self._shown: set[int] = set()
+        self._started = False
+
+    def take(self, key: str, record: Any) -> None:
+        """A record of the topic of that key; others than detections and skeletons are not kept."""
+        if key == "detections":
+            self._start(record.stamp_ns)
+            self._write(key, record, record.stamp_ns, record.camera)
+            self.views[record.camera].append(_without_maps(record))
+        elif key == "skeletons":
+            self._start(record.stamp_ns)
+            self._write(key, record, record.stamp_ns)
+            self._write_markers(record)
+            self.poses.append(record)
+            self._on_skeletons(record)
+
+    def close(self) -> None:
+        """Write the skeletons and finish the bag."""
+        self._start(0)
+        self._bag.close()
+        write_skeletons(self.folder / "skeletons.json.gz", self._plan.skeleton.joint_names, self.poses)
+
+    def discard(self) -> None:
+        """Give the bag up."""
+        self._bag.discard()
+
+    def _start(self, stamp_ns: int) -> None:
+        """The latched facts stand first in the bag."""
+        if not self._started:
+            self._started = True
+            self._write("rig", self._plan.rig, stamp_ns)
+            self._write("skeleton_model", self._plan.skeleton, stamp_ns)
+
+    def _write(self, key: str, record: Any, stamp_ns: int, camera: str = "") -> None:
+        topic = "/" + TOPICS[key].name.format(camera=camera)
+        message = to_message(record, bag_messages(), self._plan.rig.frame_id)
+        self._bag.write(topic, stamp_ns, message)
+
+    def _write_markers(self, record: RefinedPoseSet) -> None:
+        there = set(record.ids.tolist())
+        message = marker_array(
+            record, self._plan.skeleton, self._plan.rig.frame_id, self._shown - there, bag_messages()
+        )
+        self._shown = there
+        self._bag.write("/" + TOPICS["markers"].name, record.stamp_ns, message)
+
+
+def _without_maps(view: ViewDetections) -> ViewDetections:
+    """The report needs the people alone; maps would fill the memory."""
+    if view.maps is None:
+        return view
+    return ViewDetections(
+        view.camera, view.stamp_ns, view.frame_number, view.image_size, view.skeleton_hash,
+        view.points, view.scores, view.person_scores,
+    )  # fmt: skip

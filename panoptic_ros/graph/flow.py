@@ -1,0 +1,49 @@
+"""The two ways in which data flow through the graph, in one place.
+
+Live: newest first. Queues are short and drop the oldest; every drop is counted.
+Replay: nothing is lost however slow the machine. Sources wait for what comes out: a source has at
+most `window` frames under way, and every queue is longer than that. Topics keep their messages for
+readers that are matched late, so nothing depends on the order in which processes start.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Flow:
+    """How one node queues.
+
+    Args:
+        name: "live" or "replay".
+        depth: of the middleware's queues, messages per topic.
+        keeps_for_late: whether a reader that is matched late still gets what was sent before.
+        queue_limit: of the node's own queue per topic; None: not limited here.
+        window: replay: instants that a source may have under way between it and /skeletons.
+        image_window: replay: images that it may have under way between it and the detector.
+    """
+
+    name: str
+    depth: int
+    keeps_for_late: bool
+    queue_limit: int | None
+    window: int = 0
+    image_window: int = 0
+
+
+def make_flow(name: str, window: int = 12) -> Flow:
+    """The flow of that name.
+
+    Args:
+        window: see `Flow`; must exceed the lag of refinement, in frames.
+
+    Raises:
+        ConfigError: if there is no such flow.
+    """
+    if name == "live":
+        return Flow("live", depth=2, keeps_for_late=False, queue_limit=2)
+    if name == "replay":
+        return Flow("replay", window + 8, True, None, window, image_window=4)
+    raise ConfigError(f"there is no flow {name!r}; there are live and replay")

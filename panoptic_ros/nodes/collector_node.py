@@ -1,0 +1,69 @@
+"""The launcher's own node: takes what the graph gives, and knows when it is over."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rclpy.node import Node
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.flow import Flow
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.nodes.family import message_class
+from panoptic_ros.nodes.quality import collecting_quality
+from panoptic_ros.nodes.streams import StreamEnds
+
+
+class CollectorNode(Node):
+    """Hands every record of some topics to a function, and keeps the last diagnostics of every node.
+
+    Args:
+        cameras: whose detections are taken.
+        on_record: called with (key of the topic, record).
+    """
+
+    def __init__(self, flow: Flow, cameras: Iterable[str], on_record: Callable[[str, Any], None]):
+        super().__init__("collector")
+        self.over = False
+        self.bad_messages = 0
+        self.diagnostics: dict[str, dict[str, str]] = {}
+        self._on_record = on_record
+        self._quality = collecting_quality(flow)
+        self._ends = StreamEnds(self, self._end)
+        self._kept = [self._subscribe("detections", camera) for camera in cameras]
+        self._skeletons = self._subscribe("skeletons", "")
+        self._ends.watch(self._skeletons.topic_name)
+        self._kept.append(
+            self.create_subscription(
+                message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", self._take_status, 100
+            )
+        )
+
+    def finished(self, names: Iterable[str]) -> bool:
+        """Whether these nodes have said that they are through."""
+        return all(self.diagnostics.get(name, {}).get("finished") == "true" for name in names)
+
+    def _subscribe(self, key: str, camera: str) -> Any:
+        topic = TOPICS[key]
+
+        def take(message: Any) -> None:
+            try:
+                self._on_record(key, from_message(message, topic.record))
+            except DataError as error:
+                self.bad_messages += 1
+                self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+            if key == "skeletons":
+                self._ends.taken(self._skeletons.topic_name)
+
+        kind = message_class(topic.message)
+        return self.create_subscription(kind, topic.name.format(camera=camera), take, self._quality)
+
+    def _end(self, topic: str) -> None:
+        self.over = True
+
+    def _take_status(self, message: Any) -> None:
+        for status in message.status:
+            if status.name.startswith("panoptic: "):
+                values = {pair.key: pair.value for pair in status.values}
+                self.diagnostics[status.name.removeprefix("panoptic: ")] = values

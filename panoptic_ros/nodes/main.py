@@ -1,0 +1,152 @@
+"""Executables: `ros2 run panoptic_ros <node>`, and `host`, which runs the nodes of a launcher's file."""
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.errors import UsageError
+from panoptic_ros.io.detector_context import detector_extras
+from panoptic_ros.io.models import DEFAULT_MODEL
+from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+from panoptic_ros.nodes.markers_node import MarkersNode
+from panoptic_ros.nodes.runtime import leave, run_nodes
+from panoptic_ros.nodes.sources import make_bag_node, make_camera_node
+from panoptic_ros.nodes.stage_node import StageNode
+from panoptic_ros.nodes.statics_node import StaticsNode
+
+
+def _detector(node: Node, skeleton: SkeletonModel) -> Mapping[str, Any]:
+    """The detection stage's extras: the model of the parameter `model`."""
+    if not node.has_parameter("model"):
+        node.declare_parameter("model", DEFAULT_MODEL)
+    return detector_extras(node.get_parameter("model").value, skeleton.name)[1]
+
+
+def make_stage_node(stage: str, overrides: Mapping[str, Any] = {}) -> StageNode:
+    """The node of a stage."""
+    return StageNode(stage, overrides, _detector if stage == "detection" else None)
+
+
+def _stage_main(stage: str) -> None:
+    leave(run_nodes(lambda: [make_stage_node(stage)]))
+
+
+def timecode() -> None:
+    """LTC timecode from audio."""
+    _stage_main("timecode")
+
+
+def detection() -> None:
+    """2D people from images."""
+    _stage_main("detection")
+
+
+def sync() -> None:
+    """Views of one instant together."""
+    _stage_main("sync")
+
+
+def voting() -> None:
+    """Node and part proposals."""
+    _stage_main("voting")
+
+
+def assembly() -> None:
+    """Skeletons from proposals."""
+    _stage_main("assembly")
+
+
+def tracking() -> None:
+    """Identities."""
+    _stage_main("tracking")
+
+
+def refinement() -> None:
+    """Smoothed skeletons, /skeletons."""
+    _stage_main("refinement")
+
+
+def markers() -> None:
+    """Skeletons for RViz and Foxglove."""
+    leave(run_nodes(lambda: [MarkersNode()]))
+
+
+class _Arguments(Node):
+    """Reads the parameters of an executable before its node is made."""
+
+    def __init__(self, name: str):
+        super().__init__(name)
+
+    def text(self, name: str, default: str = "") -> str:
+        """A string parameter."""
+        return str(self.declare_parameter(name, default).value)
+
+
+def rig() -> None:
+    """Publishes the rig (parameter `rig`, a file) and the skeleton model (`skeleton`, `model`)."""
+
+    def make() -> Sequence[Any]:
+        arguments = _Arguments("rig_parameters")
+        path, skeleton = arguments.text("rig"), arguments.text("skeleton", DEFAULT_SKELETON)
+        model = arguments.text("model", DEFAULT_MODEL)
+        arguments.destroy_node()
+        if not path:
+            raise UsageError("node rig needs the parameter `rig`, the path of a calibration")
+        return [StaticsNode(read_rig(Path(path)), detector_extras(model, skeleton)[0])]
+
+    leave(run_nodes(make))
+
+
+def camera() -> None:
+    """One camera: parameters `camera`, `rig`, and `video` (a file or folder) or `device`."""
+
+    def make() -> Sequence[Any]:
+        arguments = _Arguments("camera_parameters")
+        name, path = arguments.text("camera"), arguments.text("rig")
+        video, device = arguments.text("video"), arguments.text("device")
+        quality = int(arguments.declare_parameter("jpeg_quality", 90).value)
+        flow = arguments.text("flow", "live")
+        arguments.destroy_node()
+        if not name or not path or bool(video) == bool(device):
+            raise UsageError("node camera needs the parameters `camera`, `rig`, and `video` or `device`")
+        source = {"kind": "file", "path": video} if video else {"kind": "device", "device": device}
+        return [make_camera_node(name, read_rig(Path(path)), source, {"flow": flow}, quality)]
+
+    leave(run_nodes(make))
+
+
+def host(arguments: Sequence[str] | None = None) -> int:
+    """Run one process of a launcher's file: `host FILE PROCESS`."""
+    path, process = list(sys.argv[1:] if arguments is None else arguments)
+    document = json.loads(Path(path).read_text())
+    rig_of_run = read_rig(Path(document["rig"]))
+
+    def make() -> Sequence[Any]:
+        return [_hosted(entry, rig_of_run) for entry in document["processes"][process]]
+
+    return run_nodes(make, [])
+
+
+def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
+    overrides = dict(entry.get("parameters", {}))
+    if entry["kind"] == "stage":
+        return make_stage_node(entry["name"], overrides)
+    if entry["kind"] == "camera":
+        quality = int(entry.get("jpeg_quality", 0))
+        return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
+    if entry["kind"] == "bag":
+        return make_bag_node(Path(entry["path"]), entry["topics"], overrides, bool(entry["images"]))
+    if entry["kind"] == "markers":
+        return MarkersNode(overrides.get("flow", "live"))
+    raise UsageError(f"there is no node of kind {entry['kind']!r}")
+
+
+if __name__ == "__main__":
+    leave(host(sys.argv[2:] if sys.argv[1:2] == ["host"] else sys.argv[1:]))

@@ -1,0 +1,45 @@
+"""A stage's configuration as ROS parameters: declared with range and description, read back."""
+from __future__ import annotations
+
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterValueException, ParameterAlreadyDeclaredException
+from rclpy.node import Node
+
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.params import Config, Param, describe, load
+
+_WIDE = 1e18  # stands for a bound that is not there: ROS ranges need both ends
+
+
+def declare_config(node: Node, cls: type[Config]) -> Config:
+    """Declare all parameters of a configuration and return what they are set to.
+
+    Raises:
+        ConfigError: if a value from the command line or a file is out of range or of another type.
+    """
+    values: dict[str, Any] = {}
+    for item in describe(cls):
+        default = list(item.default) if isinstance(item.default, tuple) else item.default
+        try:
+            value = node.declare_parameter(item.name, default, _descriptor(item)).value
+        except (InvalidParameterValueException, ParameterAlreadyDeclaredException) as error:
+            raise ConfigError(f"parameter {node.get_name()}.{item.name}: {error}") from None
+        values[item.name] = value if not isinstance(item.default, tuple) else list(value or [])
+    return load(cls, values, where=f"{node.get_name()}.")
+
+
+def _descriptor(item: Param) -> ParameterDescriptor:
+    text = f"{item.doc} [{item.unit}]" if item.unit else item.doc
+    descriptor = ParameterDescriptor(description=text, read_only=True)
+    if item.choices:
+        descriptor.additional_constraints = "one of " + ", ".join(item.choices)
+    bounded = item.ge is not None or item.le is not None
+    low = item.ge if item.ge is not None else -_WIDE
+    high = item.le if item.le is not None else _WIDE
+    if bounded and item.type is float:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    if bounded and item.type is int:
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    return descriptor

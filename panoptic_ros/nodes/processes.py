@@ -1,0 +1,89 @@
+"""Child processes of a launcher: started, watched, and ended in any case."""
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from panoptic_ros.errors import ContractError, UserError
+from panoptic_ros.io.resources import share_folder
+
+
+class Processes:
+    """The processes of one launch file; a context manager that leaves none behind.
+
+    Each child leads a session of its own, so that Ctrl-C reaches the launcher alone, which then ends
+    them in order. What they print goes to one log file each.
+    """
+
+    def __init__(self, launch_file: Path, names: Iterable[str], logs: Path):
+        self._logs = logs
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        environment = child_environment()
+        logs.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            with (logs / f"{name}.log").open("wb") as log:
+                self._children[name] = subprocess.Popen(
+                    [sys.executable, "-m", "panoptic_ros.nodes.main", "host", str(launch_file), name],
+                    stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                    env=environment, start_new_session=True,
+                )  # fmt: skip
+
+    def check(self) -> None:
+        """Look whether all children run.
+
+        Raises:
+            UserError: with the line that a child printed, if it ended for what the user can mend.
+            ContractError: if it broke down.
+        """
+        for name, child in self._children.items():
+            code = child.poll()
+            if code is None:
+                continue
+            lines = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
+            said = [line.removeprefix("panoptic: ") for line in lines if line.startswith("panoptic: ")]
+            if code == 2 and said:
+                raise UserError(said[-1])
+            tail = " | ".join(lines[-3:])
+            raise ContractError(f"process {name} ended with exit code {code}: {tail or 'it said nothing'}")
+
+    def stop(self, patience_s: float = 8.0) -> None:
+        """End all children: SIGINT first, SIGKILL for those who do not listen."""
+        for child in self._children.values():
+            if child.poll() is None:
+                child.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + patience_s
+        for child in self._children.values():
+            try:
+                child.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.stop(8.0 if exception[0] is None else 3.0)
+
+
+def prepare_environment() -> None:
+    """Settings for this process's own part in the graph; what the user has set stays.
+
+    Large images need a larger shared memory segment than the middleware's default, and a replay is
+    nobody else's business: discovery stays on this machine.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    profile = share_folder() / "config" / "fastdds.xml"
+    if profile.is_file():
+        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
+
+
+def child_environment() -> dict[str, str]:
+    """The environment of the children: one thread each for BLAS, as there are many processes."""
+    threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+    return {**threads, **os.environ, "PYTHONUNBUFFERED": "1"}

@@ -1,0 +1,41 @@
+"""QoS profiles of the graph's topics, from the flow."""
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from panoptic_ros.graph.flow import Flow
+
+LATCHED = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+END_OF_STREAM = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+
+def data_quality(flow: Flow) -> QoSProfile:
+    """For frames, detections and everything after them.
+
+    Publishers are reliable in both flows, so that subscribers may choose.
+    """
+    late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=flow.depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=late,
+    )
+
+
+def collecting_quality(flow: Flow) -> QoSProfile:
+    """For a subscriber that wants every message, however late it gets to them."""
+    late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE, durability=late
+    )

@@ -1,0 +1,60 @@
+"""Running nodes in this process until they are done or somebody stops them."""
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from panoptic_ros.errors import ContractError, PanopticError
+
+
+def run_nodes(make: Callable[[], Sequence[Any]], arguments: Sequence[str] | None = None) -> int:
+    """Make nodes, spin them on one executor, and end cleanly on SIGINT and SIGTERM.
+
+    Args:
+        make: called after rclpy is initialised; the nodes have `fault`, `healthy` and `close()`.
+
+    Returns:
+        the exit code: 0, or that of the error that ended a node, which is printed in one line.
+    """
+    rclpy.init(args=list(arguments) if arguments is not None else None)
+    nodes: Sequence[Any] = ()
+    executor = SingleThreadedExecutor()
+    try:
+        nodes = make()
+        for node in nodes:
+            executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.2)
+            sick = next((node for node in nodes if not node.healthy), None)
+            if sick is not None:
+                raise sick.fault or ContractError(f"node {sick.get_name()} broke down; see above")
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    except PanopticError as error:
+        print(f"panoptic: {error}", file=sys.stderr, flush=True)
+        return error.exit_code
+    except rclpy.handle.InvalidHandle:
+        if rclpy.ok():
+            raise
+    finally:
+        for node in nodes:
+            node.close()
+        executor.shutdown()
+        for node in nodes:
+            with suppress(rclpy.handle.InvalidHandle):
+                node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def leave(code: int) -> None:
+    """End the process now; threads that block in a device or a network must not hold it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

@@ -1,0 +1,161 @@
+"""Sources: cameras (devices and files) and bags, publishing in the flow that was asked for."""
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from panoptic_ros.domain import Camera
+from panoptic_ros.errors import PanopticError
+from panoptic_ros.graph.counters import StageStatistics
+from panoptic_ros.graph.flow import make_flow
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import (
+    camera_info_message,
+    compressed_image_message,
+    image_message,
+)
+from panoptic_ros.nodes.credit import Credit
+from panoptic_ros.nodes.diagnostics import Diagnostics
+from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.quality import data_quality
+from panoptic_ros.nodes.streams import StreamEnds
+
+STALL_S = 20.0  # replay: nothing comes out for so long: send one more, in case a set was refused
+
+
+@dataclass(frozen=True)
+class Outgoing:
+    """Messages to send together: (publisher's key, message)."""
+
+    stamp_ns: int
+    messages: tuple[tuple[str, Any], ...]
+
+
+class SourceNode(Node):
+    """Publishes what an iterator gives, from a thread of its own.
+
+    Parameters: `flow` and `window` as in `StageNode`.
+
+    Args:
+        topics: key -> (topic, message type) of the publishers; the first one is the one that counts.
+        detections: topic whose messages show that an image has been dealt with, if images are sent.
+        messages_per_instant: how many the source sends for one instant (a bag sends for all cameras).
+        heavy: the messages are images from a bag; the smaller window counts.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        topics: Mapping[str, tuple[str, str]],
+        overrides: Mapping[str, Any] = {},
+        detections: str | None = None,
+        messages_per_instant: int = 1,
+        heavy: bool = False,
+    ):
+        super().__init__(
+            name, parameter_overrides=[Parameter(k, value=value) for k, value in overrides.items()]
+        )
+        self._flow = make_flow(
+            self.declare_parameter("flow", "live").value, self.declare_parameter("window", 12).value
+        )
+        quality = data_quality(self._flow)
+        self._publishers_by_key = {
+            key: self.create_publisher(message_class(kind), topic, quality)
+            for key, (topic, kind) in topics.items()
+        }
+        self._sent = dict.fromkeys(topics, 0)
+        self._statistics = StageStatistics()
+        self._diagnostics = Diagnostics(self, self._statistics)
+        self._ends = StreamEnds(self, lambda topic: None)
+        self._credits: list[Credit] = []
+        if self._flow.name == "replay":
+            out = TOPICS["skeletons"]
+            window = self._flow.image_window if heavy else self._flow.window
+            window *= messages_per_instant
+            self._credits.append(Credit(self, self._flow, out.name, out.message, window))
+            if detections is not None:
+                kind = TOPICS["detections"].message
+                self._credits.append(Credit(self, self._flow, detections, kind, self._flow.image_window))
+        self._stopping = threading.Event()
+        self._fault: PanopticError | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def fault(self) -> PanopticError | None:
+        """What ended the source before its end, if anything did."""
+        return self._fault
+
+    @property
+    def healthy(self) -> bool:
+        """False after a fault, or a bug."""
+        alive = self._thread is None or self._thread.is_alive() or self._diagnostics.finished
+        return self._fault is None and alive
+
+    def start(self, outgoing: Iterable[Outgoing]) -> None:
+        """Begin to send."""
+        self._thread = threading.Thread(target=self._run, args=(iter(outgoing),), daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop sending."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join(timeout=5.0)
+
+    def _run(self, outgoing: Iterator[Outgoing]) -> None:
+        try:
+            for item in outgoing:
+                for credit in self._credits:
+                    self._wait(credit)
+                if self._stopping.is_set():
+                    return
+                for credit in self._credits:
+                    credit.sent(item.stamp_ns)
+                for key, message in item.messages:
+                    self._publishers_by_key[key].publish(message)
+                    self._sent[key] += 1
+                self._statistics.given += 1
+        except PanopticError as error:
+            self._fault = error
+            return
+        for key, publisher in self._publishers_by_key.items():
+            self._ends.announce(publisher.topic_name, self._sent[key])
+        self._diagnostics.finished = True
+        self._diagnostics.publish()
+
+    def _wait(self, credit: Credit) -> None:
+        waited = 0.0
+        while not self._stopping.is_set() and not credit.wait(0.5):
+            waited += 0.5
+            if waited >= STALL_S:
+                self._statistics.notices["source.stalled"] += 1
+                self.get_logger().warning(f"nothing has come out for {STALL_S:g} s; sending one more")
+                return
+
+
+def camera_topics(camera: str, compressed: bool) -> dict[str, tuple[str, str]]:
+    """Publishers of a camera node, for `SourceNode`."""
+    image = TOPICS["compressed_image" if compressed else "image"]
+    info = TOPICS["camera_info"]
+    return {
+        "image": (image.name.format(camera=camera), image.message),
+        "camera_info": (info.name.format(camera=camera), info.message),
+    }
+
+
+def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
+    """Image (JPEG if a quality is given, else raw) and CameraInfo of every frame."""
+    family = ros_messages()
+    for frame in frames:
+        image = (
+            compressed_image_message(frame, family, jpeg_quality)
+            if jpeg_quality
+            else image_message(frame, family)
+        )
+        info = camera_info_message(camera, frame.stamp_ns, family)
+        yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info)))

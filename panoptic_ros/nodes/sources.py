@@ -1,0 +1,82 @@
+"""Making source nodes from a plain description, as it stands in a launcher's file or in parameters."""
+from __future__ import annotations
+
+import heapq
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.capture import open_capture_folder, open_files
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.nodes.source_node import Outgoing, SourceNode, camera_messages, camera_topics
+
+
+def make_camera_node(
+    camera: str, rig: Rig, source: Mapping[str, Any], overrides: Mapping[str, Any], jpeg_quality: int
+) -> SourceNode:
+    """A node that publishes one camera's images.
+
+    Args:
+        source: {"kind": "folder" | "file" | "device", "path" or "device", and what opening takes}.
+        jpeg_quality: 0 = raw images.
+
+    Raises:
+        UserError: as the source's opening.
+    """
+    frames, fitted = _open(camera, rig, source)
+    detections = TOPICS["detections"].name.format(camera=camera)
+    node = SourceNode(
+        f"camera_{camera}", camera_topics(camera, bool(jpeg_quality)), overrides, detections
+    )
+    node.start(camera_messages(frames, fitted.camera(camera), jpeg_quality))
+    return node
+
+
+def _open(camera: str, rig: Rig, source: Mapping[str, Any]) -> tuple[Any, Rig]:
+    options = {k: v for k, v in source.items() if k not in ("kind", "path", "device")}
+    if source["kind"] == "folder":
+        capture = open_capture_folder(Path(source["path"]), rig=rig, cameras=[camera], **options)
+        return capture.sources[0], capture.rig
+    if source["kind"] == "file":
+        capture = open_files(rig.subset([camera]), {camera: Path(source["path"])}, **options)
+        return capture.sources[0], capture.rig
+    if source["kind"] == "device":
+        from panoptic_ros.capture import open_device
+
+        return open_device(camera, source["device"], **options), rig
+    raise UsageError(f"camera {camera}: there is no source of kind {source['kind']!r}")
+
+
+def make_bag_node(
+    path: Path, topics: Mapping[str, str], overrides: Mapping[str, Any], images: bool
+) -> SourceNode:
+    """A node that publishes topics of a bag, merged by the stamps of their headers.
+
+    Args:
+        topics: topic in the bag -> topic to publish.
+        images: whether they are images, of which fewer may be under way.
+    """
+    reader = BagReader(path)
+    publishers = {topic: (topics[topic], reader.topics[topic]) for topic in topics}
+    scale = max(1, len(topics))  # the window counts instants, the source counts messages
+    node = SourceNode("bag", publishers, overrides, messages_per_instant=scale, heavy=images)
+    node.start(_merged(path, list(topics)))
+    return node
+
+
+def _merged(path: Path, topics: list[str]) -> Iterator[Outgoing]:
+    streams = [_stamped(path, topic, order) for order, topic in enumerate(topics)]
+    for stamp, _, topic, data in heapq.merge(*streams, key=lambda row: row[:2]):
+        yield Outgoing(stamp, ((topic, data),))
+
+
+def _stamped(path: Path, topic: str, order: int) -> Iterator[tuple[int, int, str, bytes]]:
+    """Messages of one topic as they are, with the stamp that stands first in them."""
+    with BagReader(path) as reader:
+        for _, _, data, _ in reader.raw(topic):
+            seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
+            yield seconds * 1_000_000_000 + nanoseconds, order, topic, bytes(data)

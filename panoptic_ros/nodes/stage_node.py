@@ -1,0 +1,221 @@
+"""The one adapter round every stage: subscribe, convert, step, publish, report."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from panoptic_ros.domain import EndOfStream, Rig, SkeletonModel
+from panoptic_ros.errors import DataError, PanopticError
+from panoptic_ros.graph.build import make_stage, resolve
+from panoptic_ros.graph.counters import StageStatistics
+from panoptic_ros.graph.flow import make_flow
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import frame_from_message, from_message, to_message
+from panoptic_ros.nodes.diagnostics import Diagnostics
+from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.parameters import declare_config
+from panoptic_ros.nodes.quality import LATCHED, data_quality
+from panoptic_ros.nodes.streams import StreamEnds
+from panoptic_ros.nodes.worker import Worker
+from panoptic_ros.stage import Notice, StageContext
+
+Extras = Callable[[Node, SkeletonModel], Mapping[str, Any]]  # what a stage needs beyond the context
+
+
+@dataclass
+class _Input:
+    """One subscribed topic: whose it is, what it carries, and how much came."""
+
+    topic: str  # full name
+    scope: str  # camera or device, "" for topics of the graph
+    record: str
+    count: int = 0
+    last_number: int | None = None
+    over: bool = False
+
+
+class StageNode(Node):
+    """A node for one stage of `graph.nodes.NODES`.
+
+    Waits for the latched rig and skeleton model, then builds the stage. A message with bad content is
+    counted, reported on /diagnostics and dropped; any other error ends the node (see `fault`).
+
+    Parameters: those of the stage's configuration; `flow` (live or replay), `window` (see
+    `graph.flow`), `cameras` (only these; empty: all of the rig), `devices` (audio devices).
+    """
+
+    def __init__(self, stage: str, overrides: Mapping[str, Any] = {}, extras: Extras | None = None):
+        super().__init__(
+            stage, parameter_overrides=[Parameter(name, value=value) for name, value in overrides.items()]
+        )
+        self._spec = NODES[stage]
+        self._extras = extras
+        self._flow = make_flow(
+            self.declare_parameter("flow", "live").value, self.declare_parameter("window", 12).value
+        )
+        self._cameras = self._names("cameras")
+        self._devices = self._names("devices")
+        self._compressed = bool(self.declare_parameter("compressed", False).value)
+        self._config = declare_config(self, resolve(self._spec.config))
+        self._statistics = StageStatistics()
+        self._diagnostics = Diagnostics(self, self._statistics)
+        self._stage: Any = None
+        self._rig: Rig | None = None
+        self._skeleton: SkeletonModel | None = None
+        self._inputs: dict[str, _Input] = {}
+        self._outputs: dict[str, Any] = {}
+        self._sent: dict[str, int] = {}
+        self._fault: PanopticError | None = None
+        self._worker = Worker(self._work, self._flow.queue_limit, self._dropped)
+        self._ends = StreamEnds(self, lambda topic: self._worker.put(topic, (topic, None), droppable=False))
+        self._latched = [
+            self.create_subscription(message_class(TOPICS[key].message), TOPICS[key].name, take, LATCHED)
+            for key, take in (("rig", self._take_rig), ("skeleton_model", self._take_skeleton))
+        ]
+
+    def _names(self, parameter: str) -> list[str]:
+        return list(self.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
+
+    @property
+    def fault(self) -> PanopticError | None:
+        """What ended this node, if anything did."""
+        return self._fault or self._worker.fault
+
+    @property
+    def healthy(self) -> bool:
+        """False after a fault or a bug."""
+        return self._fault is None and self._worker.alive
+
+    def close(self) -> None:
+        """Stop the worker."""
+        self._worker.stop()
+
+    # -------------------------------------------------------------- start
+
+    def _take_rig(self, message: Any) -> None:
+        self._guard(lambda: setattr(self, "_rig", from_message(message, "Rig")))
+
+    def _take_skeleton(self, message: Any) -> None:
+        self._guard(lambda: setattr(self, "_skeleton", from_message(message, "SkeletonModel")))
+
+    def _guard(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+            if self._stage is None and self._rig is not None and self._skeleton is not None:
+                self._start(self._rig, self._skeleton)
+        except PanopticError as error:
+            self._fault = error
+
+    def _start(self, rig: Rig, skeleton: SkeletonModel) -> None:
+        extras = self._extras(self, skeleton) if self._extras else {}
+        used = rig.subset(self._cameras) if self._cameras else rig
+        self._stage = make_stage(self._spec.name, self._config, StageContext(used, skeleton, extras))
+        quality = data_quality(self._flow)
+        gives = TOPICS[self._spec.gives]
+        for scope in self._scopes(gives.scope, used):
+            self._outputs[scope] = self.create_publisher(
+                message_class(gives.message), gives.name.format(camera=scope, device=scope), quality
+            )
+        for key in self._spec.takes:
+            topic = TOPICS["compressed_image" if key == "image" and self._compressed else key]
+            for scope in self._scopes(topic.scope, used):
+                name = topic.name.format(camera=scope, device=scope)
+                subscription = self.create_subscription(
+                    message_class(topic.message), name, self._receiver(scope, topic.record), quality
+                )
+                full = subscription.topic_name
+                self._inputs[full] = _Input(full, scope, topic.record)
+                self._ends.watch(full)
+        self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
+
+    def _scopes(self, scope: str, rig: Rig) -> list[str]:
+        return {"camera": list(rig.names), "device": self._devices, "graph": [""]}[scope]
+
+    # --------------------------------------------------------------- work
+
+    def _receiver(self, scope: str, record: str) -> Callable[[Any], None]:
+        def receive(message: Any) -> None:
+            self._worker.put(scope, (scope, message))
+
+        return receive
+
+    def _dropped(self, scope: str) -> None:
+        self._statistics.dropped["queue_full"] += 1
+
+    def _work(self, item: tuple[str, Any]) -> None:
+        """Process one message, or the end of a topic (message None)."""
+        key, message = item
+        if message is None:
+            self._end(self._inputs[key])
+            return
+        source = next(entry for entry in self._inputs.values() if entry.scope == key)
+        start = time.perf_counter_ns()
+        try:
+            record = self._record(source, message)
+            self._count_gap(source, record)
+            result = self._stage.step(record)
+        except DataError as error:
+            self._statistics.dropped["bad_message"] += 1
+            self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+        else:
+            self._statistics.taken += 1
+            self._publish(result)
+            self._statistics.add_duration(time.perf_counter_ns() - start)
+        finally:
+            source.count += 1
+            self._ends.taken(source.topic)
+
+    def _record(self, source: _Input, message: Any) -> Any:
+        if source.record == "ViewFrame":
+            return frame_from_message(message, source.scope, source.count)
+        return from_message(message, source.record)
+
+    def _count_gap(self, source: _Input, record: Any) -> None:
+        """Numbers that are left out are messages that the middleware dropped, or the node before."""
+        number = getattr(record, "index", getattr(record, "frame_number", None))
+        if number is not None:
+            if source.last_number is not None and number > source.last_number + 1:
+                self._statistics.dropped["never_came"] += number - source.last_number - 1
+            source.last_number = number
+
+    def _publish(self, result: Any) -> None:
+        for notice in result.notices:
+            self._note(notice)
+        frame_id = self._rig.frame_id if self._rig else "world"
+        for record in result.outputs:
+            scope = "" if "" in self._outputs else getattr(record, "camera", None) or record.device
+            publisher = self._outputs[scope]
+            publisher.publish(to_message(record, ros_messages(), frame_id))
+            self._sent[scope] = self._sent.get(scope, 0) + 1
+            self._statistics.given += 1
+
+    def _note(self, notice: Notice) -> None:
+        first = not self._statistics.notices[notice.code]
+        self._statistics.notices[notice.code] += 1
+        if first and notice.severity != "info":
+            self.get_logger().warning(f"{notice.code}: {notice.text} (told once, counted on /diagnostics)")
+
+    # ---------------------------------------------------------------- end
+
+    def _end(self, source: _Input) -> None:
+        """A topic is over (replay)."""
+        source.over = True
+        if self._spec.name == "sync":
+            self._publish(self._stage.step(EndOfStream(source.scope)))
+        if source.scope in self._outputs and source.scope:
+            self._announce(source.scope)
+        if all(entry.over for entry in self._inputs.values()):
+            self._publish(self._stage.flush())
+            if "" in self._outputs:
+                self._announce("")
+            self._diagnostics.finished = True
+            self._diagnostics.publish()
+
+    def _announce(self, scope: str) -> None:
+        self._ends.announce(self._outputs[scope].topic_name, self._sent.get(scope, 0))

@@ -1,0 +1,68 @@
+"""The latched facts of a capture: rig and skeleton model, and static transforms where ROS has TF."""
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from scipy.spatial.transform import Rotation
+
+from panoptic_ros.domain import Camera, Rig, SkeletonModel
+from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import to_message
+from panoptic_ros.io.messages.images import optical_frame
+from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.quality import LATCHED
+
+
+class StaticsNode(Node):
+    """Publishes rig, skeleton model and, where tf2_msgs is installed, /tf_static."""
+
+    fault = None
+    healthy = True
+
+    def __init__(self, rig: Rig, skeleton: SkeletonModel, name: str = "rig"):
+        super().__init__(name)
+        self._kept = [
+            self._latch(key, record) for key, record in (("rig", rig), ("skeleton_model", skeleton))
+        ]
+        self._publish_transforms(rig)
+
+    def close(self) -> None:
+        """Nothing to stop."""
+
+    def _latch(self, key: str, record: Rig | SkeletonModel) -> Any:
+        topic = TOPICS[key]
+        publisher = self.create_publisher(message_class(topic.message), topic.name, LATCHED)
+        publisher.publish(to_message(record, ros_messages()))
+        return publisher
+
+    def _publish_transforms(self, rig: Rig) -> None:
+        try:
+            kind = message_class("tf2_msgs/msg/TFMessage")
+        except EnvironmentProblem:
+            self.get_logger().info("no /tf_static: the package tf2_msgs is not installed")
+            return
+        quality = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        publisher = self.create_publisher(kind, "/tf_static", quality)
+        publisher.publish(kind(transforms=[_transform(camera, rig.frame_id) for camera in rig.cameras]))
+        self._kept.append(publisher)
+
+
+def _transform(camera: Camera, frame_id: str) -> Any:
+    """The optical frame of a camera in the world."""
+    family = ros_messages()
+    world_from_cam = camera.cam_from_world.inverse()
+    x, y, z, w = (float(value) for value in Rotation.from_matrix(world_from_cam.rotation).as_quat())
+    position = dict(zip("xyz", map(float, world_from_cam.translation)))
+    return family.make(
+        "geometry_msgs/msg/TransformStamped",
+        header=family.header(0, frame_id),
+        child_frame_id=optical_frame(camera.name),
+        transform=family.make(
+            "geometry_msgs/msg/Transform",
+            translation=family.make("geometry_msgs/msg/Vector3", **position),
+            rotation=family.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+        ),
+    )
