@@ -1,0 +1,182 @@
+"""Skeletons from scored parts by dynamic programming, one after another (Joo et al. 2017, 5.3).
+
+The best skeleton is the choice of one node per joint that maximises the sum of its part scores. Beyond the
+paper a joint may be missing: then its children hang on its parent by parts that skip it, so that one missing
+joint does not cut off a limb; a missing root is replaced by one of its children.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.assembly.correspondence import Correspondence
+from panoptic_ros.assembly.hypothesis import Hypothesis
+from panoptic_ros.domain import ProposalSet, Rig, SkeletonModel
+
+Array = np.ndarray
+IMPOSSIBLE = -np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What makes a skeleton.
+
+    Args:
+        gate: m, of the correspondence with 2D joints; see `Correspondence`.
+        skip_weight: of a part that skips a joint, relative to a bone; 0 = the paper's tree.
+        min_score: least sum of part scores.
+        min_views: 2D joints that each 3D joint needs, and the head above all.
+        min_joints: 3D joints that a skeleton needs.
+    """
+
+    gate: float = 0.08
+    skip_weight: float = 0.5
+    min_score: float = 0.5
+    min_views: int = 2
+    min_joints: int = 3
+
+
+def assemble(
+    proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, rules: Rules | None = None
+) -> list[Hypothesis]:
+    """People in the order of their scores; no 2D joint belongs to two of them.
+
+    A skeleton claims the closest 2D joint in every view, for each of its joints. Joints with fewer than
+    `min_views` claims are dropped, and skeletons whose head has fewer (or, if it has no head, the joint
+    that the head hangs on).
+    """
+    rules = rules or Rules()
+    tree = PartTree(proposals, skeleton, rules.skip_weight)
+    free = Correspondence(proposals.detections, rig, rules.gate)
+    people = []
+    while True:
+        score, nodes = tree.best()
+        if score <= 0.0 or score < rules.min_score:
+            return people
+        tree.remove(nodes)
+        start = np.where(nodes[:, None] >= 0, proposals.nodes[nodes], np.nan)
+        claims = free.nearest(start)
+        lost = (claims >= 0).sum(axis=1) < rules.min_views
+        claims[lost], start[lost] = -1, np.nan
+        if (~lost).sum() < rules.min_joints or not _has_head(nodes, lost, skeleton):
+            continue
+        free.claim(claims)
+        same = np.where(claims >= 0, np.arange(len(nodes))[:, None], -1)
+        people.append(Hypothesis(start, claims, same, min(1.0, score / len(skeleton.bones))))
+
+
+def _has_head(nodes: Array, lost: Array, skeleton: SkeletonModel) -> bool:
+    head = skeleton.head
+    if nodes[head] < 0 and skeleton.parents[head] >= 0:
+        head = skeleton.parents[head]
+    return not lost[head]
+
+
+class PartTree:
+    """The nodes and parts of one instant, as score matrices between the joints of the tree."""
+
+    def __init__(self, proposals: ProposalSet, skeleton: SkeletonModel, skip_weight: float):
+        self._root, self._parents = skeleton.root, skeleton.parents
+        self._children: list[list[int]] = [[] for _ in skeleton.joint_names]
+        for parent, child in skeleton.bones:
+            self._children[parent].append(child)
+        joints = proposals.node_joints
+        self._nodes = [np.flatnonzero(joints == j) for j in range(len(skeleton))]
+        self._free = [np.ones(len(nodes), bool) for nodes in self._nodes]
+        self._bones = list(skeleton.bones)
+        self._scores = self._matrices(proposals, skip_weight)
+
+    def _matrices(self, proposals: ProposalSet, skip_weight: float) -> dict[tuple[int, int], Array]:
+        """Scores (nodes of a, nodes of b) for pairs of joints (a, b); IMPOSSIBLE where there is no part."""
+        rank = np.zeros(len(proposals.nodes), np.int64)  # of each node among those of its joint
+        for nodes in self._nodes:
+            rank[nodes] = np.arange(len(nodes))
+        u, v = proposals.parts.T
+        a, b = proposals.node_joints[u], proposals.node_joints[v]
+        values = proposals.part_scores * np.where(proposals.part_bones >= 0, 1.0, skip_weight)
+        matrices = {}
+        key = a.astype(np.int64) * len(self._nodes) + b
+        for pair in np.unique(key):
+            first, second = divmod(int(pair), len(self._nodes))
+            mine = (key == pair) & (values > 0.0)
+            scores = np.full((len(self._nodes[first]), len(self._nodes[second])), IMPOSSIBLE)
+            scores[rank[u[mine]], rank[v[mine]]] = values[mine]
+            matrices[first, second] = scores
+            matrices[second, first] = scores.T
+        return matrices
+
+    def remove(self, nodes: Array) -> None:
+        """Take nodes (J,) out of the pool; -1 = none."""
+        for joint, node in enumerate(nodes):
+            if node >= 0:
+                self._free[joint][np.searchsorted(self._nodes[joint], node)] = False
+
+    def best(self) -> tuple[float, Array]:
+        """Score and nodes (J,) of the best skeleton; -1 = missing. The score is 0 if there is none."""
+        message: dict[tuple[int, int], tuple[Array, Array]] = {}
+        below = [np.zeros(len(nodes)) for nodes in self._nodes]
+        for parent, child in reversed(self._bones):
+            for grandchild in self._children[child]:
+                below[child] = below[child] + message[grandchild, child][0]
+            above = self._parents[parent]
+            if above >= 0:
+                message[child, above] = self._send(child, above, below, [])
+            skipped = [message[g, parent][0] for g in self._children[child]]
+            message[child, parent] = self._send(child, parent, below, skipped)
+        return self._pick(message, below)
+
+    def _send(
+        self, joint: int, to: int, below: list[Array], skipped: list[Array]
+    ) -> tuple[Array, Array]:
+        """Best score of the branch that begins at a joint, for each node of the joint that it hangs on.
+
+        Args:
+            below: best scores of what hangs on each node of each joint.
+            skipped: the same if the joint is missing, one array per branch that then hangs on `to`.
+
+        Returns:
+            scores and choices (nodes of `to`,); -1 = the joint is missing.
+        """
+        absent = np.zeros(len(self._nodes[to]))
+        for scores in skipped:
+            absent = absent + scores
+        parts = self._scores.get((to, joint))
+        if parts is None:
+            return absent, np.full(len(absent), -1)
+        gains = parts + np.where(self._free[joint], below[joint], IMPOSSIBLE)
+        choice = gains.argmax(axis=1)
+        present = gains[np.arange(len(gains)), choice]
+        taken = (present >= absent) & (present > 0.0)
+        return np.where(taken, present, absent), np.where(taken, choice, -1)
+
+    def _pick(
+        self, message: dict[tuple[int, int], tuple[Array, Array]], below: list[Array]
+    ) -> tuple[float, Array]:
+        """The best top, the root or in its absence one of its children, and all that hangs on it."""
+        tops = self._children[self._root]
+        best, top, place = 0.0, -1, -1
+        for candidate in (self._root, *tops):
+            hanging = tops if candidate == self._root else [t for t in tops if t != candidate]
+            total = np.where(self._free[candidate], below[candidate], IMPOSSIBLE)
+            for joint in hanging:
+                if candidate != self._root:
+                    message[joint, candidate] = self._send(joint, candidate, below, [])
+                total = total + message[joint, candidate][0]
+            if len(total) and total.max() > best:
+                best, top, place = float(total.max()), candidate, int(total.argmax())
+        nodes = np.full(len(self._nodes), -1, np.int64)
+        if top < 0:
+            return 0.0, nodes
+        nodes[top] = self._nodes[top][place]
+        hanging = self._children[top] + ([t for t in tops if t != top] if top != self._root else [])
+        waiting = [(joint, top, place) for joint in hanging]
+        while waiting:
+            joint, on, at = waiting.pop()
+            chosen = int(message[joint, on][1][at])
+            if chosen >= 0:
+                nodes[joint] = self._nodes[joint][chosen]
+                waiting += [(child, joint, chosen) for child in self._children[joint]]
+            elif on == self._parents[joint]:
+                waiting += [(child, on, at) for child in self._children[joint]]
+        return best, nodes
