@@ -1,0 +1,47 @@
+"""Simulated captures with exact truth: people, cameras, faulty 2D detections, and images.
+
+In: a `Scene` (declarative, see `SCENES`) and a seed. Out: a `Simulation` with the rig, the detection sets
+of all instants (`detection_sets`), the true skeletons (`truth_document`), and, through `rendering`,
+images with depth and person ids per pixel. The same scene and seed give the same take.
+
+People are bodies of constant limb lengths whose joints are smooth functions of time, exact at any
+instant (`people`, `body`), so cameras need not be synchronised (`timing`). A simulated detector
+(`detector`) projects them and fails as a `Degradation` says: noise by quality, misses, outliers,
+occlusion by bodies and a table, guesses, swaps, merges, duplicates, ghosts.
+
+Limits: bodies are kinematic (no contact forces), people do not avoid each other's limbs, there are no
+fingers; noise is unbiased about the true joint, which real detectors' is not; calibration is exact.
+"""
+from panoptic_ros.simulation.degradation import CLEAN, MILD, NOISY, Degradation
+from panoptic_ros.simulation.detector import Absence, Sightings, SimulatedDetector
+from panoptic_ros.simulation.people import ACTIVITIES, Person
+from panoptic_ros.simulation.rigs import Corners, Dome, Lens, PanelDome, Ring
+from panoptic_ros.simulation.scenes import SCENES, Scene, scene
+from panoptic_ros.simulation.simulate import Simulation, simulate
+from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
+from panoptic_ros.simulation.timing import Timing
+
+__all__ = [
+    "ACTIVITIES",
+    "CLEAN",
+    "JOINTS",
+    "MILD",
+    "NOISY",
+    "SCENES",
+    "SKELETON",
+    "Absence",
+    "Corners",
+    "Degradation",
+    "Dome",
+    "Lens",
+    "PanelDome",
+    "Person",
+    "Ring",
+    "Scene",
+    "Sightings",
+    "SimulatedDetector",
+    "Simulation",
+    "Timing",
+    "scene",
+    "simulate",
+]

@@ -1,0 +1,37 @@
+"""How a detector of 2D people fails."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Degradation:
+    """Faults of a simulated detector; what has no unit is a probability per frame and view."""
+
+    noise_px: float = 1.0  # of a visible joint of average quality, per axis
+    size_px: float | None = None  # if set, noise grows with the diagonal of the person's box / this
+    memory: float = 0.0  # correlation of the noise with the frame before
+    joint_miss: float = 0.0  # a visible joint is missing
+    outlier: float = 0.0  # a joint is somewhere else
+    outlier_px: float = 40.0  # how far, on average
+    hidden_miss: float = 0.5  # a hidden joint is missing; else it is guessed
+    hidden_noise: float = 4.0  # noise of guesses, as a multiple of noise_px
+    person_miss: float = 0.0  # a person is missing
+    fewest_joints: int = 4  # people with fewer visible joints are missing
+    limb_swap: float = 0.0  # left and right arms, or legs, are exchanged
+    back_swap: float = 0.0  # everything left and right, for people seen from behind
+    duplicate: float = 0.0  # a person is reported twice
+    merge: float = 0.0  # two people who overlap in the image exchange or share joints
+    ghosts: float = 0.0  # mean number of false people per view
+    hold: int = 1  # frames for which person misses and swaps last
+
+
+CLEAN = Degradation()
+MILD = Degradation(
+    noise_px=1.5, joint_miss=0.05, outlier=0.01, person_miss=0.02, limb_swap=0.01, back_swap=0.01,
+    merge=0.02, ghosts=0.05,
+)  # fmt: skip
+NOISY = Degradation(
+    noise_px=2.0, joint_miss=0.10, outlier=0.03, person_miss=0.05, limb_swap=0.02, back_swap=0.02,
+    duplicate=0.02, merge=0.05, ghosts=0.2,
+)  # fmt: skip

@@ -1,0 +1,211 @@
+"""A detector of 2D people that knows the truth and fails as told.
+
+Array axes: C cameras, P people, 19 joints. All of one instant is done at once.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.simulation.degradation import Degradation
+from panoptic_ros.simulation.ghosts import Ghosts
+from panoptic_ros.simulation.occlusion import hidden_joints
+from panoptic_ros.simulation.people import Person
+from panoptic_ros.simulation.silhouettes import box_overlap, boxes_of, seen_from_behind
+from panoptic_ros.simulation.skeleton import JOINTS, both_sides
+
+Array = np.ndarray
+ARMS = both_sides("Shoulder", "Elbow", "Wrist")
+LEGS = both_sides("Hip", "Knee", "Ankle")
+EVERYTHING = both_sides("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Eye", "Ear")
+EXCHANGED = (*ARMS, *LEGS, np.concatenate(LEGS))  # what two people who overlap exchange
+AVERAGE_QUALITY = 0.72  # noise is `noise_px` there
+OVERLAP = 0.2  # of boxes, from which on people can merge
+MELT = 0.3  # share of merges in which one of the two vanishes
+DUPLICATE_KEEPS = 0.6  # of the joints
+POINT_DIGITS, SCORE_DIGITS = 6, 3
+
+
+@dataclass(frozen=True)
+class Absence:
+    """A person whom no camera detects from `start` until `end` (s)."""
+
+    person: int
+    start: float
+    end: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """What one camera reports: points (Q, 19, 2) px, NaN = missing, and scores (Q, 19).
+
+    sources: (Q, 19, 2) true person and joint of each reported joint, -1 = nobody's (missing,
+        outlier, ghost, duplicate). For tests and for studies of the best that can be done.
+    sigmas: (Q, 19) px, standard deviation of the noise of a joint that has a source, NaN else.
+    """
+
+    points: Array
+    scores: Array
+    sources: Array
+    sigmas: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Marks:
+    """Single joints before they are put together: (C, P, 19, ...)."""
+
+    points: Array
+    scores: Array
+    found: Array
+    sigmas: Array
+    outliers: Array
+
+
+class SimulatedDetector:
+    """Detects people frame after frame; frames must be asked for in order, from 0."""
+
+    def __init__(
+        self, seed: Sequence[int], degradation: Degradation, rig: Rig, people: Sequence[Person],
+        absences: Sequence[Absence] = (), table: float = 0.0,
+    ):  # fmt: skip
+        self._seed, self._faults, self._rig, self._people = tuple(seed), degradation, rig, people
+        self._absences, self._table = absences, table
+        self._centres = np.array([camera.centre for camera in rig.cameras])
+        self._heights = np.array([person.body.height for person in people])
+        self._noise = np.zeros((len(rig), len(people), len(JOINTS), 2))
+        ghosts = np.random.default_rng([*seed, 0])
+        self._ghosts = Ghosts(ghosts, degradation.ghosts, degradation.noise_px, rig.cameras)
+
+    def detect(self, index: int, times: Array) -> list[Sightings]:
+        """What every camera reports in frame `index`, exposed at `times` (C,) s."""
+        rng = np.random.default_rng([*self._seed, 1, index])
+        slow = np.random.default_rng([*self._seed, 2, index // self._faults.hold])
+        joints = np.stack([person.joints(times) for person in self._people], axis=1)
+        present = np.stack([person.is_present(times) for person in self._people], axis=1)
+        points, visible = self._project(joints)
+        visible &= present[..., None]
+        hidden = hidden_joints(self._centres, joints, present, self._heights, self._table)
+        boxes = boxes_of(points, visible)
+        marks = self._mark(rng, index, points, visible, hidden, boxes)
+        reported = self._report(slow, times, (marks.found & ~hidden).sum(-1))
+        pick = np.stack(np.indices(visible.shape)[1:], axis=-1)  # (C, P, 19, 2): person, joint
+        self._swap(slow, pick, seen_from_behind(joints, self._centres))
+        self._merge(rng, pick, reported, boxes)
+        return self._collect(rng, marks, reported, pick)
+
+    def _project(self, joints: Array) -> tuple[Array, Array]:
+        """Points (C, P, 19, 2) px and whether they are in the image."""
+        points, visible = np.empty(joints.shape[:-1] + (2,)), np.empty(joints.shape[:-1], bool)
+        for c, camera in enumerate(self._rig.cameras):
+            pixels, seen = camera.project(joints[c])
+            points[c], visible[c] = np.nan_to_num(pixels), seen & camera.contains(pixels)
+        return points, visible
+
+    def _mark(
+        self, rng: np.random.Generator, index: int, points: Array, visible: Array, hidden: Array,
+        boxes: Array,
+    ) -> _Marks:
+        """Noise, outliers, misses and scores of single joints."""
+        faults, shape = self._faults, visible.shape
+        quality = np.where(hidden, rng.beta(3.0, 4.0, shape), rng.beta(6.0, 2.0, shape))
+        spread = np.exp(1.2 * (AVERAGE_QUALITY - quality))  # the better, the more exact
+        sigmas = faults.noise_px * np.where(hidden, faults.hidden_noise, spread)
+        if faults.size_px is not None:
+            size = np.linalg.norm(np.nan_to_num(boxes[..., 2:] - boxes[..., :2]), axis=-1)
+            sigmas = sigmas * np.clip(size / faults.size_px, 0.4, 3.0)[..., None]
+        memory = faults.memory if index else 0.0
+        self._noise = memory * self._noise + np.sqrt(1.0 - memory**2) * rng.standard_normal(points.shape)
+        outliers = rng.random(shape) < faults.outlier
+        angle = rng.uniform(0.0, 2.0 * np.pi, shape)
+        far = faults.outlier_px * rng.uniform(0.5, 1.5, shape)
+        jump = far[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        points = points + np.where(outliers[..., None], jump, sigmas[..., None] * self._noise)
+        quality = np.where(outliers, 0.8 * quality, quality)
+        scores = np.clip(quality + 0.05 * rng.standard_normal(shape), 0.02, 0.99)
+        missed = rng.random(shape) < np.where(hidden, faults.hidden_miss, faults.joint_miss)
+        inside = np.stack([camera.contains(p) for camera, p in zip(self._rig.cameras, points)])
+        return _Marks(points, scores, visible & inside & ~missed, sigmas, outliers)
+
+    def _report(self, rng: np.random.Generator, times: Array, seen: Array) -> Array:
+        """Whether people are reported at all (C, P), given their numbers of visible joints."""
+        reported = (seen >= self._faults.fewest_joints) & (rng.random(seen.shape) >= self._faults.person_miss)
+        for absence in self._absences:
+            reported[:, absence.person] &= (times < absence.start) | (times >= absence.end)
+        return reported
+
+    def _swap(self, rng: np.random.Generator, pick: Array, behind: Array) -> None:
+        """Exchange left and right in `pick`, in place."""
+        draws = rng.random((*behind.shape, 3))
+        for c, p in np.argwhere(draws[..., 0] < self._faults.limb_swap):
+            _exchange(pick[c, p], *(ARMS if draws[c, p, 1] < 0.5 else LEGS))
+        for c, p in np.argwhere(behind & (draws[..., 2] < self._faults.back_swap)):
+            _exchange(pick[c, p], *EVERYTHING)
+
+    def _merge(self, rng: np.random.Generator, pick: Array, reported: Array, boxes: Array) -> None:
+        """Let people who overlap exchange limbs or melt into one, in place."""
+        draws = rng.random((*reported.shape, reported.shape[1], 3))
+        takes = rng.random((*reported.shape, len(JOINTS))) < 0.5
+        for c, a, b in np.argwhere(draws[..., 0] < self._faults.merge):
+            if a >= b or not (reported[c, a] and reported[c, b]):
+                continue
+            if box_overlap(boxes[c, a], boxes[c, b]) < OVERLAP:
+                continue
+            if draws[c, a, b, 1] < MELT:
+                pick[c, a, takes[c, a]] = pick[c, b, takes[c, a]]
+                reported[c, b] = False
+            else:
+                limb = EXCHANGED[int(draws[c, a, b, 2] * len(EXCHANGED))]
+                pick[c, [[a], [b]], limb] = pick[c, [[b], [a]], limb]
+
+    def _collect(
+        self, rng: np.random.Generator, marks: _Marks, reported: Array, pick: Array
+    ) -> list[Sightings]:
+        """The people of every view in random order, with duplicates and ghosts."""
+        doubled = rng.random(reported.shape) < self._faults.duplicate
+        shift = rng.standard_normal(marks.points.shape)
+        kept = rng.random(marks.found.shape) < DUPLICATE_KEEPS
+        nobody = np.full((len(JOINTS), 2), -1)
+        unknown = np.full(len(JOINTS), np.nan)
+        views = []
+        for c, camera in enumerate(self._rig.cameras):
+            rows: list[tuple[Array, Array, Array, Array]] = []
+            for p in np.flatnonzero(reported[c]):
+                at = (c, pick[c, p, :, 0], pick[c, p, :, 1])
+                found, points, scores = marks.found[at], marks.points[at], marks.scores[at]
+                if not found.any():
+                    continue
+                known = found & ~marks.outliers[at]
+                source = np.where(known[:, None], pick[c, p], -1)
+                sigmas = np.where(known, marks.sigmas[at], np.nan)
+                rows.append((*_hide(points, scores, found), source, sigmas))
+                blurred = points + marks.sigmas[at][:, None] * shift[c, p]
+                again = found & kept[c, p] & camera.contains(blurred)
+                if doubled[c, p] and again.any():
+                    rows.append((*_hide(blurred, 0.8 * scores, again), nobody, unknown))
+            rows += [(*ghost, nobody, unknown) for ghost in self._ghosts.appear(rng, c)]
+            views.append(_sightings([rows[i] for i in rng.permutation(len(rows))]))
+        return views
+
+
+def _exchange(pick: Array, left: Array, right: Array) -> None:
+    pick[np.concatenate([left, right])] = pick[np.concatenate([right, left])]
+
+
+def _hide(points: Array, scores: Array, found: Array) -> tuple[Array, Array]:
+    """Points with NaN and scores with 0 where a joint is not found; with the digits that matter."""
+    points = np.where(found[:, None], np.round(points, POINT_DIGITS), np.nan)
+    return points, np.where(found, np.round(scores, SCORE_DIGITS), 0.0)
+
+
+def _sightings(rows: list[tuple[Array, Array, Array, Array]]) -> Sightings:
+    count, joints = len(rows), len(JOINTS)
+    points, scores, sources, sigmas = zip(*rows) if rows else ((), (), (), ())
+    return Sightings(
+        np.array(points, np.float64).reshape(count, joints, 2),
+        np.array(scores, np.float64).reshape(count, joints),
+        np.array(sources, np.int64).reshape(count, joints, 2),
+        np.array(sigmas, np.float64).reshape(count, joints),
+    )

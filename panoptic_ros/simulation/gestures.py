@@ -1,0 +1,115 @@
+"""What arms and head do. Hands are stated from the shoulder: forward, outward, up, in arm lengths."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.simulation.body import UpperBody
+from panoptic_ros.simulation.smooth import Pulses, Wander
+
+Array = np.ndarray
+HANGING = np.array([0.06, 0.10, -0.95])
+WAVE_HZ = 3.0
+HandMove = Callable[[Array, Array], Array]  # times (T,), gait cycles (T,) -> change of hands (T, 2, 3)
+
+
+@dataclass(frozen=True)
+class Gesture:
+    """Arms that do `move`, on top of hanging and wandering, and a head that looks around."""
+
+    look: Wander  # twist of the chest, turn and nod of the head, rad
+    wander: Wander  # both hands
+    move: HandMove
+
+    def __call__(self, t: Array, steps: Array) -> UpperBody:
+        """The upper body at times (T,) s and gait cycles (T,)."""
+        look = self.look(t)
+        hands = HANGING + self.wander(t).reshape(-1, 2, 3) + self.move(t, steps)
+        return UpperBody(hands, look[:, 0], look[:, 1], 0.1 + look[:, 2])
+
+
+@dataclass(frozen=True)
+class Swinging:
+    """Arms against the legs."""
+
+    def __call__(self, t: Array, steps: Array) -> Array:
+        swing = 0.32 * np.cos(2.0 * np.pi * steps)
+        up = 0.10 + 0.4 * swing * swing
+        level = np.zeros_like(t)
+        sides = (np.column_stack([0.05 + sign * swing, level, up]) for sign in (-1.0, 1.0))
+        return np.stack(list(sides), axis=1)
+
+
+@dataclass(frozen=True)
+class Talking:
+    """Both hands gesture in front of the body."""
+
+    motion: Wander
+
+    def __call__(self, t: Array, steps: Array) -> Array:
+        return np.array([0.38, 0.0, 0.50]) + self.motion(t).reshape(-1, 2, 3)
+
+
+@dataclass(frozen=True)
+class Reaching:
+    """One hand goes to a place and back, now and then."""
+
+    hand: int
+    pulses: Pulses
+    goal: tuple[float, float, float]
+
+    def __call__(self, t: Array, steps: Array) -> Array:
+        return _one_hand(self.hand, self.pulses(t)[:, None] * (np.array(self.goal) - HANGING))
+
+
+@dataclass(frozen=True)
+class Waving:
+    """One raised hand waves fast."""
+
+    hand: int
+
+    def __call__(self, t: Array, steps: Array) -> Array:
+        outward = 0.38 + 0.30 * np.sin(2.0 * np.pi * WAVE_HZ * t)
+        up = 0.70 - 0.5 * (outward - 0.38) ** 2
+        return _one_hand(self.hand, np.column_stack([np.full_like(t, 0.20), outward, up]) - HANGING)
+
+
+@dataclass(frozen=True)
+class AtTable:
+    """Hands over a table, one goes to the mouth now and then."""
+
+    hand: int
+    motion: Wander
+    pulses: Pulses
+
+    def __call__(self, t: Array, steps: Array) -> Array:
+        sip = self.pulses(t)[:, None] * np.array([-0.12, -0.20, 0.50])
+        over = np.array([0.50, -0.05, 0.55]) + self.motion(t).reshape(-1, 2, 3)
+        return over + _one_hand(self.hand, sip)
+
+
+def draw_gesture(rng: np.random.Generator, kind: str) -> Gesture:
+    """A random gesture: "swing", "talk", "reach", "wave" or "table"."""
+    look = Wander.draw(rng, [0.07, 0.25, 0.085], 0.1, 0.5)
+    wander = Wander.draw(rng, [0.014] * 6, 0.2, 0.8)
+    hand = int(rng.integers(2))
+    goal = (float(rng.uniform(0.6, 0.8)), 0.15, float(rng.uniform(-0.2, 0.55)))
+    moves: dict[str, Callable[[], HandMove]] = {
+        "swing": Swinging,
+        "talk": lambda: Talking(Wander.draw(rng, [0.09, 0.07, 0.11] * 2, 0.3, 1.4)),
+        "reach": lambda: Reaching(hand, Pulses.draw(rng, 2.0, 3.5), goal),
+        "wave": lambda: Waving(hand),
+        "table": lambda: AtTable(
+            hand, Wander.draw(rng, [0.07, 0.055, 0.035] * 2, 0.2, 0.9), Pulses.draw(rng, 2.5, 4.5)
+        ),
+    }
+    return Gesture(look, wander, moves[kind]())
+
+
+def _one_hand(hand: int, change: Array) -> Array:
+    """Change (T, 2, 3) of both hands that moves only one (T, 3)."""
+    hands = np.zeros((len(change), 2, 3))
+    hands[:, hand] = change
+    return hands

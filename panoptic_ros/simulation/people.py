@@ -1,0 +1,139 @@
+"""People: a body, what it does, and when it is there."""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.simulation.body import Body, Posture, assume_posture
+from panoptic_ros.simulation.gestures import Gesture, draw_gesture
+from panoptic_ros.simulation.motions import Motion, Sitting, Standing, Stepping
+from panoptic_ros.simulation.paths import OnTheSpot, Round
+from panoptic_ros.simulation.smooth import Pulses, Wander
+
+Array = np.ndarray
+
+ACTIVITIES = {  # activity: gesture
+    "walk": "swing", "run": "swing", "stand": "talk", "talk": "talk", "reach": "reach", "wave": "wave",
+    "turn": "talk", "crouch": "reach", "sit-down": "talk", "sit": "table",
+}  # fmt: skip
+APART_UNTIL = np.arange(0.0, 6.0, 0.1)  # s, when distances between people are checked
+TRIES = 200
+
+
+@dataclass(frozen=True)
+class Person:
+    """Somebody whose joints are known exactly at every instant."""
+
+    id: int
+    body: Body
+    motion: Motion
+    gesture: Gesture
+    present: tuple[float, float] = (-np.inf, np.inf)  # s, from and until
+    bystander: bool = False  # not part of the task: may be reported or not
+
+    def posture(self, t: Array) -> Posture:
+        """Joints and rotations at times (T,) s."""
+        t = np.asarray(t, np.float64)
+        lower = self.motion(t, self.body)
+        return assume_posture(self.body, lower, self.gesture(t, lower.steps))
+
+    def joints(self, t: Array) -> Array:
+        """Joints (T, 19, 3) m at times (T,) s."""
+        return self.posture(t).joints
+
+    def is_present(self, t: Array) -> Array:
+        """Whether the person is there (T,)."""
+        return (t >= self.present[0]) & (t < self.present[1])
+
+
+def draw_sway(rng: np.random.Generator) -> Wander:
+    """Sway of somebody on the spot."""
+    return Wander.draw(rng, [0.014, 0.021, 0.14], 0.1, 0.5)
+
+
+def draw_person(
+    rng: np.random.Generator, number: int, activity: str, height: float, area: float
+) -> Person:
+    """Somebody of this height (m) who does `activity` within `area` m of the origin.
+
+    Raises:
+        UsageError: if the activity is not known.
+    """
+    if activity not in ACTIVITIES:
+        raise UsageError(f"unknown activity {activity!r}; there are {', '.join(ACTIVITIES)}")
+    body = Body.draw(rng, height)
+    motion = _draw_motion(rng, activity, body, area)
+    return Person(number, body, motion, draw_gesture(rng, ACTIVITIES[activity]))
+
+
+def draw_group(
+    rng: np.random.Generator, activities: Sequence[str], area: float, gap: float = 0.75
+) -> list[Person]:
+    """One person per activity, `gap` m apart where possible; every fifth is a child."""
+    people: list[Person] = []
+    for number, activity in enumerate(activities):
+        tall = rng.uniform(1.1, 1.4) if number % 5 == 4 else rng.uniform(1.55, 1.95)
+
+        def make(number: int = number, activity: str = activity, tall: float = tall) -> Person:
+            return draw_person(rng, number, activity, tall, area)
+
+        people.append(keep_apart(make, people, gap))
+    return people
+
+
+def keep_apart(make: Callable[[], Person], others: Sequence[Person], gap: float) -> Person:
+    """The first person made who stays `gap` m away from the others, or the best of many."""
+    best, best_distance = make(), -1.0
+    for attempt in range(TRIES):
+        person = best if attempt == 0 else make()
+        distance = _closest(person, others)
+        if distance > best_distance:
+            best, best_distance = person, distance
+        if distance >= gap:
+            break
+    return best
+
+
+def _closest(person: Person, others: Sequence[Person]) -> float:
+    """Smallest distance (m) on the floor between the person and any other."""
+    own = person.motion(APART_UNTIL, person.body).pelvis[:, :2]
+    tracks = [other.motion(APART_UNTIL, other.body).pelvis[:, :2] for other in others]
+    return min((float(np.linalg.norm(own - track, axis=1).min()) for track in tracks), default=np.inf)
+
+
+def _draw_motion(rng: np.random.Generator, activity: str, body: Body, area: float) -> Motion:
+    if activity in ("walk", "run"):
+        return _draw_walk(rng, body, area, fast=activity == "run")
+    away, angle = area * np.sqrt(rng.uniform(0.0, 1.0)), rng.uniform(0.0, 2.0 * np.pi)
+    place = (float(away * np.cos(angle)), float(away * np.sin(angle)))
+    heading = float(angle + np.pi + rng.normal(0.0, 0.8))  # mostly towards the middle
+    if activity == "turn":
+        return Stepping(OnTheSpot(place, heading, rng.uniform(0.7, 1.2)), 0.8, rng.uniform(0, 1), 0.05)
+    sway = draw_sway(rng)
+    if activity == "sit":
+        return Sitting(place, heading, sway, Pulses.draw(rng, 3.0, 6.0))
+    if activity == "crouch":
+        return Standing(place, heading, sway, crouch=Pulses.draw(rng, 3.0, 4.5))
+    if activity == "sit-down":
+        return Standing(place, heading, sway, sit_at=float(rng.uniform(0.5, 1.2)))
+    return Standing(place, heading, sway)
+
+
+def _draw_walk(rng: np.random.Generator, body: Body, area: float, fast: bool) -> Stepping:
+    """A round within `area` m of the origin."""
+    radius = float(rng.uniform(0.55 if fast else 0.27, 0.62) * area)
+    away, angle = rng.uniform(0.0, max(area - 1.1 * radius, 0.0)), rng.uniform(0.0, 2.0 * np.pi)
+    stride = min((0.80 if fast else 0.62) * body.height, 0.9 * radius)
+    path = Round(
+        (float(away * np.cos(angle)), float(away * np.sin(angle))),
+        radius,
+        start=float(rng.uniform(0.0, 2.0 * np.pi)),
+        turn=float(rng.choice([-1.0, 1.0])) * stride / radius,
+        dents=(float(rng.uniform(0.0, 0.12)), float(rng.uniform(0.0, 0.06))),
+        shifts=(float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(0.0, 2.0 * np.pi))),
+    )
+    cadence = rng.uniform(1.3, 1.5) if fast else rng.uniform(0.70, 0.92)
+    return Stepping(path, float(cadence), start=float(rng.uniform(0.0, 1.0)))

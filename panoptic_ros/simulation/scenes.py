@@ -1,0 +1,115 @@
+"""Scenes by name. A scene says everything but the seed."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.simulation.degradation import CLEAN, MILD, NOISY, Degradation
+from panoptic_ros.simulation.detector import Absence
+from panoptic_ros.simulation.rigs import VGA, Corners, Dome, Lens, PanelDome, RigPlan, Ring
+from panoptic_ros.simulation.stagings import STAGINGS
+from panoptic_ros.simulation.timing import IN_STEP, Timing
+
+
+@dataclass(frozen=True)
+class Scene:
+    """People, cameras, and how the cameras' detector fails.
+
+    Raises:
+        UsageError: on an unknown staging or values that make no sense.
+    """
+
+    about: str  # what it is for, a few words
+    activities: tuple[str, ...]  # one per person, see people.ACTIVITIES
+    rig: RigPlan
+    staging: str = "random"  # see stagings.STAGINGS
+    area: float = 2.3  # m, radius of the space that people use
+    table: float = 0.0  # m, radius of a round table over the origin, 0 = none
+    degradation: Degradation = CLEAN
+    timing: Timing = IN_STEP
+    absences: tuple[Absence, ...] = ()  # people whom nobody detects for a while
+    frames: int = 90
+    rendered: bool = False  # images in place of 2D people
+
+    def __post_init__(self) -> None:
+        if self.staging not in STAGINGS:
+            raise UsageError(f"unknown staging {self.staging!r}; there are {', '.join(STAGINGS)}")
+        if self.frames < 1 or not self.activities:
+            raise UsageError("a scene needs at least one frame and one person")
+
+
+_FOUR = ("walk", "talk", "reach", "turn")
+_EIGHT = ("walk", "walk", "talk", "reach", "turn", "crouch", "wave", "sit-down")
+_VGA_LENS = Lens(VGA, (425.0, 440.0), distorted_every=0)
+_VGA_RING = Ring(6, radius=3.9, heights=(1.2, 2.6), lens=_VGA_LENS)
+
+SCENES: dict[str, Scene] = {
+    "clean-4p5v": Scene("1 px of noise, bodies hide joints", _FOUR, Ring(5)),
+    "noisy-4p5v": Scene("all faults of a detector", _FOUR, Ring(5), degradation=NOISY),
+    "noisy-8p5v": Scene(
+        "crowded, all faults", _EIGHT, Ring(5, radius=4.6), area=2.7, degradation=NOISY
+    ),
+    "noisy-8p10v": Scene(
+        "crowded, all faults, more views", _EIGHT, Ring(10, radius=4.6), area=2.7, degradation=NOISY
+    ),
+    "noisy-8p31v": Scene("a dome of HD cameras", _EIGHT, Dome(31), area=1.8, degradation=NOISY),
+    "crossing": Scene(
+        "two people meet head-on", ("walk", "walk"), Ring(5), staging="crossing",
+        degradation=replace(MILD, merge=0.10),
+    ),
+    "occluded": Scene(
+        "nobody sees person 0 for a second", ("walk", "walk", "talk"), Ring(5), degradation=MILD,
+        absences=(Absence(0, 1.0, 2.0),),
+    ),
+    "bystanders": Scene(
+        "three people behind the cameras", ("walk", "talk", "reach"), Ring(5), staging="bystanders",
+        degradation=MILD,
+    ),
+    "enter-leave": Scene(
+        "people come and go", ("walk", "walk", "walk", "talk"), Ring(5), staging="enter-leave",
+        degradation=MILD, frames=150,
+    ),
+    "three-views-2p": Scene("few views", ("walk", "talk"), Corners(3), area=1.6, degradation=MILD),
+    "dome-480-7p": Scene(
+        "480 VGA views", ("walk", "turn", "talk", "reach", "crouch", "wave", "talk"), PanelDome(24),
+        area=1.6, degradation=replace(NOISY, noise_px=1.0, size_px=250.0, outlier_px=20.0),
+        timing=Timing(rate=25.0), frames=10,
+    ),
+    "unsync-5v": Scene(
+        "cameras out of phase, fast motion", ("run", "wave", "walk", "wave"), Ring(5),
+        degradation=replace(CLEAN, noise_px=1.5, joint_miss=0.03),
+        timing=Timing(phase=1.0 / 60.0, stamp_jitter=0.0005),
+    ),
+    "mixed-rates": Scene(
+        "25 and 29.97 Hz, drift, lost frames", ("walk", "talk", "wave"), Corners(4), area=1.9,
+        degradation=MILD,
+        timing=Timing(29.97, (25.0, 29.97), phase=0.02, drift_ppm=30.0, stamp_jitter=0.001, drop=0.02),
+    ),
+    "sitting-group-6p5v": Scene(
+        "round a table, faults that last", ("sit",) * 6, Ring(5, radius=3.2), staging="table",
+        table=0.60, timing=Timing(rate=25.0),
+        degradation=replace(
+            NOISY, size_px=500.0, memory=0.5, outlier=0.02, back_swap=0.10, merge=0.10, ghosts=0.1,
+            hold=4,
+        ),
+    ),
+    "rendered-4p6v": Scene(
+        "images of four people in six VGA views", ("walk", "talk", "wave", "stand"), _VGA_RING,
+        area=1.5, timing=Timing(rate=25.0), frames=75, rendered=True,
+    ),
+    "rendered-2p4v": Scene(
+        "images of two people in four VGA views", ("walk", "reach"), replace(_VGA_RING, cameras=4),
+        area=1.3, timing=Timing(rate=25.0), frames=75, rendered=True,
+    ),
+}  # fmt: skip
+
+
+def scene(name: str) -> Scene:
+    """The scene of this name.
+
+    Raises:
+        UsageError: if there is none.
+    """
+    if name not in SCENES:
+        raise UsageError(f"unknown scene {name!r}; there are {', '.join(SCENES)}")
+    return SCENES[name]

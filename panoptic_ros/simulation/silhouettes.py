@@ -1,0 +1,33 @@
+"""Boxes of people in images, and which side of them shows."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.simulation.skeleton import J
+
+Array = np.ndarray
+
+
+def boxes_of(points: Array, visible: Array) -> Array:
+    """Boxes (..., 4) px, left top right bottom, of visible joints (..., J); NaN if there are none."""
+    low = np.where(visible[..., None], points, np.inf).min(-2)
+    high = np.where(visible[..., None], points, -np.inf).max(-2)
+    boxes = np.concatenate([low, high], axis=-1)
+    return np.where(visible.any(-1)[..., None], boxes, np.nan)
+
+
+def box_overlap(a: Array, b: Array) -> float:
+    """Area that two boxes share, as a part of the smaller one; 0 for empty boxes."""
+    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
+    smaller = min(float(np.prod(box[2:] - box[:2])) for box in (a, b))
+    if not (sides > 0.0).all() or not smaller > 0.0:
+        return 0.0
+    return float(np.prod(sides)) / smaller
+
+
+def seen_from_behind(joints: Array, centres: Array) -> Array:
+    """Who (C, P) turns the back to the camera, for joints (C, P, 19, 3) and centres (C, 3)."""
+    across = joints[:, :, J["lShoulder"]] - joints[:, :, J["rShoulder"]]
+    forward = np.cross(across, [0.0, 0.0, 1.0])
+    towards = centres[:, None] - joints[:, :, J["Neck"]]
+    return (forward * towards).sum(-1) < 0.0

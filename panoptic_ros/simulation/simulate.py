@@ -1,0 +1,105 @@
+"""A scene and a seed become cameras, 2D people and the truth."""
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import DetectionSet, Rig, ViewDetections
+from panoptic_ros.errors import UsageError
+from panoptic_ros.simulation.detector import Sightings, SimulatedDetector
+from panoptic_ros.simulation.people import Person
+from panoptic_ros.simulation.scenes import Scene
+from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
+from panoptic_ros.simulation.stagings import STAGINGS, Stage
+from panoptic_ros.simulation.timing import Schedule, make_schedule, to_stamp
+
+Array = np.ndarray
+POSITION_DIGITS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """One take of a scene: who and what is there, and when the cameras expose."""
+
+    scene: Scene
+    seed: tuple[int, ...]  # everything random derives from it
+    rig: Rig
+    people: tuple[Person, ...]
+    schedule: Schedule
+
+    def sightings(self) -> Iterator[tuple[int, list[Sightings]]]:
+        """Index of each set and what every camera reports, also of cameras without an image."""
+        scene = self.scene
+        detector = SimulatedDetector(
+            (*self.seed, 4), scene.degradation, self.rig, self.people, scene.absences, scene.table
+        )
+        for index, tick in enumerate(self.schedule.ticks):
+            exposures = self.schedule.exposures[index]
+            yield index, detector.detect(index, np.where(np.isnan(exposures), tick, exposures))
+
+    def detection_sets(self, skeleton_hash: str = SKELETON.hash) -> Iterator[DetectionSet]:
+        """The 2D people of every instant, in the joints of `SKELETON`."""
+        for index, views in self.sightings():
+            stamps = self.schedule.stamps[index]
+            seen = [
+                _view(camera.name, camera.image_size, index, stamp, view, skeleton_hash)
+                for camera, stamp, view in zip(self.rig.cameras, stamps, views)
+                if not np.isnan(stamp)
+            ]
+            stamp = to_stamp(self.schedule.ticks[index])
+            yield DetectionSet(index, stamp, skeleton_hash, tuple(seen))
+
+    def truth_document(self) -> dict[str, Any]:
+        """True skeletons at the instants of the sets, as a `panoptic-skeletons-1` document.
+
+        Bystanders, and people while nobody can detect them, carry "ignore".
+        """
+        ticks = self.schedule.ticks
+        joints = [np.round(person.joints(ticks), POSITION_DIGITS).tolist() for person in self.people]
+        frames = []
+        for index, tick in enumerate(ticks):
+            skeletons = []
+            for person, positions in zip(self.people, joints):
+                if not person.is_present(tick):
+                    continue
+                entry = {"id": person.id, "joints": positions[index], "scores": [1.0] * len(JOINTS)}
+                unseen = any(a.person == person.id and a.start <= tick < a.end for a in self.scene.absences)
+                if person.bystander or unseen:
+                    entry["ignore"] = True
+                skeletons.append(entry)
+            frames.append({"index": index, "stamp_ns": to_stamp(tick), "skeletons": skeletons})
+        return {"format": "panoptic-skeletons-1", "joint_names": list(JOINTS), "frames": frames}
+
+
+def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
+    """One take of a scene; the same scene and seed always give the same take.
+
+    A longer take begins with a shorter one. `frames` replaces the scene's own number.
+
+    Raises:
+        UsageError: on a negative seed or no frames.
+    """
+    count = scene.frames if frames is None else frames
+    if seed < 0 or count < 1:
+        raise UsageError(f"a simulation needs a seed from 0 and frames from 1, not {seed} and {count}")
+    setting = repr((scene.activities, scene.staging, scene.rig, scene.area, scene.table))
+    root = (seed, zlib.crc32(setting.encode()))  # other faults of the detector: the same people
+    rig = scene.rig.build(np.random.default_rng([*root, 1]))
+    stage = Stage(scene.activities, scene.area, scene.table)
+    people = STAGINGS[scene.staging](np.random.default_rng([*root, 2]), stage)
+    schedule = make_schedule((*root, 3), scene.timing, count, len(rig))
+    return Simulation(scene, root, rig, tuple(people), schedule)
+
+
+def _view(
+    camera: str, image_size: tuple[int, int], index: int, stamp: float, view: Sightings, skeleton_hash: str
+) -> ViewDetections:
+    found = (view.scores > 0.0).sum(1)
+    mean = view.scores.sum(1) / np.maximum(found, 1)
+    return ViewDetections(
+        camera, to_stamp(stamp), index, image_size, skeleton_hash, view.points, view.scores, mean
+    )

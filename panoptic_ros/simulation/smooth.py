@@ -1,0 +1,54 @@
+"""Smooth random functions of time, the material of all motions. Times are (T,) s."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+WAVES = 3  # sinusoids in a wander
+
+
+@dataclass(frozen=True, eq=False)
+class Wander:
+    """Random signals, one per column: sums of sinusoids with a given root mean square."""
+
+    scale: Array  # (C,) root mean square
+    frequency: Array  # (WAVES, C) Hz
+    phase: Array  # (WAVES, C) rad
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, scale: Sequence[float], low: float, high: float) -> Wander:
+        """Signals of these sizes with frequencies between `low` and `high` Hz."""
+        shape = (WAVES, len(scale))
+        return cls(np.array(scale), rng.uniform(low, high, shape), rng.uniform(0.0, 2.0 * np.pi, shape))
+
+    def __call__(self, t: Array) -> Array:
+        """Values (T, C)."""
+        angle = 2.0 * np.pi * self.frequency * t[:, None, None] + self.phase
+        return self.scale * np.sqrt(2.0 / WAVES) * np.sin(angle).sum(axis=1)
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Periodic bumps between 0 and 1, wide rest between them."""
+
+    period: float  # s
+    start: float  # s
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, low: float, high: float) -> Pulses:
+        """Bumps that repeat every `low` to `high` s."""
+        period = float(rng.uniform(low, high))
+        return cls(period, float(rng.uniform(0.0, period)))
+
+    def __call__(self, t: Array) -> Array:
+        """Values (T,)."""
+        return np.sin(np.pi * (t - self.start) / self.period) ** 4
+
+
+def ease(x: Array) -> Array:
+    """0 up to 0, 1 from 1 on, with continuous second derivative in between."""
+    x = np.clip(x, 0.0, 1.0)
+    return x * x * x * (x * (6.0 * x - 15.0) + 10.0)

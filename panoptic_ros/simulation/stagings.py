@@ -1,0 +1,124 @@
+"""How people are placed: at random, crossing, entering and leaving, round a table, with bystanders."""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from panoptic_ros.simulation.body import Body
+from panoptic_ros.simulation.gestures import draw_gesture
+from panoptic_ros.simulation.motions import Motion, Sitting, Standing, Stepping
+from panoptic_ros.simulation.paths import OnTheSpot, Round, Straight
+from panoptic_ros.simulation.people import Person, draw_group, draw_person, draw_sway, keep_apart
+from panoptic_ros.simulation.smooth import Pulses
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a staging needs to know; lengths in m."""
+
+    activities: tuple[str, ...]  # one per person
+    area: float  # radius of the space that people use
+    table: float  # radius of the table, 0 = none
+
+
+def at_random(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """Anywhere in the area, at a distance from each other."""
+    return draw_group(rng, stage.activities, stage.area)
+
+
+def crossing(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """Two people on neighbouring circles who meet head-on, 0.5 m apart, at t = 1.5 s."""
+    radius, stride, cadence, gap, meeting = 1.2, 1.05, 0.9, 0.5, 1.5
+    tilt = rng.uniform(0.0, 2.0 * np.pi)
+    people = []
+    for number, side in enumerate((0.0, np.pi)):
+        away = radius + 0.5 * gap
+        centre = (away * np.cos(tilt + side), away * np.sin(tilt + side))
+        turn = stride / radius
+        start = tilt + side + np.pi - turn * cadence * meeting
+        body = Body.draw(rng, rng.uniform(1.6, 1.9))
+        walk = Stepping(Round(centre, radius, start, turn), cadence)
+        people.append(Person(number, body, walk, draw_gesture(rng, "swing")))
+    return people
+
+
+def enter_leave(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """Three people who walk through the area one after another, and one who stays."""
+    visits = ((0.6, np.inf), (-np.inf, 1.9), (1.2, 3.6))  # s
+    standing = Standing((0.0, 0.0), rng.uniform(0.0, 2.0 * np.pi), draw_sway(rng))
+    stays = Person(len(visits), Body.draw(rng, 1.7), standing, draw_gesture(rng, "talk"))
+    people: list[Person] = []
+    for number, visit in enumerate(visits):
+
+        def make(number: int = number, visit: tuple[float, float] = visit) -> Person:
+            return _visitor(rng, number, visit, stage.area)
+
+        people.append(keep_apart(make, [stays, *people], gap=0.55))
+    return [*people, stays]
+
+
+def round_table(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """On chairs around the table, facing it; the fifth is a child."""
+    count = len(stage.activities)
+    people = []
+    for number in range(count):
+        angle = 2.0 * np.pi * (number + rng.uniform(-0.12, 0.12)) / count
+        away = stage.table + rng.uniform(0.22, 0.32)
+        tall = rng.uniform(1.2, 1.35) if number == 4 else rng.uniform(1.55, 1.95)
+        motion = Sitting(
+            (away * np.cos(angle), away * np.sin(angle)), angle + np.pi + rng.normal(0.0, 0.1),
+            draw_sway(rng), Pulses.draw(rng, 3.0, 6.0),
+        )  # fmt: skip
+        people.append(Person(number, Body.draw(rng, tall), motion, draw_gesture(rng, "table")))
+    return people
+
+
+def with_bystanders(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """At random, and three more people who do not belong to the task, behind the cameras."""
+    people = draw_group(rng, stage.activities, stage.area)
+    start = rng.uniform(0.0, 2.0 * np.pi)
+    for k, activity in enumerate(("talk", "turn", "reach")):
+        person = draw_person(rng, len(people), activity, rng.uniform(1.6, 1.9), 0.1)
+        angle = start + 2.0 * np.pi * (k + rng.uniform(-0.2, 0.2)) / 3.0
+        shift = rng.uniform(6.5, 8.0) * np.array([np.cos(angle), np.sin(angle)])
+        people.append(replace(person, motion=_moved(person.motion, shift), bystander=True))
+    return people
+
+
+Staging = Callable[[np.random.Generator, Stage], list[Person]]
+STAGINGS: dict[str, Staging] = {
+    "random": at_random,
+    "crossing": crossing,
+    "enter-leave": enter_leave,
+    "table": round_table,
+    "bystanders": with_bystanders,
+}
+
+
+def _visitor(rng: np.random.Generator, number: int, visit: Sequence[float], area: float) -> Person:
+    """Somebody who walks straight through the area, there during the visit (from, until; s)."""
+    stride, cadence = 1.0, 0.9
+    enter, leave = visit
+    duration = 2.0 * area / (stride * cadence)
+    begin = enter if np.isfinite(enter) else leave - duration
+    heading = float(rng.uniform(0.0, 2.0 * np.pi))
+    forward = np.array([np.cos(heading), np.sin(heading)])
+    aside = rng.choice([-1.0, 1.0]) * rng.uniform(0.6, 1.1) * np.array([-forward[1], forward[0]])
+    start = aside - (area + stride * cadence * begin) * forward
+    walk = Stepping(Straight((float(start[0]), float(start[1])), heading, stride), cadence)
+    body = Body.draw(rng, rng.uniform(1.55, 1.95))
+    return Person(number, body, walk, draw_gesture(rng, "swing"), (enter, min(leave, begin + duration)))
+
+
+def _moved(motion: Motion, shift: Array) -> Motion:
+    """The same standing or turning at another place."""
+    if isinstance(motion, Stepping) and isinstance(motion.path, OnTheSpot):
+        x, y = np.array(motion.path.centre) + shift
+        return replace(motion, path=replace(motion.path, centre=(x, y)))
+    assert isinstance(motion, Standing)
+    x, y = np.array(motion.place) + shift
+    return replace(motion, place=(x, y))

@@ -1,0 +1,66 @@
+"""When cameras expose, and which exposures belong together."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+EPOCH_NS = 1_000_000_000  # stamp of t = 0
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Frame rates and clocks of the cameras."""
+
+    rate: float = 30.0  # Hz, of the truth and of the sets
+    camera_rates: tuple[float, ...] = ()  # Hz, dealt out in turn; empty: all `rate`
+    phase: float = 0.0  # s, cameras start uniformly within +- this
+    drift_ppm: float = 0.0  # standard deviation of the cameras' rate errors
+    stamp_jitter: float = 0.0  # s, standard deviation of stamp minus exposure
+    drop: float = 0.0  # probability that a camera's frame is lost
+
+
+IN_STEP = Timing()
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """F sets of C cameras; times in s.
+
+    ticks: (F,) instants of the sets and of the truth.
+    exposures: (F, C) when each camera exposed, NaN = no image in this set.
+    stamps: (F, C) when it says that it did.
+    """
+
+    ticks: Array
+    exposures: Array
+    stamps: Array
+
+
+def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int) -> Schedule:
+    """Deal every camera's exposures out to the sets nearest in time.
+
+    A longer schedule begins with a shorter one.
+    """
+    clocks, losses, noise = (np.random.default_rng([*seed, k]) for k in range(3))
+    rates = np.resize(timing.camera_rates or (timing.rate,), cameras)
+    phases = clocks.uniform(-timing.phase, timing.phase, cameras)
+    periods = (1.0 + 1e-6 * timing.drift_ppm * clocks.standard_normal(cameras)) / rates
+    exposures = np.full((frames, cameras), np.nan)
+    for camera in range(cameras):
+        numbers = np.arange(-2, int(frames * rates[camera] / timing.rate) + 3)
+        times = phases[camera] + periods[camera] * numbers
+        groups = np.rint(times * timing.rate).astype(int)
+        groups, first = np.unique(groups, return_index=True)  # the first of two in one set
+        inside = (groups >= 0) & (groups < frames)
+        exposures[groups[inside], camera] = times[first[inside]]
+    exposures[losses.random((frames, cameras)) < timing.drop] = np.nan
+    stamps = exposures + timing.stamp_jitter * noise.standard_normal((frames, cameras))
+    return Schedule(np.arange(frames) / timing.rate, exposures, stamps)
+
+
+def to_stamp(seconds: float) -> int:
+    """The stamp (ns) of a time (s)."""
+    return EPOCH_NS + round(float(seconds) * 1e9)
