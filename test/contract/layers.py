@@ -1,0 +1,105 @@
+"""The ranks of the house and a checker for them; see docs/architecture.md."""
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+STAGES = (
+    "detection", "timecode", "clocks", "sync", "voting", "assembly", "tracking", "refinement",
+    "simulation", "evaluation",
+)  # fmt: skip
+RANKS: dict[str, int] = {
+    "errors": 0, "geometry": 1, "params": 1, "domain": 2, "stage": 3,
+    **dict.fromkeys(STAGES, 4),
+    "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "cli": 7,
+}  # fmt: skip
+PURE = 4  # up to this rank, and graph: no printing, files, clocks, environment, global randomness
+THIRD_PARTY: dict[str, set[str]] = {
+    **dict.fromkeys(("errors", "params", "stage"), set()),
+    "geometry": {"numpy", "scipy"},
+    "domain": {"numpy"},
+    **{name: {"numpy", "scipy", "numba", "cv2"} for name in STAGES},
+    "graph": {"numpy"},
+    "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
+    "capture": {"numpy", "cv2"},
+    "view": {"numpy", "cv2", "matplotlib", "mpl_toolkits"},
+    "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
+    "cli": {"numpy", "cv2", "rclpy", "onnxruntime"},
+}
+THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in backends/
+STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", "socket"}
+IMPURE_CALLS = {"print", "open", "input"}
+SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io reads, not the reverse
+
+
+def room_of(module: str) -> str:
+    """"voting" of "panoptic_ros.voting.stage"; "" for the package itself."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else ""
+
+
+def violations(module: str, source: str, standard: frozenset[str]) -> list[str]:
+    """What a module does against the rules of its room, one line each."""
+    room = room_of(module)
+    if room not in RANKS:
+        return [f"{module}: the room {room!r} has no rank"]
+    found = []
+    tree = ast.parse(source)
+    pure = RANKS[room] <= PURE or room == "graph"
+    for node in ast.walk(tree):
+        for target in _imported(node, module):
+            found += _check_import(module, room, target, pure, standard)
+        if pure and isinstance(node, ast.Call):
+            found += _check_call(module, node)
+    return found
+
+
+def _imported(node: ast.AST, module: str) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        base = node.module or ""
+        if node.level:
+            package = module.split(".")[: -node.level]
+            base = ".".join([*package, base] if base else package)
+        if base == "panoptic_ros":
+            return [f"panoptic_ros.{alias.name}" for alias in node.names]
+        return [base]
+    return []
+
+
+def _check_import(module: str, room: str, target: str, pure: bool, standard: frozenset[str]) -> list[str]:
+    top = target.split(".")[0]
+    if top == "panoptic_ros":
+        other = room_of(target)
+        if other in ("", "__version__", room):
+            return []
+        if other not in RANKS:
+            return [f"{module}: imports {target}, a room without a rank"]
+        if RANKS[other] >= RANKS[room] and (room, other) not in SAME_RANK_ALLOWED:
+            return [f"{module}: rank {RANKS[room]} imports {target} of rank {RANKS[other]}"]
+        return []
+    if top in standard:
+        return [f"{module}: imports {top} in a pure room"] if pure and top in STANDARD_IMPURE else []
+    return [] if top in THIRD_PARTY[room] else [f"{module}: imports {top}, not allowed in {room}"]
+
+
+def _check_call(module: str, node: ast.Call) -> list[str]:
+    name = ast.unparse(node.func)
+    if name in IMPURE_CALLS or name.endswith((".read_text", ".write_text", ".read_bytes", ".write_bytes")):
+        return [f"{module}: calls {name} in a pure room"]
+    seeded = ("default_rng", "SeedSequence", "Generator", "PCG64")
+    if name.startswith(("np.random.", "numpy.random.")) and not any(word in name for word in seeded):
+        return [f"{module}: {name} draws from a global generator"]
+    if name.endswith("default_rng") and not node.args and not node.keywords:
+        return [f"{module}: {name} without a seed"]
+    return []
+
+
+def modules(root: Path) -> dict[str, Path]:
+    """All modules of the package by name."""
+    found = {}
+    for path in sorted(root.rglob("*.py")):
+        parts = path.relative_to(root.parent).with_suffix("").parts
+        found[".".join(part for part in parts if part != "__init__")] = path
+    return found
