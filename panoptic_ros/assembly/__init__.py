@@ -1,0 +1,17 @@
+"""Assembly: from 2D people and 3D proposals to the skeletons of one instant, without identity.
+
+Joo et al. 2017, 5.3: skeletons are put together, each 2D detection supports a single one, and joints
+are refined by minimising the reprojection error. Two methods lead to the same final solve:
+
+* `consensus` (default): 2D people are given to the skeletons found last (temporal guidance), and new
+  people are found where pairs of 2D people agree and further views support them.
+* `dynamic_programming`: the paper's; 3D parts of a `ProposalSet` are joined along the tree.
+
+The final solve chooses the observations of each joint by truncated cost, exchanges left and right of
+whole limbs where the images ask for it, refines with Cauchy weights, and states a covariance. The
+noise of 2D joints is learnt online from residuals. Guidance enters choices only; positions are functions
+of this instant's images.
+
+In: `ProposalSet` (its `detections` suffice). Out: one `PoseSet` for each. Limits: people need two
+views; biases of a detector are not seen by residuals (see `bias_floor`).
+"""

@@ -1,0 +1,155 @@
+"""How well 2D people agree with skeletons, and with each other, in metres."""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+MIN_DEPTH = 0.05  # m
+
+
+@njit(cache=True)
+def agreement_with_people(positions, shifts, plane, precision, view, cams, mirror, scale):
+    """Mean agreement of every 2D person with every skeleton, as it is and with sides exchanged.
+
+    The agreement of one joint is exp(-d^2 / 2 scale^2) with d the residual times the depth, so the
+    same in near and far views.
+
+    Args:
+        positions: (P, J, 3) m, NaN = unknown. shifts: (P, J, 3) m/s. plane, precision: see Evidence.
+        mirror: (J,) the joint on the other side. scale: m.
+
+    Returns:
+        straight, mirrored: (P, D) in 0..1, mean over the joints that both have;
+        common: (P, D) number of such joints.
+    """
+    rotations, translations, delays = cams
+    people, joints = positions.shape[:2]
+    straight = np.zeros((people, len(view)))
+    mirrored = np.zeros((people, len(view)))
+    common = np.zeros((people, len(view)), np.int64)
+    factor = 0.5 / (scale * scale)
+    u, w, z = np.empty(joints), np.empty(joints), np.empty(joints)
+    for p in range(people):
+        last = -1
+        for d in range(len(view)):
+            v = view[d]
+            if v != last:
+                last = v
+                r = rotations[v]
+                for j in range(joints):
+                    a = positions[p, j, 0] + shifts[p, j, 0] * delays[v]
+                    b = positions[p, j, 1] + shifts[p, j, 1] * delays[v]
+                    c = positions[p, j, 2] + shifts[p, j, 2] * delays[v]
+                    z[j] = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
+                    if not z[j] > MIN_DEPTH:
+                        z[j] = 0.0
+                        continue
+                    u[j] = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z[j]
+                    w[j] = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z[j]
+            for j in range(joints):
+                if z[j] <= 0.0 or precision[d, j] <= 0.0:
+                    continue
+                common[p, d] += 1
+                square = ((u[j] - plane[d, j, 0]) ** 2 + (w[j] - plane[d, j, 1]) ** 2) * z[j] * z[j]
+                value = np.exp(-factor * square)
+                straight[p, d] += value
+                m = mirror[j]
+                if m == j:
+                    mirrored[p, d] += value
+                elif z[m] > 0.0:
+                    square = ((u[m] - plane[d, j, 0]) ** 2 + (w[m] - plane[d, j, 1]) ** 2) * z[m] * z[m]
+                    mirrored[p, d] += np.exp(-factor * square)
+            if common[p, d] > 0:
+                straight[p, d] /= common[p, d]
+                mirrored[p, d] /= common[p, d]
+    return straight, mirrored, common
+
+
+@njit(cache=True)
+def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
+    """Mean agreement (L, L) of the rays of 2D people `chosen` (L,), 0 inside a view; common (L, L).
+
+    The agreement of one joint is exp(-d^2 / 2 scale^2), d the distance of the two rays, and 0 if
+    they meet behind a camera.
+    """
+    rotations = cams[0]
+    joints = plane.shape[1]
+    count = len(chosen)
+    rays = np.zeros((count, joints, 3))
+    for i in range(count):
+        d = chosen[i]
+        r = rotations[view[d]]
+        for j in range(joints):
+            if precision[d, j] > 0.0:
+                length = 0.0
+                for k in range(3):
+                    rays[i, j, k] = r[0, k] * plane[d, j, 0] + r[1, k] * plane[d, j, 1] + r[2, k]
+                    length += rays[i, j, k] ** 2
+                rays[i, j] /= np.sqrt(length)
+    values = np.zeros((count, count))
+    common = np.zeros((count, count), np.int64)
+    factor = 0.5 / (scale * scale)
+    for i in range(count):
+        for k in range(i + 1, count):
+            va, vb = view[chosen[i]], view[chosen[k]]
+            if va == vb:
+                continue
+            ox = centres[vb, 0] - centres[va, 0]
+            oy = centres[vb, 1] - centres[va, 1]
+            oz = centres[vb, 2] - centres[va, 2]
+            total, n = 0.0, 0
+            for j in range(joints):
+                if precision[chosen[i], j] <= 0.0 or precision[chosen[k], j] <= 0.0:
+                    continue
+                n += 1
+                a, b = rays[i, j], rays[k, j]
+                cx = a[1] * b[2] - a[2] * b[1]
+                cy = a[2] * b[0] - a[0] * b[2]
+                cz = a[0] * b[1] - a[1] * b[0]
+                sine2 = cx * cx + cy * cy + cz * cz
+                if sine2 < 1e-6:
+                    continue
+                cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+                along_a = a[0] * ox + a[1] * oy + a[2] * oz
+                along_b = b[0] * ox + b[1] * oy + b[2] * oz
+                if along_a - cosine * along_b <= 0.0 or cosine * along_a - along_b <= 0.0:
+                    continue
+                gap = ox * cx + oy * cy + oz * cz
+                total += np.exp(-factor * gap * gap / sine2)
+            if n > 0:
+                values[i, k] = values[k, i] = total / n
+                common[i, k] = common[k, i] = n
+    return values, common
+
+
+@njit(cache=True)
+def limb_costs(positions, shifts, member, source, plane, precision, cams, groups, mirror, group_count, limit):
+    """Truncated cost (P, V, G, 2) of each limb group in each view: as assigned, and with sides exchanged."""
+    rotations, translations, delays = cams
+    people, joints = positions.shape[:2]
+    views = len(rotations)
+    costs = np.zeros((people, views, group_count, 2))
+    for p in range(people):
+        for v in range(views):
+            d = member[p, v]
+            if d < 0:
+                continue
+            r = rotations[v]
+            for j in range(joints):
+                g = groups[j]
+                if g < 0 or not np.isfinite(positions[p, j, 0] + positions[p, mirror[j], 0]):
+                    continue
+                a = positions[p, j, 0] + shifts[p, j, 0] * delays[v]
+                b = positions[p, j, 1] + shifts[p, j, 1] * delays[v]
+                c = positions[p, j, 2] + shifts[p, j, 2] * delays[v]
+                z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
+                if z < MIN_DEPTH:
+                    continue
+                u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
+                w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
+                for k in range(2):
+                    s = source[p, v, j] if k == 0 else mirror[source[p, v, j]]
+                    if precision[d, s] > 0.0:
+                        square = (u - plane[d, s, 0]) ** 2 + (w - plane[d, s, 1]) ** 2
+                        costs[p, v, g, k] += min(square * precision[d, s] ** 2, limit)
+    return costs

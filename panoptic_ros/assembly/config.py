@@ -1,0 +1,92 @@
+"""Parameters of assembly."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssemblyConfig(Config):
+    """How 2D people and 3D proposals become skeletons."""
+
+    method: str = param(
+        "consensus", choices=("consensus", "dynamic_programming"),
+        doc="How people are put together: from 2D people that agree, or from 3D parts (the paper's).",
+    )
+    temporal_guidance: bool = param(
+        True, doc="Let the last skeletons guide association and choices; never pulls positions."
+    )
+    compensate_stamps: bool = param(
+        True, doc="Shift each view to the instant of the set by its own stamp and the joint's velocity "
+        "(needs temporal guidance).",
+    )
+    agreement: float = param(
+        0.05, unit="m", ge=0.005, le=0.5,
+        doc="Distance at which the agreement of two observations has fallen to 0.6 (Gaussian).",
+    )
+    person_agreement: float = param(
+        0.25, ge=0.05, le=0.9, doc="Mean agreement from which a 2D person belongs to a skeleton."
+    )
+    duplicate_agreement: float = param(
+        0.5, ge=0.1, le=1.0, doc="Mean agreement from which a second 2D person of a view is a duplicate."
+    )
+    min_views: int = param(
+        3, ge=2, le=100, doc="Views that must support a new person, where enough can see it."
+    )
+    view_share: float = param(
+        0.25, ge=0.0, le=1.0, doc="Share of the views that should see a new person and must support it."
+    )
+    few_views_share: float = param(
+        0.4, ge=0.0, le=1.0,
+        doc="The same where few views can see it: that share, and at least two views, are enough.",
+    )
+    few_views_agreement: float = param(
+        0.5, ge=0.0, le=1.0, doc="Mean agreement that makes so few views enough for a new person."
+    )
+    min_person_joints: int = param(5, ge=1, le=500, doc="Measured joints that make a person.")
+    min_joint_score: float = param(0.0, ge=0.0, le=1.0, doc="2D joints with lower scores are ignored.")
+    initial_noise: float = param(
+        0.0014, ge=1e-5, le=0.1,
+        doc="Standard deviation of 2D joints before any was learnt, as a share of the image's diagonal.",
+    )
+    learn_noise: bool = param(True, doc="Learn the noise of 2D joints from residuals, by score and view.")
+    noise_memory: float = param(
+        4000.0, unit="observations", ge=50.0, le=1e9, doc="How many residuals the noise table remembers."
+    )
+    truncation: float = param(
+        4.0, unit="sigma", ge=1.0, le=100.0, doc="Residual beyond which an observation says nothing more."
+    )
+    cauchy: float = param(3.0, unit="sigma", ge=0.5, le=100.0, doc="Scale of the Cauchy weight.")
+    gate: float = param(5.0, unit="sigma", ge=1.0, le=100.0, doc="Residual beyond which a view is left out.")
+    foreign_penalty: float = param(
+        4.0, unit="sigma^2", ge=0.0, le=100.0,
+        doc="Cost of taking a joint from another 2D person of the view (merged people).",
+    )
+    swap_gain: float = param(
+        10.0, unit="sigma^2", ge=0.0, le=1000.0,
+        doc="How much cheaper a limb must be with left and right exchanged.",
+    )
+    max_pairs: int = param(
+        45, ge=1, le=1000, doc="Pairs of views whose intersection is tried as the start of a joint."
+    )
+    max_joint_sigma: float = param(
+        0.3, unit="m", ge=0.01, le=10.0, doc="Joints that are less certain than this are missing."
+    )
+    max_bone: float = param(0.9, unit="m", ge=0.05, le=10.0, doc="No bone of a person is longer.")
+    lowest: float = param(
+        -2.0, unit="m", ge=-1000.0, le=1000.0, doc="A person's middle joint (median) lies above this height."
+    )
+    track_memory: float = param(
+        0.5, unit="s", ge=0.0, le=60.0, doc="How long a skeleton guides after it was last seen."
+    )
+    acceleration: float = param(
+        10.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Standard deviation of joint acceleration in guidance."
+    )
+    covariance_inflation: float = param(
+        0.5, ge=0.0, le=10.0, doc="Covariances grow by 1 + this / (views - 1)."
+    )
+    bias_floor: float = param(
+        0.0, unit="m", ge=0.0, le=1.0,
+        doc="Standard deviation added to every joint for biases of the detector (real ones: about 0.025).",
+    )

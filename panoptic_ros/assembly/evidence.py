@@ -1,0 +1,162 @@
+"""The 2D people of all views of one instant as flat arrays, undistorted once."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.assembly.undistortion import undistort_points
+from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigArrays:
+    """The cameras of a rig as arrays, C cameras.
+
+    Args:
+        rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
+        focals: (C,) px. matrices: (C, 5) fx, fy, cx, cy, skew. distortions: (C, 5).
+        limits: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
+        diagonals: (C,) px.
+    """
+
+    rotations: Array
+    translations: Array
+    centres: Array
+    focals: Array
+    matrices: Array
+    distortions: Array
+    radii: Array
+    limits: Array
+    diagonals: Array
+    index: dict[str, int]
+    sizes: dict[str, tuple[int, int]]
+
+    @classmethod
+    def of(cls, rig: Rig) -> RigArrays:
+        """The arrays of a rig."""
+        stack = rig.stack()
+        matrices = [camera.intrinsics.matrix for camera in rig.cameras]
+        return cls(
+            np.ascontiguousarray(stack.rotations), np.ascontiguousarray(stack.translations),
+            np.ascontiguousarray(stack.centres), stack.focals,
+            np.array([[k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]] for k in matrices]),
+            np.stack([camera.intrinsics.distortion for camera in rig.cameras]),
+            np.array([min(camera.intrinsics.radius_limit, 1e3) for camera in rig.cameras]),
+            np.stack([_plane_limits(camera) for camera in rig.cameras]),
+            np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
+            {name: i for i, name in enumerate(rig.names)},
+            {camera.name: camera.image_size for camera in rig.cameras},
+        )  # fmt: skip
+
+
+def _plane_limits(camera) -> Array:  # type: ignore[no-untyped-def]
+    """Box of the image in undistorted normalised coordinates, from the middles of its borders."""
+    width, height = camera.image_size
+    middle_x, middle_y = 0.5 * (width - 1), 0.5 * (height - 1)
+    border = np.array([[-0.5, middle_y], [width - 0.5, middle_y], [middle_x, -0.5], [middle_x, height - 0.5]])
+    plane = camera.intrinsics.undistort(border)
+    box = np.array([plane[0, 0], plane[1, 0], plane[2, 1], plane[3, 1]])
+    return np.where(np.isfinite(box), box, [-1e3, 1e3, -1e3, 1e3])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """All 2D people of a set: V views in the order of the rig, D people ordered by view.
+
+    Args:
+        cameras: (V,) index into the rig. slots: (V,) index into `DetectionSet.views`.
+        starts: (V + 1,) first person of each view. view: (D,) view of each person.
+        rows: (D,) index of the person in its view's record.
+        plane: (D, J, 2) undistorted normalised points, 0 where missing.
+        scores: (D, J), 0 where missing. precision: (D, J) 1 / standard deviation on the normalised
+            plane, 0 where missing. sigmas: (D, J) px.
+        delays: (V,) s, stamp of the view minus stamp of the set.
+    """
+
+    cameras: Array
+    slots: Array
+    starts: Array
+    view: Array
+    rows: Array
+    plane: Array
+    scores: Array
+    delays: Array
+    rotations: Array
+    translations: Array
+    centres: Array
+    focals: Array
+    limits: Array
+
+    @property
+    def views(self) -> int:
+        """Number of views."""
+        return len(self.cameras)
+
+
+def gather(
+    detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, min_score: float
+) -> Evidence:
+    """Flatten, order and undistort the 2D people of a set.
+
+    Views come in the order of the rig and the people of a view in an order that depends on their
+    joints alone, so that neither order of the input matters. Derived joints are left out: their
+    2D points are no observations.
+
+    Raises:
+        DataError: on another skeleton, a camera that the rig lacks, or other image sizes.
+    """
+    _check(detections, arrays, skeleton)
+    slots = sorted(range(len(detections.views)), key=lambda i: arrays.index[detections.views[i].camera])
+    records = [detections.views[i] for i in slots]
+    cameras = np.array([arrays.index[record.camera] for record in records], np.int64)
+    counts = [len(record.points) for record in records]
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    view = np.repeat(np.arange(len(records)), counts)
+    joints = len(skeleton)
+    pixels = np.concatenate([np.empty((0, joints, 2)), *(record.points for record in records)])
+    scores = np.concatenate([np.empty((0, joints)), *(record.scores for record in records)])
+    usable = (scores > 0.0) & (scores >= min_score)
+    for joint, _ in skeleton.derived:
+        usable[:, joint] = False
+    keys = np.where(usable[..., None], pixels, 0.0).sum(axis=(1, 2))
+    order = np.lexsort((keys, view))
+    pixels, usable, scores = pixels[order], usable[order], scores[order]
+    plane, good = undistort_points(
+        pixels, usable, cameras[view], arrays.matrices, arrays.distortions, arrays.radii
+    )
+    delays = np.array([1e-9 * (record.stamp_ns - detections.stamp_ns) for record in records])
+    return Evidence(
+        cameras, np.array(slots, np.int64), starts, view, order - starts[view],
+        plane, np.where(good, scores, 0.0), delays, arrays.rotations[cameras],
+        arrays.translations[cameras], arrays.centres[cameras], arrays.focals[cameras],
+        arrays.limits[cameras],
+    )  # fmt: skip
+
+
+def _check(detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel) -> None:
+    """The set fits the rig and the skeleton."""
+    if detections.skeleton_hash != skeleton.hash:
+        raise DataError(
+            f"detections of skeleton {detections.skeleton_hash}, but assembly works on "
+            f"{skeleton.name} ({skeleton.hash}); configure one skeleton for all"
+        )
+    for record in detections.views:
+        if record.camera not in arrays.index:
+            raise DataError(
+                f"detections of camera {record.camera!r}, which the rig lacks; it has "
+                f"{', '.join(list(arrays.index)[:8])}"
+            )
+        if record.points.shape[1] != len(skeleton):
+            raise DataError(
+                f"camera {record.camera}: people of {record.points.shape[1]} joints, "
+                f"skeleton {skeleton.name} has {len(skeleton)}"
+            )
+        if record.image_size != arrays.sizes[record.camera]:
+            raise DataError(
+                f"camera {record.camera}: detections in an image of {record.image_size}, the rig says "
+                f"{arrays.sizes[record.camera]}; rescale one of them"
+            )

@@ -1,0 +1,283 @@
+"""Joints from the 2D people of a person: choice of observations, then robust least squares.
+
+For every joint, each view offers the joint of the 2D person that it gave to this skeleton, and, at
+a penalty, the same joint of other 2D people (detectors mix people up where they overlap). Starting
+points are the prediction and intersections of pairs of views; the one with the lowest truncated
+cost wins. From there Gauss-Newton with Cauchy weights on the reprojection error (the objective of
+Joo et al. 2017, 5.3, made robust), gated in the last steps. A prediction enters the choice of the
+start, never the estimate. `geometry.triangulate_robust` is the numpy reference of the last step.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+MAX_STEP = 0.5  # m, of one Gauss-Newton step
+MIN_DEPTH = 0.05  # m
+
+
+@njit(cache=True)
+def pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules, picks):
+    """Cheapest observation of every view for the point x, and the truncated cost of them all.
+
+    picks (V, 2): 2D person and joint of it, -1 where the view has none.
+    """
+    rotations, translations, delays = cams
+    limit, penalty = rules[0] * rules[0], rules[3]
+    total = 0.0
+    for v in range(len(starts) - 1):
+        picks[v, 0] = -1
+        best = np.inf
+        a = x[0] + shift[0] * delays[v]
+        b = x[1] + shift[1] * delays[v]
+        c = x[2] + shift[2] * delays[v]
+        r = rotations[v]
+        z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
+        if z < MIN_DEPTH:
+            continue
+        u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
+        w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
+        own = member[p, v]
+        for d in range(starts[v], starts[v + 1]):
+            s = source[p, v, j] if d == own else j
+            if precision[d, s] <= 0.0 or (owner[d, s] >= 0 and owner[d, s] != p):
+                continue
+            cost = ((u - plane[d, s, 0]) ** 2 + (w - plane[d, s, 1]) ** 2) * precision[d, s] ** 2
+            if d != own:
+                cost += penalty
+                if cost >= limit:
+                    continue
+            if cost < best:
+                best = cost
+                picks[v, 0] = d
+                picks[v, 1] = s
+        if best < np.inf:
+            total += min(best, limit)
+        elif own >= 0:
+            total += 0.0
+    return total
+
+
+@njit(cache=True)
+def intersect(first, second, picks_own, plane, cams, centres, x):
+    """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
+    rotations = cams[0]
+    rays = np.empty((2, 3))
+    for k in range(2):
+        v = first if k == 0 else second
+        u, w = plane[picks_own[v, 0], picks_own[v, 1]]
+        r = rotations[v]
+        length = 0.0
+        for i in range(3):
+            rays[k, i] = r[0, i] * u + r[1, i] * w + r[2, i]
+            length += rays[k, i] ** 2
+        rays[k] /= np.sqrt(length)
+    cosine = along_a = along_b = 0.0
+    for i in range(3):
+        offset = centres[second, i] - centres[first, i]
+        cosine += rays[0, i] * rays[1, i]
+        along_a += rays[0, i] * offset
+        along_b += rays[1, i] * offset
+    sine = 1.0 - cosine * cosine
+    if sine < 1e-4:
+        return False
+    a = (along_a - cosine * along_b) / sine
+    b = (cosine * along_a - along_b) / sine
+    if a < MIN_DEPTH or b < MIN_DEPTH:
+        return False
+    for i in range(3):
+        x[i] = 0.5 * (centres[first, i] + a * rays[0, i] + centres[second, i] + b * rays[1, i])
+    return True
+
+
+@njit(cache=True)
+def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, normal, residuals):
+    """Gauss-Newton with Cauchy weights on the picked observations; x, normal and residuals in place.
+
+    residuals: (V,) in standard deviations, -1 where a view has no pick or was gated.
+    Returns the number of views in the last normal matrix.
+    """
+    rotations, translations, delays = cams
+    cauchy, gate = rules[1], rules[2]
+    right = np.empty(3)
+    count = 0
+    for step in range(steps + 1):
+        normal[:] = 0.0
+        right[:] = 0.0
+        count = 0
+        for v in range(len(picks)):
+            residuals[v] = -1.0
+            d = picks[v, 0]
+            if d < 0:
+                continue
+            s = picks[v, 1]
+            a = x[0] + shift[0] * delays[v]
+            b = x[1] + shift[1] * delays[v]
+            c = x[2] + shift[2] * delays[v]
+            r = rotations[v]
+            z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
+            if z < MIN_DEPTH:
+                continue
+            u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
+            w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
+            du, dw = plane[d, s, 0] - u, plane[d, s, 1] - w
+            information = precision[d, s] ** 2
+            squared = (du * du + dw * dw) * information
+            if gated and step >= steps - 1 and squared > gate * gate:
+                continue
+            residuals[v] = np.sqrt(squared)
+            count += 1
+            weight = information / (1.0 + squared / (cauchy * cauchy)) / (z * z)
+            for i in range(3):
+                gi, hi = r[0, i] - u * r[2, i], r[1, i] - w * r[2, i]
+                right[i] += weight * (gi * du + hi * dw) * z
+                for k in range(i + 1):
+                    normal[i, k] += weight * (gi * (r[0, k] - u * r[2, k]) + hi * (r[1, k] - w * r[2, k]))
+        if step == steps or count < 2:
+            break
+        if not _newton_step(x, normal, right):
+            return 0
+    return count
+
+
+@njit(cache=True)
+def _newton_step(x, normal, right):
+    """x += normal^-1 right with the lower triangle of normal (Cholesky), at most MAX_STEP long."""
+    damping = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])
+    a = normal[0, 0] + damping
+    if a <= 0.0:
+        return False
+    l00 = np.sqrt(a)
+    l10, l20 = normal[1, 0] / l00, normal[2, 0] / l00
+    b = normal[1, 1] + damping - l10 * l10
+    if b <= 0.0:
+        return False
+    l11 = np.sqrt(b)
+    l21 = (normal[2, 1] - l20 * l10) / l11
+    c = normal[2, 2] + damping - l20 * l20 - l21 * l21
+    if c <= 0.0:
+        return False
+    l22 = np.sqrt(c)
+    y0 = right[0] / l00
+    y1 = (right[1] - l10 * y0) / l11
+    y2 = (right[2] - l20 * y0 - l21 * y1) / l22
+    s2 = y2 / l22
+    s1 = (y1 - l21 * s2) / l11
+    s0 = (y0 - l10 * s1 - l20 * s2) / l00
+    length = np.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
+    scale = 1.0 if length < MAX_STEP else MAX_STEP / length
+    x[0] += scale * s0
+    x[1] += scale * s1
+    x[2] += scale * s2
+    return True
+
+
+@njit(cache=True)
+def best_start(p, j, prediction, spread, shift, member, source, owner, plane, precision, starts, cams,
+               centres, rules, x, picks):  # fmt: skip
+    """Choose the starting point of a joint into x; returns its cost, inf if there is none.
+
+    Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views. The
+    cost is truncated over the views, plus the truncated distance to the prediction.
+    """
+    views = len(starts) - 1
+    limit = rules[0] * rules[0]
+    own = np.full((views, 2), -1, np.int64)
+    have = np.empty(views, np.int64)
+    count = 0
+    for v in range(views):
+        d = member[p, v]
+        if d >= 0:
+            s = source[p, v, j]
+            if precision[d, s] > 0.0 and (owner[d, s] < 0 or owner[d, s] == p):
+                own[v, 0], own[v, 1] = d, s
+                have[count] = v
+                count += 1
+    best = np.inf
+    trial = np.empty(3)
+    guided = np.isfinite(prediction[0])
+    if guided:
+        normal, residuals = np.empty((3, 3)), np.empty(views)
+        trial[:] = prediction
+        pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts, cams,
+                          rules, picks)  # fmt: skip
+        if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, normal, residuals) >= 2:
+            cost = pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts,
+                                     cams, rules, picks)  # fmt: skip
+            x[:] = trial
+            best = cost + _prior_cost(trial, prediction, spread, limit)
+            if best < 3.0 * count:
+                return best
+    step = max(1, count // 2)
+    tried = 0
+    while step >= 1 and tried < rules[4]:
+        for i in range(count):
+            k = (i + step) % count
+            if tried >= rules[4] or k == i or (2 * step == count and i >= step):
+                continue
+            tried += 1
+            if not intersect(have[i], have[k], own, plane, cams, centres, trial):
+                continue
+            cost = pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts,
+                                     cams, rules, picks)  # fmt: skip
+            if guided:
+                cost += _prior_cost(trial, prediction, spread, limit)
+            if cost < best:
+                best = cost
+                x[:] = trial
+        step -= 1
+    return best
+
+
+@njit(cache=True)
+def _prior_cost(x, prediction, spread, limit):
+    """Truncated squared distance to the prediction in units of its spread."""
+    squared = (x[0] - prediction[0]) ** 2 + (x[1] - prediction[1]) ** 2 + (x[2] - prediction[2]) ** 2
+    return min(squared / (spread * spread), limit)
+
+
+@njit(cache=True)
+def solve_joints(todo, predictions, spreads, shifts, member, source, owner, plane, precision, starts,
+                 cams, centres, rules):  # fmt: skip
+    """Solve the joints `todo` (P, J) of all people.
+
+    Args:
+        predictions: (P, J, 3) m, NaN = none; spreads: (P, J) m; shifts: (P, J, 3) m/s, velocities.
+        member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) joint of that person.
+        owner: (D, J) person that has claimed an observation, -1 = free; others may not use it.
+        cams: rotations (V, 3, 3), translations (V, 3), delays (V,) s. centres: (V, 3).
+        rules: truncation, cauchy, gate (sigmas), foreign penalty, number of pairs.
+
+    Returns:
+        positions (P, J, 3), normals (P, J, 3, 3) 1/m^2, residuals (P, J, V) in sigmas (-1 = unused),
+        picks (P, J, V, 2), costs (P, J); NaN positions where fewer than two views agree.
+    """
+    people, joints = todo.shape
+    views = len(starts) - 1
+    positions = np.full((people, joints, 3), np.nan)
+    normals = np.zeros((people, joints, 3, 3))
+    residuals = np.full((people, joints, views), -1.0)
+    picks = np.full((people, joints, views, 2), -1, np.int64)
+    costs = np.full((people, joints), np.inf)
+    x = np.empty(3)
+    for p in range(people):
+        for j in range(joints):
+            if not todo[p, j]:
+                continue
+            shift, pick = shifts[p, j], picks[p, j]
+            cost = best_start(p, j, predictions[p, j], spreads[p, j], shift, member, source, owner, plane,
+                              precision, starts, cams, centres, rules, x, pick)  # fmt: skip
+            if cost == np.inf:
+                pick[:] = -1
+                continue
+            pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules,
+                              pick)  # fmt: skip
+            refine_point(x, shift, pick, plane, precision, cams, rules, 4, False, normals[p, j],
+                         residuals[p, j])  # fmt: skip
+            costs[p, j] = pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts,
+                                            cams, rules, pick)  # fmt: skip
+            count = refine_point(x, shift, pick, plane, precision, cams, rules, 6, True, normals[p, j],
+                                 residuals[p, j])  # fmt: skip
+            if count >= 2:
+                positions[p, j] = x
+    return positions, normals, residuals, picks, costs

@@ -1,0 +1,103 @@
+"""Limbs that a detector exchanges as a whole, and which joints belong to them."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.assembly.consensus import Grouping, Scene
+from panoptic_ros.domain import SkeletonModel
+
+Array = np.ndarray
+
+NOSE_AHEAD = 0.08  # m in front of the shoulders, from which on anatomy is sure
+
+def limb_groups(skeleton: SkeletonModel) -> tuple[Array, int]:
+    """Group (J,) of every joint with a left-right partner, -1 for the others, and the number of groups.
+
+    Joints of one side that hang together by bones form a limb; its partner on the other side has
+    the same group: arms, legs, eyes with ears. A bone between two branching joints (hip to
+    shoulder) joins two limbs and is cut.
+    """
+    mirror = skeleton.mirror
+    degree = np.bincount(np.array(skeleton.bones).ravel(), minlength=len(skeleton))
+    group = np.array([j if mirror[j] != j else -1 for j in range(len(skeleton))])
+    for left, right in skeleton.left_right:
+        group[[left, right]] = min(left, right)
+    for _ in range(len(skeleton)):
+        for a, b in skeleton.bones:
+            linked = group[a] >= 0 and group[b] >= 0 and mirror[a] != b
+            if linked and not (degree[a] > 2 and degree[b] > 2):
+                low, high = sorted((group[a], group[b]))
+                group[group == high] = low
+    names = sorted(set(group[group >= 0].tolist()))
+    return np.array([names.index(g) if g >= 0 else -1 for g in group], np.int64), len(names)
+
+
+def exchanged_views(scene: Scene, grouping: Grouping, source: Array, groups: Array) -> Array:
+    """(P, G) number of views that see each limb with its sides exchanged, minus those that do not.
+
+    A view counts by the share of the limb's joints that it sees.
+    """
+    count = groups.max(initial=-1) + 1
+    rows = np.maximum(grouping.member, 0)[..., None]
+    seen = (grouping.member >= 0)[..., None]
+    if len(scene.precision):
+        seen = seen & (scene.precision[rows, source] > 0.0)
+    vote = np.where(source != np.arange(len(scene.mirror)), 1.0, -1.0) * seen  # (P, V, J)
+    member = (groups == np.arange(count)[:, None]).astype(float)  # (G, J)
+    return (vote.sum(axis=1) @ member.T) / np.maximum(member.sum(axis=1), 1.0)
+
+
+class Sides:
+    """Which way round a skeleton's sides are, by anatomy: the nose is in front of the shoulders.
+
+    Detectors exchange left and right, often for people seen from behind, and where they do so in half
+    of the views the images cannot say which half is right.
+    """
+
+    def __init__(self, skeleton: SkeletonModel, groups: Array):
+        self._head = skeleton.head
+        self._pairs: list[tuple[int, int, int]] = []  # group, left and right joint at its top
+        depth = _depths(skeleton)
+        for group in range(groups.max(initial=-1) + 1):
+            pairs = [pair for pair in skeleton.left_right if groups[pair[0]] == group]
+            left, right = min(pairs, key=lambda pair: depth[list(pair)].sum())
+            self._pairs.append((group, left, right))
+        limbs = [pair for pair in self._pairs if (groups == pair[0]).sum() >= 6]
+        limbs.sort(key=lambda pair: _distance(skeleton, pair[1], skeleton.head))
+        self._torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None  # shoulders, hips
+
+    def right_way(self, positions: Array) -> Array:
+        """(P, G) in -1..1 for skeletons (P, J, 3): 1 = as anatomy has it, -1 = exchanged, 0 = cannot say."""
+        signs = np.zeros((len(positions), len(self._pairs)))
+        if self._torso is None:
+            return signs
+        shoulders = positions[:, list(self._torso[0])].mean(axis=1)
+        up = shoulders - positions[:, list(self._torso[1])].mean(axis=1)
+        ahead = positions[:, self._head] - shoulders
+        for group, left, right in self._pairs:
+            normal = np.cross(positions[:, left] - positions[:, right], up)
+            length = np.linalg.norm(normal, axis=-1)
+            front = (normal * ahead).sum(axis=-1) / np.maximum(length, 1e-6)
+            signs[:, group] = np.where(np.isfinite(front), np.clip(front / NOSE_AHEAD, -1.0, 1.0), 0.0)
+        return signs
+
+
+def _depths(skeleton: SkeletonModel) -> Array:
+    """Number of bones (J,) between each joint and the root."""
+    depth = np.zeros(len(skeleton), np.int64)
+    for parent, child in skeleton.bones:
+        depth[child] = depth[parent] + 1
+    return depth
+
+
+def _distance(skeleton: SkeletonModel, first: int, second: int) -> int:
+    """Number of bones between two joints."""
+    parents = skeleton.parents
+    chains = []
+    for joint in (first, second):
+        chain = [joint]
+        while parents[chain[-1]] >= 0:
+            chain.append(parents[chain[-1]])
+        chains.append(chain)
+    common = set(chains[0]) & set(chains[1])
+    return min(chains[0].index(joint) + chains[1].index(joint) for joint in common)

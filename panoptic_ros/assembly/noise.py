@@ -1,0 +1,79 @@
+"""How noisy 2D joints are, learnt online from residuals: by score, and by view."""
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+SCORE_BINS = 10
+LEVELS = 64  # of the histogram over the logarithm of residuals
+LEVEL_RANGE = (0.02, 50.0)  # residual / initial sigma
+RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
+PRIOR_COUNT = 40.0  # residuals that the initial values are worth
+VIEW_PRIOR_COUNT = 200.0
+
+
+class NoiseTable:
+    """Standard deviations of 2D joints as a share of the image's diagonal.
+
+    sigma = share[score bin] * factor[camera]. Both are medians of residuals (with leverage taken
+    out), so they adapt to calibration errors of whole views however wrong the start was, and
+    outliers do not matter. Deterministic: a function of the residuals in their order.
+    """
+
+    def __init__(self, cameras: int, initial: float, memory: float):
+        self._initial, self._memory = initial, memory
+        self._low, high = np.log(LEVEL_RANGE[0]), np.log(LEVEL_RANGE[1])
+        self._width = (high - self._low) / LEVELS
+        self._scores = np.zeros((SCORE_BINS, LEVELS))
+        self._views = np.zeros((cameras, LEVELS))
+        middle = self._level(np.array(RAYLEIGH_MEDIAN))
+        self._scores[:, middle] = PRIOR_COUNT
+        self._views[:, middle] = VIEW_PRIOR_COUNT
+        self.shares = np.full(SCORE_BINS, initial)
+        self.factors = np.ones(cameras)
+
+    def _level(self, ratios: Array) -> Array:
+        """Histogram level of residuals in units of their sigma."""
+        logs = np.log(np.maximum(ratios, 1e-9))
+        return np.clip((logs - self._low) / self._width, 0, LEVELS - 1).astype(np.int64)
+
+    def sigmas(self, scores: Array, cameras: Array, diagonals: Array) -> Array:
+        """Standard deviations (D, J) px of joints with scores (D, J) in images of cameras (D,)."""
+        share = self.shares[_score_bin(scores)]
+        return share * (self.factors * diagonals)[cameras][:, None]
+
+    def learn(self, scores: Array, cameras: Array, pixels: Array, diagonals: Array) -> None:
+        """Take residuals (N,) px, leverage removed, of joints with scores (N,) in cameras (N,)."""
+        if not len(pixels):
+            return
+        bins = _score_bin(scores)
+        share = pixels / diagonals[cameras]
+        levels = self._level(share / self.factors[cameras] / self._initial)
+        _add(self._scores, bins, levels, self._memory)
+        self.shares = self._initial * self._median(self._scores) / RAYLEIGH_MEDIAN
+        levels = self._level(share / self.shares[bins])
+        _add(self._views, cameras, levels, self._memory)
+        self.factors = self._median(self._views) / RAYLEIGH_MEDIAN
+
+    def _median(self, table: Array) -> Array:
+        """Median of each row of a histogram, interpolated inside of its level."""
+        sums = np.cumsum(table, axis=1)
+        half = 0.5 * sums[:, -1:]
+        level = (sums < half).sum(axis=1)
+        rows = np.arange(len(table))
+        below = np.where(level > 0, sums[rows, level - 1], 0.0)
+        inside = (half[:, 0] - below) / np.maximum(table[rows, level], 1e-9)
+        return np.exp(self._low + self._width * (level + inside))
+
+
+def _score_bin(scores: Array) -> Array:
+    """Bin of scores in 0..1."""
+    return np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1)
+
+
+def _add(table: Array, rows: Array, levels: Array, memory: float) -> None:
+    """Count into a histogram; rows that hold more than `memory` forget in proportion."""
+    np.add.at(table, (rows, levels), 1.0)
+    total = table.sum(axis=1, keepdims=True)
+    table *= np.minimum(1.0, memory / total)

@@ -1,0 +1,141 @@
+"""The final solve: positions and covariances of all joints of all people of one instant."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.assembly.agreement import limb_costs
+from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.assembly.consensus import Grouping, Scene
+from panoptic_ros.assembly.joint_solver import solve_joints
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guide:
+    """What is expected of P people: enters choices, never positions.
+
+    positions: (P, J, 3) m, NaN = nothing. spreads: (P, J) m. shifts: (P, J, 3) m/s, velocities.
+    """
+
+    positions: Array
+    spreads: Array
+    shifts: Array
+
+    def rows(self, which: Array) -> Guide:
+        """Some of the people."""
+        return Guide(self.positions[which], self.spreads[which], self.shifts[which])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """Skeletons of one instant with what they rest on: P people, J joints, V views.
+
+    positions: (P, J, 3) m, NaN = missing. normals: (P, J, 3, 3) 1/m^2, lower triangles.
+    residuals: (P, J, V) in standard deviations, -1 = unused.
+    picks: (P, J, V, 2) row of the evidence and joint of it, -1 = none.
+    """
+
+    positions: Array
+    normals: Array
+    residuals: Array
+    picks: Array
+    costs: Array
+
+    @property
+    def views(self) -> Array:
+        """Number of views (P, J) behind each joint."""
+        return (self.residuals >= 0.0).sum(axis=-1)
+
+
+class Solver:
+    """Solves joints, exchanges limbs, and settles who owns which 2D joint."""
+
+    def __init__(self, config: AssemblyConfig, groups: Array, group_count: int):
+        self._config, self._groups, self._group_count = config, groups, group_count
+        self._rules = np.array(
+            [config.truncation, config.cauchy, config.gate, config.foreign_penalty, float(config.max_pairs)]
+        )
+
+    def solve(self, scene: Scene, grouping: Grouping, source: Array, guide: Guide) -> Solved:
+        """Positions of the people of a grouping.
+
+        Args:
+            source: (P, V, J) which joint of the 2D person stands for joint j; changed in place where
+                a limb turns out to be exchanged.
+        """
+        owner = np.full(scene.precision.shape, -1, np.int64)
+        todo = np.ones((len(grouping.member), len(scene.mirror)), bool)
+        solved = self._run(scene, grouping, source, guide, owner, todo)
+        changed = self._exchange(scene, grouping, source, guide, solved)
+        if changed.any():
+            solved = _merge(solved, self._run(scene, grouping, source, guide, owner, changed), changed)
+        losers = _settle(solved, owner, grouping, self._config.foreign_penalty)
+        if losers.any():
+            solved = _merge(solved, self._run(scene, grouping, source, guide, owner, losers), losers)
+        return solved
+
+    def _run(
+        self, scene: Scene, grouping: Grouping, source: Array, guide: Guide, owner: Array, todo: Array
+    ) -> Solved:
+        evidence = scene.evidence
+        return Solved(
+            *solve_joints(
+                todo, guide.positions, guide.spreads, guide.shifts, grouping.member, source, owner,
+                evidence.plane, scene.precision, evidence.starts, scene.cams, evidence.centres, self._rules,
+            )
+        )  # fmt: skip
+
+    def _exchange(
+        self, scene: Scene, grouping: Grouping, source: Array, guide: Guide, solved: Solved
+    ) -> Array:
+        """Exchange left and right of whole limbs where that is clearly cheaper; joints to solve again."""
+        if not self._group_count:
+            return np.zeros(solved.costs.shape, bool)
+        limit = self._config.truncation**2
+        costs = limb_costs(
+            solved.positions, guide.shifts, grouping.member, source, scene.evidence.plane, scene.precision,
+            scene.cams, self._groups, scene.mirror, self._group_count, limit,
+        )  # fmt: skip
+        kept, swapped = costs[..., 0], costs[..., 1]
+        better = (swapped + self._config.swap_gain < kept) & (swapped < 0.5 * kept)  # (P, V, G)
+        touched = better[..., np.maximum(self._groups, 0)] & (self._groups >= 0)  # (P, V, J)
+        source[:] = np.where(touched, scene.mirror[source], source)
+        return touched.any(axis=1)
+
+
+def sources(mirrored: Array, mirror: Array) -> Array:
+    """(P, V, J) which joint of each 2D person stands for joint j, from mirrored (P, V)."""
+    return np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
+
+
+def _merge(old: Solved, new: Solved, where: Array) -> Solved:
+    """The new solution for the joints `where` (P, J), the old one elsewhere."""
+
+    def choose(name: str) -> Array:
+        a, b = getattr(old, name), getattr(new, name)
+        return np.where(where.reshape(where.shape + (1,) * (a.ndim - 2)), b, a)
+
+    return Solved(*(choose(name) for name in ("positions", "normals", "residuals", "picks", "costs")))
+
+
+def _settle(solved: Solved, owner: Array, grouping: Grouping, penalty: float) -> Array:
+    """Give every 2D joint to the one skeleton that it fits best; which joints (P, J) lost one.
+
+    The paper (5.3) demands that a 2D detection supports a single skeleton.
+    """
+    p, j, v = np.nonzero(solved.residuals >= 0.0)
+    d, s = solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]
+    cost = solved.residuals[p, j, v] ** 2 + penalty * (grouping.member[p, v] != d)
+    key = d * owner.shape[1] + s
+    order = np.lexsort((cost, key))
+    first = np.ones(len(order), bool)
+    first[1:] = key[order][1:] != key[order][:-1]
+    winners = order[first]
+    owner[d[winners], s[winners]] = p[winners]
+    lost = owner[d, s] != p
+    losers = np.zeros(solved.costs.shape, bool)
+    losers[p[lost], j[lost]] = True
+    return losers

@@ -1,0 +1,11 @@
+"""Refinement: motion of tracked people, smoothed over a short lag on its covariances.
+
+Each joint has a Kalman filter (position and velocity, white acceleration) that takes the measured
+position with its full covariance, discounts outliers with a Cauchy weight, and is smoothed back over
+the frames that came after (Rauch, Tung, Striebel 1965). The lengths of a person's bones are learnt
+online and pull the joints softly. Short gaps are filled from both sides or predicted, and say so.
+
+In: `TrackedPoseSet`. Out: one `RefinedPoseSet` for each, in order, late by the lag; `flush` hands
+out the rest. Limits: bones are rigid, joints are smoothed one by one; errors that stay the same over
+time (biases of a detector) are not touched.
+"""

@@ -1,0 +1,44 @@
+"""Parameters of refinement."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementConfig(Config):
+    """How motion is smoothed."""
+
+    enabled: bool = param(True, doc="Off: skeletons pass through as tracking gave them, at once.")
+    lag: float = param(
+        0.1, unit="s", ge=0.0, le=10.0, doc="How long a skeleton waits for later ones; 0 = filter only."
+    )
+    process_noise: float = param(
+        4.0, unit="m^2/s^3", ge=1e-3, le=1e4,
+        doc="Spectral density of joint acceleration: higher follows faster.",
+    )
+    cauchy: float = param(
+        3.0, unit="sigma", ge=0.5, le=100.0, doc="Scale of the Cauchy weight of surprising measurements."
+    )
+    start_speed: float = param(
+        1.5, unit="m/s", ge=0.01, le=50.0, doc="Standard deviation of the velocity of a joint that is new."
+    )
+    max_gap: float = param(
+        0.3, unit="s", ge=0.0, le=10.0, doc="Longer gaps of a joint are not bridged; its motion starts anew."
+    )
+    max_prediction: float = param(
+        0.2, unit="s", ge=0.0, le=10.0,
+        doc="How long a joint of somebody who is seen is predicted when nothing came after.",
+    )
+    max_sigma: float = param(
+        0.1, unit="m", ge=0.001, le=10.0,
+        doc="Filled and predicted joints less certain than this are missing.",
+    )
+    bone_sigma: float = param(
+        0.01, unit="m", ge=0.0, le=1.0,
+        doc="Standard deviation by which bones differ from their learnt length; 0 = bones are not used.",
+    )
+    bone_frames: int = param(
+        10, ge=1, le=100000, doc="Frames after which a learnt bone length is used."
+    )

@@ -1,0 +1,162 @@
+"""Kalman filter and Rauch-Tung-Striebel smoother of points with full covariances, compiled.
+
+State of each point: position m and velocity m/s (6), covariance (6, 6). White acceleration of
+spectral density q: Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]] on each axis, so results do not depend on
+the frame rate.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def predict_states(states, covariances, dt, q):
+    """States (N, 6) and covariances (N, 6, 6) dt s later; NaN rows stay NaN."""
+    count = len(states)
+    moved, grown = states.copy(), covariances.copy()
+    for n in range(count):
+        for i in range(3):
+            moved[n, i] += dt * states[n, 3 + i]
+        p = covariances[n]
+        for i in range(3):
+            for k in range(3):
+                grown[n, i, k] = p[i, k] + dt * (p[i, 3 + k] + p[3 + i, k]) + dt * dt * p[3 + i, 3 + k]
+                grown[n, i, 3 + k] = p[i, 3 + k] + dt * p[3 + i, 3 + k]
+                grown[n, 3 + k, i] = grown[n, i, 3 + k]
+            grown[n, i, i] += q * dt**3 / 3.0
+            grown[n, i, 3 + i] += q * dt**2 / 2.0
+            grown[n, 3 + i, i] += q * dt**2 / 2.0
+            grown[n, 3 + i, 3 + i] += q * dt
+    return moved, grown
+
+
+@njit(cache=True)
+def update_states(states, covariances, points, noises, cauchy):
+    """Take points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
+
+    A surprise of m sigmas multiplies the noise by 1 + (m / cauchy)^2 (the weight of a Cauchy
+    likelihood). The three coordinates are taken one after another after whitening the noise.
+    """
+    for n in range(len(states)):
+        if not np.isfinite(points[n, 0]):
+            continue
+        total = covariances[n, :3, :3] + noises[n]
+        surprise = points[n] - states[n, :3]
+        squared = _squared_length(total, surprise) / 3.0
+        noise = noises[n] * (1.0 + squared / (cauchy * cauchy))
+        lower = _cholesky(noise)
+        for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
+            row = np.zeros(3)
+            row[k] = 1.0
+            for i in range(k, -1, -1):  # solve lower^T r = e_k
+                value = row[i]
+                for m in range(i + 1, k + 1):
+                    value -= lower[m, i] * row[m]
+                row[i] = value / lower[i, i]
+            _scalar_update(states[n], covariances[n], row, points[n])
+
+
+@njit(cache=True)
+def _scalar_update(state, covariance, row, point):
+    """One measurement row . position = row . point of noise 1."""
+    gain = np.zeros(6)
+    spread, surprise = 1.0, 0.0
+    for i in range(6):
+        for k in range(3):
+            gain[i] += covariance[i, k] * row[k]
+    for k in range(3):
+        spread += row[k] * gain[k]
+        surprise += row[k] * (point[k] - state[k])
+    for i in range(6):
+        state[i] += gain[i] * surprise / spread
+    for i in range(6):
+        for k in range(i + 1):
+            covariance[i, k] -= gain[i] * gain[k] / spread
+            covariance[k, i] = covariance[i, k]
+
+
+@njit(cache=True)
+def _cholesky(matrix):
+    """Lower factor of a symmetric positive matrix, with a floor on the pivots."""
+    size = len(matrix)
+    lower = np.zeros((size, size))
+    for i in range(size):
+        for k in range(i + 1):
+            value = matrix[i, k]
+            for m in range(k):
+                value -= lower[i, m] * lower[k, m]
+            if i == k:
+                lower[i, i] = np.sqrt(max(value, 1e-16))
+            else:
+                lower[i, k] = value / lower[k, k]
+    return lower
+
+
+@njit(cache=True)
+def _squared_length(matrix, vector):
+    """vector^T matrix^-1 vector."""
+    lower = _cholesky(matrix)
+    total = 0.0
+    solved = np.zeros(len(vector))
+    for i in range(len(vector)):
+        value = vector[i]
+        for m in range(i):
+            value -= lower[i, m] * solved[m]
+        solved[i] = value / lower[i, i]
+        total += solved[i] ** 2
+    return total
+
+
+@njit(cache=True)
+def smooth_states(states, covariances, dt, predicted, predicted_covariances, later, later_covariances):
+    """One step backwards: smoothed states (N, 6) and covariances (N, 6, 6).
+
+    Args:
+        states, covariances: filtered, at this instant. dt: s to the next one.
+        predicted, predicted_covariances: of the next instant, from this one.
+        later, later_covariances: smoothed, of the next instant.
+    """
+    count = len(states)
+    smoothed, tightened = states.copy(), covariances.copy()
+    for n in range(count):
+        if not (np.isfinite(later[n, 0]) and np.isfinite(states[n, 0])):
+            continue
+        lower = _cholesky(predicted_covariances[n])
+        cross = covariances[n].copy()  # P F^T
+        for i in range(6):
+            for k in range(3):
+                cross[i, k] += dt * covariances[n, i, 3 + k]
+        gain = np.empty((6, 6))
+        for i in range(6):
+            gain[i] = _solve(lower, cross[i])
+        change = later_covariances[n] - predicted_covariances[n]
+        for i in range(6):
+            for k in range(6):
+                smoothed[n, i] += gain[i, k] * (later[n, k] - predicted[n, k])
+        half = np.zeros((6, 6))
+        for i in range(6):
+            for k in range(6):
+                for m in range(6):
+                    half[i, k] += gain[i, m] * change[m, k]
+        for i in range(6):
+            for k in range(6):
+                for m in range(6):
+                    tightened[n, i, k] += half[i, m] * gain[k, m]
+    return smoothed, tightened
+
+
+@njit(cache=True)
+def _solve(lower, right):
+    """Solution of lower lower^T x = right."""
+    size = len(right)
+    x = right.copy()
+    for i in range(size):
+        for m in range(i):
+            x[i] -= lower[i, m] * x[m]
+        x[i] /= lower[i, i]
+    for i in range(size - 1, -1, -1):
+        for m in range(i + 1, size):
+            x[i] -= lower[m, i] * x[m]
+        x[i] /= lower[i, i]
+    return x

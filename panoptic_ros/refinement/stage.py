@@ -1,0 +1,128 @@
+"""The refinement stage."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.domain import JointState, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.errors import DataError
+from panoptic_ros.refinement.bones import BoneLengths
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.person import PersonMotion, Smoothed
+from panoptic_ros.stage import Notice, StageContext, StepResult
+
+Array = np.ndarray
+
+
+class RefinementStage:
+    """Smoothed skeletons, one set for each that comes in, late by the lag."""
+
+    def __init__(self, config: RefinementConfig, context: StageContext):
+        self._config, self._skeleton = config, context.skeleton
+        self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody."""
+        self._waiting: list[TrackedPoseSet] = []
+        self._people: dict[int, PersonMotion] = {}
+        self._lengths: dict[int, BoneLengths] = {}
+        self._last_ns: int | None = None
+
+    def flush(self) -> StepResult[RefinedPoseSet]:
+        """Hand out all sets that still wait."""
+        outputs = tuple(self._emit() for _ in range(len(self._waiting)))
+        self.reset()
+        return StepResult(outputs)
+
+    def step(self, item: TrackedPoseSet) -> StepResult[RefinedPoseSet]:
+        """The sets that have waited long enough; sets from the past are dropped with a notice.
+
+        Raises:
+            DataError: if the poses are of another skeleton.
+        """
+        if item.skeleton_hash != self._skeleton.hash:
+            raise DataError(
+                f"poses of skeleton {item.skeleton_hash}, but refinement works on "
+                f"{self._skeleton.name} ({self._skeleton.hash})"
+            )
+        if self._last_ns is not None and item.stamp_ns <= self._last_ns:
+            text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
+            return StepResult(notices=(Notice("refinement.old_stamp", "warning", text),))
+        self._last_ns = item.stamp_ns
+        if not self._config.enabled:
+            return StepResult((_passed_through(item),))
+        self._take(item)
+        outputs = []
+        while self._waiting and 1e-9 * (item.stamp_ns - self._waiting[0].stamp_ns) >= self._config.lag - 1e-6:
+            outputs.append(self._emit())
+        return StepResult(tuple(outputs))
+
+    def _take(self, item: TrackedPoseSet) -> None:
+        """Filter everybody up to this set."""
+        self._waiting.append(item)
+        for number in item.ids.tolist():
+            if number not in self._people:
+                self._people[number] = PersonMotion(self._config, len(self._skeleton))
+                self._lengths.setdefault(number, BoneLengths(self._bones))
+        rows = {int(number): k for k, number in enumerate(item.ids)}
+        for number, motion in self._people.items():
+            motion.begin(item.stamp_ns)
+            if number in rows:
+                k = rows[number]
+                motion.measure(
+                    item.positions[k], item.covariances[k], item.scores[k], item.views[k],
+                    float(item.person_scores[k]),
+                )  # fmt: skip
+
+    def _emit(self) -> RefinedPoseSet:
+        """The oldest waiting set, smoothed with all that came after it."""
+        item = self._waiting.pop(0)
+        numbers, people = [], []
+        for number in sorted(self._people):
+            person = self._people[number].smoothed(item.stamp_ns)
+            if person is not None and (person.states != JointState.MISSING).any():
+                numbers.append(number)
+                people.append(self._with_bones(number, person))
+        horizon = self._config.max_gap + self._config.lag
+        for number in [n for n, motion in self._people.items() if motion.unseen > horizon]:
+            del self._people[number]
+        for motion in self._people.values():
+            motion.forget_before(item.stamp_ns)
+        return _refined(item, numbers, people)
+
+    def _with_bones(self, number: int, person: Smoothed) -> Smoothed:
+        """The person with its bone lengths learnt and used."""
+        if self._config.bone_sigma <= 0.0:
+            return person
+        lengths = self._lengths[number]
+        lengths.learn(person.positions, person.covariances, person.states == JointState.MEASURED)
+        positions, covariances = lengths.apply(
+            person.positions, person.covariances, person.states != JointState.MISSING,
+            self._config.bone_sigma, self._config.bone_frames,
+        )  # fmt: skip
+        return Smoothed(
+            positions, covariances, person.scores, person.views, person.states, person.person_score
+        )
+
+
+def _passed_through(item: TrackedPoseSet) -> RefinedPoseSet:
+    """The same skeletons under the other name."""
+    return RefinedPoseSet(
+        item.index, item.stamp_ns, item.skeleton_hash, item.positions, item.covariances, item.scores,
+        item.views, item.states, item.person_scores, ids=item.ids,
+    )  # fmt: skip
+
+
+def _refined(item: TrackedPoseSet, numbers: list[int], people: list[Smoothed]) -> RefinedPoseSet:
+    """The record of one instant."""
+    joints = item.positions.shape[1]
+
+    def stacked(name: str, shape: tuple[int, ...]) -> Array:
+        rows = [getattr(person, name) for person in people]
+        return np.stack(rows) if rows else np.empty((0, *shape))
+
+    return RefinedPoseSet(
+        item.index, item.stamp_ns, item.skeleton_hash, stacked("positions", (joints, 3)),
+        stacked("covariances", (joints, 3, 3)), stacked("scores", (joints,)), stacked("views", (joints,)),
+        stacked("states", (joints,)), stacked("person_score", ()), ids=np.array(numbers, np.int64),
+    )  # fmt: skip

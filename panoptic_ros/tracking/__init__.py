@@ -1,0 +1,13 @@
+"""Tracking: skeletons of single instants become people with identity.
+
+Joo et al. 2017 (5.3) give a skeleton the identity of the nearest one of the frame before, by the
+distance of the head node, and look further back where it is missing. Made robust here: all joints
+that two skeletons share take part, each against a constant-velocity prediction and its uncertainty;
+the assignment is optimal per frame (Hungarian) instead of nearest; after a gap the middle of the
+body and the lengths of the bones decide; and a skeleton of few views must be seen repeatedly
+before it gets an identity.
+
+In: `PoseSet`. Out: one `TrackedPoseSet` for each, measured skeletons only, ids counting from 0 in
+the order of appearance and never used twice. Limits: no appearance, so people who change places
+unseen may change ids when their bodies have the same size.
+"""

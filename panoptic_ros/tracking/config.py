@@ -1,0 +1,50 @@
+"""Parameters of tracking."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingConfig(Config):
+    """How skeletons get an identity over time."""
+
+    max_distance: float = param(
+        0.5, unit="m", ge=0.05, le=5.0,
+        doc="Mean joint distance from its prediction beyond which a skeleton is somebody else.",
+    )
+    acceleration: float = param(
+        10.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Standard deviation of joint acceleration in predictions."
+    )
+    memory: float = param(
+        2.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen."
+    )
+    joint_memory: float = param(
+        0.3, unit="s", ge=0.0, le=10.0,
+        doc="How long single joints are predicted; after that the middle of the body decides.",
+    )
+    return_distance: float = param(
+        0.6, unit="m", ge=0.0, le=20.0, doc="How far from where it was lost somebody may come back at once."
+    )
+    return_speed: float = param(
+        1.2, unit="m/s", ge=0.0, le=20.0, doc="How that distance grows with the time of absence."
+    )
+    bone_tolerance: float = param(
+        0.08, ge=0.005, le=10.0,
+        doc="Relative difference of bone lengths (median) that speaks against a return.",
+    )
+    confirm_views: float = param(
+        2.0, ge=1.0, le=1000.0,
+        doc="Mean number of views per joint from which a new skeleton gets an identity at once.",
+    )
+    confirm_joints: float = param(
+        0.5, ge=0.0, le=1.0, doc="Share of the joints from which a new skeleton gets an identity at once."
+    )
+    confirm_frames: int = param(
+        3, ge=1, le=1000, doc="Otherwise it must be seen so many times without a long gap."
+    )
+    duplicate_distance: float = param(
+        0.15, unit="m", ge=0.0, le=1.0,
+        doc="Mean joint distance below which a new skeleton is a second one of somebody known.",
+    )

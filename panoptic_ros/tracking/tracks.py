@@ -1,0 +1,127 @@
+"""Identities and what is known of them."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain import PoseSet
+from panoptic_ros.geometry.motion import predict_motion, update_motion
+
+Array = np.ndarray
+
+START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
+LENGTH_MEMORY = 60.0  # frames that the bone lengths remember
+FADE_TIME = 0.5  # s, over which the velocity of somebody unseen fades
+
+
+@dataclass(slots=True, eq=False)
+class Track:
+    """One person over time.
+
+    Args:
+        number: the identity, -1 = not confirmed yet.
+        states (J, 6), variances (J, 3): see `geometry.motion`; NaN = unknown.
+        ages: (J,) s since each joint was measured.
+        lengths: (B,) m, mean bone lengths, NaN = unknown. counts: (B,) what they rest on.
+        middle, drift: (3,) m and m/s, the middle of the body and its velocity.
+        unseen: s since the person was seen. hits: how often it was seen.
+    """
+
+    number: int
+    states: Array
+    variances: Array
+    ages: Array
+    lengths: Array
+    counts: Array
+    middle: Array
+    drift: Array
+    unseen: float = 0.0
+    hits: int = 0
+
+    @classmethod
+    def empty(cls, joints: int, bones: int) -> Track:
+        """Nobody yet."""
+        return cls(
+            -1, np.full((joints, 6), np.nan), np.zeros((joints, 3)), np.zeros(joints),
+            np.full(bones, np.nan), np.zeros(bones), np.full(3, np.nan), np.zeros(3),
+        )  # fmt: skip
+
+    def predict(self, dt: float, acceleration: float, joint_memory: float) -> None:
+        """Move on by dt s; joints that were not seen for long are forgotten."""
+        self.states, self.variances = predict_motion(self.states, self.variances, dt, acceleration)
+        self.ages = self.ages + dt
+        self.states[self.ages > joint_memory] = np.nan
+        self.unseen += dt
+        self.middle = self.middle + dt * self.drift
+        self.drift = self.drift * np.exp(-dt / FADE_TIME)
+
+    def update(self, positions: Array, covariances: Array, bones: Array) -> None:
+        """Take a skeleton (J, 3) m with covariances (J, 3, 3)."""
+        noise = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
+        self.states, self.variances = update_motion(
+            self.states, self.variances, positions, noise, START_SPEED
+        )
+        measured = np.isfinite(positions[:, 0])
+        self.ages[measured] = 0.0
+        lengths = bone_lengths(positions, bones)
+        seen = np.isfinite(lengths)
+        self.counts[seen] = np.minimum(self.counts[seen] + 1.0, LENGTH_MEMORY)
+        old = np.where(np.isfinite(self.lengths), self.lengths, lengths)
+        self.lengths[seen] = (old + (lengths - old) / np.maximum(self.counts, 1.0))[seen]
+        self.middle = np.median(positions[measured], axis=0)
+        self.drift = np.median(self.states[measured, 3:], axis=0)
+        self.unseen, self.hits = 0.0, self.hits + 1
+
+
+def bone_lengths(positions: Array, bones: Array) -> Array:
+    """Lengths (..., B) m of bones (B, 2) of skeletons (..., J, 3), NaN where a joint is missing."""
+    return np.linalg.norm(positions[..., bones[:, 0], :] - positions[..., bones[:, 1], :], axis=-1)
+
+
+def joint_distances(tracks: list[Track], poses: PoseSet) -> tuple[Array, Array]:
+    """Mean distance (T, P) m of predicted and measured joints, inf without common ones; the same in sigmas.
+
+    The second is the mean over the joints of the truncated Mahalanobis distance.
+    """
+    if not tracks or not len(poses.positions):
+        nothing = np.full((len(tracks), len(poses.positions)), np.inf)
+        return nothing, nothing
+    predicted = np.stack([track.states[:, :3] for track in tracks])
+    spread = np.stack([track.variances[:, 0] for track in tracks])
+    noise = np.trace(poses.covariances, axis1=-2, axis2=-1) / 3.0
+    distance = np.linalg.norm(predicted[:, None] - poses.positions[None], axis=-1)  # (T, P, J)
+    known = np.isfinite(distance)
+    count = known.sum(axis=-1)
+    sigma = np.sqrt(spread[:, None] + np.where(np.isfinite(noise), noise, 1.0)[None] + FLOOR**2)
+    scaled = np.minimum(np.where(known, distance, 0.0) / sigma, WORST)
+    enough = count >= 1
+    mean = np.where(known, distance, 0.0).sum(-1) / np.maximum(count, 1)
+    cost = np.where(known, scaled, 0.0).sum(-1) / np.maximum(count, 1)
+    return np.where(enough, mean, np.inf), np.where(enough, cost, np.inf)
+
+
+FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
+WORST = 10.0  # sigmas; joints further off say no more
+
+
+def return_costs(tracks: list[Track], poses: PoseSet, bones: Array) -> tuple[Array, Array]:
+    """How far (T, P) m skeletons are from where people should come back, and how unlike their bones are.
+
+    The second is the median relative difference of bone lengths, 0 where fewer than three are known.
+    """
+    shape = (len(tracks), len(poses.positions))
+    distances, differences = np.full(shape, np.inf), np.zeros(shape)
+    lengths = bone_lengths(poses.positions, bones)
+    for k, positions in enumerate(poses.positions):
+        measured = np.isfinite(positions[:, 0])
+        if not measured.any():
+            continue
+        middle = np.median(positions[measured], axis=0)
+        for i, track in enumerate(tracks):
+            distances[i, k] = np.linalg.norm((track.middle - middle)[:2])
+            both = np.isfinite(lengths[k]) & np.isfinite(track.lengths)
+            if both.sum() >= 3:
+                ratio = lengths[k][both] / np.maximum(track.lengths[both], 1e-3)
+                differences[i, k] = np.median(np.abs(ratio - 1.0))
+    return distances, differences
