@@ -1,0 +1,99 @@
+"""The whole graph in a native Jazzy workspace, one process per node.
+
+    ros2 launch panoptic_ros panoptic.launch.py capture:=/path/to/capture
+    ros2 launch panoptic_ros panoptic.launch.py rig:=rig.json devices:="left=/dev/video0 right=/dev/video2"
+
+Where ROS comes from the wheels there is no launch system: `panoptic run` starts the same nodes.
+"""
+from pathlib import Path
+
+import yaml
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch_ros.actions import Node
+
+from panoptic_ros.capture import open_capture_folder
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.io.models import DEFAULT_MODEL
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.io.rigs import find_rig, read_rig
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+
+ARGUMENTS = {
+    "capture": ("", "capture folder: a rig file, and a video or a folder of images per camera"),
+    "rig": ("", "calibration file; default: the one in the capture folder"),
+    "devices": ("", "in place of a capture folder: camera=device or camera=URL, separated by spaces"),
+    "audio": ("", "names of audio devices that carry timecode, separated by spaces"),
+    "skeleton": (DEFAULT_SKELETON, "skeleton model"),
+    "model": (DEFAULT_MODEL, "pose model: the name of a card, or a file"),
+    "config": ("", "YAML with parameters, {stage: {name: value}}"),
+    "flow": ("", "live (newest first) or replay (nothing is lost); default: replay for a capture folder"),
+    "jpeg_quality": ("90", "of the images on the topics"),
+}
+
+
+def generate_launch_description():
+    """Called by `ros2 launch`."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=start_graph)])
+
+
+def start_graph(context):
+    """Rig, cameras, stages and markers."""
+    given = {name: context.launch_configurations[name] for name in ARGUMENTS}
+    rig_file, sources = find_cameras(given)
+    flow = given["flow"] or ("replay" if given["capture"] else "live")
+    settings = yaml.safe_load(Path(given["config"]).read_text()) if given["config"] else {}
+    audio = given["audio"].split()
+    common = {"rig": str(rig_file), "flow": flow}
+    quality = {"jpeg_quality": int(given["jpeg_quality"])}
+    chosen = {"skeleton": given["skeleton"], "model": given["model"]}
+    profile = str(share_folder() / "config" / "fastdds.xml")  # room for images in shared memory
+    actions = [
+        SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", profile),
+        node("rig", "rig", {"rig": str(rig_file), **chosen}),
+        node("markers", "markers", {"flow": flow}),
+    ]
+    for camera, source in sources.items():
+        actions.append(node("camera", f"camera_{camera}", {"camera": camera, **common, **quality, **source}))
+    for name, spec in NODES.items():
+        own = {"flow": flow, "cameras": list(sources), **(settings or {}).get(name, {})}
+        if "audio" in spec.takes:
+            if not audio:
+                continue
+            own["devices"] = audio
+        if "image" in spec.takes:
+            own |= {"compressed": True, "model": given["model"]}
+        actions.append(node(name, name, own))
+    return actions
+
+
+def find_cameras(given):
+    """The rig's file, and {camera: parameters of its node that say where its images come from}."""
+    if bool(given["capture"]) == bool(given["devices"]):
+        raise UsageError("give one of capture:=FOLDER and devices:='camera=device ...'")
+    if given["capture"]:
+        folder = Path(given["capture"])
+        rig_file = Path(given["rig"]) if given["rig"] else find_rig(folder)
+        with open_capture_folder(folder, rig=read_rig(rig_file)) as capture:
+            return rig_file, {source.camera: {"video": str(source.path)} for source in capture.sources}
+    if not given["rig"]:
+        raise UsageError("devices:= needs rig:=FILE, the calibration of these cameras")
+    pairs = [item.partition("=") for item in given["devices"].split()]
+    known = read_rig(Path(given["rig"])).names
+    for camera, equals, _ in pairs:
+        if not equals or camera not in known:
+            raise UsageError(f"devices:= names {camera!r}; the rig has {', '.join(known)}")
+    return Path(given["rig"]), {camera: {"device": device} for camera, _, device in pairs}
+
+
+def node(executable, name, parameters):
+    """One process; empty lists are left out, as ROS cannot tell their type."""
+    filled = {key: value for key, value in parameters.items() if value != []}
+    return Node(
+        package="panoptic_ros", executable=executable, name=name, output="screen", parameters=[filled]
+    )

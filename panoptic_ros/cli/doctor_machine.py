@@ -1,0 +1,146 @@
+"""Checks of `panoptic doctor` that need no ROS: Python, packages, models, video, disk, cameras.
+
+What a check is about is imported inside of it, so that its absence is a finding.
+"""
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from panoptic_ros.cli.finding import Check, Finding, fail, ok, warn
+from panoptic_ros.errors import UserError
+from panoptic_ros.io.resources import cache_folder
+
+SUPPORTED = ((3, 10), (3, 13))  # first and last minor version of Python
+PACKAGES = ("numpy", "scipy", "onnxruntime", "onnx", "rosbags", "PyYAML", "numba", "matplotlib")
+LITTLE_SPACE, NO_SPACE = 2.0, 0.3  # GB, for recordings and the download of a model
+
+
+def check_python() -> Finding:
+    """Version and platform."""
+    first, last = (".".join(map(str, version)) for version in SUPPORTED)
+    place = "a virtual environment" if sys.prefix != sys.base_prefix else "no virtual environment"
+    found = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {place}"
+    if not SUPPORTED[0] <= sys.version_info[:2] <= SUPPORTED[1]:
+        return fail(found, f"use Python {first} to {last}")
+    if (platform.system(), platform.machine()) != ("Linux", "x86_64"):
+        return warn(found, "the ROS wheels are for Linux on x86_64; elsewhere build with colcon in Jazzy")
+    return ok(found)
+
+
+def check_packages() -> Finding:
+    """The Python packages that the program needs."""
+    versions, missing = [], []
+    for name in PACKAGES:
+        try:
+            versions.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            missing.append(name)
+    if missing:
+        return fail(f"missing: {', '.join(missing)}", f"./run setup, or pip install {' '.join(missing)}")
+    return ok(", ".join(versions))
+
+
+def check_onnxruntime() -> Finding:
+    """Execution providers for the networks."""
+    import onnxruntime
+
+    providers = onnxruntime.get_available_providers()
+    return ok(f"providers: {', '.join(name.removesuffix('ExecutionProvider') for name in providers)}")
+
+
+def check_model() -> Finding:
+    """The default pose model."""
+    from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, read_card
+
+    try:
+        source = read_card(DEFAULT_MODEL)
+        if is_cached(source):
+            return ok(f"{DEFAULT_MODEL} in {source.model_path}")
+    except UserError as error:
+        return fail(str(error), "install the package again")
+    return warn(f"{DEFAULT_MODEL} is not there yet", "panoptic models fetch")
+
+
+def check_video() -> Finding:
+    """Whether OpenCV writes a video and reads it back."""
+    import cv2
+    import numpy as np
+
+    count, height, width = 5, 48, 64
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "check.mp4")
+        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (width, height))
+        for index in range(count):
+            writer.write(np.full((height, width, 3), 40 * index, np.uint8))
+        writer.release()
+        reader = cv2.VideoCapture(path)
+        levels = []
+        while (frame := reader.read()[1]) is not None:
+            levels.append(float(frame.mean()))
+        reader.release()
+    if len(levels) == count and np.allclose(levels, 40 * np.arange(count), atol=8):
+        return ok("mp4 written and read back")
+    return fail(
+        f"OpenCV {cv2.__version__} read {len(levels)} of {count} frames of its own mp4",
+        "python -m pip install --force-reinstall opencv-python-headless",
+    )
+
+
+def check_disk() -> Finding:
+    """Free space here, where results go, and in the cache."""
+    places = {"here": Path.cwd(), "cache": _existing(cache_folder())}
+    free = {name: shutil.disk_usage(path).free / 1e9 for name, path in places.items()}
+    found = ", ".join(f"{name} {space:.1f} GB free" for name, space in free.items())
+    if min(free.values()) < NO_SPACE:
+        return fail(found, "make room: a recording and the download of a model need some 100 MB each")
+    if min(free.values()) < LITTLE_SPACE:
+        return warn(found, "make room before you record")
+    return ok(found)
+
+
+def check_cache() -> Finding:
+    """Whether models can be kept."""
+    folder = cache_folder()
+    if _writable(_existing(folder)):
+        return ok(f"{folder} is writable")
+    return fail(f"no permission to write in {folder}", "set PANOPTIC_CACHE to a folder of your own")
+
+
+def check_cameras() -> Finding:
+    """Video devices and whether this user may open them."""
+    devices = sorted(Path("/dev").glob("video*"))
+    closed = [str(device) for device in devices if not os.access(device, os.R_OK | os.W_OK)]
+    if closed:
+        return warn(f"no permission for {', '.join(closed)}", "join the group video and log in again")
+    return ok(f"devices: {', '.join(map(str, devices)) or 'none (files and streams work without)'}")
+
+
+def _existing(path: Path) -> Path:
+    """The folder itself or the nearest one above it that exists."""
+    return next(place for place in (path, *path.resolve().parents) if place.exists())
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+MACHINE_CHECKS: dict[str, Check] = {
+    "python": check_python,
+    "packages": check_packages,
+    "onnxruntime": check_onnxruntime,
+    "model": check_model,
+    "video": check_video,
+    "disk": check_disk,
+    "cache": check_cache,
+    "cameras": check_cameras,
+}

@@ -1,0 +1,87 @@
+"""What one check of `panoptic doctor` found."""
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from panoptic_ros.errors import EnvironmentProblem
+
+LEVELS = ("OK", "WARN", "FAIL")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report.
+
+    Args:
+        level: OK, WARN (something works less well or is not there yet) or FAIL.
+        found: what was found, with the value.
+        remedy: what to do about it; empty if all is well.
+    """
+
+    level: str
+    found: str
+    remedy: str = ""
+
+
+Check = Callable[[], Finding]
+
+
+def ok(found: str) -> Finding:
+    """All is well."""
+    return Finding("OK", found)
+
+
+def warn(found: str, remedy: str) -> Finding:
+    """It works less well, or not yet."""
+    return Finding("WARN", found, remedy)
+
+
+def fail(found: str, remedy: str) -> Finding:
+    """It does not work."""
+    return Finding("FAIL", found, remedy)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a piece of Python ended in a process of its own; the last line that it wrote about errors."""
+
+    succeeded: bool
+    output: str
+    last_error: str
+
+
+def start_python(code: str, *arguments: str) -> subprocess.Popen[str]:
+    """Start a piece of Python in a process of its own: what it loads or breaks stays there."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def finish(process: subprocess.Popen[str], timeout_s: float) -> Outcome:
+    """Wait for the process; one that takes too long is ended."""
+    try:
+        output, errors = process.communicate(timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return Outcome(False, "", f"no answer within {timeout_s:g} s")
+    lines = [line.strip() for line in errors.splitlines() if line.strip()]
+    last = lines[-1].split(". Please")[0] if lines else ""  # rclpy adds a long link
+    return Outcome(process.returncode == 0, output.strip(), last)
+
+
+def run_checks(checks: Mapping[str, Check]) -> dict[str, Finding]:
+    """Run all checks; what a check cannot import or reach is a finding too."""
+    findings = {}
+    for name, check in checks.items():
+        try:
+            findings[name] = check()
+        except ImportError as error:
+            findings[name] = fail(f"cannot be loaded: {error}", "./run setup")
+        except (EnvironmentProblem, OSError) as error:
+            findings[name] = fail(str(error), "mend this first, then run the check again")
+    return findings
