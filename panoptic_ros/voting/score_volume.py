@@ -82,8 +82,15 @@ def dense_peaks(
 
 def sorted_peaks(peaks: Peaks) -> Peaks:
     """In the order of joint and voxel, without repetitions."""
-    table = np.column_stack([peaks.joints, peaks.voxels])
-    _, first = np.unique(table, axis=0, return_index=True)
+    low = peaks.voxels.min(axis=0, initial=0)
+    size = peaks.voxels.max(axis=0, initial=0) - low + 1
+    key = peaks.joints
+    if len(key) == 0 or float(size.prod(dtype=float)) * (key.max() + 1) >= 2.0**62:
+        _, first = np.unique(np.column_stack([key, peaks.voxels]), axis=0, return_index=True)
+    else:
+        for axis in range(3):
+            key = key * size[axis] + peaks.voxels[:, axis] - low[axis]
+        _, first = np.unique(key, return_index=True)
     return Peaks(*(values[first] for values in peaks))
 
 

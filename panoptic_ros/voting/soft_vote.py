@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.voting import kernels
+from panoptic_ros.voting import kernels, soft_kernels
 from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
@@ -12,11 +12,11 @@ BALLS = ((0.12, 0.03), (0.04, 0.01))  # radius and step of the points looked at,
 
 
 def ball(radius: float, step: float) -> Array:
-    """The points (G, 3) m of a cubic grid about 0 that are not farther from it than `radius`."""
+    """The points (3, G) m of a cubic grid about 0 that are not farther from it than `radius`."""
     side = round(radius / step)
     axis = np.arange(-side, side + 1)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    return np.ascontiguousarray(grid[(grid**2).sum(1) <= side**2] * step)
+    return np.ascontiguousarray((grid[(grid**2).sum(1) <= side**2] * step).T)
 
 
 OFFSETS = tuple(ball(*each) for each in BALLS)
@@ -34,6 +34,6 @@ def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array
     moved = np.ascontiguousarray(points, np.float64)
     which = np.ascontiguousarray(joints, np.int64)
     for offsets in OFFSETS:
-        moved = kernels.soft_argmax(scene, which, moved, offsets, SOFTNESS)
+        moved = soft_kernels.soft_argmax(scene, which, moved, offsets, SOFTNESS)
     votes, _ = kernels.vote_points(scene, which, moved, 0.0)
     return moved, votes

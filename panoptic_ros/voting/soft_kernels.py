@@ -1,0 +1,144 @@
+"""Compiled kernels of the soft vote. They call nothing outside of this file.
+
+The loops over the points of a ball are written so that the compiler can vectorise them: flat arrays,
+no branches, a Gaussian without library calls (relative error below 1e-5).
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from panoptic_ros.voting.score_field import GAUSSIAN_END
+
+MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
+REACH = 3.0  # a ball off the axis of a distorted lens is not larger than this, relative to its size on it
+
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@_jit
+def soft_argmax(scene, joints, starts, offsets, softness):
+    """The mean of start + offsets (3, G), for each start (N, 3), weighted by exp(vote / softness).
+
+    The vote is eq. 1, with the number of views that cover the start. Where nothing votes, the start stays.
+    """
+    cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    result = starts.copy()
+    count = offsets.shape[1]
+    votes, scores, u, w = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    middle = count // 2  # the offset 0
+    for n in range(len(starts)):
+        votes[:] = 0.0
+        j, covering = joints[n], 0
+        for v in range(len(cameras)):
+            reach = REACH * _project_ball(cameras, v, starts[n], offsets, u, w)
+            if u[middle] == np.inf:
+                continue
+            covering += 1
+            if map_start[v, j] >= 0:
+                _add_map(cameras, v, map_start[v, j], map_data, u, w, votes)
+            else:
+                scores[:] = 0.0
+                for i in range(people.shape[2]):
+                    joint = people[v, j, i]
+                    away = math.hypot(joint[0] - u[middle], joint[1] - w[middle])
+                    if away < reach + math.sqrt(GAUSSIAN_END / joint[2]):  # False if it is missing
+                        _raise_to_keypoint(joint, u, w, scores)
+                votes += scores
+        _move_to_mean(result[n], offsets, votes, softness * covering)
+    return result
+
+
+@_jit
+def _project_ball(cameras, v, start, offsets, u, w):
+    """Pixels u, w (G,) of start + offsets; infinite where the view does not cover them.
+
+    Returns the size of the ball in pixels where the view looks straight at it; inf if it is too close.
+    """
+    r00, r01, r02, r10, r11, r12, r20, r21, r22, tx, ty, tz = cameras[v, :12]
+    fx, skew, cx, fy, cy, k1, k2, p1, p2, k3, fold = cameras[v, 12:23]
+    width, height, map_width, map_height, a0, a1, a2, b0, b1, b2 = cameras[v, 23:33]
+    x0 = r00 * start[0] + r01 * start[1] + r02 * start[2] + tx
+    y0 = r10 * start[0] + r11 * start[1] + r12 * start[2] + ty
+    z0 = r20 * start[0] + r21 * start[1] + r22 * start[2] + tz
+    if map_width == 0.0:  # no maps, no borders of theirs
+        map_width = map_height = 1.0
+    for g in range(len(u)):
+        ox, oy, oz = offsets[0, g], offsets[1, g], offsets[2, g]
+        depth = z0 + r20 * ox + r21 * oy + r22 * oz
+        scale = 1.0 / max(depth, MIN_DEPTH)
+        x = (x0 + r00 * ox + r01 * oy + r02 * oz) * scale
+        y = (y0 + r10 * ox + r11 * oy + r12 * oz) * scale
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        dx = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+        dy = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+        px, py = fx * dx + skew * dy + cx, fy * dy + cy
+        a, b = a0 * px + a1 * py + a2, b0 * px + b1 * py + b2
+        inside = (
+            (depth > MIN_DEPTH) & (r2 < fold)
+            & (px >= -0.5) & (px <= width - 0.5) & (py >= -0.5) & (py <= height - 0.5)
+            & (a >= -0.5) & (a <= map_width - 0.5) & (b >= -0.5) & (b <= map_height - 0.5)
+        )  # fmt: skip
+        u[g] = px if inside else np.inf
+        w[g] = py if inside else np.inf
+    radius = offsets[0, -1]  # of the last point, (radius, 0, 0)
+    return radius * max(fx, fy) / z0 if z0 > 4.0 * radius else np.inf
+
+
+@_jit
+def _add_map(cameras, v, start, data, u, w, votes):
+    """Add bilinear samples of the map of view v that begins at `start`."""
+    width, height = int(cameras[v, 25]), int(cameras[v, 26])
+    a0, a1, a2, b0, b1, b2 = cameras[v, 27:33]
+    for g in range(len(u)):
+        if u[g] == np.inf:
+            continue
+        a = min(max(a0 * u[g] + a1 * w[g] + a2, 0.0), width - 1.0)
+        b = min(max(b0 * u[g] + b1 * w[g] + b2, 0.0), height - 1.0)
+        x, y = min(int(a), max(width - 2, 0)), min(int(b), max(height - 2, 0))
+        fx, fy = a - x, b - y
+        at = start + y * width + x
+        right = 1 if x + 1 < width else 0
+        below = width if y + 1 < height else 0
+        top = data[at] * (1.0 - fx) + data[at + right] * fx
+        bottom = data[at + below] * (1.0 - fx) + data[at + below + right] * fx
+        votes[g] += (top * (1.0 - fy) + bottom * fy) * (1.0 / 255.0)
+
+
+@_jit
+def _raise_to_keypoint(joint, u, w, scores):
+    """Scores (G,) become at least the Gaussian of a 2D joint (pixel, rate, score)."""
+    x, y, rate, score = joint
+    for g in range(len(u)):
+        exponent = min(((x - u[g]) ** 2 + (y - w[g]) ** 2) * rate, 2.0 * GAUSSIAN_END)
+        part = exponent / 64.0
+        value = 1.0 - part * (1.0 - part * (0.5 - part * (1.0 / 6.0 - part / 24.0)))
+        value *= value
+        value *= value
+        value *= value
+        value *= value
+        value *= value
+        value *= value
+        scores[g] = max(scores[g], score * value if exponent < GAUSSIAN_END else 0.0)
+
+
+@_jit
+def _move_to_mean(place, offsets, votes, softness):
+    """Move a place (3,) by the mean of the offsets (3, G), weighted by exp(vote / softness)."""
+    best = votes.max()
+    if not best > 0.0:
+        return
+    total, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for g in range(len(votes)):
+        if votes[g] > best - 12.0 * softness:
+            weight = math.exp((votes[g] - best) / softness)
+            total += weight
+            x += weight * offsets[0, g]
+            y += weight * offsets[1, g]
+            z += weight * offsets[2, g]
+    place[0] += x / total
+    place[1] += y / total
+    place[2] += z / total

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.score_field import ViewField
+from panoptic_ros.voting.score_volume import vote_reference
+from panoptic_ros.voting.soft_vote import OFFSETS, SOFTNESS, refine
+
+LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+
+
+def reference(fields, cameras, joint, start):
+    """The soft vote in numpy, of a point whose neighbourhood all cameras cover."""
+    place = start
+    for offsets in OFFSETS:
+        votes, _ = vote_reference(fields, cameras, joint, place + offsets.T)
+        weights = np.exp((votes - votes.max()) / SOFTNESS)
+        place = place + (weights[:, None] * offsets.T).sum(0) / weights.sum()
+    return place
+
+
+def setting(scenes, maps, lens=LENS, count=4):
+    rig = scenes.ring(count, lens)
+    people = [scenes.person(0.3, 0.2), scenes.person(0.1, -0.3, 1.0)]
+    views = scenes.detect(rig, people, maps).views
+    return rig, np.stack(people), build_scene(rig.cameras, views, 19), [ViewField(view) for view in views]
+
+
+@pytest.mark.parametrize("maps", ["none", "merged", "mixed"])
+def test_it_is_the_soft_vote_of_numpy(scenes, maps):
+    rig, people, scene, fields = setting(scenes, maps)
+    joints = np.array([1, 3, 8, 12, 2])
+    starts = people[0, joints] + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 3))
+    points, votes = refine(starts, joints, scene)
+    for n, joint in enumerate(joints):
+        expected = reference(fields, rig.cameras, int(joint), starts[n])
+        assert points[n] == pytest.approx(expected, abs=1e-5)
+        vote, _ = vote_reference(fields, rig.cameras, int(joint), points[n : n + 1])
+        assert votes[n] == pytest.approx(vote[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("maps", ["none", "merged"])
+def test_it_comes_closer_to_the_joint(scenes, maps):
+    _, people, scene, _ = setting(scenes, maps, count=6)
+    true = people.reshape(-1, 3)
+    starts = true + np.random.default_rng(1).uniform(-0.02, 0.02, true.shape)
+    points, votes = refine(starts, np.tile(np.arange(19), 2), scene)
+    assert np.linalg.norm(points - true, axis=1).max() < 0.012
+    assert votes.min() > 0.7
+
+
+def test_where_nothing_votes_a_point_stays(scenes):
+    _, _, scene, _ = setting(scenes, "none")
+    away = np.array([[1.5, 1.5, 0.2], [50.0, 0.0, 1.0]])
+    points, votes = refine(away, np.array([1, 1]), scene)
+    assert np.array_equal(points, away)
+    assert (votes == 0.0).all()
+    assert refine(np.zeros((0, 3)), np.zeros(0, int), scene)[0].shape == (0, 3)
