@@ -1,6 +1,7 @@
 """Several views in one picture."""
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import cv2
@@ -84,15 +85,19 @@ class Mosaic:
 
 
 def _best_grid(count: int, width: int, height: int, limit: tuple[int, int]) -> tuple[int, float]:
-    """Number of columns and scale that show tiles of (width, height) largest, never enlarged."""
-    best = (1, 0.0)
+    """Number of columns and scale that show tiles of (width, height) largest, never enlarged.
+
+    Of grids that are as large, the one whose shape is most like that of the limit.
+    """
+    best, best_shape = (1, 0.0), math.inf
     for columns in range(1, count + 1):
         rows = -(-count // columns)
         room_x, room_y = limit[0] - (columns - 1) * GAP, limit[1] - (rows - 1) * GAP
         # one pixel is kept free where the sum is odd and must be made even
         scale = min(1.0, (room_x - 1) / (columns * width), (room_y - 1) / (rows * height))
-        if scale > best[1]:
-            best = (columns, scale)
+        shape = abs(math.log(columns * width * limit[1] / (rows * height * limit[0])))
+        if scale > best[1] or (scale == best[1] and shape < best_shape):
+            best, best_shape = (columns, scale), shape
     if best[1] * min(width, height) < 1.0:
         raise UsageError(f"{count} views do not fit a picture of {limit[0]}x{limit[1]}")
     return best

@@ -1,0 +1,157 @@
+"""What is going on right now, in a terminal."""
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import TextIO
+
+import numpy as np
+
+from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
+from panoptic_ros.view.colors import rgb_of
+
+WINDOW_S = 2.0  # frame rates are counted over this
+REDRAW_S = 0.25  # of a table in a terminal
+LINE_S = 2.0  # of plain lines
+
+
+class LiveTable:
+    """A table of cameras, people and latency that is redrawn in place.
+
+    Per camera its frame rate, people seen and frames dropped; per person its id, the position of the head
+    and how many joints there are; latency. If the stream is no terminal, one plain line every
+    2 s instead. Not thread-safe: call it from one thread.
+
+    Args:
+        cameras: names, in order.
+        skeleton: of the poses.
+        stream: sys.stdout unless given.
+        clock: seconds that never go back; for tests.
+    """
+
+    def __init__(
+        self,
+        cameras: Sequence[str],
+        skeleton: SkeletonModel,
+        stream: TextIO | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._stream = sys.stdout if stream is None else stream
+        self._clock = clock
+        self._skeleton = skeleton
+        self._terminal = self._stream.isatty()
+        self._arrivals: dict[str, deque[float]] = {name: deque() for name in cameras}
+        self._people_seen: dict[str, int] = dict.fromkeys(cameras, 0)
+        self._dropped: dict[str, int] = dict.fromkeys(cameras, 0)
+        self._poses: TrackedPoseSet | None = None
+        self._pose_arrivals: deque[float] = deque()
+        self._latencies: deque[float] = deque(maxlen=300)
+        self._drawn_at = -1e9
+        self._lines_up = 0
+
+    def saw_view(self, camera: str, people: int) -> None:
+        """The detections of a frame came, with so many people."""
+        self._arrivals.setdefault(camera, deque()).append(self._clock())
+        self._people_seen[camera] = people
+        self._redraw()
+
+    def set_dropped(self, dropped: Mapping[str, int]) -> None:
+        """Frames dropped so far, by camera."""
+        self._dropped.update(dropped)
+
+    def saw_poses(self, poses: TrackedPoseSet, latency_ms: float | None = None) -> None:
+        """The skeletons of an instant came, so long after capture."""
+        self._poses = poses
+        self._pose_arrivals.append(self._clock())
+        if latency_ms is not None:
+            self._latencies.append(latency_ms)
+        self._redraw()
+
+    def close(self) -> None:
+        """Draw a last time and leave the table standing."""
+        self._redraw(last=True)
+
+    def lines(self, height: int = 1000) -> list[str]:
+        """The table without colours; the lists are cut so that it has at most `height` lines, or 7."""
+        cameras, people = self._camera_rows(), self._people_rows()
+        room = max(2, height - 5)
+        people = _cut(people, max(room // 2, room - len(cameras)))
+        return [
+            f"{'camera':<14}{'frames/s':>10}{'people':>8}{'dropped':>9}",
+            *_cut(cameras, room - len(people)),
+            "",
+            f"{'person':<14}{'x m':>10}{'y m':>8}{'z m':>9}{'joints':>9}",
+            *people,
+            "",
+            self._summary(),
+        ]
+
+    def _camera_rows(self) -> list[str]:
+        rows = []
+        for name, times in self._arrivals.items():
+            people, dropped = self._people_seen.get(name, 0), self._dropped.get(name, 0)
+            rows.append(f"{name:<14}{self._rate(times):>10.1f}{people:>8}{dropped:>9}")
+        return rows
+
+    def _people_rows(self) -> list[str]:
+        if self._poses is None or not len(self._poses.ids):
+            return ["nobody"]
+        rows = []
+        for person in np.argsort(self._poses.ids):
+            positions = self._poses.positions[person]
+            x, y, z = positions[self._skeleton.head]
+            there = int(np.isfinite(positions[:, 0]).sum())
+            place = f"{'-':>10}{'-':>8}{'-':>9}" if np.isnan(x) else f"{x:>10.2f}{y:>8.2f}{z:>9.2f}"
+            rows.append(f"{f'id {self._poses.ids[person]}':<14}{place}{f'{there}/{len(self._skeleton)}':>9}")
+        return rows
+
+    def _summary(self) -> str:
+        text = f"skeletons {self._rate(self._pose_arrivals):.1f}/s"
+        if self._latencies:
+            p50, p99 = np.percentile(self._latencies, [50, 99])
+            text += f", latency p50 {p50:.0f} ms, p99 {p99:.0f} ms"
+        return text
+
+    def _rate(self, times: deque[float]) -> float:
+        now = self._clock()
+        while times and times[0] < now - WINDOW_S:
+            times.popleft()
+        return len(times) / WINDOW_S
+
+    def _redraw(self, last: bool = False) -> None:
+        now = self._clock()
+        if not last and now - self._drawn_at < (REDRAW_S if self._terminal else LINE_S):
+            return
+        self._drawn_at = now
+        if self._terminal:
+            rows = [self._colored(row) for row in self.lines(shutil.get_terminal_size().lines - 1)]
+            up = f"\x1b[{self._lines_up}A" if self._lines_up else ""
+            text = up + "".join(f"\r{row}\x1b[K\n" for row in rows) + "\x1b[J"
+            self._lines_up = len(rows)
+        else:
+            text = self._plain_line() + "\n"
+        self._stream.write(text)
+        self._stream.flush()
+
+    def _plain_line(self) -> str:
+        rates = ", ".join(f"{name} {self._rate(times):.1f}/s" for name, times in self._arrivals.items())
+        people = [] if self._poses is None else sorted(int(identity) for identity in self._poses.ids)
+        return f"{rates}; {self._summary()}; people {', '.join(map(str, people)) or 'none'}"
+
+    def _colored(self, row: str) -> str:
+        """Rows of people in their colours of the overlays."""
+        if not row.startswith("id "):
+            return row
+        red, green, blue = (round(255 * value) for value in rgb_of(int(row.split()[1])))
+        return f"\x1b[38;2;{red};{green};{blue}m{row}\x1b[0m"
+
+
+def _cut(rows: list[str], limit: int) -> list[str]:
+    """At most `limit` rows, the last of which says how many are not shown."""
+    if len(rows) <= limit:
+        return rows
+    shown = max(0, limit - 1)
+    return [*rows[:shown], f"... and {len(rows) - shown} more"]

@@ -1,0 +1,182 @@
+"""A 3D plot of people and cameras, and their paths over the floor."""
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from panoptic_ros.domain import Camera, Rig, SkeletonModel, TrackedPoseSet
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.view.colors import rgb_of
+
+Array = np.ndarray
+CAMERA_GREY = (0.45, 0.45, 0.45)
+SHOWN_INSTANTS = 4
+
+
+def plot_capture(
+    path: Path,
+    rig: Rig,
+    skeleton: SkeletonModel,
+    poses: Sequence[TrackedPoseSet],
+    *,
+    instants: Sequence[int] | None = None,
+    title: str = "",
+) -> None:
+    """Write a PNG: on the left skeletons and cameras in 3D, on the right everything from above.
+
+    Skeletons are drawn at some instants, older ones paler; the path of each head is drawn over the
+    floor (z = 0) for all instants. Colours are those of the overlays.
+
+    Args:
+        poses: in the order of time; may be empty.
+        instants: indices into `poses` of the skeletons drawn; None takes a few, evenly spread.
+
+    Raises:
+        DataError: for poses of another skeleton.
+        EnvironmentProblem: if the file cannot be written.
+    """
+    for pose in poses:
+        if pose.skeleton_hash != skeleton.hash:
+            raise DataError(f"poses of skeleton {pose.skeleton_hash}, plotting {skeleton.name}")
+    chosen = _some_of(poses) if instants is None else [poses[i] for i in instants]
+    paths = head_paths(skeleton, poses)
+    figure = Figure(figsize=(14.0, 6.6), dpi=100, layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0), wspace=0.06)
+    scene: Axes3D = left.add_subplot(projection="3d")
+    plan = right.add_subplot()
+    _draw_scene(scene, rig, skeleton, chosen, paths)
+    _draw_plan(plan, rig, skeleton, chosen, paths)
+    if title:
+        figure.suptitle(title)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    write_bytes(Path(path), buffer.getvalue())
+
+
+def head_paths(skeleton: SkeletonModel, poses: Sequence[TrackedPoseSet]) -> dict[int, Array]:
+    """Head positions (T, 3) m over all T instants by id, NaN where a person or its head is not there."""
+    paths: dict[int, Array] = {}
+    for t, pose in enumerate(poses):
+        for person, identity in enumerate(pose.ids):
+            path = paths.setdefault(int(identity), np.full((len(poses), 3), np.nan))
+            path[t] = pose.positions[person, skeleton.head]
+    return dict(sorted(paths.items()))
+
+
+def frustum_lines(camera: Camera, length: float) -> Array:
+    """Eight lines (8, 2, 3) m in the world: from the centre to the image's corners, and round them.
+
+    The corners are at the depth `length`.
+    """
+    width, height = camera.image_size
+    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
+    plane = camera.intrinsics.undistort(corners)
+    lost = np.isnan(plane)
+    plane = np.where(lost, camera.intrinsics.plane_from_pixels(corners), plane)  # beyond the lens's fold
+    in_camera = length * np.concatenate([plane, np.ones((4, 1))], axis=1)
+    world = camera.cam_from_world.inverse().apply(in_camera)
+    centre = np.broadcast_to(camera.centre, (4, 3))
+    return np.concatenate(
+        [np.stack([centre, world], axis=1), np.stack([world, np.roll(world, -1, axis=0)], axis=1)]
+    )
+
+
+def _some_of(poses: Sequence[TrackedPoseSet]) -> list[TrackedPoseSet]:
+    """A few instants, evenly spread over those with people; the last one is always there."""
+    busy = [pose for pose in poses if len(pose.ids)]
+    if len(busy) <= SHOWN_INSTANTS:
+        return busy
+    return [busy[round(i)] for i in np.linspace(0, len(busy) - 1, SHOWN_INSTANTS)]
+
+
+def _draw_scene(
+    axes: Axes3D,
+    rig: Rig,
+    skeleton: SkeletonModel,
+    poses: Sequence[TrackedPoseSet],
+    paths: dict[int, Array],
+) -> None:
+    centres = np.stack([camera.centre for camera in rig.cameras])
+    size = 0.12 * max(1.0, float(np.ptp(centres, axis=0).max()))
+    frusta = np.concatenate([frustum_lines(camera, size) for camera in rig.cameras])
+    axes.add_collection3d(Line3DCollection(frusta, colors=[CAMERA_GREY], linewidths=0.8))
+    for camera in rig.cameras if len(rig) <= 40 else ():
+        axes.text(*camera.centre, f" {camera.name}", fontsize=7, color=CAMERA_GREY)
+    for identity, path in paths.items():
+        axes.plot(path[:, 0], path[:, 1], 0.0, color=rgb_of(identity), linewidth=1.0)
+    shown = [centres]
+    for lines, colors in (_bone_lines(skeleton, pose, age) for pose, age in _aged(poses)):
+        axes.add_collection3d(Line3DCollection(lines, colors=colors, linewidths=2.0))
+        shown.append(lines.reshape(-1, 3))
+    _equal_axes(axes, np.concatenate(shown))
+    axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
+    axes.view_init(elev=22.0, azim=-60.0)
+
+
+def _draw_plan(
+    axes: Axes,
+    rig: Rig,
+    skeleton: SkeletonModel,
+    poses: Sequence[TrackedPoseSet],
+    paths: dict[int, Array],
+) -> None:
+    for camera in rig.cameras:
+        x, y = camera.centre[:2]
+        ahead = camera.cam_from_world.rotation[2, :2]  # the optical axis from above
+        axes.plot([x, x + 0.5 * ahead[0]], [y, y + 0.5 * ahead[1]], color=CAMERA_GREY, linewidth=1.0)
+        axes.plot(x, y, "s", color=CAMERA_GREY, markersize=5)
+        if len(rig) <= 40:
+            axes.annotate(camera.name, (x, y), textcoords="offset points", xytext=(5, 5), fontsize=7)
+    for identity, path in paths.items():
+        axes.plot(path[:, 0], path[:, 1], color=rgb_of(identity), linewidth=1.6, label=f"id {identity}")
+        seen = np.flatnonzero(np.isfinite(path[:, 0]))
+        if len(seen):
+            axes.plot(*path[seen[-1], :2], "o", color=rgb_of(identity), markersize=6)
+    for pose, age in _aged(poses):
+        lines, colors = _bone_lines(skeleton, pose, age)
+        for line, color in zip(lines, colors):
+            axes.plot(line[:, 0], line[:, 1], color=color, linewidth=0.8)
+    axes.margins(0.1)
+    axes.set_aspect("equal")
+    axes.set(xlabel="x (m)", ylabel="y (m)", title="from above: paths of the heads")
+    axes.grid(alpha=0.3)
+    if 0 < len(paths) <= 20:
+        axes.legend(loc="best", fontsize=8)
+
+
+def _aged(poses: Sequence[TrackedPoseSet]) -> list[tuple[TrackedPoseSet, float]]:
+    """Poses with their opacity: the newest is 1."""
+    return [(pose, 0.25 + 0.75 * (i + 1) / len(poses)) for i, pose in enumerate(poses)]
+
+
+def _bone_lines(
+    skeleton: SkeletonModel, pose: TrackedPoseSet, opacity: float
+) -> tuple[Array, list[tuple[float, float, float, float]]]:
+    """Lines (N, 2, 3) m of all bones that have both ends, and their colours."""
+    ends = pose.positions[:, np.array(skeleton.bones)]  # (P, B, 2, 3)
+    there = np.isfinite(ends).all((-1, -2))
+    colors = [(*rgb_of(pose.ids[person]), opacity) for person, _ in np.argwhere(there)]
+    return ends[there], colors
+
+
+def _equal_axes(axes: Axes3D, points: Array) -> None:
+    """A metre is as long in all directions; the floor is in the picture."""
+    low, high = np.minimum(points.min(0), [np.inf, np.inf, 0.0]), points.max(0)
+    span = np.maximum(high - low, 0.5)
+    axes.set_xlim(low[0], low[0] + span[0])
+    axes.set_ylim(low[1], low[1] + span[1])
+    axes.set_zlim(low[2], low[2] + span[2])
+    axes.set_box_aspect(span, zoom=0.95)
+    for axis, length in zip((axes.xaxis, axes.yaxis, axes.zaxis), span):
+        axis.set_major_locator(MaxNLocator(max(2, round(7 * length / span.max())), steps=[1, 2, 5, 10]))

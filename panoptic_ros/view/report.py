@@ -1,0 +1,172 @@
+"""The report of a run: a table to print and report.json."""
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.evaluation.capture_report import CaptureSummary, PersonSummary
+from panoptic_ros.io.files import write_json
+from panoptic_ros.stage import Notice
+
+FORMAT = "panoptic-report-1"
+PEOPLE_HEAD = (
+    "person", "frames", "joints", "limbs", "measured", "reproj. px", "p90 px", "limb std cm", "worst cm",
+)  # fmt: skip
+SHOWN_PEOPLE = 12  # rows of the table; report.json has them all
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """What a run reports.
+
+    Args:
+        summary: people, joints, reprojection error, bone lengths.
+        frames_in: images by camera.
+        dropped: frames by cause; empty = none.
+        latency_ms: samples by stage, in the order of the graph, from capture stamp to publication
+            (live), or the time that the stage took (replay).
+        notices: of stages and sources, in the order in which they came.
+        facts: anything else to be told, e.g. {"model": ..., "elapsed_s": ...}.
+    """
+
+    summary: CaptureSummary
+    frames_in: Mapping[str, int] = field(default_factory=dict)
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    latency_ms: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    notices: Sequence[Notice] = ()
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    def table(self) -> str:
+        """Lines for a terminal."""
+        blocks = [
+            self._frames(), self._people(), self._reprojection(), self._latency(), self._notices(),
+        ]  # fmt: skip
+        return "\n\n".join("\n".join(block) for block in blocks if block)
+
+    def document(self) -> dict[str, Any]:
+        """The content of report.json; what is not defined is null."""
+        summary = self.summary
+        return _plain({
+            "format": FORMAT,
+            **self.facts,
+            "frames": {
+                "in": dict(self.frames_in), "out": summary.frames,
+                "with_people": summary.frames_with_people, "dropped": dict(self.dropped),
+            },
+            "people": [_person_document(person) for person in summary.people],
+            "reprojection_px": {
+                "all": asdict(summary.reprojection_px),
+                "cameras": {name: asdict(s) for name, s in summary.reprojection_by_camera.items()},
+            },
+            "latency_ms": {name: _latency_row(samples) for name, samples in self.latency_ms.items()},
+            "notices": [
+                {"code": first.code, "severity": first.severity, "count": count, "text": first.text}
+                for first, count in _grouped(self.notices)
+            ],
+        })  # fmt: skip
+
+    def write(self, path: Path) -> None:
+        """Write report.json."""
+        write_json(Path(path), self.document(), indent=1)
+
+    def _frames(self) -> list[str]:
+        summary = self.summary
+        taken = sum(self.frames_in.values())
+        lost = ", ".join(f"{count} {cause}" for cause, count in self.dropped.items() if count) or "none"
+        rows = [f"{name:<16}{value}" for name, value in self.facts.items()]
+        return [
+            *rows,
+            f"{'frames in':<16}{taken} images of {len(self.frames_in)} cameras",
+            f"{'frames out':<16}{summary.frames}, of which {summary.frames_with_people} with people",
+            f"{'dropped':<16}{lost}",
+        ]
+
+    def _people(self) -> list[str]:
+        people = self.summary.people
+        if not people:
+            return ["no people were found"]
+        rows = [_cells(PEOPLE_HEAD)]
+        for person in people[:SHOWN_PEOPLE]:
+            middle, worst = person.limb_std_cm
+            rows.append(_cells((
+                f"id {person.identity}", f"{person.frames}", _percent(person.joints_found),
+                _percent(person.limb_joints_found), _percent(person.measured),
+                _number(person.reprojection_px.median), _number(person.reprojection_px.p90),
+                _number(middle), _number(worst),
+            )))  # fmt: skip
+        if len(people) > SHOWN_PEOPLE:
+            rows.append(f"... and {len(people) - SHOWN_PEOPLE} more")
+        return rows
+
+    def _reprojection(self) -> list[str]:
+        summary = self.summary
+        rows = [*summary.reprojection_by_camera.items(), ("all cameras", summary.reprojection_px)]
+        return [
+            f"{'reprojection':<16}{'median px':>10}{'p90 px':>10}{'joints':>10}",
+            *(f"{name:<16}{_number(s.median):>10}{_number(s.p90):>10}{s.count:>10}" for name, s in rows),
+        ]
+
+    def _latency(self) -> list[str]:
+        if not self.latency_ms:
+            return []
+        rows = [f"{'latency':<16}{'p50 ms':>10}{'p99 ms':>10}{'samples':>10}"]
+        for name, samples in self.latency_ms.items():
+            row = _latency_row(samples)
+            rows.append(f"{name:<16}{_number(row['p50']):>10}{_number(row['p99']):>10}{row['count']:>10}")
+        return rows
+
+    def _notices(self) -> list[str]:
+        return [
+            f"{first.severity}: {first.text}" + (f" ({count} times)" if count > 1 else "")
+            for first, count in _grouped(self.notices)
+        ]
+
+
+def _person_document(person: PersonSummary) -> dict[str, Any]:
+    document = asdict(person)
+    document["id"] = document.pop("identity")
+    document["limb_std_cm"] = dict(zip(("median", "max"), person.limb_std_cm))
+    return document
+
+
+def _latency_row(samples: Sequence[float]) -> dict[str, Any]:
+    if not len(samples):
+        return {"count": 0, "p50": math.nan, "p99": math.nan}
+    p50, p99 = (float(value) for value in np.percentile(np.asarray(samples, float), [50, 99]))
+    return {"count": len(samples), "p50": p50, "p99": p99}
+
+
+def _grouped(notices: Sequence[Notice]) -> list[tuple[Notice, int]]:
+    """The first notice of each code, and how many there were."""
+    groups: dict[str, list[Notice]] = {}
+    for notice in notices:
+        groups.setdefault(notice.code, []).append(notice)
+    return [(group[0], len(group)) for group in groups.values()]
+
+
+def _cells(texts: Sequence[str]) -> str:
+    return f"{texts[0]:<10}" + "".join(f"{text:>12}" for text in texts[1:])
+
+
+def _percent(share: float) -> str:
+    return "-" if math.isnan(share) else f"{100 * share:.1f} %"
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.1f}"
+
+
+def _plain(value: Any) -> Any:
+    """NaN replaced by None, numbers of numpy by Python's, recursively."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,56 @@
+"""The 3D plot: geometry that is right, a picture with the right colours in it."""
+import cv2
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.view.colors import bgr_of
+from panoptic_ros.view.plot3d import frustum_lines, head_paths, plot_capture
+
+
+def test_frusta_end_at_the_images_corners(make_camera):
+    camera = make_camera("cam", 0.7, distortion=(-0.1, 0.02))
+    lines = frustum_lines(camera, 0.5)
+    assert lines.shape == (8, 2, 3) and np.allclose(lines[:4, 0], camera.centre)
+    pixels, seen = camera.project(lines[:4, 1])
+    assert seen.all() and np.allclose(pixels, [[0, 0], [319, 0], [319, 239], [0, 239]], atol=1e-6)
+    assert np.allclose(lines[4:, 0], lines[:4, 1]) and np.allclose(lines[4:, 1], np.roll(lines[:4, 1], -1, 0))
+
+
+def test_paths_of_heads_have_gaps_where_people_are_away(skeleton, make_poses):
+    poses = [make_poses([(0.1 * i, 0.0)], [5], i) for i in range(4)]
+    poses[2] = make_poses([(9.0, 9.0)], [2], 2)
+    paths = head_paths(skeleton, poses)
+    assert list(paths) == [2, 5]
+    assert np.isnan(paths[5][:, 0]).tolist() == [False, False, True, False]
+    assert np.allclose(paths[5][3], [0.3, 0.0, 1.7])
+
+
+def test_the_plot_shows_everybody(tmp_path, rig, skeleton, make_poses):
+    poses = [make_poses([(0.1 * i, 0.5), (-0.1 * i, -0.5)], [3, 8], i) for i in range(10)]
+    plot_capture(tmp_path / "plot.png", rig, skeleton, poses, title="two people")
+    picture = cv2.imread(str(tmp_path / "plot.png")).astype(int)
+    assert picture.shape == (660, 1400, 3)
+    for half in (picture[:, :700], picture[:, 760:]):
+        for identity in (3, 8):
+            assert (np.abs(half - bgr_of(identity)).max(-1) < 12).sum() > 50
+    first = (tmp_path / "plot.png").read_bytes()
+    plot_capture(tmp_path / "plot.png", rig, skeleton, poses, title="two people")
+    assert (tmp_path / "plot.png").read_bytes() == first
+
+
+def test_plots_without_people_and_of_one_camera(tmp_path, rig, skeleton, make_poses):
+    plot_capture(tmp_path / "a.png", Rig(rig.cameras[:1]), skeleton, [])
+    plot_capture(tmp_path / "b.png", rig, skeleton, [make_poses([], [])])
+    assert cv2.imread(str(tmp_path / "a.png")) is not None
+
+
+def test_what_cannot_be_plotted(tmp_path, rig, skeleton, make_poses):
+    pose = make_poses([(0, 0)], [1])
+    object.__setattr__(pose, "skeleton_hash", "other")
+    with pytest.raises(DataError, match="of skeleton other"):
+        plot_capture(tmp_path / "a.png", rig, skeleton, [pose])
+    (tmp_path / "file").write_text("")
+    with pytest.raises((EnvironmentProblem, DataError), match="cannot write"):
+        plot_capture(tmp_path / "file" / "a.png", rig, skeleton, [])
