@@ -29,9 +29,9 @@ def _detector(node: Node, skeleton: SkeletonModel) -> Mapping[str, Any]:
     return detector_extras(node.get_parameter("model").value, skeleton.name)[1]
 
 
-def make_stage_node(stage: str, overrides: Mapping[str, Any] = {}) -> StageNode:
+def make_stage_node(stage: str, overrides: Mapping[str, Any] = {}, name: str | None = None) -> StageNode:
     """The node of a stage."""
-    return StageNode(stage, overrides, _detector if stage == "detection" else None)
+    return StageNode(stage, overrides, _detector if stage == "detection" else None, name)
 
 
 def _stage_main(stage: str) -> None:
@@ -137,7 +137,7 @@ def host(arguments: Sequence[str] | None = None) -> int:
 def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
     overrides = dict(entry.get("parameters", {}))
     if entry["kind"] == "stage":
-        return make_stage_node(entry["name"], overrides)
+        return make_stage_node(entry["stage"], overrides, entry["name"])
     if entry["kind"] == "camera":
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)

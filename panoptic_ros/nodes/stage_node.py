@@ -50,9 +50,16 @@ class StageNode(Node):
     `graph.flow`), `cameras` (only these; empty: all of the rig), `devices` (audio devices).
     """
 
-    def __init__(self, stage: str, overrides: Mapping[str, Any] = {}, extras: Extras | None = None):
+    def __init__(
+        self,
+        stage: str,
+        overrides: Mapping[str, Any] = {},
+        extras: Extras | None = None,
+        name: str | None = None,
+    ):
         super().__init__(
-            stage, parameter_overrides=[Parameter(name, value=value) for name, value in overrides.items()]
+            name or stage,
+            parameter_overrides=[Parameter(key, value=value) for key, value in overrides.items()],
         )
         self._spec = NODES[stage]
         self._extras = extras

@@ -21,6 +21,15 @@ SHOWN_PEOPLE = 12  # rows of the table; report.json has them all
 
 
 @dataclass(frozen=True)
+class Latency:
+    """How long things took: number of samples, median and 99th percentile in ms."""
+
+    count: int
+    p50: float
+    p99: float
+
+
+@dataclass(frozen=True)
 class RunReport:
     """What a run reports.
 
@@ -28,8 +37,8 @@ class RunReport:
         summary: people, joints, reprojection error, bone lengths.
         frames_in: images by camera.
         dropped: frames by cause; empty = none.
-        latency_ms: samples by stage, in the order of the graph, from capture stamp to publication
-            (live), or the time that the stage took (replay).
+        latency_ms: by node, in the order of the graph: from taking a message to having published what
+            came of it.
         notices: of stages and sources, in the order in which they came.
         facts: anything else to be told, e.g. {"model": ..., "elapsed_s": ...}.
     """
@@ -37,7 +46,7 @@ class RunReport:
     summary: CaptureSummary
     frames_in: Mapping[str, int] = field(default_factory=dict)
     dropped: Mapping[str, int] = field(default_factory=dict)
-    latency_ms: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    latency_ms: Mapping[str, Latency] = field(default_factory=dict)
     notices: Sequence[Notice] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -63,7 +72,7 @@ class RunReport:
                 "all": asdict(summary.reprojection_px),
                 "cameras": {name: asdict(s) for name, s in summary.reprojection_by_camera.items()},
             },
-            "latency_ms": {name: _latency_row(samples) for name, samples in self.latency_ms.items()},
+            "latency_ms": {name: asdict(latency) for name, latency in self.latency_ms.items()},
             "notices": [
                 {"code": first.code, "severity": first.severity, "count": count, "text": first.text}
                 for first, count in _grouped(self.notices)
@@ -115,9 +124,8 @@ class RunReport:
         if not self.latency_ms:
             return []
         rows = [f"{'latency':<16}{'p50 ms':>10}{'p99 ms':>10}{'samples':>10}"]
-        for name, samples in self.latency_ms.items():
-            row = _latency_row(samples)
-            rows.append(f"{name:<16}{_number(row['p50']):>10}{_number(row['p99']):>10}{row['count']:>10}")
+        for name, row in self.latency_ms.items():
+            rows.append(f"{name:<16}{_number(row.p50):>10}{_number(row.p99):>10}{row.count:>10}")
         return rows
 
     def _notices(self) -> list[str]:
@@ -132,13 +140,6 @@ def _person_document(person: PersonSummary) -> dict[str, Any]:
     document["id"] = document.pop("identity")
     document["limb_std_cm"] = dict(zip(("median", "max"), person.limb_std_cm))
     return document
-
-
-def _latency_row(samples: Sequence[float]) -> dict[str, Any]:
-    if not len(samples):
-        return {"count": 0, "p50": math.nan, "p99": math.nan}
-    p50, p99 = (float(value) for value in np.percentile(np.asarray(samples, float), [50, 99]))
-    return {"count": len(samples), "p50": p50, "p99": p99}
 
 
 def _grouped(notices: Sequence[Notice]) -> list[tuple[Notice, int]]:

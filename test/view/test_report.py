@@ -13,7 +13,7 @@ from panoptic_ros.evaluation.capture_report import (
     summarise_capture,
 )
 from panoptic_ros.stage import Notice
-from panoptic_ros.view.report import RunReport
+from panoptic_ros.view.report import Latency, RunReport
 
 
 def _set(pose, views):
@@ -92,7 +92,8 @@ def test_table_and_document_say_the_same(rig, skeleton, make_poses, detect, tmp_
     report = _report(
         rig, skeleton, make_poses, detect,
         frames_in={"cam0": 3, "cam1": 3}, dropped={"queue full": 2, "late": 0},
-        latency_ms={"detection": list(range(101)), "sync": []}, notices=notices,
+        latency_ms={"detection": Latency(101, 50.0, 99.0), "sync": Latency(0, np.nan, np.nan)},
+        notices=notices,
         facts={"model": "movenet"},
     )  # fmt: skip
     table = report.table()

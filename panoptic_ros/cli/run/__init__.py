@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import argparse
-import time
 from pathlib import Path
 
 from panoptic_ros.cli.options import add_parameter_options
@@ -16,15 +15,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     parser.add_argument("--demo", nargs="?", const="multi", help="the demo capture: multi or single")
     parser.add_argument("--bag", type=Path, help="a rosbag2 with detections or images")
-    parser.add_argument("--redetect", action="store_true", help="with --bag: use its images, not its detections")
+    parser.add_argument("--redetect", action="store_true",
+                        help="with --bag: use its images, not its detections")  # fmt: skip
     parser.add_argument("--rig", type=Path, help="calibration, in place of the capture's own")
-    parser.add_argument("--video", action="append", default=[], metavar="CAMERA=FILE", help="a video or image folder")
+    parser.add_argument("--video", action="append", default=[], metavar="CAMERA=FILE",
+                        help="a video or a folder of images")  # fmt: skip
     parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",
                         help="V4L2 device or RTSP/HTTP address")  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--frame-rate", type=float, metavar="HZ", help="in place of the files' own")
     parser.add_argument("--size-policy", choices=("strict", "scale"), default="strict",
-                        help="images of another size than calibrated: refuse, or scale the calibration")  # fmt: skip
+                        help="images of another size than calibrated: refuse, or scale it")  # fmt: skip
     parser.add_argument("--model", default=DEFAULT_MODEL, help="pose model: name, card or ONNX file")
     parser.add_argument("--skeleton", default=DEFAULT_SKELETON, help="working skeleton: name or YAML file")
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
@@ -38,31 +39,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run to the end and leave the results."""
-    from panoptic_ros.cli.run.finish import finish
-    from panoptic_ros.cli.run.plan import make_plan
-    from panoptic_ros.cli.run.results import Results, result_folder
-    from panoptic_ros.cli.run.watch import Watch
+    from panoptic_ros.cli.run.command import execute  # only now: --help must be quick
 
-    plan = make_plan(args)
-    started = time.monotonic()
-    with result_folder(args.out) as folder, Watch(plan, args.live_view) as watch:
-        results = Results(folder, plan, watch.skeletons)
-        try:
-            def stop() -> bool:
-                return args.duration is not None and time.monotonic() - started > args.duration
-
-            if args.in_process:
-                from panoptic_ros.cli.run.in_process import run_in_process
-
-                counted = {k: dict(v.values()) for k, v in run_in_process(plan, results, stop).items()}
-            else:
-                from panoptic_ros.cli.run.over_dds import run_over_dds
-
-                counted = run_over_dds(plan, results, stop, args.jpeg)
-            results.close()
-        except BaseException:
-            results.discard()
-            raise
-        watch.close()
-        finish(plan, results, counted, pictures=not args.no_pictures, out=args.out)
-    return 0
+    return execute(args)

@@ -1,18 +1,110 @@
-"""After a run: pictures, video, plot, report."""
+"""After a run: the report, and the pictures, video and plot that go with it."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
+from panoptic_ros.capture import open_capture_folder, open_files
 from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.cli.run.results import MARK, Results
-from panoptic_ros.io.files import write_json
+from panoptic_ros.domain import DetectionSet
+from panoptic_ros.evaluation.capture_report import summarise_capture
+from panoptic_ros.graph.build import make_stage
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.view.overlay_run import write_overlays
+from panoptic_ros.view.plot3d import plot_capture
+from panoptic_ros.view.progress import ProgressBar
+from panoptic_ros.view.report import Latency, RunReport
 
 
 def finish(
-    plan: Plan, results: Results, counted: Mapping[str, Mapping[str, str]], *, pictures: bool, out: Path
+    plan: Plan,
+    results: Results,
+    counted: Mapping[str, Mapping[str, str]],
+    notices: Sequence[Notice],
+    *,
+    pictures: bool,
+    elapsed_s: float,
+    out: Path,
 ) -> None:
-    """Make all that a person looks at."""
-    write_json(results.folder / MARK, {"format": "panoptic-report-1", "counted": counted})
-    for k, v in counted.items():
-        print(k, dict(v))
+    """Write report.json and all that a person looks at, and print the table.
+
+    Args:
+        counted: what every node or stage counted, as on /diagnostics.
+        notices: of the self-check.
+        elapsed_s: how long the run took, without this.
+        out: where the results will be, for the last line.
+    """
+    sets = _sets(plan, results)
+    summary = summarise_capture(plan.rig, plan.skeleton, results.poses, sets)
+    report = RunReport(
+        summary,
+        frames_in={name: len(views) for name, views in results.views.items()},
+        dropped=_dropped(counted),
+        latency_ms=_latencies(counted),
+        notices=[*_plan_notices(plan), *notices],
+        facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
+    )
+    if pictures:
+        _pictures(plan, results, sets)
+    report.write(results.folder / MARK)
+    print(report.table())
+    print(f"\nresults in {out}: " + ", ".join(sorted(p.name for p in results.folder.iterdir())))
+
+
+def _sets(plan: Plan, results: Results) -> list[DetectionSet]:
+    """The detection sets of the run, made once more from its views: sync is deterministic."""
+    stage = make_stage("sync", plan.configs["sync"], StageContext(plan.rig, plan.skeleton))
+    views = sorted((v for views in results.views.values() for v in views), key=lambda v: v.stamp_ns)
+    return [item for r in (*map(stage.step, views), stage.flush()) for item in r.outputs]
+
+
+def _pictures(plan: Plan, results: Results, sets: list[DetectionSet]) -> None:
+    path = results.folder / "skeletons.png"
+    plot_capture(path, plan.rig, plan.skeleton, results.poses, title=plan.title)
+    if plan.live or plan.bag is not None:
+        return
+    capture = _reopened(plan)
+    with closing(capture), ProgressBar(len(sets), "overlays") as bar:
+        write_overlays(
+            results.folder, plan.rig, plan.skeleton, capture.sources, sets, results.poses,
+            on_frame=bar.update,
+        )  # fmt: skip
+
+
+def _reopened(plan: Plan) -> Any:
+    source = next(iter(plan.sources.values()))
+    options = {k: v for k, v in source.items() if k not in ("kind", "path", "device")}
+    if source["kind"] == "folder":
+        return open_capture_folder(Path(source["path"]), rig=plan.rig, cameras=plan.rig.names, **options)
+    files = {name: Path(entry["path"]) for name, entry in plan.sources.items()}
+    return open_files(plan.rig, files, **options)
+
+
+def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:
+    """{"stage: cause": messages}, of the causes that occurred."""
+    found: dict[str, int] = {}
+    for name, values in counted.items():
+        for key, value in values.items():
+            if key.startswith("dropped.") or key.startswith("notice.sync."):
+                found[f"{name}: {key.split('.')[-1]}"] = int(value)
+    return found
+
+
+def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
+    """By node, in the order of the stages; several nodes of one stage are detection_0, detection_1, ..."""
+    rows = {}
+    for stage in NODES:
+        for name in sorted(name for name in counted if name.rsplit("_", 1)[0] == stage):
+            values = counted[name]
+            if int(values["taken"]):
+                p50, p99 = float(values["step_p50_ms"]), float(values["step_p99_ms"])
+                rows[name] = Latency(int(values["taken"]), p50, p99)
+    return rows
+
+
+def _plan_notices(plan: Plan) -> list[Notice]:
+    return [Notice(f"capture.{i}", "info", text) for i, text in enumerate(plan.notices)]

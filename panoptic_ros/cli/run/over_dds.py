@@ -6,26 +6,21 @@ import math
 import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+from panoptic_ros.cli.run.launch_file import write_launch_file
 from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.cli.run.results import Results
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.flow import make_flow
-from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.files import write_json
-from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.processes import Processes, prepare_environment
 from panoptic_ros.nodes.statics_node import StaticsNode
-from panoptic_ros.params import diff
 
-CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
 LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
 
 
@@ -41,7 +36,7 @@ def run_over_dds(
     prepare_environment()
     flow_name = "live" if plan.live else "replay"
     window = 12 + math.ceil(plan.frame_rate * getattr(plan.configs["refinement"], "lag_s", 0.0))
-    launch = _launch_file(plan, results.folder, flow_name, window, jpeg_quality)
+    launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality)
     rclpy.init(args=[])
     executor = SingleThreadedExecutor()
     collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take)
@@ -93,41 +88,3 @@ def _alone(node: CollectorNode) -> None:
                 "to another number"
             )
         time.sleep(0.1)
-
-
-def _launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_quality: int) -> Path:
-    """Which nodes run in which process, for `nodes.main host`."""
-    rig = folder / "rig.json"
-    write_rig(rig, plan.rig)
-    common = {"flow": flow, "window": window}
-    processes: dict[str, list[dict[str, Any]]] = {}
-
-    def stage(name: str, more: dict[str, Any] = {}) -> dict[str, Any]:
-        own = {key: value for key, value in diff(plan.configs[name]).items() if value != []}
-        return {"kind": "stage", "name": name, "parameters": {**common, **own, **more}}
-
-    if plan.bag is not None:
-        node = {"kind": "bag", "path": str(plan.bag), "topics": {t: t for t in plan.bag_topics},
-                "images": plan.stage == "detection", "parameters": common}  # fmt: skip
-        processes["source"] = [node]
-    for i, (camera, source) in enumerate(plan.sources.items()):
-        node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
-                "parameters": common}  # fmt: skip
-        name = f"camera-{camera}" if len(plan.sources) <= CAMERA_PROCESSES else f"cameras-{i % CAMERA_PROCESSES}"
-        processes.setdefault(name, []).append(node)
-    if plan.stage == "detection":
-        compressed = bool(jpeg_quality) or any("compressed" in topic for topic in plan.bag_topics)
-        for k, cameras in enumerate(_shares(list(plan.rig.names))):
-            more = {"model": plan.model, "cameras": cameras, "compressed": compressed}
-            processes[f"detection-{k}"] = [stage("detection", more)]
-    fusion = [stage(name) for name in ("sync", *FUSION)]
-    processes["fusion"] = [*fusion, {"kind": "markers", "parameters": {"flow": flow}}]
-    path = folder / "launch.json"
-    write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
-    return path
-
-
-def _shares(cameras: list[str]) -> list[list[str]]:
-    """Cameras per detection process: as many processes as leave every other core to the rest."""
-    count = max(1, min(len(cameras), (os.cpu_count() or 2) // 2))
-    return [cameras[k::count] for k in range(count)]

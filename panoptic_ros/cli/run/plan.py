@@ -5,6 +5,7 @@ import argparse
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -172,7 +173,7 @@ def _rate_of(bag: BagReader, topic: str | None) -> float:
         stamps.append(message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec)
         if len(stamps) == 20:
             break
-    steps = sorted(b - a for a, b in zip(stamps, stamps[1:]) if b > a)
+    steps = sorted(b - a for a, b in pairwise(stamps) if b > a)
     return 1e9 / steps[len(steps) // 2] if steps else 30.0
 
 

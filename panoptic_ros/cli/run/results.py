@@ -53,18 +53,20 @@ def result_folder(out: Path) -> Iterator[Path]:
 class Results:
     """Takes the records of a run as they come: into the bag at once, the rest is kept for the end.
 
+    A context manager: leaving it normally writes the skeletons, leaving it with an error gives all up.
+
     Args:
-        on_skeletons: called with every set of skeletons, e.g. for progress.
+        on_record: called with every record that is kept, e.g. for progress.
     """
 
     def __init__(
-        self, folder: Path, plan: Plan, on_skeletons: Callable[[RefinedPoseSet], None] = lambda item: None
+        self, folder: Path, plan: Plan, on_record: Callable[[str, Any], None] = lambda key, record: None
     ):
         self.folder = folder
         self.poses: list[RefinedPoseSet] = []
         self.views: dict[str, list[ViewDetections]] = {name: [] for name in plan.rig.names}
         self._plan = plan
-        self._on_skeletons = on_skeletons
+        self._on_record = on_record
         self._bag = BagWriter(folder / "bag")
         self._shown: set[int] = set()
         self._started = False
@@ -80,7 +82,7 @@ class Results:
             self._write(key, record, record.stamp_ns)
             self._write_markers(record)
             self.poses.append(record)
-            self._on_skeletons(record)
+        self._on_record(key, record)
 
     def close(self) -> None:
         """Write the skeletons and finish the bag."""
@@ -88,9 +90,14 @@ class Results:
         self._bag.close()
         write_skeletons(self.folder / "skeletons.json.gz", self._plan.skeleton.joint_names, self.poses)
 
-    def discard(self) -> None:
-        """Give the bag up."""
-        self._bag.discard()
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._bag.discard()
 
     def _start(self, stamp_ns: int) -> None:
         """The latched facts stand first in the bag."""

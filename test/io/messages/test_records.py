@@ -70,7 +70,8 @@ def poses(cls, people=2, **more):
 SET = DetectionSet(5, 99, "cafe0123", (view("a"), view("b", 0), view("c", with_maps=False)))
 RATE = FrameRate(30, Fraction(30000, 1001), True)
 CAMERA = Camera(
-    "cam0", (640, 480), Intrinsics(np.array([[500.0, 0, 320], [0, 501, 240], [0, 0, 1]]), [0.1, 0.2, 0, 0, 1]),
+    "cam0", (640, 480),
+    Intrinsics(np.array([[500.0, 0, 320], [0, 501, 240], [0, 0, 1]]), [0.1, 0.2, 0, 0, 1]),
     Rigid(np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]), np.array([0.1, 0.2, 0.3])),
 )  # fmt: skip
 RECORDS = [

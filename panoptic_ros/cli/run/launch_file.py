@@ -1,0 +1,53 @@
+"""Which nodes a run consists of and which process each of them lives in."""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.cli.run.plan import Plan
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.io.files import write_json
+from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.params import diff
+
+CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
+
+
+def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_quality: int) -> Path:
+    """Which nodes run in which process, for `nodes.main host`."""
+    rig = folder / "rig.json"
+    write_rig(rig, plan.rig)
+    common = {"flow": flow, "window": window}
+    processes: dict[str, list[dict[str, Any]]] = {}
+
+    def stage(name: str, **more: Any) -> dict[str, Any]:
+        own = {key: value for key, value in diff(plan.configs[name]).items() if value != []}
+        return {"kind": "stage", "stage": name, "name": name, "parameters": {**common, **own, **more}}
+
+    if plan.bag is not None:
+        node = {"kind": "bag", "path": str(plan.bag), "topics": {t: t for t in plan.bag_topics},
+                "images": plan.stage == "detection", "parameters": common}  # fmt: skip
+        processes["source"] = [node]
+    for i, (camera, source) in enumerate(plan.sources.items()):
+        node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
+                "parameters": common}  # fmt: skip
+        few = len(plan.sources) <= CAMERA_PROCESSES
+        name = f"camera-{camera}" if few else f"cameras-{i % CAMERA_PROCESSES}"
+        processes.setdefault(name, []).append(node)
+    if plan.stage == "detection":
+        compressed = bool(jpeg_quality) or any("compressed" in topic for topic in plan.bag_topics)
+        for k, cameras in enumerate(_shares(list(plan.rig.names))):
+            node = stage("detection", model=plan.model, cameras=cameras, compressed=compressed)
+            processes[f"detection-{k}"] = [{**node, "name": f"detection_{k}"}]
+    fusion = [stage(name) for name in ("sync", *FUSION)]
+    processes["fusion"] = [*fusion, {"kind": "markers", "parameters": {"flow": flow}}]
+    path = folder / "launch.json"
+    write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
+    return path
+
+
+def _shares(cameras: list[str]) -> list[list[str]]:
+    """Cameras per detection process: as many processes as leave every other core to the rest."""
+    count = max(1, min(len(cameras), (os.cpu_count() or 2) // 2))
+    return [cameras[k::count] for k in range(count)]

@@ -1,0 +1,49 @@
+"""The self-check of the calibration, as soon as there are people enough to judge by."""
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from panoptic_ros.cli.run.plan import Plan
+from panoptic_ros.domain import DetectionSet, ViewDetections
+from panoptic_ros.evaluation.rig_check import check_rig
+from panoptic_ros.graph.build import make_stage
+from panoptic_ros.stage import Notice, StageContext
+
+INSTANTS = 30  # looked at; a second or so of a capture
+
+
+class StartupCheck:
+    """Watches the first views of a run, then says in plain words whether they agree."""
+
+    def __init__(self, plan: Plan):
+        self._plan = plan
+        self._views: list[ViewDetections] = []
+        self.notices: tuple[Notice, ...] | None = None  # None: not judged yet
+
+    def saw(self, key: str, record: Any) -> None:
+        """A record of the topic of that key; enough instants are judged at once."""
+        if self.notices is not None:
+            return
+        if key == "detections":
+            self._views.append(record)
+        if key == "skeletons" and len(self._views) >= INSTANTS * len(self._plan.rig):
+            self.judge()
+
+    def judge(self) -> tuple[Notice, ...]:
+        """Judge by what has come, unless that was done, and print what the user should know."""
+        if self.notices is None:
+            report = check_rig(self._plan.rig, self._sets(), self._plan.skeleton)
+            self.notices = tuple(report.notices)
+            self._views.clear()
+            for notice in self.notices:
+                if notice.severity != "info":
+                    print(f"\n{notice.severity}: {notice.text}", file=sys.stderr, flush=True)
+        return self.notices
+
+    def _sets(self) -> list[DetectionSet]:
+        """The views put together as the graph does."""
+        context = StageContext(self._plan.rig, self._plan.skeleton)
+        stage = make_stage("sync", self._plan.configs["sync"], context)
+        views = sorted(self._views, key=lambda view: view.stamp_ns)
+        return [item for r in (*map(stage.step, views), stage.flush()) for item in r.outputs]

@@ -1,0 +1,42 @@
+"""The generated parameter files are up to date."""
+import pytest
+import yaml
+
+from panoptic_ros.cli.config import generated_files
+from panoptic_ros.cli.main import main
+from panoptic_ros.graph.build import config_class, parse_setting
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.params import load
+
+
+@pytest.mark.parametrize("name", sorted(generated_files()))
+def test_generated_file_is_up_to_date(name):
+    assert (share_folder() / name).read_text() == generated_files()[name], "run: panoptic config write"
+
+
+@pytest.mark.parametrize("stage", NODES)
+def test_parameter_file_loads_as_the_defaults(stage):
+    values = yaml.safe_load(generated_files()[f"config/{stage}.yaml"])[stage]["ros__parameters"]
+    assert load(config_class(stage), values) == config_class(stage)()
+
+
+def test_setting_is_parsed_by_type():
+    assert parse_setting("sync.window_s=0.01") == ("sync", "window_s", 0.01)
+
+
+@pytest.mark.parametrize(
+    ("argument", "told"),
+    [
+        ("sync.window=1", "unknown parameter 'window'"),
+        ("nothing.x=1", "there is no stage 'nothing'"),
+        ("sync.window_s", "write stage.parameter=value"),
+        ("sync.window_s=wide", "'wide' is not a float"),
+        ("sync.window_s=7", "above 1.0 s"),
+    ],
+)
+def test_bad_setting_is_one_line_and_exit_code_2(argument, told, tmp_path, capsys):
+    arguments = ["solve", "--rig", "r", "--detections", "d", "--out", str(tmp_path / "s"), "--set", argument]
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert told in error and error.count("\n") == 1
