@@ -10,17 +10,21 @@ rotation mark is obeyed), distorted as the lens saw them. Limits: no audio, no h
 capture folder holds one file or folder of images per camera.
 """
 from panoptic_ros.capture.demo import demo_capture
-from panoptic_ros.capture.folder import CaptureFolder, open_capture_folder, open_files
+from panoptic_ros.capture.device import DeviceOptions, DeviceSource
+from panoptic_ros.capture.folder import CaptureFolder, fit_rig, open_capture_folder, open_files
 from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.capture.video import VideoSource
 
 __all__ = [
     "CaptureFolder",
+    "DeviceOptions",
+    "DeviceSource",
     "FrameSource",
     "ImageFolderSource",
     "VideoSource",
     "demo_capture",
+    "fit_rig",
     "open_capture_folder",
     "open_files",
 ]

@@ -134,24 +134,39 @@ def open_files(
                 there = ", ".join(sorted(stamps))
                 raise DataError(f"timestamps.csv has stamps for {there} but none for camera {name}")
     sources: list[FrameSource] = []
-    fitted = []
     try:
-        for camera in chosen.cameras:
-            own = stamps[camera.name] if stamps else None
-            source = _open(camera.name, Path(files[camera.name]), start_ns, frame_rate, own)
-            sources.append(source)
-            fitted.append(fit_camera(camera, source.image_size, size_policy))
-            if fitted[-1].image_size != camera.image_size:
-                notices.append(
-                    f"camera {camera.name}: calibrated at {camera.image_size[0]}x{camera.image_size[1]}, "
-                    f"images are {source.image_size[0]}x{source.image_size[1]}: {size_policy}"
-                )
+        for name in chosen.names:
+            own = stamps[name] if stamps else None
+            sources.append(_open(name, Path(files[name]), start_ns, frame_rate, own))
+        fitted, changes = fit_rig(rig, sources, size_policy)
     except BaseException:
         for source in sources:
             source.close()
         raise
     parent = Path(files[chosen.names[0]]).parent
-    return CaptureFolder(parent, Rig(tuple(fitted), rig.frame_id), tuple(sources), tuple(notices))
+    return CaptureFolder(parent, fitted, tuple(sources), (*notices, *changes))
+
+
+def fit_rig(
+    rig: Rig, sources: Sequence[FrameSource], size_policy: SizePolicy = "strict"
+) -> tuple[Rig, tuple[str, ...]]:
+    """The rig for the sources of any kind: their cameras only, with their images' sizes; and what changed.
+
+    Raises:
+        CalibrationError: for a camera that the rig does not have, or whose size does not fit; see
+            `fit_camera`.
+    """
+    by_name = {source.camera: source for source in sources}
+    fitted, changes = [], []
+    for camera in rig.subset(by_name).cameras:
+        size = by_name[camera.name].image_size
+        fitted.append(fit_camera(camera, size, size_policy))
+        if size != camera.image_size:
+            changes.append(
+                f"camera {camera.name}: calibrated at {camera.image_size[0]}x{camera.image_size[1]}, "
+                f"images are {size[0]}x{size[1]}: {size_policy}"
+            )
+    return Rig(tuple(fitted), rig.frame_id), tuple(changes)
 
 
 def _videos(path: Path) -> dict[str, Path]:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,12 +12,24 @@ import cv2
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
+_lock = threading.Lock()
+_inside = 0  # cameras open in threads of their own
+_level_before = 0
+
+
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Silence the messages of OpenCV itself."""
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    """Silence the messages of OpenCV itself; may be entered by several threads at once."""
+    global _inside, _level_before
+    with _lock:
+        if _inside == 0:
+            _level_before = cv2.utils.logging.getLogLevel()
+            cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        _inside += 1
     try:
         yield
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        with _lock:
+            _inside -= 1
+            if _inside == 0:
+                cv2.utils.logging.setLogLevel(_level_before)

@@ -1,0 +1,239 @@
+"""Live cameras: V4L2 devices and RTSP or HTTP streams, through OpenCV."""
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from panoptic_ros.capture.opencv import quiet_opencv
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import BackendError, UsageError
+
+Array = np.ndarray
+BACKOFF_S = (0.5, 1.0, 2.0, 4.0, 8.0)  # pauses between attempts to reconnect
+NOMINAL_RATE_HZ = 30.0  # where a device does not say
+STREAM_SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
+
+
+class Capture(Protocol):
+    """The part of cv2.VideoCapture that is used here."""
+
+    def isOpened(self) -> bool: ...  # noqa: N802 - OpenCV's name
+
+    def read(self) -> tuple[bool, Array | None]: ...
+
+    def get(self, which: int) -> float: ...
+
+    def release(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class DeviceOptions:
+    """How to open a device and what to expect of it.
+
+    Args:
+        image_size: (width, height) px to ask for; None takes what the device gives.
+        frame_rate: Hz to ask for, likewise.
+        latency_ms: from mid-exposure to the arrival of the image in this program; subtracted from the
+            arrival time. About one frame period plus transfer for USB, 100 to 300 ms for RTSP.
+        timeout_s: how long opening may take until the first image.
+        reconnect: whether to try again for ever when the images cease; otherwise the source ends.
+    """
+
+    image_size: tuple[int, int] | None = None
+    frame_rate: float | None = None
+    latency_ms: float = 0.0
+    timeout_s: float = 10.0
+    reconnect: bool = True
+
+
+class DeviceSource:
+    """The newest frame of a live camera.
+
+    A thread reads all the time. Iterating waits for a frame that is newer than the last one handed
+    out; those that came in between are counted in `dropped`. Frame numbers count all frames that
+    arrived, so gaps show. A stamp is the arrival on `clock` minus the latency, and never goes back.
+    When the images cease the device is closed and opened again, with longer and longer
+    pauses; `reconnects` counts the successes.
+
+    Args:
+        camera: name.
+        device: a number, /dev/videoN, or an RTSP or HTTP URL.
+        clock: ns; the clock of the stamps, the wall clock unless given.
+        options: see `DeviceOptions`.
+        opener: for tests.
+
+    Raises:
+        UsageError: if it is no device name.
+        BackendError: if it cannot be opened, or gives no image, in time. While iterating, without
+            `reconnect`: if the images cease.
+    """
+
+    frame_count: int | None = None
+
+    def __init__(
+        self,
+        camera: str,
+        device: str,
+        *,
+        clock: Callable[[], int] = time.time_ns,
+        options: DeviceOptions | None = None,
+        opener: Callable[[str, DeviceOptions], Capture] | None = None,
+    ):
+        self.camera = camera
+        self.device = str(device)
+        self.dropped = 0
+        self.reconnects = 0
+        self._what = f"camera {camera} at {self.device}"
+        self._clock = clock
+        self._options = options or DeviceOptions()
+        self._open = opener or open_device
+        check_device(self.device, self._what)
+        self._news = threading.Condition()
+        self._newest: ViewFrame | None = None
+        self._handed_out = True
+        self._arrived = 0
+        self._last_stamp_ns = -1
+        self._failure: str | None = None
+        self._rate = self._options.frame_rate or NOMINAL_RATE_HZ
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"capture {camera}", daemon=True)
+        self._thread.start()
+        self.image_size = self._wait_for_first()
+        self.frame_rate = self._rate
+
+    def __iter__(self) -> Iterator[ViewFrame]:
+        while True:
+            with self._news:
+                while self._handed_out and self._failure is None and not self._stop.is_set():
+                    self._news.wait(0.5)
+                if self._stop.is_set():
+                    return
+                if self._handed_out:
+                    raise BackendError(f"{self._what}: {self._failure}")
+                self._handed_out = True
+                frame = self._newest
+            if frame is not None:
+                yield frame
+
+    def close(self) -> None:
+        """Stop the thread and close the device; iterations end."""
+        self._stop.set()
+        with self._news:
+            self._news.notify_all()
+        self._thread.join(timeout=5.0)  # a read that hangs in a driver must not hang us
+
+    def __enter__(self) -> DeviceSource:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _wait_for_first(self) -> tuple[int, int]:
+        deadline = time.monotonic() + self._options.timeout_s
+        with self._news:
+            while self._newest is None and self._failure is None:
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    self._failure = f"no image within {self._options.timeout_s:g} s"
+                    break
+                self._news.wait(left)
+            if self._newest is not None:
+                return self._newest.image_size
+        self._stop.set()
+        raise BackendError(f"{self._what}: {self._failure}; is it there, allowed, and free?")
+
+    def _run(self) -> None:
+        """The thread: open, read until it fails, pause, again."""
+        attempt = 0
+        while not self._stop.is_set():
+            with quiet_opencv():
+                capture = self._open(self.device, self._options)
+            try:
+                count = self._read_all(capture) if capture.isOpened() else 0
+            finally:
+                capture.release()
+            if self._stop.is_set():
+                return
+            ever = self._newest is not None
+            if not ever or not self._options.reconnect:
+                self._fail("it gives no more images" if ever else "it cannot be opened or gives no image")
+                return
+            attempt = 0 if count else attempt + 1
+            self._stop.wait(BACKOFF_S[min(attempt, len(BACKOFF_S) - 1)])
+
+    def _read_all(self, capture: Capture) -> int:
+        """Read until there is no more; how many images there were."""
+        count = 0
+        while not self._stop.is_set():
+            good, image = capture.read()
+            arrival = self._clock()
+            if not good or image is None:
+                break
+            if count == 0:
+                rate = capture.get(cv2.CAP_PROP_FPS)
+                self._rate = rate if 1.0 <= rate <= 1000.0 else self._rate
+                self.reconnects += self._newest is not None
+            count += 1
+            self._publish(image, arrival)
+        return count
+
+    def _publish(self, image: Array, arrival_ns: int) -> None:
+        stamp = max(arrival_ns - round(1e6 * self._options.latency_ms), self._last_stamp_ns + 1, 0)
+        frame = ViewFrame(self.camera, stamp, self._arrived, image)
+        with self._news:
+            self.dropped += not self._handed_out
+            self._newest, self._handed_out = frame, False
+            self._last_stamp_ns = stamp
+            self._arrived += 1
+            self._news.notify_all()
+
+    def _fail(self, why: str) -> None:
+        with self._news:
+            self._failure = why
+            self._news.notify_all()
+
+
+def check_device(device: str, what: str) -> None:
+    """Whether a name can be a device at all.
+
+    Raises:
+        UsageError: if it is neither a number, nor a path in /dev, nor a URL of a stream.
+        BackendError: if it is a path that is not there.
+    """
+    scheme, mark, _ = device.partition("://")
+    if device.isdecimal() or (mark and scheme.lower() in STREAM_SCHEMES):
+        return
+    if not device.startswith("/dev/"):
+        raise UsageError(f"{what}: a device is a number, /dev/videoN, or an rtsp:// or http:// address")
+    if not Path(device).exists():
+        raise BackendError(f"{what}: no such device; `ls /dev/video*` shows those that there are")
+
+
+def open_device(device: str, options: DeviceOptions) -> cv2.VideoCapture:
+    """OpenCV's capture of a device or stream; may be not opened."""
+    if "://" in device:
+        milliseconds = round(1000 * options.timeout_s)
+        capture = cv2.VideoCapture(
+            device,
+            cv2.CAP_FFMPEG,
+            [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, milliseconds, cv2.CAP_PROP_READ_TIMEOUT_MSEC, milliseconds],
+        )
+    else:
+        capture = cv2.VideoCapture(int(device) if device.isdecimal() else device, cv2.CAP_V4L2)
+    if capture.isOpened():
+        if options.image_size is not None:
+            # most USB cameras reach their full rate at large sizes only as MJPEG
+            capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter_fourcc(*"MJPG"))
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, options.image_size[0])
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, options.image_size[1])
+        if options.frame_rate is not None:
+            capture.set(cv2.CAP_PROP_FPS, options.frame_rate)
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+    return capture
