@@ -172,7 +172,8 @@ class DeviceSource:
         """Read until there is no more; how many images there were."""
         count = 0
         while not self._stop.is_set():
-            good, image = capture.read()
+            with quiet_opencv():
+                good, image = capture.read()
             arrival = self._clock()
             if not good or image is None:
                 break

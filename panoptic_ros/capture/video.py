@@ -7,6 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from panoptic_ros.capture.container import find_cut, hidden_seconds
 from panoptic_ros.capture.opencv import quiet_opencv
@@ -61,7 +62,7 @@ class VideoSource:
         self._open_now: list[cv2.VideoCapture] = []
         capture = self._open()
         try:
-            good, image = capture.read()
+            good, image = _read(capture)
             if not good or image is None:
                 raise DataError(f"{self._what} has no frame that can be decoded; record or copy it again")
             self.image_size = (image.shape[1], image.shape[0])
@@ -86,7 +87,7 @@ class VideoSource:
         number = 0
         try:
             while capture in self._open_now:  # until close()
-                good, image = capture.read()
+                good, image = _read(capture)
                 if not good or image is None:
                     self._check_end(number, timeline.seconds)
                     return
@@ -153,6 +154,11 @@ class VideoSource:
             f"{self._what}: only {decoded} of {promised} frames could be decoded; "
             "the file is damaged or cut off, copy or record it again"
         )
+
+
+def _read(capture: cv2.VideoCapture) -> tuple[bool, np.ndarray | None]:
+    with quiet_opencv():
+        return capture.read()
 
 
 class _Timeline:

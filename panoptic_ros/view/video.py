@@ -68,15 +68,15 @@ class OverlayVideo:
             raise UsageError(f"{self.path} is closed already")
         if image.shape != (self.size[1], self.size[0], 3) or image.dtype != np.uint8:
             raise DataError(f"{image.dtype} {image.shape} for a video of {self.size[0]}x{self.size[1]}")
-        self._writer.write(image)
+        with quiet_opencv():
+            self._writer.write(image)
         self.frame_count += 1
 
     def close(self) -> None:
         """Finish the file; does nothing the second time."""
         if self._writer is None:
             return
-        self._writer.release()
-        self._writer = None
+        self._release()
         try:
             if self.frame_count:
                 self._check()
@@ -87,18 +87,22 @@ class OverlayVideo:
 
     def discard(self) -> None:
         """Give up: nothing is left."""
-        if self._writer is not None:
-            self._writer.release()
-            self._writer = None
+        self._release()
         self._temporary.unlink(missing_ok=True)
+
+    def _release(self) -> None:
+        if self._writer is not None:
+            with quiet_opencv():
+                self._writer.release()
+            self._writer = None
 
     def _check(self) -> None:
         """FFmpeg reports no failed write through OpenCV, so look at what was written."""
         with quiet_opencv():
             capture = cv2.VideoCapture(str(self._temporary))
-        count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
-        good = count == self.frame_count and capture.read()[0]
-        capture.release()
+            count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
+            good = count == self.frame_count and capture.read()[0]
+            capture.release()
         if not good:
             raise EnvironmentProblem(
                 f"cannot write {self.path}: {count} of {self.frame_count} frames arrived; is the disk full?"
