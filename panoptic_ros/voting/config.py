@@ -21,13 +21,14 @@ class VotingConfig(Config):
         ge=0.0,
         le=1.0,
         live=True,
-        doc="Least mean score of a node proposal; 0 = by the number of views (0.06, 0.1 or 0.05).",
+        doc="Least mean score of a node proposal; 0 = by the number of views "
+        "(0.06 below 8, 0.1 below 16, else 0.05).",
     )
     min_views: int = param(
         0,
         ge=0,
         live=True,
-        doc="Least number of views that support a node proposal; 0 = by the number of views (2 or 3).",
+        doc="Least number of views that support a node proposal; 0 = by their number (2 below 8, else 3).",
     )
     view_threshold: float = param(
         0.1, ge=0.0, le=1.0, live=True, doc="Score above which a view supports a node, or has a 2D peak."
@@ -46,7 +47,7 @@ class VotingConfig(Config):
     )
     max_depth: float = param(25.0, unit="m", ge=1.0, doc="Seeds farther from a camera are dropped.")
     keypoint_width: float = param(
-        0.025,
+        0.03,
         ge=0.001,
         le=0.5,
         doc="Without maps: standard deviation of a joint's Gaussian, as a fraction of the square root of "

@@ -154,18 +154,27 @@ def _key(i, j, k):
 
 
 @_jit
+def _slot(key, epoch, keys, epochs):
+    """Where a key is in the hash table, or would be put."""
+    mask = len(keys) - 1
+    slot = ((key * HASH) >> 24) & mask
+    while epochs[slot] == epoch and keys[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@_jit
 def climb(scene, joints, voxels, lower, upper, voxel, view_threshold, eligible, keys, epochs, ranks):
     """Steepest ascent from voxels (S, 3) for joints (S,), in order of joint, to local maxima (S, 3).
 
     What it climbs is the vote at the voxel's centre, plus 2 if `eligible` views support it; also returned
-    (S,), 0 where there is nothing to climb. Stays within the voxels lower <= index < upper. The last three
-    arrays, of one size, a power of two, are the memory of votes: a hash table whose entries of earlier
-    epochs count as empty.
+    (S,). That is 0 where there is nothing to climb, and for voxels that an earlier ascent has looked at:
+    it went higher. Stays within the voxels lower <= index < upper. The last three arrays, of one size, a
+    power of two, are the memory of votes: a hash table whose entries of earlier epochs count as empty.
     """
     cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
     tops = voxels.copy()
     heights = np.zeros(len(voxels))
-    mask = len(keys) - 1
     epoch, remembered = 0, 0
     for s in range(len(voxels)):
         joint = joints[s]
@@ -173,6 +182,8 @@ def climb(scene, joints, voxels, lower, upper, voxel, view_threshold, eligible, 
             epoch += 1
             remembered = 0
         i, j, k = tops[s, 0], tops[s, 1], tops[s, 2]
+        if epochs[_slot(_key(i, j, k), epoch, keys, epochs)] == epoch:
+            continue
         best = -1.0
         while True:
             ci, cj, ck = i, j, k
@@ -180,9 +191,7 @@ def climb(scene, joints, voxels, lower, upper, voxel, view_threshold, eligible, 
                 for nj in range(max(cj - 1, lower[1]), min(cj + 2, upper[1])):
                     for nk in range(max(ck - 1, lower[2]), min(ck + 2, upper[2])):
                         key = _key(ni, nj, nk)
-                        slot = ((key * HASH) >> 24) & mask
-                        while epochs[slot] == epoch and keys[slot] != key:
-                            slot = (slot + 1) & mask
+                        slot = _slot(key, epoch, keys, epochs)
                         if epochs[slot] != epoch:
                             x, y, z = _centre(ni, nj, nk, voxel)
                             score, support = vote(

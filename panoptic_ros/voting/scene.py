@@ -41,7 +41,7 @@ def build_scene(
     cameras: Sequence[Camera],
     views: Sequence[ViewDetections],
     joint_count: int,
-    relative_width: float = 0.025,
+    relative_width: float = 0.03,
     gate: float = 4.0,
 ) -> VoteScene:
     """The scene of V views and their cameras; see `ViewField` for the two numbers."""

@@ -140,7 +140,7 @@ class ViewField:
         gate: in standard deviations of a keypoint, for maps of all people.
     """
 
-    def __init__(self, view: ViewDetections, relative_width: float = 0.025, gate: float = 4.0):
+    def __init__(self, view: ViewDetections, relative_width: float = 0.03, gate: float = 4.0):
         widths = keypoint_widths(view.points, view.image_size, relative_width)
         self.image_size = view.image_size
         self.keypoints = KeypointField(view.points, view.scores, widths)

@@ -30,7 +30,7 @@ def demands(config: VotingConfig, view_count: int) -> Demands:
     """The demands of the configuration, or those that suit the number of views."""
     if view_count <= 7:
         threshold, min_views = 0.06, 2
-    elif view_count <= 60:
+    elif view_count <= 15:
         threshold, min_views = 0.1, 3
     else:
         threshold, min_views = 0.05, 3
