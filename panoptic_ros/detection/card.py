@@ -20,7 +20,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "simcc": ("",),  # RTMPose: one distribution per axis, on crops
     "heatmap": ("quarter", "dark"),  # HRNet, ViTPose: maps of one person, on crops
     "points": ("rtmo", "yolo", "yolo_end_to_end"),  # keypoints of all people at once
-    "boxes": ("yolox", "detections"),  # people's boxes only, for the families on crops
+    "boxes": ("yolox", "detections", "detections_labels"),  # people's boxes only, for the families on crops
 }
 CROP_FAMILIES = ("single_heads", "simcc", "heatmap")
 PERSON_DETECTORS = ("center_heads", "points", "boxes")
@@ -196,6 +196,7 @@ def expected_shapes(card: ModelCard) -> dict[str, tuple[int | None, ...]]:
         "yolo_end_to_end": {"people": (None, None, 6 + 3 * joints)},
         "yolox": {"people": (None, None, None)},
         "detections": {"boxes": (None, None, 5)},
+        "detections_labels": {"boxes": (None, None, 5), "labels": (None, None)},
     }
     return tables[card.variant if card.family in ("points", "boxes") else card.family]
 

@@ -86,24 +86,25 @@ def suppress_overlaps(boxes: Array, scores: Array, iou: float) -> Array:
     return np.array(kept, int)
 
 
-def drop_duplicates(people: People, seen: Array, overlap: float) -> People:
-    """People without those whose joints coincide with the joints of a better one.
+def without_duplicates(people: People, seen: Array, overlap: float) -> Array:
+    """Indices of the people whose joints do not coincide with the joints of a better one.
 
     Two people's likeness is the mean over the joints that both show of exp(-d^2 / 2 s^2), with s
     5 % of the better one's height (as object keypoint similarity, COCO, with one width for all).
 
     Args:
-        people: best first; seen: (P, K) which joints count.
+        people: best first; seen: (P, K) which joints count, at least one of each person.
         overlap: likeness above which the second is dropped; 1 = never.
     """
     if overlap >= 1.0 or len(people) < 2:
-        return people
-    sizes = np.ptp(boxes_of_points(people.points, seen).reshape(-1, 2, 2), axis=1).max(axis=1)
+        return np.arange(len(people))
+    boxes = boxes_of_points(people.points, seen)
+    sizes = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
     kept: list[int] = []
     for index in range(len(people)):
         if not any(_likeness(people.points, seen, i, index, sizes[i]) > overlap for i in kept):
             kept.append(index)
-    return people.select(np.array(kept))
+    return np.array(kept)
 
 
 def _likeness(points: Array, seen: Array, better: int, other: int, size: float) -> float:

@@ -91,12 +91,18 @@ def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> l
     return patches + _blobs(np.where(owners == NOBODY, levels, 0))
 
 
-def person_patches(levels: Array, person: int) -> list[Patch]:
-    """Patches of maps (K, h, w) uint8 that belong to one person alone."""
+def person_patches(levels: Array, person: int, corner: tuple[int, int] = (0, 0)) -> list[Patch]:
+    """Patches of maps (K, h, w) uint8 of one person alone that start at a column and row."""
     patches: list[Patch] = []
     for joint, values in enumerate(levels):
-        patches += _trimmed(joint, person, (0, 0), values)
+        patches += _trimmed(joint, person, corner, values)
     return patches
+
+
+def gated(levels: Array, cells: Array, seen: Array, radius: float) -> Array:
+    """Maps (K, h, w) with 0 outside of the gates round one person's joints (K, 2)."""
+    owners = _owners(levels, cells[None], seen[None], np.array([radius]))
+    return np.where(owners == NOBODY, 0, levels)
 
 
 def _owners(levels: Array, cells: Array, seen: Array, radius: Array) -> Array:

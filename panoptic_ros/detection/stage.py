@@ -3,16 +3,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.detection.card import CROP_FAMILIES
 from panoptic_ros.detection.config import DetectionConfig
-from panoptic_ros.detection.input_size import Answer, SideChooser
+from panoptic_ros.detection.crops import CropNetwork
+from panoptic_ros.detection.full_image import Finding, FullImageNetwork
+from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
 from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.detection.network import Finding, make_network
 from panoptic_ros.detection.people import boxes_of_points
 from panoptic_ros.domain import JointMap, ViewDetections, ViewFrame
 from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
 Array = np.ndarray
+PATIENCE = 15  # frames in which people are too small or too large before it is said
+UNCLAIMED_PEAK = 0.3  # peaks of nobody in the maps count from here
 
 
 class DetectionStage:
@@ -38,9 +42,11 @@ class DetectionStage:
         self.config = config
         self.skeleton_hash = context.skeleton.hash
         self.joint_map = joint_map
-        self.network = make_network(model, config)
+        kind = CropNetwork if model.card.family in CROP_FAMILIES else FullImageNetwork
+        self.network = kind(model, config)
         self._sides: dict[str, SideChooser] = {}
-        self._warned: dict[str, bool] = {}
+        self._outside: dict[str, int] = {}
+        self._noticed: set[str] = set()
 
     def step(self, item: ViewFrame) -> StepResult[ViewDetections]:
         """The people in one image."""
@@ -62,7 +68,8 @@ class DetectionStage:
     def reset(self) -> None:
         """Forget the sizes of the people."""
         self._sides.clear()
-        self._warned.clear()
+        self._outside.clear()
+        self._noticed.clear()
 
     def _chooser(self, item: ViewFrame) -> SideChooser:
         if item.camera not in self._sides:
@@ -78,7 +85,7 @@ class DetectionStage:
 
     def _answer(self, finding: Finding, image_side: int) -> Answer:
         people = finding.people
-        unclaimed = finding.patches.unclaimed_joints(0.3) if finding.patches else 0
+        unclaimed = finding.patches.unclaimed_joints(UNCLAIMED_PEAK) if finding.patches else 0
         side = round(finding.scale * image_side)
         return Answer(side, people.person_scores, self._heights(finding), unclaimed)
 
@@ -105,19 +112,24 @@ class DetectionStage:
         )
 
     def _size_notice(self, camera: str, finding: Finding) -> tuple[Notice, ...]:
-        """A notice when people become too small or too large for the network, once each time."""
-        sure = finding.people.person_scores >= 0.2
+        """A notice when people stay too small or too large for the network, once each time."""
+        sure = finding.people.person_scores >= SURE
+        if not sure.any():
+            return ()
         heights = self._heights(finding)[sure] * finding.scale
         smallest, largest = self.network.person_px
         outside = bool(((heights < smallest) | (heights > largest)).any())
-        first = outside and not self._warned.get(camera, False)
-        if sure.any():
-            self._warned[camera] = outside
-        if not first:
+        count = self._outside.get(camera, 0)
+        # Counts up to the notice while people are outside, and down again while they are not.
+        self._outside[camera] = min(count + 1, PATIENCE) if outside else max(count - 1, 0)
+        if not outside or count != PATIENCE - 1 or camera in self._noticed:
+            if self._outside[camera] == 0:
+                self._noticed.discard(camera)
             return ()
+        self._noticed.add(camera)
         text = (
             f"camera {camera}: people are {heights.min():.0f} to {heights.max():.0f} px tall in the "
             f"network's input, which works best with {smallest:.0f} to {largest:.0f} px"
         )
         values = {"camera": camera, "smallest_px": float(heights.min()), "largest_px": float(heights.max())}
-        return (Notice("detection.person_size", "info", text, values),)
+        return (Notice("detection.person_size", "warning", text, values),)

@@ -1,4 +1,4 @@
-"""From an image to people in its pixels: preprocessing, session, decoder, and the way back."""
+"""Networks that take the whole image: preprocessing, session, decoder, and back to its pixels."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -11,9 +11,16 @@ from panoptic_ros.detection.card import ModelCard
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.coordinates import grid_from_net, net_from_model
 from panoptic_ros.detection.decoders.center_heads import decode_center_heads
+from panoptic_ros.detection.decoders.points import (
+    decode_detections,
+    decode_rtmo,
+    decode_yolo,
+    decode_yolo_end_to_end,
+    decode_yolox,
+)
 from panoptic_ros.detection.input_size import input_size
 from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.detection.people import People, boxes_of_points, drop_duplicates
+from panoptic_ros.detection.people import People, boxes_of_points, without_duplicates
 from panoptic_ros.detection.preprocess import composed, input_tensor, inverted, letterbox
 from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patches, quantised
 
@@ -56,10 +63,10 @@ class FullImageNetwork:
         picture, net_from_image = letterbox(image, (size[0], size[1]), card.input)
         outputs = activated(card, self.session.run(input_tensor([picture], card.input)))
         outputs = {role: values[0] for role, values in outputs.items()}
-        people = _decode(card, outputs, self.config.person_threshold)
+        people = decode_image(card, outputs, (size[0], size[1]), self.config.person_threshold)
         people = people.transformed(net_from_model(card))
         if card.joints:
-            people = _seen_people(people, self.config)
+            people, _ = seen_people(people, self.config)
         patches = None
         if self.config.maps and card.family == "center_heads":
             patches = self._patches(outputs["heat"], people, net_from_image, (size[0], size[1]))
@@ -87,22 +94,37 @@ def activated(card: ModelCard, outputs: Mapping[str, Array]) -> dict[str, Array]
     }
 
 
-def _decode(card: ModelCard, outputs: Mapping[str, Array], threshold: float) -> People:
-    return decode_center_heads(outputs, card.stride, card.max_people, threshold)
+def decode_image(
+    card: ModelCard, outputs: Mapping[str, Array], net_size: tuple[int, int], threshold: float
+) -> People:
+    """The people of one image in the network's own coordinates."""
+    iou, most = card.nms_iou, card.max_people
+    if card.family == "center_heads":
+        return decode_center_heads(outputs, card.stride, most, threshold)
+    if card.variant == "rtmo":
+        return decode_rtmo(outputs, threshold, iou, most)
+    if card.variant == "yolo":
+        return decode_yolo(outputs, threshold, iou, most)
+    if card.variant == "yolo_end_to_end":
+        return decode_yolo_end_to_end(outputs, threshold, most)
+    if card.variant == "yolox":
+        return decode_yolox(outputs, net_size, threshold, iou, most)
+    return decode_detections(outputs, threshold, iou, most)
 
 
-def _seen_people(people: People, config: DetectionConfig) -> People:
-    """People with joints above the threshold, each once, with a box that holds these joints."""
-    people = people.select(np.flatnonzero((people.scores >= config.joint_threshold).any(axis=1)))
-    people = drop_duplicates(people, people.scores >= config.joint_threshold, config.duplicate_overlap)
+def seen_people(people: People, config: DetectionConfig) -> tuple[People, Array]:
+    """People with joints above the threshold, each once, and their indices among those given.
+
+    Their boxes are enlarged to hold these joints.
+    """
+    kept = np.flatnonzero((people.scores >= config.joint_threshold).any(axis=1))
+    people = people.select(kept)
+    seen = people.scores >= config.joint_threshold
+    unique = without_duplicates(people, seen, config.duplicate_overlap)
+    people, kept, seen = people.select(unique), kept[unique], seen[unique]
     if not len(people):
-        return people
-    around = boxes_of_points(people.points, people.scores >= config.joint_threshold)
+        return people, kept
+    around = boxes_of_points(people.points, seen)
     low = np.minimum(people.boxes[:, :2], around[:, :2])
     high = np.maximum(people.boxes[:, 2:], around[:, 2:])
-    return replace(people, boxes=np.concatenate([low, high], axis=1))
-
-
-def make_network(model: DetectorModel, config: DetectionConfig) -> FullImageNetwork:
-    """The network of a model's family."""
-    return FullImageNetwork(model, config)
+    return replace(people, boxes=np.concatenate([low, high], axis=1)), kept

@@ -1,0 +1,41 @@
+"""One person from centre heads: MoveNet SinglePose on a crop round him.
+
+MoveNet's own post-processing: the centre of the person is where the centre map, divided by the
+distance to the middle of the crop, is largest; each joint is the cell where its map, divided by the
+distance to the place that was regressed from there, is largest, moved by the offset regressed there.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+Array = np.ndarray
+SOFTENING = 1.8  # cells added to the distances
+
+
+def decode_single_heads(heads: Mapping[str, Array], stride: int) -> tuple[Array, Array]:
+    """Joints (K, 2) in net px told from the image's corner, and their scores (K,).
+
+    Args:
+        heads: `center` (1, h, w) and `heat` (K, h, w) in 0..1; `regress` and `offset` (2 K, h, w) in
+            cells, y before x.
+    """
+    heat = heads["heat"]
+    joint_count, rows, columns = heat.shape
+    middle = np.array([[rows / 2.0, columns / 2.0]])
+    weighted = heads["center"] / (_distances(middle, rows, columns) + SOFTENING)
+    y, x = divmod(int(weighted.argmax()), columns)
+    guess = heads["regress"][:, y, x].reshape(joint_count, 2) + (y, x)
+    near = heat / (_distances(guess, rows, columns) + SOFTENING)
+    cells = np.stack(np.divmod(near.reshape(joint_count, -1).argmax(axis=1), columns), axis=1)
+    each = np.arange(joint_count)
+    own = heads["offset"].reshape(joint_count, 2, rows, columns)[each, :, cells[:, 0], cells[:, 1]]
+    return stride * (cells + own)[:, ::-1].astype(float), heat[each, cells[:, 0], cells[:, 1]].astype(float)
+
+
+def _distances(places: Array, rows: int, columns: int) -> Array:
+    """Distance (N, rows, columns) of every cell from N places (row, column)."""
+    down = (np.arange(rows) - places[:, :1]) ** 2
+    across = (np.arange(columns) - places[:, 1:]) ** 2
+    return np.sqrt(down[:, :, None] + across[:, None, :])
