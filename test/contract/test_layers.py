@@ -8,8 +8,7 @@ import pytest
 import panoptic_ros
 
 ROOT = Path(panoptic_ros.__file__).parent
-sys.path.insert(0, str(Path(__file__).parent))
-import layers  # noqa: E402
+import layers
 
 STANDARD = frozenset(sys.stdlib_module_names)
 MODULES = layers.modules(ROOT)

@@ -1,14 +1,10 @@
 """One suite over every stage of the chain: what each must do whatever it computes."""
 import pickle
-import sys
 from dataclasses import replace
-from pathlib import Path
 
+import captures
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-import captures  # noqa: E402
 
 from panoptic_ros.domain import DetectionSet, Rig
 from panoptic_ros.graph.build import config_class, configure, make_stage, resolve

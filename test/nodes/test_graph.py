@@ -1,0 +1,73 @@
+"""The graph over DDS gives the same bytes as the pipeline, and each bag the same bytes every time."""
+import gzip
+import json
+
+import captures
+import numpy as np
+import pytest
+
+from panoptic_ros.cli.main import main
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.io.plain_formats import read_skeletons
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.ros
+
+
+def skeletons(out):
+    return (out / "skeletons.json.gz").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def over_dds(recorded, tmp_path_factory):
+    out = tmp_path_factory.mktemp("dds") / "out"
+    assert main(["run", "--bag", str(recorded), "--out", str(out), "--no-pictures"]) == 0
+    return out
+
+
+def test_graph_and_pipeline_give_identical_bytes(over_dds, recorded, tmp_path):
+    out = tmp_path / "out"
+    arguments = ["run", "--bag", str(recorded), "--out", str(out), "--no-pictures", "--in-process"]
+    assert main(arguments) == 0
+    assert skeletons(out) == skeletons(over_dds)
+
+
+def test_two_replays_give_identical_bytes(over_dds, recorded, tmp_path):
+    out = tmp_path / "out"
+    assert main(["run", "--bag", str(recorded), "--out", str(out), "--no-pictures"]) == 0
+    assert skeletons(out) == skeletons(over_dds)
+
+
+def test_people_are_right_and_nothing_is_lost(over_dds):
+    result = read_skeletons(over_dds / "skeletons.json.gz")
+    assert len(result.frames) == 40
+    assert {tuple(sorted(frame.ids.tolist())) for frame in result.frames} == {(0, 1)}
+    for frame in result.frames:
+        truth = captures.people(frame.stamp_ns * 1e-9)
+        gaps = np.linalg.norm(frame.positions[:, None] - truth[None], axis=-1).mean(-1)
+        assert gaps.min(axis=1).max() < 0.01
+    report = json.loads((over_dds / "report.json").read_text())
+    assert report["frames"]["dropped"] == {}
+    assert report["frames"]["in"] == {name: 40 for name in captures.RIG.names}
+
+
+def test_bag_of_the_run_can_be_run_again(over_dds, tmp_path):
+    out = tmp_path / "again"
+    arguments = ["run", "--bag", str(over_dds / "bag"), "--out", str(out), "--no-pictures", "--in-process"]
+    assert main(arguments) == 0
+    assert gzip.decompress(skeletons(out)) == gzip.decompress(skeletons(over_dds))
+
+
+def test_bag_holds_what_a_subscriber_would_have_seen(over_dds):
+    result = read_skeletons(over_dds / "skeletons.json.gz")
+    with BagReader(over_dds / "bag") as bag:
+        assert bag.counts["/skeletons"] == 40 and bag.counts["/skeletons/markers"] == 40
+        messages = [message for _, _, message in bag.messages("/skeletons")]
+    for frame, message in zip(result.frames, messages):
+        poses = from_message(message, "RefinedPoseSet")
+        assert np.array_equal(poses.positions, frame.positions, equal_nan=True)
+
+
+def test_no_process_and_no_partial_folder_is_left(over_dds):
+    assert [path.name for path in over_dds.parent.iterdir()] == ["out"]

@@ -1,0 +1,127 @@
+"""A stage's node on the live graph: bad messages are counted and dropped, and the node lives."""
+import time
+
+import captures
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from panoptic_ros.errors import ConfigError  # noqa: E402
+from panoptic_ros.graph.flow import make_flow  # noqa: E402
+from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
+from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.quality import data_quality  # noqa: E402
+from panoptic_ros.nodes.stage_node import StageNode  # noqa: E402
+from panoptic_ros.nodes.statics_node import StaticsNode  # noqa: E402
+
+pytestmark = pytest.mark.ros
+VIEW = message_class("panoptic_msgs/msg/ViewDetections")
+SET = message_class("panoptic_msgs/msg/DetectionSet")
+
+
+@pytest.fixture
+def ros():
+    rclpy.init(args=[])
+    yield
+    rclpy.try_shutdown()
+
+
+def spin_until(executor, ready, seconds=15.0):
+    end = time.monotonic() + seconds
+    while not ready() and time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.05)
+    assert ready(), "it did not happen in time"
+
+
+@pytest.fixture
+def sync_node(ros):
+    """A sync node in live flow, with a tester that publishes views and takes sets."""
+    node = StageNode("sync", {"flow": "live", "window_s": 0.005, "deadline_s": 0.05})
+    statics = StaticsNode(captures.RIG, captures.SKELETON)
+    tester = rclpy.create_node("tester")
+    quality = data_quality(make_flow("live"))
+    publishers = {n: tester.create_publisher(VIEW, f"{n}/detections", quality) for n in captures.RIG.names}
+    sets = []
+    tester.create_subscription(SET, "detection_sets", sets.append, 10)
+    executor = SingleThreadedExecutor()
+    for item in (node, statics, tester):
+        executor.add_node(item)
+    spin_until(
+        executor,
+        lambda: all(p.get_subscription_count() for p in publishers.values())
+        and tester.count_publishers("detection_sets"),
+    )
+    for _ in range(10):
+        executor.spin_once(timeout_sec=0.1)
+    yield node, executor, publishers, sets
+    node.close()
+    executor.shutdown()
+    for item in (node, statics, tester):
+        item.destroy_node()
+
+
+def send(publishers, index):
+    for camera in captures.RIG.cameras:
+        view = captures.view(camera, index, round(index * 1e9 / 30))
+        publishers[camera.name].publish(to_message(view, ros_messages()))
+
+
+def break_scores(message):
+    message.scores = message.scores[:-1]
+
+
+def break_nan(message):
+    message.points[0] = float("nan")
+
+
+def break_size(message):
+    message.image_width = 0
+
+
+def break_skeleton(message):
+    message.skeleton_hash = "00000000"
+
+
+@pytest.mark.parametrize("damage", [break_scores, break_nan, break_size, break_skeleton])
+def test_bad_message_is_counted_and_dropped_and_the_node_lives(sync_node, damage):
+    node, executor, publishers, sets = sync_node
+    camera = captures.RIG.cameras[0]
+    bad = to_message(captures.view(camera, 0, 1), ros_messages())
+    damage(bad)
+    publishers[camera.name].publish(bad)
+    spin_until(executor, lambda: node._statistics.dropped["bad_message"] == 1)
+    assert node.healthy
+    for index in range(1, 6):
+        send(publishers, index)
+        spin_until(executor, lambda index=index: len(sets) >= index)
+    assert [len(from_message(item, "DetectionSet").views) for item in sets[:5]] == [4] * 5
+    assert node._statistics.values()["dropped.bad_message"] == "1"
+
+
+def test_missing_camera_is_waited_for_until_the_deadline_only(sync_node):
+    _, executor, publishers, sets = sync_node
+    for index in range(1, 5):
+        for camera in captures.RIG.cameras[1:]:
+            view = captures.view(camera, index, round(index * 1e9 / 30))
+            publishers[camera.name].publish(to_message(view, ros_messages()))
+            executor.spin_once(timeout_sec=0.02)
+    spin_until(executor, lambda: len(sets) >= 1)
+    assert len(from_message(sets[0], "DetectionSet").views) == 3
+
+
+def test_parameters_are_declared_with_range_and_description(ros):
+    node = StageNode("sync")
+    descriptor = node.describe_parameter("window_s")
+    assert "set" in descriptor.description and descriptor.floating_point_range[0].to_value == 1.0
+    assert descriptor.read_only
+    result = node.set_parameters([Parameter("window_s", value=0.1)])
+    assert not result[0].successful
+    node.close()
+    node.destroy_node()
+
+
+def test_parameter_out_of_range_names_itself(ros):
+    with pytest.raises(ConfigError, match="window_s"):
+        StageNode("sync", {"window_s": 7.0})
