@@ -3,56 +3,67 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, DetectionSet, Rig
+from panoptic_ros.domain import DetectionSet, Rig
 
 Array = np.ndarray
 
 
 class Correspondence:
-    """The 2D joints of one instant, each of which can be claimed once.
+    """The 2D joints of one instant near its 3D nodes; each can be claimed once.
 
     Args:
-        gate: m, how far a 2D joint may be from the projection of its 3D joint, measured at the depth of
-            the joint. (The paper's 10 px of its VGA images are 3 to 5 cm.)
+        nodes: (N, 3) m. joints: (N,) which joint each node is.
+        gate: m, how far a 2D joint may be from the projection of its node, measured at the node's depth.
+            (The paper's 10 px of its VGA images are 3 to 5 cm.)
         min_score: 2D joints with lower scores cannot be claimed.
     """
 
-    def __init__(self, detections: DetectionSet, rig: Rig, gate: float, min_score: float = 0.0):
+    def __init__(
+        self,
+        detections: DetectionSet,
+        rig: Rig,
+        nodes: Array,
+        joints: Array,
+        gate: float,
+        min_score: float = 0.0,
+    ):
         views = detections.views
-        self.cameras: list[Camera] = [rig.camera(view.camera) for view in views]
-        self.gate = gate
         most = max((len(view.points) for view in views), default=0)
-        joints = max((view.points.shape[1] for view in views), default=0)
-        self._points = np.full((len(views), joints, most, 2), np.nan)  # NaN = missing or claimed
+        count = max([int(joints.max(initial=-1)) + 1, *(view.points.shape[1] for view in views)])
+        self._joints = np.asarray(joints, np.int64)
+        self._free = np.zeros((count, len(views), most), bool)
+        self._distances = np.full((len(nodes), len(views), most), np.inf)  # m; infinite beyond the gate
         for v, view in enumerate(views):
+            people = len(view.points)
             known = (view.scores > 0.0) & (view.scores >= min_score)
-            points = np.where(known[..., None], view.points, np.nan)
-            self._points[v, :, : len(points)] = points.swapaxes(0, 1)
-        focals = [0.5 * np.trace(camera.intrinsics.matrix[:2, :2]) for camera in self.cameras]
-        self._focals = np.array(focals).reshape(-1)
+            self._free[: known.shape[1], v, :people] = known.T
+            camera = rig.camera(view.camera)
+            pixels, seen = camera.project(nodes)
+            depth = nodes @ camera.cam_from_world.rotation[2] + camera.cam_from_world.translation[2]
+            focal = 0.5 * np.trace(camera.intrinsics.matrix[:2, :2])
+            away = np.linalg.norm(view.points[:, self._joints].swapaxes(0, 1) - pixels[:, None], axis=-1)
+            away *= (depth / focal)[:, None]
+            near = seen[:, None] & known[:, self._joints].T & (away < gate)  # False for NaN
+            self._distances[:, v, :people] = np.where(near, away, np.inf)
+        self._near = np.isfinite(self._distances)
 
-    def nearest(self, joints: Array) -> Array:
-        """The 2D person (J, V) whose joint is closest to each of the 3D joints (J, 3) m; -1 = none.
+    def claims_of(self, nodes: Array) -> Array:
+        """The free 2D person (K, V) whose joint is closest to each of the nodes (K,); -1 = none is near."""
+        if self._free.shape[2] == 0:
+            return np.full((len(nodes), self._free.shape[1]), -1, np.int64)
+        distances = np.where(self._free[self._joints[nodes]], self._distances[nodes], np.inf)
+        best = distances.argmin(axis=-1)
+        return np.where(np.isfinite(distances.min(axis=-1)), best, -1)
 
-        Missing joints are NaN. Nothing is claimed yet.
+    def claim(self, nodes: Array, claims: Array) -> None:
+        """Nobody else can claim the 2D joints (K, V) of these nodes (K,) from now on."""
+        row, view = np.nonzero(claims >= 0)
+        self._free[self._joints[nodes[row]], view, claims[row, view]] = False
+
+    def taken(self, min_views: int) -> Array:
+        """Which nodes (N,) are explained by what others claimed.
+
+        They have 2D joints near them in `min_views` views, but free ones in fewer.
         """
-        claims = np.full((len(joints), len(self.cameras)), -1, np.int64)
-        if self._points.shape[2] == 0:
-            return claims
-        there = np.isfinite(joints).all(-1)
-        places = np.where(there[:, None], joints, 0.0)
-        for v, camera in enumerate(self.cameras):
-            pixels, seen = camera.project(places)
-            depth = places @ camera.cam_from_world.rotation[2] + camera.cam_from_world.translation[2]
-            distance = np.linalg.norm(self._points[v] - pixels[:, None], axis=-1)
-            distance = np.where(np.isnan(distance), np.inf, distance)
-            best = distance.argmin(axis=1)
-            reach = self.gate * self._focals[v] / np.maximum(depth, 1e-3)
-            near = there & seen & (distance[np.arange(len(joints)), best] < reach)
-            claims[near, v] = best[near]
-        return claims
-
-    def claim(self, claims: Array) -> None:
-        """Nobody else can claim these (J, V) 2D joints from now on."""
-        joint, view = np.nonzero(claims >= 0)
-        self._points[view, joint, claims[joint, view]] = np.nan
+        left = (self._near & self._free[self._joints]).any(axis=-1).sum(axis=-1)
+        return (self._near.any(axis=-1).sum(axis=-1) >= min_views) & (left < min_views)

@@ -42,35 +42,40 @@ def assemble(
 ) -> list[Hypothesis]:
     """People in the order of their scores; no 2D joint belongs to two of them.
 
-    A skeleton claims the closest 2D joint in every view, for each of its joints. Joints with fewer than
-    `min_views` claims are dropped, and skeletons whose head has fewer (or, if it has no head, the joint
-    that the head hangs on).
+    A skeleton claims the closest free 2D joint in every view, for each of its joints; fewer than `min_views`
+    are none. Skeletons whose head has none are dropped (or, if there is no head, the joint that it hangs
+    on). Nodes that are explained by what better skeletons claimed take no part any more; so a joint without
+    claims stands on score maps alone.
     """
     rules = rules or Rules()
     tree = PartTree(proposals, skeleton, rules.skip_weight)
-    free = Correspondence(proposals.detections, rig, rules.gate)
+    free = Correspondence(
+        proposals.detections, rig, proposals.nodes, proposals.node_joints, rules.gate
+    )
     people = []
     while True:
         score, nodes = tree.best()
         if score <= 0.0 or score < rules.min_score:
             return people
-        tree.remove(nodes)
-        start = np.where(nodes[:, None] >= 0, proposals.nodes[nodes], np.nan)
-        claims = free.nearest(start)
-        lost = (claims >= 0).sum(axis=1) < rules.min_views
-        claims[lost], start[lost] = -1, np.nan
-        if (~lost).sum() < rules.min_joints or not _has_head(nodes, lost, skeleton):
+        tree.remove(nodes[nodes >= 0])
+        joints = np.flatnonzero(nodes >= 0)
+        claims = np.full((len(nodes), len(proposals.detections.views)), -1, np.int64)
+        claims[joints] = free.claims_of(nodes[joints])
+        known = (claims >= 0).sum(axis=1) >= rules.min_views
+        claims[~known] = -1
+        if known.sum() < rules.min_joints or not known[_bearer(nodes, skeleton)]:
             continue
-        free.claim(claims)
+        free.claim(nodes[joints], claims[joints])
+        tree.remove(np.flatnonzero(free.taken(rules.min_views)))
+        start = np.where(nodes[:, None] >= 0, proposals.nodes[nodes], np.nan)
         same = np.where(claims >= 0, np.arange(len(nodes))[:, None], -1)
         people.append(Hypothesis(start, claims, same, min(1.0, score / len(skeleton.bones))))
 
 
-def _has_head(nodes: Array, lost: Array, skeleton: SkeletonModel) -> bool:
-    head = skeleton.head
-    if nodes[head] < 0 and skeleton.parents[head] >= 0:
-        head = skeleton.parents[head]
-    return not lost[head]
+def _bearer(nodes: Array, skeleton: SkeletonModel) -> int:
+    """The joint that must be seen: the head or, if there is none, the joint that it hangs on."""
+    parent = skeleton.parents[skeleton.head]
+    return skeleton.head if nodes[skeleton.head] >= 0 or parent < 0 else parent
 
 
 class PartTree:
@@ -83,7 +88,8 @@ class PartTree:
             self._children[parent].append(child)
         joints = proposals.node_joints
         self._nodes = [np.flatnonzero(joints == j) for j in range(len(skeleton))]
-        self._free = [np.ones(len(nodes), bool) for nodes in self._nodes]
+        self._pool = np.ones(len(joints), bool)
+        self._free = [self._pool[mine] for mine in self._nodes]
         self._bones = list(skeleton.bones)
         self._scores = self._matrices(proposals, skip_weight)
 
@@ -107,10 +113,9 @@ class PartTree:
         return matrices
 
     def remove(self, nodes: Array) -> None:
-        """Take nodes (J,) out of the pool; -1 = none."""
-        for joint, node in enumerate(nodes):
-            if node >= 0:
-                self._free[joint][np.searchsorted(self._nodes[joint], node)] = False
+        """Take nodes (K,) out of the pool."""
+        self._pool[nodes] = False
+        self._free = [self._pool[mine] for mine in self._nodes]
 
     def best(self) -> tuple[float, Array]:
         """Score and nodes (J,) of the best skeleton; -1 = missing. The score is 0 if there is none."""

@@ -13,47 +13,66 @@ CAMERAS = tuple(
     for name, x in (("a", 0.0), ("b", 1.0))
 )
 RIG = Rig(CAMERAS)
-JOINTS = np.array([[0.0, 0.0, 1.0], [0.2, 0.5, 1.3], [np.nan] * 3])
+JOINTS = np.array([[0.0, 0.0, 1.0], [0.2, 0.5, 1.3], [-0.3, 0.3, 0.7]])
 
 
 def detections(offsets, scores=0.9):
-    """One 2D person per offset (dx, dy) px from the projections of JOINTS; the third joint at (5, 5)."""
+    """One 2D person per offset (dx, dy) px from the projections of JOINTS; the third joint is far off."""
     views = []
     for camera in CAMERAS:
-        pixels = np.where(np.isnan(JOINTS), 5.0, 0.0)[:, :2] + np.nan_to_num(camera.project(JOINTS)[0])
+        pixels = camera.project(JOINTS)[0] + np.array([[0.0], [0.0], [50.0]])
         points = pixels + np.array(offsets, float).reshape(-1, 1, 2)
         values = np.full(points.shape[:2], scores)
         views.append(ViewDetections(camera.name, 0, 0, (640, 480), "h", points, values, values[:, 0]))
     return DetectionSet(0, 0, "h", tuple(views))
 
 
-def test_the_closest_is_found_and_missing_joints_claim_nothing():
-    free = Correspondence(detections([(6.0, 0.0), (0.0, -3.0)]), RIG, 0.08)
-    assert free.nearest(JOINTS).tolist() == [[1, 1], [1, 1], [-1, -1]]
+def matcher(item, gate=0.08, min_score=0.0, shift=(0.0, 0.0, 0.0)):
+    return Correspondence(item, RIG, JOINTS + shift, np.arange(3), gate, min_score)
+
+
+ALL = np.arange(3)
+
+
+def test_the_closest_is_found():
+    free = matcher(detections([(6.0, 0.0), (0.0, -3.0)]))
+    assert free.claims_of(ALL).tolist() == [[1, 1], [1, 1], [-1, -1]]
+    assert free.claims_of(ALL[1:2]).tolist() == [[1, 1]]
 
 
 def test_what_was_claimed_is_gone():
-    free = Correspondence(detections([(6.0, 0.0), (0.0, -3.0)]), RIG, 0.08)
-    free.claim(np.array([[1, -1], [-1, -1], [-1, -1]]))
-    assert free.nearest(JOINTS).tolist() == [[0, 1], [1, 1], [-1, -1]]
-    free.claim(free.nearest(JOINTS))
-    free.claim(free.nearest(JOINTS))
-    assert (free.nearest(JOINTS) == -1).all()
+    free = matcher(detections([(6.0, 0.0), (0.0, -3.0)]))
+    free.claim(ALL, np.array([[1, -1], [-1, -1], [-1, -1]]))
+    assert free.claims_of(ALL).tolist() == [[0, 1], [1, 1], [-1, -1]]
+    assert not free.taken(2).any()
+    free.claim(ALL, free.claims_of(ALL))
+    free.claim(ALL, free.claims_of(ALL))
+    assert (free.claims_of(ALL) == -1).all()
+
+
+def test_a_node_is_taken_if_others_claimed_what_is_near_it():
+    free = matcher(detections([(1.0, 0.0)]))
+    assert free.taken(2).tolist() == [False, False, False]
+    free.claim(ALL[:1], np.array([[0, -1]]))
+    assert free.taken(2).tolist() == [True, False, False]
+    assert free.taken(1).tolist() == [False, False, False]
+    free.claim(ALL[:2], np.array([[-1, 0], [0, 0]]))
+    assert free.taken(1).tolist() == [True, True, False]  # near the third there was never anything
 
 
 @pytest.mark.parametrize(("pixels", "expected"), [(9.9, 0), (10.1, -1)])
 def test_the_gate_is_a_distance_at_the_depth_of_the_joint(pixels, expected):
-    free = Correspondence(detections([(pixels, 0.0)]), RIG, 0.08)  # 500 px * 0.08 m / 4 m = 10 px
-    assert free.nearest(JOINTS)[0].tolist() == [expected, expected]
+    free = matcher(detections([(pixels, 0.0)]))  # 500 px * 0.08 m / 4 m = 10 px
+    assert free.claims_of(ALL)[0].tolist() == [expected, expected]
 
 
 def test_weak_and_missing_2d_joints_are_not_claimed():
-    assert (Correspondence(detections([(0.0, 0.0)], 0.2), RIG, 0.08, 0.3).nearest(JOINTS) == -1).all()
+    assert (matcher(detections([(0.0, 0.0)], 0.2), min_score=0.3).claims_of(ALL) == -1).all()
     empty = DetectionSet(0, 0, "h", ())
-    assert Correspondence(empty, RIG, 0.08).nearest(JOINTS).shape == (3, 0)
-    assert (Correspondence(detections([]), RIG, 0.08).nearest(JOINTS) == -1).all()
+    assert matcher(empty).claims_of(ALL).shape == (3, 0)
+    assert (matcher(detections([])).claims_of(ALL) == -1).all()
 
 
 def test_behind_a_camera_nothing_is_claimed():
-    free = Correspondence(detections([(0.0, 0.0)]), RIG, 1e6)
-    assert (free.nearest(JOINTS - (0.0, 20.0, 0.0)) == -1).all()
+    free = matcher(detections([(0.0, 0.0)]), gate=1e6, shift=(0.0, -20.0, 0.0))
+    assert (free.claims_of(ALL) == -1).all()

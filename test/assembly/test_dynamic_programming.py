@@ -98,7 +98,7 @@ def test_nodes_that_were_removed_are_not_used_again():
     tree, used, scores = PartTree(proposals(counts, parts), MODEL, 0.5), set(), []
     for _ in range(3):
         score, nodes = tree.best()
-        tree.remove(nodes)
+        tree.remove(nodes[nodes >= 0])
         assert not used & set(nodes.tolist())
         used |= set(nodes.tolist())
         scores.append(score)
