@@ -33,7 +33,7 @@ setup(
     python_requires=">=3.10",  # here, as colcon cannot read it from setup.cfg
     entry_points={
         "console_scripts": [
-            "panoptic = panoptic_ros.cli.main:main",
+            "panoptic = panoptic_ros.cli.main:program",
             *(f"{name} = panoptic_ros.nodes.main:{name}" for name in NODES if FOR_COLCON),
         ]
     },

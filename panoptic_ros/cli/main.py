@@ -22,7 +22,6 @@ VERBS: dict[str, str] = {
     "doctor": "what works on this machine, and what to do about what does not",
 }
 
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit code: 0, 2 for what the user can mend, 1 for our faults."""
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -50,5 +49,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
 
 
+def program() -> None:
+    """The installed program.
+
+    Leaves at once unless all is well: after an interruption of code that was run by exec(), the
+    interpreter would otherwise forget our exit code and kill itself with the signal.
+    """
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if code:
+        os._exit(code)
+    sys.exit(0)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

@@ -44,7 +44,7 @@ def test_the_wheel_holds_modules_data_and_one_command(checkout: Path, tmp_path: 
         names = set(archive.namelist())
         scripts = next(name for name in names if name.endswith("entry_points.txt"))
         assert archive.read(scripts).decode().split() == [
-            "[console_scripts]", "panoptic", "=", "panoptic_ros.cli.main:main"
+            "[console_scripts]", "panoptic", "=", "panoptic_ros.cli.main:program"
         ]  # fmt: skip
     modules = {name for name in _names(checkout) if name.startswith("panoptic_ros/") and name.endswith(".py")}
     assert modules <= names

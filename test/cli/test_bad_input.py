@@ -1,0 +1,217 @@
+"""Whatever the user gets wrong: one clear line, exit code 2, and nothing half-written."""
+import gzip
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import captures
+import cv2
+import numpy as np
+import pytest
+
+from panoptic_ros.cli.main import main
+from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, read_card
+from panoptic_ros.io.rigs import write_rig
+
+needs_model = pytest.mark.skipif(
+    not is_cached(read_card(DEFAULT_MODEL)), reason="the default model is not fetched (panoptic models fetch)"
+)
+
+
+def fails(capsys, out, *arguments):
+    """Run, expect exit code 2, one line and no results; return the line."""
+    before = sorted(out.parent.iterdir())
+    assert main([*map(str, arguments), "--out", str(out)]) == 2
+    captured = capsys.readouterr()
+    lines = [line for line in captured.err.splitlines() if line.strip()]
+    assert len(lines) == 1, captured.err
+    assert sorted(out.parent.iterdir()) == before
+    return lines[0]
+
+
+def write_video(path, size=(64, 48), frames=5):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 25.0, size)
+    for i in range(frames):
+        writer.write(np.full((size[1], size[0], 3), 40 * i, np.uint8))
+    writer.release()
+
+
+@pytest.fixture
+def capture(tmp_path):
+    """A capture folder whose videos have the size of the rig's images."""
+    folder = tmp_path / "capture"
+    folder.mkdir()
+    write_rig(folder / "rig.json", captures.RIG)
+    for name in captures.RIG.names:
+        write_video(folder / f"{name}.mp4", (1280, 720))
+    return folder
+
+
+@pytest.fixture
+def out(tmp_path):
+    (tmp_path / "results").mkdir()
+    return tmp_path / "results" / "out"
+
+
+def bag_of(path, *topics):
+    with BagWriter(path) as bag:
+        for topic, record in topics:
+            bag.write(topic, 0, to_message(record, bag_messages()))
+    return path
+
+
+@needs_model
+class TestCaptureFolder:
+    def test_no_folder(self, capsys, out, tmp_path):
+        assert "is not there" in fails(capsys, out, "run", tmp_path / "nothing")
+
+    def test_missing_video(self, capsys, out, capture):
+        (capture / "cam2.mp4").unlink()
+        assert "cam2" in fails(capsys, out, "run", capture)
+
+    def test_empty_video(self, capsys, out, capture):
+        (capture / "cam1.mp4").write_bytes(b"")
+        assert "cam1" in fails(capsys, out, "run", capture)
+
+    @pytest.mark.parametrize("where", [[], ["--in-process"]])
+    def test_truncated_video(self, capsys, out, capture, where):
+        data = (capture / "cam1.mp4").read_bytes()
+        (capture / "cam1.mp4").write_bytes(data[: len(data) * 2 // 3])
+        assert "cam1" in fails(capsys, out, "run", capture, *where)
+
+    def test_unknown_rig_format(self, capsys, out, capture):
+        (capture / "rig.json").write_text('{"hello": 1}')
+        assert "rig.json" in fails(capsys, out, "run", capture)
+
+    def test_image_size_that_differs_from_the_rig(self, capsys, out, capture):
+        write_video(capture / "cam3.mp4", (640, 480))
+        line = fails(capsys, out, "run", capture)
+        assert "cam3" in line and "640" in line and "1280" in line
+
+    def test_two_cameras_with_one_name(self, capsys, out, capture):
+        document = json.loads((capture / "rig.json").read_text())
+        document["cameras"][1]["name"] = "cam0"
+        (capture / "rig.json").write_text(json.dumps(document))
+        assert "cam0" in fails(capsys, out, "run", capture)
+
+    def test_out_that_holds_other_things(self, capsys, out, capture):
+        out.mkdir()
+        (out / "thesis.tex").write_text("mine")
+        assert "other things" in fails(capsys, out, "run", capture)
+        assert (out / "thesis.tex").read_text() == "mine"
+
+    def test_no_write_permission(self, capsys, out, capture):
+        if os.geteuid() == 0:
+            pytest.skip("root may write anywhere")
+        out.parent.chmod(0o500)
+        try:
+            assert "ermission" in fails(capsys, out, "run", capture)
+        finally:
+            out.parent.chmod(0o700)
+
+
+class TestModel:
+    def test_wrong_hash(self, capsys, out, capture, tmp_path, monkeypatch):
+        monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "cache"))
+        path = read_card(DEFAULT_MODEL).model_path
+        path.parent.mkdir(parents=True)
+        path.write_bytes(b"not the model")
+        path.with_name(path.name + ".sha256").write_text("0" * 64)
+        line = fails(capsys, out, "run", capture)
+        assert "SHA-256" in line and "models fetch" in line
+
+    def test_not_fetched(self, capsys, out, capture, tmp_path, monkeypatch):
+        monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "cache"))
+        assert "panoptic models fetch" in fails(capsys, out, "run", capture)
+
+    def test_unknown(self, capsys, out, capture):
+        assert "sleepwalker" in fails(capsys, out, "run", capture, "--model", "sleepwalker")
+
+
+class TestBag:
+    def test_missing(self, capsys, out, tmp_path):
+        assert "there is no bag" in fails(capsys, out, "run", "--bag", tmp_path / "no")
+
+    def test_without_the_topics(self, capsys, out, tmp_path):
+        bag = bag_of(tmp_path / "b", ("/rig", captures.RIG))
+        line = fails(capsys, out, "run", "--bag", bag)
+        assert "detections" in line and "/rig" in line
+
+    def test_without_a_rig(self, capsys, out, tmp_path):
+        bag = bag_of(tmp_path / "b", ("/cam0/detections", captures.view(captures.RIG.cameras[0], 0, 0)))
+        assert "--rig" in fails(capsys, out, "run", "--bag", bag)
+
+    def test_cut_off(self, capsys, out, recorded_bag):
+        (recorded_bag / "metadata.yaml").unlink()
+        assert "metadata.yaml" in fails(capsys, out, "run", "--bag", recorded_bag)
+
+    def test_disk_that_fills_up(self, out, recorded_bag):
+        """A limit on the size of files stands for the full disk."""
+        def limit():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+
+        command = [sys.executable, "-m", "panoptic_ros.cli.main", "run", "--bag", str(recorded_bag),
+                   "--out", str(out), "--in-process", "--no-pictures"]  # fmt: skip
+        done = subprocess.run(command, preexec_fn=limit, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 2, done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1 and "too large" in done.stderr
+        assert list(out.parent.iterdir()) == []
+
+
+class TestInterruption:
+    @pytest.mark.parametrize("mode", [["--in-process"], []])
+    @pytest.mark.parametrize("delay", [1.0, 3.0])
+    def test_ctrl_c_leaves_nothing(self, out, long_bag, mode, delay):
+        if not mode:
+            pytest.importorskip("rclpy")
+        command = [sys.executable, "-m", "panoptic_ros.cli.main", "run", "--bag", str(long_bag),
+                   "--out", str(out), "--no-pictures", *mode]  # fmt: skip
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        time.sleep(delay)
+        child.send_signal(signal.SIGINT)
+        _, errors = child.communicate(timeout=60)
+        assert child.returncode == 2, errors
+        assert "interrupted" in errors and "Traceback" not in errors
+        assert list(out.parent.iterdir()) == []
+
+
+class TestSolve:
+    def test_foreign_camera(self, capsys, out, tmp_path):
+        write_rig(tmp_path / "rig.json", captures.RIG)
+        views = {"cam9": {"stamp_ns": 0, "persons": []}}
+        document = {"format": "panoptic-detections-1", "joint_names": list(captures.SKELETON.joint_names),
+                    "frames": [{"index": 0, "stamp_ns": 0, "views": views}]}  # fmt: skip
+        path = tmp_path / "d.json.gz"
+        path.write_bytes(gzip.compress(json.dumps(document).encode()))
+        line = fails(capsys, out, "solve", "--rig", tmp_path / "rig.json", "--detections", path)
+        assert "cam9" in line and "cam0" in line
+
+    @pytest.mark.parametrize(
+        ("content", "told"),
+        [(b"", "JSON"), (b"{", "JSON"), (b'{"format": "x"}', "expected"), (b"[]", "expected")],
+    )
+    def test_bad_file(self, capsys, out, tmp_path, content, told):
+        write_rig(tmp_path / "rig.json", captures.RIG)
+        (tmp_path / "d.json").write_bytes(content)
+        line = fails(capsys, out, "solve", "--rig", tmp_path / "rig.json", "--detections", tmp_path / "d.json")
+        assert told in line and "d.json" in line
+
+
+@pytest.fixture
+def recorded_bag(tmp_path):
+    topics = [(f"/{v.camera}/detections", v) for v in captures.views(40)]
+    return bag_of(tmp_path / "b", ("/rig", captures.RIG), ("/skeleton_model", captures.SKELETON), *topics)
+
+
+@pytest.fixture(scope="module")
+def long_bag(tmp_path_factory):
+    topics = [(f"/{v.camera}/detections", v) for v in captures.views(1500)]
+    path = tmp_path_factory.mktemp("long") / "b"
+    return bag_of(path, ("/rig", captures.RIG), ("/skeleton_model", captures.SKELETON), *topics)
