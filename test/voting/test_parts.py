@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.voting.parts import Bone, bones_and_skips, score_parts
+from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.score_field import ViewField
+
+MODEL = SkeletonModel("s", ("root", "left", "right", "hand"), 0, ((0, 1), (0, 2), (1, 3)), 1)
+
+
+def test_bones_and_what_skips_one_joint():
+    kinds = bones_and_skips(MODEL, 0.8, 1.1)
+    assert kinds[:3] == (Bone(0, 1, 0, 0.8), Bone(0, 2, 1, 0.8), Bone(1, 3, 2, 0.8))
+    assert {(k.parent, k.child) for k in kinds[3:]} == {(0, 3), (1, 2)}
+    assert {(k.index, k.length) for k in kinds[3:]} == {(-1, 1.1)}
+    assert bones_and_skips(MODEL, 0.8, None) == kinds[:3]
+
+
+def phi(fields, cameras, a, joint_a, b, joint_b, threshold, people):
+    """5.2 of Joo et al. 2017, written out for one pair of nodes."""
+    scores = []
+    for field, camera in zip(fields, cameras):
+        pixels, seen = camera.project(np.stack([a, b]))
+        if not (seen & field.covers(pixels)).all():
+            continue
+        best = 0.0
+        for i in range(people):
+            u = field.sample_person(i, joint_a, pixels[:1])[0]
+            v = field.sample_person(i, joint_b, pixels[1:])[0]
+            if u > threshold and v > threshold:
+                best = max(best, 0.5 * (u + v))
+        scores.append(best)
+    return float(np.mean(scores)) if scores else 0.0
+
+
+@pytest.mark.parametrize("maps", ["none", "merged", "person"])
+def test_scores_are_those_of_the_paper(scenes, maps):
+    rig = scenes.ring(4)
+    people = [scenes.person(0.2, 0.1), scenes.person(-0.2, -0.2, 2.0)]
+    views = scenes.detect(rig, people, maps).views
+    scene, fields = build_scene(rig.cameras, views, 19), [ViewField(view) for view in views]
+    rng = np.random.default_rng(0)
+    joints = np.repeat([3, 4, 5], 8)
+    nodes = np.stack([people[n % 2][j] + rng.normal(0.0, 0.02, 3) for n, j in enumerate(joints)])
+    kinds = (Bone(3, 4, 7, 0.8), Bone(4, 5, 8, 0.4), Bone(3, 5, -1, 9.0))
+    parts, bones, scores = score_parts(scene, nodes, joints, kinds, 0.05)
+    found = {(a, b): (k, s) for (a, b), k, s in zip(parts.tolist(), bones.tolist(), scores.tolist())}
+    for kind in kinds:
+        for a in np.flatnonzero(joints == kind.parent):
+            for b in np.flatnonzero(joints == kind.child):
+                expected = phi(fields, rig.cameras, nodes[a], kind.parent, nodes[b], kind.child, 0.05, 2)
+                if np.linalg.norm(nodes[a] - nodes[b]) > kind.length:
+                    expected = 0.0
+                got = found.pop((a, b), (kind.index, 0.0))
+                assert got == (kind.index, pytest.approx(expected, abs=1e-12))
+    assert not found
+    assert scores.max() > 0.5
+
+
+def test_without_nodes_there_are_no_parts(scenes):
+    rig = scenes.ring(2)
+    scene = build_scene(rig.cameras, scenes.detect(rig, []).views, 19)
+    parts, bones, scores = score_parts(
+        scene, np.zeros((0, 3)), np.zeros(0, int), bones_and_skips(MODEL, 0.8, 1.1), 0.05
+    )
+    assert parts.shape == (0, 2)
+    assert len(bones) == len(scores) == 0

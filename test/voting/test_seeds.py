@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from panoptic_ros.voting import ray_kernels
+from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.seeds import SeedSearch, find_peaks, spread
+
+LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+
+
+@pytest.mark.parametrize("lens", [(), LENS])
+def test_rays_are_those_of_the_cameras(scenes, lens):
+    rig = scenes.ring(3, lens)
+    scene = build_scene(rig.cameras, scenes.detect(rig, []).views, 19)
+    rng = np.random.default_rng(0)
+    pixels, views = rng.uniform((0, 0), (640, 480), (60, 2)), np.arange(60) % 3
+    rays = ray_kernels.pixel_rays(scene.cameras, views, pixels)
+    for v, camera in enumerate(rig.cameras):
+        assert rays[views == v] == pytest.approx(camera.rays(pixels[views == v]), abs=1e-9)
+
+
+def test_a_pixel_beyond_the_fold_of_a_lens_has_no_ray(scenes):
+    rig = scenes.ring(1, (-0.5,))
+    scene = build_scene(rig.cameras, scenes.detect(rig, []).views, 19)
+    pixels = np.array([[320.0, 240.0], [3000.0, 240.0]])
+    rays = ray_kernels.pixel_rays(scene.cameras, np.zeros(2, int), pixels)
+    assert np.isfinite(rays).all(1).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("maps", ["none", "merged"])
+def test_there_is_a_seed_at_every_joint(scenes, maps):
+    rig = scenes.ring(4, LENS)
+    people = np.stack([scenes.person(0.4, 0.3), scenes.person(-0.3, -0.4, 2.0)])
+    scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
+    joints, points = SeedSearch(0.15, 10, 25.0).seeds(scene, rig.cameras, 0.1, 3)
+    for j in range(19):
+        for person in people:
+            assert np.linalg.norm(points[joints == j] - person[j], axis=1).min() < 0.02
+
+
+def test_keypoints_are_the_peaks_of_joints_without_maps(scenes):
+    rig = scenes.ring(2)
+    item = scenes.detect(rig, [scenes.person(0.0, 0.0), scenes.person(0.5, 0.5)])
+    start, pixels = find_peaks(build_scene(rig.cameras, item.views, 19), 0.1)
+    for v, view in enumerate(item.views):
+        for j in range(19):
+            mine = pixels[start[19 * v + j] : start[19 * v + j + 1]]
+            assert np.array_equal(mine, view.points[view.scores[:, j] > 0.1, j])
+
+
+def test_spread_takes_views_that_are_far_apart():
+    centres = np.array([[0.0, 0, 0], [0.1, 0, 0], [10.0, 0, 0], [10.1, 0, 0], [5.0, 8, 0], [5.0, 8.1, 0]])
+    taken = spread(centres, 3)
+    assert [taken[k : k + 2].sum() for k in (0, 2, 4)] == [1, 1, 1]
+    assert spread(centres, 6).all()
+    assert spread(np.zeros((0, 3)), 3).shape == (0,)
