@@ -45,9 +45,13 @@ class AssemblyConfig(Config):
         0.5, ge=0.0, le=1.0, doc="Mean agreement that makes so few views enough for a new person."
     )
     min_person_joints: int = param(5, ge=1, le=500, doc="Measured joints that make a person.")
+    min_agreed_share: float = param(
+        0.5, ge=0.0, le=1.0,
+        doc="Share of the joints seen in two or more views on which these views must agree.",
+    )
     min_joint_score: float = param(0.0, ge=0.0, le=1.0, doc="2D joints with lower scores are ignored.")
     initial_noise: float = param(
-        0.0014, ge=1e-5, le=0.1,
+        0.0025, ge=1e-5, le=0.1,
         doc="Standard deviation of 2D joints before any was learnt, as a share of the image's diagonal.",
     )
     learn_noise: bool = param(True, doc="Learn the noise of 2D joints from residuals, by score and view.")

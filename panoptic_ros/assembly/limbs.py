@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.assembly.consensus import Grouping, Scene
 from panoptic_ros.domain import SkeletonModel
 
 Array = np.ndarray
@@ -32,18 +31,16 @@ def limb_groups(skeleton: SkeletonModel) -> tuple[Array, int]:
     return np.array([names.index(g) if g >= 0 else -1 for g in group], np.int64), len(names)
 
 
-def exchanged_views(scene: Scene, grouping: Grouping, source: Array, groups: Array) -> Array:
+def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:
     """(P, G) number of views that see each limb with its sides exchanged, minus those that do not.
 
     A view counts by the share of the limb's joints that it sees.
+
+    Args:
+        source: (P, V, J) joint of the 2D person that stands for joint j. observed: (P, V, J) is it seen.
     """
-    count = groups.max(initial=-1) + 1
-    rows = np.maximum(grouping.member, 0)[..., None]
-    seen = (grouping.member >= 0)[..., None]
-    if len(scene.precision):
-        seen = seen & (scene.precision[rows, source] > 0.0)
-    vote = np.where(source != np.arange(len(scene.mirror)), 1.0, -1.0) * seen  # (P, V, J)
-    member = (groups == np.arange(count)[:, None]).astype(float)  # (G, J)
+    vote = np.where(source != np.arange(source.shape[-1]), 1.0, -1.0) * observed
+    member = (groups == np.arange(groups.max(initial=-1) + 1)[:, None]).astype(float)  # (G, J)
     return (vote.sum(axis=1) @ member.T) / np.maximum(member.sum(axis=1), 1.0)
 
 

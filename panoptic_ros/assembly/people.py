@@ -12,8 +12,8 @@ from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel
 
 Array = np.ndarray
 
-LEARN_VIEWS = 3  # residuals of joints with fewer views say little about noise
 LEARN_LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
+TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
 SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
 
 
@@ -42,8 +42,14 @@ class People:
         )  # fmt: skip
 
 
-def finish(scene: Scene, solved: Solved, skeleton: SkeletonModel, config: AssemblyConfig) -> People:
-    """Covariances and scores, derived joints, and only those skeletons that can be people."""
+def finish(
+    scene: Scene, solved: Solved, observed: Array, skeleton: SkeletonModel, config: AssemblyConfig
+) -> People:
+    """Covariances and scores, derived joints, and only those skeletons that can be people.
+
+    Args:
+        observed: (P, J) number of views whose 2D person shows each joint.
+    """
     views = solved.views
     covariances = joint_covariances(solved, config)
     with np.errstate(invalid="ignore"):
@@ -56,7 +62,7 @@ def finish(scene: Scene, solved: Solved, skeleton: SkeletonModel, config: Assemb
     covariances = np.where(good[..., None, None], covariances, np.nan)
     views, scores = np.where(good, views, 0), np.where(good, scores, 0.0)
     _derive(positions, covariances, scores, views, skeleton)
-    kept = np.flatnonzero(_are_people(positions, good, config))
+    kept = np.flatnonzero(_are_people(positions, good, observed, config))
     kept = kept[~_duplicates(positions[kept], views[kept])]
     return People(kept, positions[kept], covariances[kept], scores[kept], views[kept])
 
@@ -110,12 +116,13 @@ def _derive(
         views[:, joint] = np.where(there, views[:, parts].min(axis=1), 0)
 
 
-def _are_people(positions: Array, good: Array, config: AssemblyConfig) -> Array:
-    """Which skeletons (P,) have enough joints, at a possible height."""
+def _are_people(positions: Array, good: Array, observed: Array, config: AssemblyConfig) -> Array:
+    """Which skeletons (P,) have enough joints, at a possible height, with views that agree on most."""
     count = good.sum(axis=1)
+    agreed = (good & (observed >= 2)).sum(axis=1) >= config.min_agreed_share * (observed >= 2).sum(axis=1)
     heights = np.where(np.isfinite(positions[..., 2]), positions[..., 2], np.nan)
     middle = np.array([np.nanmedian(row) if np.isfinite(row).any() else -np.inf for row in heights])
-    return (count >= config.min_person_joints) & (middle > config.lowest)
+    return agreed & (count >= config.min_person_joints) & (middle > config.lowest)
 
 
 def _duplicates(positions: Array, views: Array) -> Array:
@@ -134,29 +141,31 @@ def _duplicates(positions: Array, views: Array) -> Array:
 
 
 def residuals_to_learn(scene: Scene, solved: Solved, kept: Array) -> tuple[Array, Array, Array]:
-    """Rows (N,), joints (N,) and residuals (N,) px, leverage taken out, of joints with enough views."""
+    """Rows (N,), joints (N,) and residuals (N,) px, leverage taken out.
+
+    From joints of three and more views; from those of two only where there are no others.
+    """
     evidence = scene.evidence
-    used = (solved.picks[..., 0] >= 0) & (solved.views >= LEARN_VIEWS)[..., None]
-    used &= np.isfinite(solved.positions[..., 0])[..., None]
-    chosen = np.zeros(len(used), bool)
-    chosen[kept] = True
-    p, j, v = np.nonzero(used & chosen[:, None, None])
+    views = np.where(np.isfinite(solved.positions[..., 0]), solved.views, 0)[kept]
+    least = 3 if (views >= 3).any() else 2
+    used = (solved.picks[kept, ..., 0] >= 0) & (views >= least)[..., None]
+    p, j, v = np.nonzero(used)
+    p = kept[p]
     rows, joints = solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]
-    x = solved.positions[p, j]
-    local = np.einsum("nij,nj->ni", evidence.rotations[v], x) + evidence.translations[v]
+    local = np.einsum("nij,nj->ni", evidence.rotations[v], solved.positions[p, j])
+    local += evidence.translations[v]
     inverse = 1.0 / np.maximum(local[:, 2], 0.05)
     plane = local[:, :2] * inverse[:, None]
-    error = evidence.plane[rows, joints] - plane
     jacobian = inverse[:, None, None] * (
         evidence.rotations[v][:, :2] - plane[:, :, None] * evidence.rotations[v][:, 2:3]
     )
     lower = solved.normals[p, j]
     normal = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
-    spread = np.linalg.solve(normal + 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3),
-                             np.swapaxes(jacobian, 1, 2))  # fmt: skip
-    inside = solved.residuals[p, j, v] >= 0.0
+    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    spread = np.linalg.solve(normal, np.swapaxes(jacobian, 1, 2))
     leverage = 0.5 * np.einsum("nki,nik->n", jacobian, spread) * scene.precision[rows, joints] ** 2
-    leverage = np.where(inside, leverage, 0.0)
-    fair = leverage < LEARN_LEVERAGE
-    length = np.linalg.norm(error, axis=-1) * evidence.focals[v] / np.sqrt(np.maximum(1.0 - leverage, 0.1))
+    leverage = np.where(solved.residuals[p, j, v] >= 0.0, leverage, 0.0)
+    fair = leverage < (LEARN_LEVERAGE if least > 2 else 0.9)
+    error = np.linalg.norm(evidence.plane[rows, joints] - plane, axis=-1) * evidence.focals[v]
+    length = error / np.sqrt(np.maximum(1.0 - leverage, 0.1)) * (1.0 if least > 2 else TWO_VIEW_FACTOR)
     return rows[fair], joints[fair], length[fair]

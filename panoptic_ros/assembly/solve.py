@@ -111,6 +111,14 @@ def sources(mirrored: Array, mirror: Array) -> Array:
     return np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
 
 
+def observed_views(scene: Scene, grouping: Grouping, source: Array) -> Array:
+    """(P, V, J) whether the 2D person of each view shows joint j."""
+    if not len(scene.precision):
+        return np.zeros(source.shape, bool)
+    rows = np.maximum(grouping.member, 0)[..., None]
+    return (grouping.member >= 0)[..., None] & (scene.precision[rows, source] > 0.0)
+
+
 def _merge(old: Solved, new: Solved, where: Array) -> Solved:
     """The new solution for the joints `where` (P, J), the old one elsewhere."""
 

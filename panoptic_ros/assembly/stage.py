@@ -10,7 +10,7 @@ from panoptic_ros.assembly.guidance import Guidance, Prediction
 from panoptic_ros.assembly.limbs import Sides, exchanged_views, limb_groups
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.people import finish, residuals_to_learn
-from panoptic_ros.assembly.solve import Guide, Solver, sources
+from panoptic_ros.assembly.solve import Guide, Solver, observed_views, sources
 from panoptic_ros.domain import PoseSet, ProposalSet
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
@@ -61,11 +61,12 @@ class AssemblyStage:
         prediction = self._guidance.predict(dt)
         grouping, source, guide, who = self._consensus(scene, prediction)
         solved = self._solver.solve(scene, grouping, source, guide)
-        people = finish(scene, solved, self._skeleton, self._config)
+        observed = observed_views(scene, grouping, source)
+        people = finish(scene, solved, observed.sum(axis=1), self._skeleton, self._config)
         if self._config.learn_noise:
             self._learn(scene, solved, people.kept)
         if self._config.temporal_guidance:
-            exchanged = exchanged_views(scene, grouping, source, self._groups)[people.kept]
+            exchanged = exchanged_views(source, observed, self._groups)[people.kept]
             exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
             self._guidance.update(who[people.kept], people.positions, people.covariances, exchanged)
         return StepResult((people.pose_set(item, self._skeleton.hash),))

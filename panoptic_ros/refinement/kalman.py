@@ -120,8 +120,8 @@ def smooth_states(states, covariances, dt, predicted, predicted_covariances, lat
     count = len(states)
     smoothed, tightened = states.copy(), covariances.copy()
     for n in range(count):
-        if not (np.isfinite(later[n, 0]) and np.isfinite(states[n, 0])):
-            continue
+        if not np.isfinite(later[n, 0] + states[n, 0] + predicted[n, 0]):
+            continue  # unknown here or later, or started anew in between
         lower = _cholesky(predicted_covariances[n])
         cross = covariances[n].copy()  # P F^T
         for i in range(6):

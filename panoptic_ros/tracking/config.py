@@ -39,7 +39,7 @@ class TrackingConfig(Config):
         doc="Mean number of views per joint from which a new skeleton gets an identity at once.",
     )
     confirm_joints: float = param(
-        0.5, ge=0.0, le=1.0, doc="Share of the joints from which a new skeleton gets an identity at once."
+        0.6, ge=0.0, le=1.0, doc="Share of the joints from which a new skeleton gets an identity at once."
     )
     confirm_frames: int = param(
         3, ge=1, le=1000, doc="Otherwise it must be seen so many times without a long gap."
