@@ -1,8 +1,9 @@
 """Parameters of detection."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from panoptic_ros.detection.card import ModelCard
 from panoptic_ros.params import Config, param
 
 
@@ -20,11 +21,13 @@ class DetectionConfig(Config):
         1, ge=1, le=64, doc="Threads inside one network operator; more than one pays on idle machines only."
     )
     person_threshold: float = param(
-        0.1, ge=0.0, le=1.0,
-        doc="People with lower scores are dropped; low, as fusing the views sorts out the rest.",
+        -1.0, ge=-1.0, le=1.0,
+        doc="People with lower scores are dropped; negative = as the model card says (0.1 for the default: "
+        "low, as fusing the views sorts out the rest).",
     )
     joint_threshold: float = param(
-        0.13, ge=0.0, le=1.0, doc="Joints with lower scores are missing."
+        -1.0, ge=-1.0, le=1.0,
+        doc="Joints with lower scores are missing; negative = as the model card says (0.13 for the default).",
     )
     map_cut: float = param(
         0.05, ge=0.004, le=0.9, doc="Values of score maps below this are 0 and not carried."
@@ -42,4 +45,14 @@ class DetectionConfig(Config):
     duplicate_overlap: float = param(
         0.7, ge=0.0, le=1.0,
         doc="Someone whose joints coincide this much with those of a better person is dropped; 1 = never.",
+    )
+
+
+def with_card_thresholds(config: DetectionConfig, card: ModelCard) -> DetectionConfig:
+    """The configuration with the card's thresholds where it leaves them open."""
+    person, joint = config.person_threshold, config.joint_threshold
+    return replace(
+        config,
+        person_threshold=card.person_threshold if person < 0.0 else person,
+        joint_threshold=card.joint_threshold if joint < 0.0 else joint,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.detection.backends.onnx import OnnxNetwork
 from panoptic_ros.detection.card import ModelCard
-from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.coordinates import grid_from_net, net_from_model
 from panoptic_ros.detection.decoders.heatmap import decode_heatmap
 from panoptic_ros.detection.decoders.simcc import decode_simcc, simcc_maps
@@ -44,7 +44,7 @@ class CropNetwork:
 
     def __init__(self, model: DetectorModel, config: DetectionConfig):
         self.card = model.card
-        self.config = config
+        self.config = with_card_thresholds(config, model.card)
         self.session = OnnxNetwork(model.card, model.onnx_bytes, config.providers, config.threads)
         self.finder = None
         if model.person_detector is not None:

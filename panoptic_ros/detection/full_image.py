@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.detection.backends.onnx import OnnxNetwork
 from panoptic_ros.detection.card import ModelCard
-from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.coordinates import grid_from_net, net_from_model
 from panoptic_ros.detection.decoders.center_heads import decode_center_heads
 from panoptic_ros.detection.decoders.points import (
@@ -47,7 +47,7 @@ class FullImageNetwork:
 
     def __init__(self, model: DetectorModel, config: DetectionConfig):
         self.card = model.card
-        self.config = config
+        self.config = with_card_thresholds(config, model.card)
         self.session = OnnxNetwork(model.card, model.onnx_bytes, config.providers, config.threads)
         self.any_size = not model.card.input.size
         self.multiple = model.card.input.multiple
@@ -69,19 +69,24 @@ class FullImageNetwork:
             people, _ = seen_people(people, self.config)
         patches = None
         if self.config.maps and card.family == "center_heads":
-            patches = self._patches(outputs["heat"], people, net_from_image, (size[0], size[1]))
+            patches = self._patches(outputs["heat"], people, net_from_image, image.shape, size)
         image_from_net = inverted(net_from_image)
         return Finding(people.transformed(image_from_net), patches, float(net_from_image[1, 1]))
 
     def _patches(
-        self, heat: Array, people: People, net_from_image: Array, net_size: tuple[int, int]
-    ) -> PatchSet:
-        grid = grid_from_net(self.card, net_size, heat.shape[1:])
+        self, heat: Array, people: People, net_from_image: Array, image_shape: tuple[int, ...],
+        net_size: tuple[int, ...],
+    ) -> PatchSet:  # fmt: skip
+        grid = grid_from_net(self.card, (net_size[0], net_size[1]), heat.shape[1:])
+        grid_from_image = composed(grid, net_from_image)
+        # Cells beyond the image's right and lower border show padding: they are not part of the grid.
+        border = grid_from_image[:, :2] @ (image_shape[1] - 0.5, image_shape[0] - 0.5) + grid_from_image[:, 2]
+        columns, rows = np.minimum(np.ceil(border + 0.5).astype(int), heat.shape[:0:-1])
         on_grid = people.transformed(grid)
         seen = people.scores >= self.config.joint_threshold
-        radius = gate_radius(on_grid.heights())
-        patches = merged_patches(quantised(heat, self.config.map_cut), on_grid.points, seen, radius)
-        return PatchSet((heat.shape[2], heat.shape[1]), composed(grid, net_from_image), patches)
+        levels = quantised(heat[:, :rows, :columns], self.config.map_cut)
+        patches = merged_patches(levels, on_grid.points, seen, gate_radius(on_grid.heights()))
+        return PatchSet((int(columns), int(rows)), grid_from_image, patches)
 
 
 def activated(card: ModelCard, outputs: Mapping[str, Array]) -> dict[str, Array]:

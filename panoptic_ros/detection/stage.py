@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.detection.card import CROP_FAMILIES
-from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.crops import CropNetwork
 from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
@@ -39,7 +39,7 @@ class DetectionStage:
                 f"the joint map is for {joint_map.source_count} joints, "
                 f"model {model.card.name} has {len(model.card.joints)}"
             )
-        self.config = config
+        self.config = with_card_thresholds(config, model.card)
         self.skeleton_hash = context.skeleton.hash
         self.joint_map = joint_map
         kind = CropNetwork if model.card.family in CROP_FAMILIES else FullImageNetwork
