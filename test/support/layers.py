@@ -10,12 +10,12 @@ STAGES = (
 )  # fmt: skip
 RANKS: dict[str, int] = {
     "errors": 0, "geometry": 1, "params": 1, "domain": 2, "stage": 3,
-    **dict.fromkeys(STAGES, 4),
+    **{stage: 4 for stage in STAGES},
     "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "cli": 7,
 }  # fmt: skip
 PURE = 4  # up to this rank, and graph: no printing, files, clocks, environment, global randomness
 THIRD_PARTY: dict[str, set[str]] = {
-    **dict.fromkeys(("errors", "params", "stage"), set()),
+    **{room: set() for room in ("errors", "params", "stage")},
     "geometry": {"numpy", "scipy"},
     "domain": {"numpy"},
     **{name: {"numpy", "scipy", "numba", "cv2"} for name in STAGES},
