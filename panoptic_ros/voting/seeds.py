@@ -13,6 +13,7 @@ from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
 MEMORY_SLOTS = 1 << 16  # of the hash table of votes
+PROMISE = 0.25  # a seed is climbed from if its vote is above this, relative to what a peak needs
 
 
 class SeedSearch:
@@ -41,19 +42,17 @@ class SeedSearch:
     ) -> Peaks:
         """Local maxima as `dense_peaks` would find them, those that a seed of `min_views` rays leads to."""
         joints, points = self.seeds(scene, cameras, view_threshold, min_views)
-        voxels = volume.voxels(points)
-        inside = volume.contains(voxels)
-        start = sorted_peaks(Peaks(joints[inside], voxels[inside], points[inside, 0], joints[inside]))
+        joints, voxels = _promising(scene, joints, points, volume, PROMISE * threshold)
         self._memory[1][:] = 0
         tops, ranks = kernels.climb(
-            scene, start.joints, start.voxels, np.array(volume.lower), np.array(volume.upper),
+            scene, joints, voxels, np.array(volume.lower), np.array(volume.upper),
             volume.side, view_threshold, enough, *self._memory,
         )  # fmt: skip
         climbed = ranks > 0.0
-        top = sorted_peaks(Peaks(start.joints[climbed], tops[climbed], ranks[climbed], start.joints[climbed]))
+        top = sorted_peaks(Peaks(joints[climbed], tops[climbed], ranks[climbed], joints[climbed]))
         votes, support = kernels.vote_points(scene, top.joints, volume.centres(top.voxels), view_threshold)
         good = (votes > threshold) & (support >= enough)
-        return Peaks(top.joints[good], top.voxels[good], votes[good], support[good].astype(np.int64))
+        return Peaks(*(values[good] for values in (top.joints, top.voxels, votes, support)))
 
     def seeds(
         self, scene: VoteScene, cameras: Sequence[Camera], view_threshold: float, min_views: int = 2
@@ -86,6 +85,28 @@ class SeedSearch:
             if total <= size:
                 return points[:total]
             size = total
+
+
+def _promising(
+    scene: VoteScene, joints: Array, points: Array, volume: Volume, least: float
+) -> tuple[Array, Array]:
+    """Joints (S,) and voxels (S, 3) of the seeds in the volume, the best of each joint first.
+
+    Seeds of one voxel become one; it is left out if the vote at their mean is not above `least`.
+    """
+    voxels = volume.voxels(points)
+    inside = volume.contains(voxels)
+    joints, points, voxels = joints[inside], points[inside], voxels[inside]
+    merged, which = np.unique(np.column_stack([joints, voxels]), axis=0, return_inverse=True)
+    which = which.ravel()
+    counts = np.bincount(which, minlength=len(merged))
+    sums = [np.bincount(which, weights=points[:, axis], minlength=len(merged)) for axis in range(3)]
+    means = np.stack(sums, axis=-1) / np.maximum(counts, 1)[:, None]
+    joints, voxels = merged[:, 0], merged[:, 1:]
+    votes, _ = kernels.vote_points(scene, np.ascontiguousarray(joints), means, 1.0)
+    order = np.lexsort([-votes, joints])
+    order = order[votes[order] > least]
+    return np.ascontiguousarray(joints[order]), np.ascontiguousarray(voxels[order])
 
 
 def find_peaks(scene: VoteScene, threshold: float) -> tuple[Array, Array]:
