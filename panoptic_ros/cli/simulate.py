@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from panoptic_ros.errors import UsageError
@@ -20,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder to write into")
     parser.add_argument("--frames", type=int, metavar="F", help="in place of the scene's own number")
     parser.add_argument("--images", action="store_true", help="rendered scenes: PNG folders, not videos")
-    parser.add_argument("--depth", action="store_true", help="rendered scenes: also <camera>_depth/ in mm")
+    parser.add_argument("--depth", action="store_true", help="rendered scenes: depth and person ids as PNG")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -40,7 +41,9 @@ def run(args: argparse.Namespace) -> int:
         if take.scene.rendered:
             from panoptic_ros.cli.simulate_images import write_capture  # numba is slow to load
 
-            write_capture(folder, take, images=args.images, depth=args.depth)
+            for done, name in enumerate(write_capture(folder, take, args.images, args.depth), start=1):
+                _progress(f"rendered {name}, {done} of {len(take.rig)} cameras")
+            _progress("")
         else:
             write_detections(folder / "detections.json.gz", SKELETON.joint_names, take.detection_sets())
     print(f"{args.out}: {describe(args.scene, take)}")
@@ -56,3 +59,9 @@ def describe(name: str, take: Simulation) -> str:
     """One line about a take."""
     frames, cameras = len(take.schedule.ticks), len(take.rig)
     return f"{name}, {frames} frames, {cameras} cameras, {len(take.people)} people"
+
+
+def _progress(text: str) -> None:
+    """A line that the next one replaces, if somebody is watching."""
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)

@@ -106,7 +106,7 @@ def assume_posture(body: Body, lower: LowerBody, upper: UpperBody) -> Posture:
     for name, offset in HEAD_POINTS.items():
         joints[:, J[name]] = neck + head @ (body.head * np.array(offset))
     for k, (side, sign) in enumerate(SIDES):
-        shoulder = neck + chest @ np.array([0.0, sign * body.shoulder, -0.015 * body.height])
+        shoulder = neck + chest @ np.array([0.0, sign * body.shoulder, -0.004 * body.height])
         hand = body.arm * upper.hands[:, k] * np.array([1.0, sign, 1.0])
         elbow, wrist = reach(
             shoulder, shoulder + (chest @ hand[..., None])[..., 0],

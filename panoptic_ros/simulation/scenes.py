@@ -95,11 +95,11 @@ SCENES: dict[str, Scene] = {
     ),
     "rendered-4p6v": Scene(
         "images of four people in six VGA views", ("walk", "talk", "wave", "stand"), _VGA_RING,
-        area=1.5, timing=Timing(rate=25.0), frames=75, rendered=True,
+        staging="spread", timing=Timing(rate=25.0), frames=75, rendered=True,
     ),
     "rendered-2p4v": Scene(
         "images of two people in four VGA views", ("walk", "reach"), replace(_VGA_RING, cameras=4),
-        area=1.3, timing=Timing(rate=25.0), frames=75, rendered=True,
+        staging="spread", timing=Timing(rate=25.0), frames=75, rendered=True,
     ),
 }  # fmt: skip
 

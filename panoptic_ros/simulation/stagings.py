@@ -1,4 +1,4 @@
-"""How people are placed: at random, crossing, entering and leaving, round a table, with bystanders."""
+"""How people are placed: at random, spread out, crossing, entering and leaving, round a table, ..."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -14,6 +14,7 @@ from panoptic_ros.simulation.people import Person, draw_group, draw_person, draw
 from panoptic_ros.simulation.smooth import Pulses
 
 Array = np.ndarray
+OWN_SPACE = 0.6  # m, radius of the place of somebody who is spread out
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,19 @@ class Stage:
 def at_random(rng: np.random.Generator, stage: Stage) -> list[Person]:
     """Anywhere in the area, at a distance from each other."""
     return draw_group(rng, stage.activities, stage.area)
+
+
+def spread(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """Everybody in a place of their own on a circle of half the area's radius."""
+    count = len(stage.activities)
+    start, away = rng.uniform(0.0, 2.0 * np.pi), (0.5 * stage.area if count > 1 else 0.0)
+    people = []
+    for number, activity in enumerate(stage.activities):
+        person = draw_person(rng, number, activity, rng.uniform(1.55, 1.90), OWN_SPACE)
+        angle = start + 2.0 * np.pi * number / count
+        shift = away * np.array([np.cos(angle), np.sin(angle)])
+        people.append(replace(person, motion=_moved(person.motion, shift)))
+    return people
 
 
 def crossing(rng: np.random.Generator, stage: Stage) -> list[Person]:
@@ -92,6 +106,7 @@ def with_bystanders(rng: np.random.Generator, stage: Stage) -> list[Person]:
 Staging = Callable[[np.random.Generator, Stage], list[Person]]
 STAGINGS: dict[str, Staging] = {
     "random": at_random,
+    "spread": spread,
     "crossing": crossing,
     "enter-leave": enter_leave,
     "table": round_table,
@@ -115,10 +130,10 @@ def _visitor(rng: np.random.Generator, number: int, visit: Sequence[float], area
 
 
 def _moved(motion: Motion, shift: Array) -> Motion:
-    """The same standing or turning at another place."""
-    if isinstance(motion, Stepping) and isinstance(motion.path, OnTheSpot):
+    """The same motion at another place."""
+    if isinstance(motion, Stepping) and isinstance(motion.path, (OnTheSpot, Round)):
         x, y = np.array(motion.path.centre) + shift
-        return replace(motion, path=replace(motion.path, centre=(x, y)))
-    assert isinstance(motion, Standing)
+        return replace(motion, path=replace(motion.path, centre=(float(x), float(y))))
+    assert isinstance(motion, (Standing, Sitting))
     x, y = np.array(motion.place) + shift
-    return replace(motion, place=(x, y))
+    return replace(motion, place=(float(x), float(y)))

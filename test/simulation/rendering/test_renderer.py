@@ -1,0 +1,133 @@
+"""Rendered takes: pictures, depth and ids fit the exact truth."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import BackendError
+from panoptic_ros.simulation import SCENES, Lens, Ring, simulate
+from panoptic_ros.simulation.rendering import Studio, visible_joints
+from panoptic_ros.simulation.rendering.renderer import pixel_plane, shape_boxes
+from panoptic_ros.simulation.rendering.room import Room
+
+SMALL = Lens((160, 120), (106.0, 110.0), distorted_every=2)  # every second camera
+SCENE = replace(SCENES["rendered-4p6v"], rig=Ring(2, radius=3.9, heights=(1.2, 2.6), lens=SMALL))
+TIMES = np.array([0.0, 0.4, 0.8])
+
+
+@pytest.fixture(scope="module")
+def take():
+    return simulate(SCENE, 0, 3)
+
+
+def views(take, name="cam00", times=TIMES):
+    return list(Studio(take).camera(name).render(times))
+
+
+def test_the_same_seed_gives_the_same_pictures(take):
+    first, second = views(take), views(simulate(SCENE, 0, 3))
+    for a, b in zip(first, second):
+        assert (a.image == b.image).all() and (a.depth == b.depth).all() and (a.people == b.people).all()
+    assert (first[0].image != views(simulate(SCENE, 1, 3))[0].image).mean() > 0.5
+
+
+def test_a_view_does_not_depend_on_those_rendered_before(take):
+    alone = views(take, times=TIMES[1:2])[0]
+    assert (alone.image == views(take)[1].image).all()
+
+
+@pytest.mark.parametrize("name", ["cam00", "cam01"])
+def test_people_are_drawn_round_their_joints(take, name):
+    camera = take.rig.camera(name)
+    shown = []
+    for time, view in zip(TIMES, views(take, name)):
+        joints = np.stack([person.joints(np.array([time]))[0] for person in take.people])
+        visible = visible_joints(view, camera, joints)
+        shown.append(visible.mean())
+        pixels = np.rint(camera.project(joints)[0][visible]).astype(int)
+        surface = view.depth[pixels[:, 1], pixels[:, 0]]
+        depth = camera.cam_from_world.apply(joints)[..., 2][visible]
+        assert (surface < depth + 0.10).all(), "the skin is in front of the joint"
+        rows, columns = np.nonzero(view.people)
+        place = camera.centre + view.depth[rows, columns, None] * rays_of(camera)[rows, columns]
+        for number in range(len(take.people)):
+            own = place[view.people[rows, columns] == number + 1]
+            if len(own):
+                gaps = np.linalg.norm(own[:, None] - joints[number][None], axis=-1).min(1)
+                assert gaps.max() < 0.35, "a pixel far from its person"
+    assert np.mean(shown) > 0.35
+
+
+def rays_of(camera):
+    plane = pixel_plane(camera)
+    rays = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
+    return rays @ camera.cam_from_world.rotation
+
+
+def test_the_room_is_where_its_walls_are(take):
+    camera = take.rig.camera("cam01")
+    room = Room.draw(np.random.default_rng(0), take.rig)
+    backdrop = room.seen_by(camera, pixel_plane(camera))
+    points = camera.centre + backdrop.depth[..., None] * rays_of(camera)
+    gaps = np.stack([np.abs(points[..., wall.axis] - wall.value) for wall in room.walls])
+    assert gaps.min(axis=0).max() < 1e-4
+    floor = np.abs(points[..., 2]) < 1e-4
+    assert backdrop.floor[floor] == pytest.approx(points[floor][:, :2], abs=1e-4)
+    assert (np.abs(points[..., :2]) < room.half + 1e-4).all()
+
+
+def test_boxes_hold_all_that_a_shape_covers(take):
+    studio = Studio(take)
+    for name in take.rig.names:
+        renderer = studio.camera(name)
+        shapes, _ = renderer._shapes(TIMES[:1])
+        everyone = np.ones(len(take.people), bool)
+        _, hits = renderer._cast(shapes, 0, everyone)
+        boxes = shape_boxes(renderer.camera, shapes, 0)
+        width, height = renderer.camera.image_size
+        full = np.tile([0, 0, width, height], (len(boxes), 1))
+        full[(boxes == 0).all(1)] = 0
+        depth, wanted = renderer._backdrop.depth.copy(), np.full(hits.shape, -1, np.int16)
+        renderer._cast_into(shapes, 0, full, depth, wanted)
+        assert (hits == wanted).all()
+
+
+def test_absent_people_are_not_drawn(take):
+    gone = replace(take.people[1], present=(10.0, 20.0))
+    alone = replace(take, people=(take.people[0], gone, *take.people[2:]))
+    there, absent = views(take)[0], views(alone)[0]
+    assert (there.people == 2).any() and not (absent.people == 2).any()
+
+
+def test_the_default_detector_finds_rendered_people():
+    from panoptic_ros.detection.config import DetectionConfig
+    from panoptic_ros.detection.stage import DetectionStage
+    from panoptic_ros.io.detector_context import detector_extras
+    from panoptic_ros.stage import StageContext
+
+    try:
+        skeleton, extras = detector_extras("movenet-multipose", "panoptic19")
+    except BackendError as error:
+        pytest.skip(str(error))
+    take = simulate(SCENES["rendered-4p6v"], 1, 1)
+    context = StageContext(rig=take.rig, skeleton=skeleton, extras=extras)
+    stage = DetectionStage(DetectionConfig(maps=False, person_threshold=0.2), context)
+    found, wanted, gaps = 0, 0, []
+    for name in take.rig.names[:3]:
+        camera = take.rig.camera(name)
+        view = next(Studio(take).camera(name).render(np.zeros(1)))
+        joints = np.stack([person.joints(np.zeros(1))[0] for person in take.people])
+        visible = visible_joints(view, camera, joints)
+        people = stage.step(ViewFrame(name, 0, 0, view.image)).outputs[0].points
+        for pixels, shows in zip(camera.project(joints)[0], visible):
+            if shows.sum() < 12:
+                continue
+            errors = np.linalg.norm(people - pixels, axis=-1)[:, shows]
+            best = errors[np.nanmedian(errors, axis=1).argmin()]
+            wanted, found = wanted + 1, found + (np.nanmedian(best) < 10.0)
+            gaps.append(best)
+    assert wanted >= 6 and found >= 0.85 * wanted
+    assert np.nanmedian(np.concatenate(gaps)) < 4.0
