@@ -49,7 +49,7 @@ def test_a_good_rig_is_reported_as_such(tmp_path: Path, rig: Rig, capsys: pytest
 def test_a_bad_rig_is_named_with_exit_code_2(
     tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    wrong = Rig(tuple(replace(camera, cam_from_world=camera.cam_from_world.inverse()) for camera in rig.cameras))
+    wrong = Rig(tuple(replace(c, cam_from_world=c.cam_from_world.inverse()) for c in rig.cameras))
     write_rig(tmp_path / "rig.json", wrong)
     write_detections(tmp_path / "d.json", rig)
     command = ["rig", "check", str(tmp_path / "rig.json"), "--detections", str(tmp_path / "d.json")]
