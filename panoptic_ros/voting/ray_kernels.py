@@ -59,7 +59,7 @@ def pair_seeds(centres, rays, start, paired, joint, joints, gap, max_depth, enou
 
     A pair of rays of two `paired` views (V,) that pass within `gap` gives its middle; that moves twice
     to the point closest to the rays that pass nearest to it in each view, within gap and half of it, and
-    counts if `enough` such rays are left. Writes as many as fit into seeds (S, 3); returns the number.
+    counts if it still has `enough` such rays. Writes as many as fit into seeds (S, 3); returns the number.
     """
     total = 0
     for a in range(len(centres)):
@@ -73,7 +73,9 @@ def pair_seeds(centres, rays, start, paired, joint, joints, gap, max_depth, enou
                     point, met = _meeting(centres[a], rays[p], centres[b], rays[q], gap, max_depth)
                     if not met:
                         continue
-                    point, _ = _closest_to_rays(centres, rays, start, joint, joints, point, gap)
+                    point, views = _closest_to_rays(centres, rays, start, joint, joints, point, gap)
+                    if views < enough:
+                        continue
                     point, views = _closest_to_rays(centres, rays, start, joint, joints, point, 0.5 * gap)
                     if views >= enough:
                         if total < len(seeds):

@@ -82,16 +82,21 @@ def dense_peaks(
 
 def sorted_peaks(peaks: Peaks) -> Peaks:
     """In the order of joint and voxel, without repetitions."""
-    low = peaks.voxels.min(axis=0, initial=0)
-    size = peaks.voxels.max(axis=0, initial=0) - low + 1
-    key = peaks.joints
-    if len(key) == 0 or float(size.prod(dtype=float)) * (key.max() + 1) >= 2.0**62:
-        _, first = np.unique(np.column_stack([key, peaks.voxels]), axis=0, return_index=True)
-    else:
-        for axis in range(3):
-            key = key * size[axis] + peaks.voxels[:, axis] - low[axis]
-        _, first = np.unique(key, return_index=True)
+    _, first = np.unique(order_keys(peaks.joints, peaks.voxels), return_index=True)
     return Peaks(*(values[first] for values in peaks))
+
+
+def order_keys(joints: Array, voxels: Array) -> Array:
+    """Numbers (N,) that are in the order of joints (N,) and then voxels (N, 3), equal where these are."""
+    low = voxels.min(axis=0, initial=0)
+    size = voxels.max(axis=0, initial=0) - low + 1
+    if float(size.prod(dtype=float)) * (joints.max(initial=0) + 1) >= 2.0**62:
+        table = np.column_stack([joints, voxels])
+        return np.unique(table, axis=0, return_inverse=True)[1].ravel()
+    key = joints
+    for axis in range(3):
+        key = key * size[axis] + voxels[:, axis] - low[axis]
+    return key
 
 
 def _no_peaks() -> Peaks:

@@ -8,7 +8,7 @@ import numpy as np
 from panoptic_ros.domain import Camera
 from panoptic_ros.voting import kernels, map_kernels, ray_kernels
 from panoptic_ros.voting.scene import VoteScene
-from panoptic_ros.voting.score_volume import Peaks, sorted_peaks
+from panoptic_ros.voting.score_volume import Peaks, order_keys, sorted_peaks
 from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
@@ -97,16 +97,14 @@ def _promising(
     voxels = volume.voxels(points)
     inside = volume.contains(voxels)
     joints, points, voxels = joints[inside], points[inside], voxels[inside]
-    merged, which = np.unique(np.column_stack([joints, voxels]), axis=0, return_inverse=True)
-    which = which.ravel()
-    counts = np.bincount(which, minlength=len(merged))
-    sums = [np.bincount(which, weights=points[:, axis], minlength=len(merged)) for axis in range(3)]
-    means = np.stack(sums, axis=-1) / np.maximum(counts, 1)[:, None]
-    joints, voxels = merged[:, 0], merged[:, 1:]
-    votes, _ = kernels.vote_points(scene, np.ascontiguousarray(joints), means, 1.0)
+    _, first, which = np.unique(order_keys(joints, voxels), return_index=True, return_inverse=True)
+    counts = np.bincount(which, minlength=len(first))
+    sums = [np.bincount(which, weights=points[:, axis], minlength=len(first)) for axis in range(3)]
+    joints, voxels = joints[first], voxels[first]
+    votes, _ = kernels.vote_points(scene, joints, np.stack(sums, axis=-1) / counts[:, None], 1.0)
     order = np.lexsort([-votes, joints])
     order = order[votes[order] > least]
-    return np.ascontiguousarray(joints[order]), np.ascontiguousarray(voxels[order])
+    return joints[order], voxels[order]
 
 
 def find_peaks(scene: VoteScene, threshold: float) -> tuple[Array, Array]:
