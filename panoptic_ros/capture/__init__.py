@@ -13,6 +13,7 @@ from panoptic_ros.capture.demo import demo_capture
 from panoptic_ros.capture.device import DeviceOptions, DeviceSource
 from panoptic_ros.capture.folder import CaptureFolder, fit_rig, open_capture_folder, open_files
 from panoptic_ros.capture.image_folder import ImageFolderSource
+from panoptic_ros.capture.live import open_live
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.capture.video import VideoSource
 
@@ -27,4 +28,5 @@ __all__ = [
     "fit_rig",
     "open_capture_folder",
     "open_files",
+    "open_live",
 ]

@@ -10,9 +10,12 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+from panoptic_ros.capture.image_size import fit_camera
+from panoptic_ros.domain import Rig
 from panoptic_ros.errors import DataError, EnvironmentProblem, UsageError
 from panoptic_ros.io.files import file_errors, write_bytes
 from panoptic_ros.io.resources import cache_folder
+from panoptic_ros.io.rigs import read_rig, write_rig
 
 PACKAGE = "pose2sim==0.10.0"
 WHEEL_SHA256 = "5f9211d62e4f3fa26da6ae249a04721c092a317abb67fd8b9f1afc38c1b421bf"
@@ -42,15 +45,17 @@ CAPTURES: dict[str, tuple[str, dict[str, str]]] = {
     ),
 }
 
-# In "single", cam01 and cam02 were encoded 1080 px wide although the calibration, which it shares with
-# "multi", says 1088 (1088 is 1080 rounded up to the encoder's blocks of 16). Which 8 columns are gone was
-# found by matching still scenery with the 1088 px videos of "multi" (1500 points, rms 0.4 px in cam02):
-# both axes have the same scale (0.9992), so the images were not squeezed, which would need 1.0074 in x
-# alone; and the left borders lie 0.7 px apart, so nothing is missing on the left (which would be 8 px, or
-# 4 px had both sides been cut). So the 8 columns are cut off at the right: pixels keep their coordinates and
-# only the image size in the calibration changes.
-CUT_AT_THE_RIGHT: dict[str, tuple[str, ...]] = {"multi": (), "single": ("cam01", "cam02")}
-_WIDE, _CUT = 'right="1087"', 'right="1079"'
+# In "single", the videos of cam01 and cam02 are 1080x1920 although the calibration, which it shares with
+# "multi", is for 1088x1920. They were resized to 1080 px and padded to 1920 rows: they have 7 black rows at
+# the top and 7 at the bottom; and still scenery, matched with the images of 1088x1920 from which the wheel
+# says the calibration was made, gives the same scale in x and y, 1.0076 (1088 / 1080 = 1.0074), and
+# offsets of 0 and 7 px (860 and 1411 points; the same matching gives the identity to 0.03 px for cam03 and
+# cam04). Cropping would give a scale of 1, squeezing one in x alone. So: letterbox.
+#
+# The videos of "multi" have the calibrated size and are taken as they are, although the same matching
+# shows them moved by up to 10 px (cam03), as happens when pictures are composed anew.
+LETTERBOXED: dict[str, tuple[str, ...]] = {"multi": (), "single": ("cam01", "cam02")}
+LETTERBOX_SIZE = (1080, 1920)
 
 
 def demo_capture(name: str = "multi") -> Path:
@@ -60,7 +65,8 @@ def demo_capture(name: str = "multi") -> Path:
         name: "multi": a man who runs about and a woman, 100 frames at 60 Hz; "single": one man.
 
     Returns:
-        a folder in the cache with Calib.qca.txt, cam01.mp4 to cam04.mp4 and the LICENSE.
+        a folder in the cache with Calib.qca.txt, cam01.mp4 to cam04.mp4 and the LICENSE; "single" has a
+        rig.json, too: the calibration fitted to its videos.
 
     Raises:
         UsageError: for other names.
@@ -91,8 +97,10 @@ def extract(wheel: Path, name: str, folder: Path) -> None:
             for camera, digest in videos.items():
                 video = _member(archive, f"{inside}/videos/{camera}.mp4", digest)
                 write_bytes(temporary / f"{camera}.mp4", video)
-            text = _member(archive, f"{inside}/calibration/Calib.qca.txt", _CALIBRATION_SHA256).decode()
-            write_bytes(temporary / "Calib.qca.txt", adapted_calibration(text, name).encode())
+            calibration = _member(archive, f"{inside}/calibration/Calib.qca.txt", _CALIBRATION_SHA256)
+            write_bytes(temporary / "Calib.qca.txt", calibration)
+            if LETTERBOXED[name]:
+                write_rig(temporary / "rig.json", adapted_rig(temporary / "Calib.qca.txt", name))
             write_bytes(temporary / "LICENSE", archive.read(_LICENSE))
         with file_errors(folder, "write"):
             temporary.chmod(0o755)  # mkdtemp makes it private
@@ -103,23 +111,23 @@ def extract(wheel: Path, name: str, folder: Path) -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def adapted_calibration(text: str, name: str) -> str:
-    """The calibration with the image sizes of the demo's videos; see CUT_AT_THE_RIGHT.
+def adapted_rig(calibration: Path, name: str) -> Rig:
+    """The rig of a demo with the image sizes of its videos; see LETTERBOXED.
 
     Raises:
-        DataError: if a camera is not in it.
+        DataError, CalibrationError: if the file is not the expected calibration.
     """
-    for camera in CUT_AT_THE_RIGHT[name]:
-        start = text.find(f'serial="{camera}"')
-        end = text.find("</camera>", start)
-        if start < 0 or end < 0 or _WIDE not in text[start:end]:
-            raise DataError(f"the calibration of demo {name} has no camera {camera} of width 1088")
-        text = text[:start] + text[start:end].replace(_WIDE, _CUT) + text[end:]
-    return text
+    rig = read_rig(calibration)
+    cameras = [
+        fit_camera(camera, LETTERBOX_SIZE, "letterbox") if camera.name in LETTERBOXED[name] else camera
+        for camera in rig.cameras
+    ]
+    return Rig(tuple(cameras), rig.frame_id)
 
 
 def _complete(folder: Path, name: str) -> bool:
     files = ["Calib.qca.txt", *(f"{camera}.mp4" for camera in CAPTURES[name][1])]
+    files += ["rig.json"] if LETTERBOXED[name] else []
     return all((folder / file).is_file() and (folder / file).stat().st_size > 0 for file in files)
 
 

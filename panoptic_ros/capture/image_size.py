@@ -10,8 +10,9 @@ from panoptic_ros.domain import Camera
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Intrinsics
 
-SizePolicy = Literal["strict", "scale", "crop"]
+SizePolicy = Literal["strict", "scale", "letterbox", "crop"]
 ASPECT_TOLERANCE = 0.005
+BARS = "if they have black bars, with 'letterbox'"
 
 
 def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy = "strict") -> Camera:
@@ -21,7 +22,8 @@ def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy =
         camera: as calibrated.
         image_size: (width, height) px of the images.
         policy: "strict" refuses any difference; "scale": the images were resized, focal lengths and
-            principal point are scaled, if the aspect is the same to 0.5 %; "crop": columns were
+            principal point are scaled, if the aspect is the same to 0.5 %; "letterbox": they were resized
+            to fit, keeping the aspect, and padded with equal bars on two sides; "crop": columns were
             cut off or added at the right, rows at the bottom (as video encoders do that work in blocks of
             16 px: 1080 or 1088), so that pixels keep their coordinates and only the size changes.
 
@@ -36,7 +38,13 @@ def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy =
     if policy == "crop" and abs(new_width - width) < 16 and abs(new_height - height) < 16:
         return replace(camera, image_size=image_size)
     if policy == "scale" and same_aspect:
-        return replace(camera, image_size=image_size, intrinsics=_scaled(camera.intrinsics, scale_x, scale_y))
+        intrinsics = _resized(camera.intrinsics, (scale_x, scale_y), (0.0, 0.0))
+        return replace(camera, image_size=image_size, intrinsics=intrinsics)
+    if policy == "letterbox":
+        scale = min(scale_x, scale_y)
+        bars = (0.5 * (new_width - scale * width), 0.5 * (new_height - scale * height))
+        intrinsics = _resized(camera.intrinsics, (scale, scale), bars)
+        return replace(camera, image_size=image_size, intrinsics=intrinsics)
     raise CalibrationError(
         f"camera {camera.name}: images are {new_width}x{new_height} but the rig says {width}x{height}; "
         + _advice(camera.image_size, image_size, same_aspect)
@@ -49,12 +57,15 @@ def _advice(rig_size: tuple[int, int], image_size: tuple[int, int], same_aspect:
     if same_aspect:
         return "if the video was resized after calibration, allow it with the size policy 'scale'"
     if all(abs(a - b) < 16 for a, b in zip(rig_size, image_size)):
-        return "if the encoder cut or padded the right or lower border, allow it with the size policy 'crop'"
-    return "use the rig that belongs to these videos"
+        return "if the encoder cut the right or lower border, allow it with the size policy 'crop'; " + BARS
+    return f"use the rig that belongs to these videos; {BARS}"
 
 
-def _scaled(intrinsics: Intrinsics, scale_x: float, scale_y: float) -> Intrinsics:
-    """Resizing keeps the image's borders, which lie half a pixel outside of the centres of pixels."""
-    scale = np.diag([scale_x, scale_y, 1.0])
+def _resized(intrinsics: Intrinsics, scale: tuple[float, float], bars: tuple[float, float]) -> Intrinsics:
+    """Resizing keeps the image's borders, which lie half a pixel outside of the centres of pixels.
+
+    bars: px that are then added at the left and at the top.
+    """
     half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
-    return Intrinsics(np.linalg.inv(half) @ scale @ half @ intrinsics.matrix, intrinsics.distortion)
+    move = np.array([[scale[0], 0.0, bars[0]], [0.0, scale[1], bars[1]], [0.0, 0.0, 1.0]])
+    return Intrinsics(np.linalg.inv(half) @ move @ half @ intrinsics.matrix, intrinsics.distortion)

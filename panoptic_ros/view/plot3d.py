@@ -50,7 +50,7 @@ def plot_capture(
             raise DataError(f"poses of skeleton {pose.skeleton_hash}, plotting {skeleton.name}")
     chosen = _some_of(poses) if instants is None else [poses[i] for i in instants]
     paths = head_paths(skeleton, poses)
-    figure = Figure(figsize=(14.0, 6.6), dpi=100, layout="constrained")
+    figure = Figure(figsize=(14.0, 5.4), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0), wspace=0.06)
     scene: Axes3D = left.add_subplot(projection="3d")
@@ -110,7 +110,7 @@ def _draw_scene(
     centres = np.stack([camera.centre for camera in rig.cameras])
     size = 0.12 * max(1.0, float(np.ptp(centres, axis=0).max()))
     frusta = np.concatenate([frustum_lines(camera, size) for camera in rig.cameras])
-    axes.add_collection3d(Line3DCollection(frusta, colors=[CAMERA_GREY], linewidths=0.8))
+    axes.add_collection3d(Line3DCollection(frusta, colors=[CAMERA_GREY], linewidths=0.8, clip_on=False))
     for camera in rig.cameras if len(rig) <= 40 else ():
         axes.text(*camera.centre, f" {camera.name}", fontsize=7, color=CAMERA_GREY)
     for identity, path in paths.items():
@@ -177,6 +177,6 @@ def _equal_axes(axes: Axes3D, points: Array) -> None:
     axes.set_xlim(low[0], low[0] + span[0])
     axes.set_ylim(low[1], low[1] + span[1])
     axes.set_zlim(low[2], low[2] + span[2])
-    axes.set_box_aspect(span, zoom=0.95)
+    axes.set_box_aspect(span, zoom=1.05)
     for axis, length in zip((axes.xaxis, axes.yaxis, axes.zaxis), span):
         axis.set_major_locator(MaxNLocator(max(2, round(7 * length / span.max())), steps=[1, 2, 5, 10]))

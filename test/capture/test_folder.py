@@ -132,6 +132,14 @@ def test_scaling_moves_projections_as_resizing_moves_pixels(make_video, tmp_path
         fit_camera(_camera(size=(100, 96)), SIZE, "scale")
 
 
+def test_letterboxing_moves_projections_as_resizing_and_padding_do():
+    camera = _camera(size=(100, 60))
+    fitted = fit_camera(camera, (50, 40), "letterbox")  # half the size, 5 rows above and below
+    points = np.random.default_rng(0).normal([0, 0, 4], 0.3, (20, 3))
+    expected = (camera.project(points)[0] + 0.5) / 2 - 0.5 + [0.0, 5.0]
+    assert np.allclose(fitted.project(points)[0], expected, atol=1e-12) and fitted.image_size == (50, 40)
+
+
 def test_cropping_keeps_pixels_where_they_are():
     camera = fit_camera(_camera(size=(1088, 1920)), (1080, 1920), "crop")
     assert camera.image_size == (1080, 1920)

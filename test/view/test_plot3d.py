@@ -31,7 +31,7 @@ def test_the_plot_shows_everybody(tmp_path, rig, skeleton, make_poses):
     poses = [make_poses([(0.1 * i, 0.5), (-0.1 * i, -0.5)], [3, 8], i) for i in range(10)]
     plot_capture(tmp_path / "plot.png", rig, skeleton, poses, title="two people")
     picture = cv2.imread(str(tmp_path / "plot.png")).astype(int)
-    assert picture.shape == (660, 1400, 3)
+    assert picture.shape == (540, 1400, 3)
     for half in (picture[:, :700], picture[:, 760:]):
         for identity in (3, 8):
             assert (np.abs(half - bgr_of(identity)).max(-1) < 12).sum() > 50
