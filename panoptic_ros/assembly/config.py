@@ -25,6 +25,9 @@ class AssemblyConfig(Config):
         0.05, unit="m", ge=0.005, le=0.5,
         doc="Distance at which the agreement of two observations has fallen to 0.6 (Gaussian).",
     )
+    guided_agreement: float = param(
+        0.08, unit="m", ge=0.005, le=0.5, doc="The same for the agreement with where somebody should be now."
+    )
     person_agreement: float = param(
         0.25, ge=0.05, le=0.9, doc="Mean agreement from which a 2D person belongs to a skeleton."
     )
@@ -42,7 +45,7 @@ class AssemblyConfig(Config):
         doc="The same where few views can see it: that share, and at least two views, are enough.",
     )
     few_views_agreement: float = param(
-        0.5, ge=0.0, le=1.0, doc="Mean agreement that makes so few views enough for a new person."
+        0.4, ge=0.0, le=1.0, doc="Mean agreement that makes so few views enough for a new person."
     )
     min_person_joints: int = param(5, ge=1, le=500, doc="Measured joints that make a person.")
     min_agreed_share: float = param(

@@ -55,13 +55,13 @@ class Grouping:
 
 
 def assign(
-    scene: Scene, positions: Array, shifts: Array, free: Array, config: AssemblyConfig
+    scene: Scene, positions: Array, shifts: Array, free: Array, config: AssemblyConfig, scale: float
 ) -> tuple[Grouping, Array]:
     """Give free 2D people to skeletons, best agreement first, one per view and skeleton.
 
     Args:
         positions: (P, J, 3) m, where the skeletons are or should be; shifts: (P, J, 3) m/s.
-        free: (D,) bool.
+        free: (D,) bool. scale: m, of the agreement.
 
     Returns:
         the grouping, and free (D,) without those given away and without duplicates of them.
@@ -69,7 +69,7 @@ def assign(
     evidence = scene.evidence
     straight, mirrored, common = agreement_with_people(
         positions, shifts, evidence.plane, scene.precision, evidence.view, scene.cams, scene.mirror,
-        config.agreement,
+        scale,
     )  # fmt: skip
     flipped = mirrored > MIRROR_MARGIN * straight
     value = np.where(flipped, mirrored, straight)
@@ -134,10 +134,11 @@ def _best_candidate(
     best, best_score = None, 0.0
     for pair in pairs:
         position = midpoints(scene, chosen[pair[0]], chosen[pair[1]])[None]
-        grouping, left = assign(scene, position, np.zeros_like(position), free, config)
+        still = np.zeros_like(position)
+        grouping, left = assign(scene, position, still, free, config, config.agreement)
         for _ in range(REPEAT):
             position = linear_positions(scene, grouping.member[0], grouping.mirrored[0])[None]
-            grouping, left = assign(scene, position, np.zeros_like(position), free, config)
+            grouping, left = assign(scene, position, still, free, config, config.agreement)
         supporters = grouping.member[0][grouping.member[0] >= 0]
         few, many = views_needed(scene, position, config)
         score, agreement = _support(scene, position, supporters, config)

@@ -7,6 +7,7 @@ from panoptic_ros.domain import SkeletonModel
 
 Array = np.ndarray
 
+ANATOMY_VOTES = 2.0  # views that the place of the nose is worth in saying which side is left
 NOSE_AHEAD = 0.08  # m in front of the shoulders, from which on anatomy is sure
 
 def limb_groups(skeleton: SkeletonModel) -> tuple[Array, int]:
@@ -77,6 +78,10 @@ class Sides:
             front = (normal * ahead).sum(axis=-1) / np.maximum(length, 1e-6)
             signs[:, group] = np.where(np.isfinite(front), np.clip(front / NOSE_AHEAD, -1.0, 1.0), 0.0)
         return signs
+
+    def of_body(self, positions: Array) -> Array:
+        """Mean (P,) of `right_way` over the limbs."""
+        return self.right_way(positions).sum(axis=1) / max(len(self._pairs), 1)
 
 
 def _depths(skeleton: SkeletonModel) -> Array:

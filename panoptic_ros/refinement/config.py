@@ -32,7 +32,7 @@ class RefinementConfig(Config):
         doc="How long a joint of somebody who is seen is predicted when nothing came after.",
     )
     max_sigma: float = param(
-        0.1, unit="m", ge=0.001, le=10.0,
+        0.2, unit="m", ge=0.001, le=10.0,
         doc="Filled and predicted joints less certain than this are missing.",
     )
     bone_sigma: float = param(

@@ -1,0 +1,106 @@
+"""People before the final solve: guided by the last skeletons, new ones, or from parts."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.assembly.consensus import Grouping, Scene, assign, find_people
+from panoptic_ros.assembly.guidance import Prediction
+from panoptic_ros.assembly.hypothesis import Hypothesis
+from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides
+from panoptic_ros.assembly.solve import Guide, sources
+
+Array = np.ndarray
+
+CHOICE_SPREAD = 0.06  # m, how far from its prediction a joint is expected at once
+CHOICE_SPEED = 0.6  # m/s, and how that grows with the time since it was seen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """P people for the final solve.
+
+    Args:
+        grouping: the 2D person of each view. source: (P, V, J) which of its joints stands for joint j.
+        guide: what is expected of them. who: (P,) index of the prediction, -1 = new.
+        free: (D,) 2D people that belong to nobody yet.
+    """
+
+    grouping: Grouping
+    source: Array
+    guide: Guide
+    who: Array
+    free: Array
+
+    def joined(self, other: Candidates) -> Candidates:
+        """These people and the others."""
+        guides = (getattr(self.guide, n) for n in ("positions", "spreads", "shifts"))
+        others = (getattr(other.guide, n) for n in ("positions", "spreads", "shifts"))
+        return Candidates(
+            self.grouping.joined(other.grouping),
+            np.concatenate([self.source, other.source]),
+            Guide(*(np.concatenate(pair) for pair in zip(guides, others))),
+            np.concatenate([self.who, other.who]),
+            other.free,
+        )
+
+
+def guided_people(scene: Scene, prediction: Prediction, config: AssemblyConfig) -> Candidates:
+    """The people that were there before, where two or more views still show them."""
+    free = np.ones(len(scene.evidence.view), bool)
+    grouping, free = assign(
+        scene, prediction.positions, prediction.velocities, free, config, config.guided_agreement
+    )
+    seen = (grouping.member >= 0).sum(axis=1) >= 2
+    free[grouping.member[~seen][grouping.member[~seen] >= 0]] = True
+    grouping = Grouping(grouping.member[seen], grouping.mirrored[seen])
+    guide = Guide(
+        prediction.positions[seen], CHOICE_SPREAD + CHOICE_SPEED * prediction.ages[seen],
+        prediction.velocities[seen],
+    )  # fmt: skip
+    source = sources(grouping.mirrored, scene.mirror)
+    return Candidates(grouping, source, guide, np.flatnonzero(seen), free)
+
+
+def new_people(scene: Scene, free: Array, sides: Sides, config: AssemblyConfig) -> Candidates:
+    """New people among the free 2D people, the right way round."""
+    grouping, places = find_people(scene, free, config)
+    votes = np.where(grouping.member >= 0, np.where(grouping.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
+    votes -= ANATOMY_VOTES * sides.of_body(places)
+    grouping.mirrored ^= (votes > 0.0)[:, None]
+    taken = grouping.member[grouping.member >= 0]
+    left = free.copy()
+    left[taken] = False
+    source = sources(grouping.mirrored, scene.mirror)
+    return Candidates(grouping, source, _no_guide(len(places), scene), np.full(len(places), -1), left)
+
+
+def from_hypotheses(scene: Scene, people: list[Hypothesis]) -> Candidates:
+    """People that were put together from parts: a view's 2D person is the one most joints claim."""
+    evidence = scene.evidence
+    joints = len(scene.mirror)
+    grouping = Grouping.empty(len(people), evidence.views)
+    source = sources(grouping.mirrored, scene.mirror)
+    guide = _no_guide(len(people), scene)
+    row_of = np.empty(len(evidence.view), np.int64)  # from (start of the view + index in its record)
+    row_of[evidence.starts[evidence.view] + evidence.rows] = np.arange(len(row_of))
+    for p, person in enumerate(people):
+        guide.positions[p] = person.start
+        for v, slot in enumerate(evidence.slots):
+            claims = person.claims[:, slot]
+            if (claims < 0).all():
+                continue
+            index = int(np.bincount(claims[claims >= 0]).argmax())
+            grouping.member[p, v] = row_of[evidence.starts[v] + index]
+            meant = person.claimed_joints[:, slot]
+            source[p, v] = np.where((claims == index) & (meant >= 0), meant, np.arange(joints))
+    free = np.ones(len(evidence.view), bool)
+    return Candidates(grouping, source, guide, np.full(len(people), -1), free)
+
+
+def _no_guide(count: int, scene: Scene) -> Guide:
+    """Nothing is expected of so many people."""
+    shape = (count, len(scene.mirror), 3)
+    return Guide(np.full(shape, np.nan), np.full(shape[:2], CHOICE_SPREAD), np.zeros(shape))
