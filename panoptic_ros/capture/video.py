@@ -122,6 +122,7 @@ class VideoSource:
             capture = cv2.VideoCapture(str(self.path))
         if not capture.isOpened():
             raise DataError(f"{self._what} cannot be opened: no video, or damaged, or an unknown codec")
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)  # the default today; our promise in any case
         self._open_now.append(capture)
         return capture
 
