@@ -15,7 +15,7 @@ import numpy as np
 
 START_SIDES = (256, 384, 512, 768)  # tried on the first frame where no side is given
 SURE = 0.2  # people above this score count
-PROBE_FACTORS = (0.7, 1.5, 0.45, 2.2)  # of the present side, in turn
+PROBE_FACTORS = (0.7, 0.45, 1.5, 2.2)  # of the present side, in turn
 PROBE_AFTER, PROBE_AFTER_MOST = 3, 64  # frames; doubles with every probe in vain
 UNCLAIMED_JOINTS = 6  # so many joints of nobody are a person that is missing
 SETTLED = 3  # frames at one side before it may follow the people
