@@ -23,9 +23,7 @@ from panoptic_ros.nodes.statics_node import StaticsNode
 
 
 def _detector(node: Node, skeleton: SkeletonModel) -> Mapping[str, Any]:
-    """The detection stage's extras: the model of the parameter `model`."""
-    if not node.has_parameter("model"):
-        node.declare_parameter("model", DEFAULT_MODEL)
+    """The detection stage's extras: the model of its parameter `model`."""
     return detector_extras(node.get_parameter("model").value, skeleton.name)[1]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture import open_capture_folder, open_files
+from panoptic_ros.capture import open_capture_folder, open_files, open_live
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS
@@ -45,9 +45,7 @@ def _open(camera: str, rig: Rig, source: Mapping[str, Any]) -> tuple[Any, Rig]:
         capture = open_files(rig.subset([camera]), {camera: Path(source["path"])}, **options)
         return capture.sources[0], capture.rig
     if source["kind"] == "device":
-        from panoptic_ros.capture import open_device
-
-        return open_device(camera, source["device"], **options), rig
+        return open_live(camera, rig, source["device"], options), rig
     raise UsageError(f"camera {camera}: there is no source of kind {source['kind']!r}")
 
 

@@ -15,8 +15,9 @@ from panoptic_ros.graph.build import make_stage, resolve
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.queues import InOrder, NewestInstant, Waiting
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.messages import frame_from_message, from_message, to_message
+from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of, to_message
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.parameters import declare_config
@@ -79,8 +80,8 @@ class StageNode(Node):
         self._outputs: dict[str, Any] = {}
         self._sent: dict[str, int] = {}
         self._fault: PanopticError | None = None
-        self._worker = Worker(self._work, self._flow.queue_limit, self._dropped)
-        self._ends = StreamEnds(self, lambda topic: self._worker.put(topic, (topic, None), droppable=False))
+        self._worker = Worker(self._work, self._dropped)
+        self._ends = StreamEnds(self, lambda topic: self._worker.note((topic, None)))
         self._latched = [
             self.create_subscription(message_class(TOPICS[key].message), TOPICS[key].name, take, LATCHED)
             for key, take in (("rig", self._take_rig), ("skeleton_model", self._take_skeleton))
@@ -123,6 +124,7 @@ class StageNode(Node):
         extras = self._extras(self, skeleton) if self._extras else {}
         used = rig.subset(self._cameras) if self._cameras else rig
         self._stage = make_stage(self._spec.name, self._config, StageContext(used, skeleton, extras))
+        self._worker.start(self._queue(used))
         quality = data_quality(self._flow)
         gives = TOPICS[self._spec.gives]
         for scope in self._scopes(gives.scope, used):
@@ -141,6 +143,12 @@ class StageNode(Node):
                 self._ends.watch(full)
         self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
 
+    def _queue(self, rig: Rig) -> Waiting:
+        """Live images wait as instants; everything else in order."""
+        if self._flow.queue_limit is not None and "image" in self._spec.takes:
+            return NewestInstant(rig.names)
+        return InOrder(self._flow.queue_limit)
+
     def _scopes(self, scope: str, rig: Rig) -> list[str]:
         return {"camera": list(rig.names), "device": self._devices, "graph": [""]}[scope]
 
@@ -148,12 +156,12 @@ class StageNode(Node):
 
     def _receiver(self, scope: str, record: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
-            self._worker.put(scope, (scope, message))
+            self._worker.put(scope, stamp_of(message.header), (scope, message))
 
         return receive
 
-    def _dropped(self, scope: str) -> None:
-        self._statistics.dropped["queue_full"] += 1
+    def _dropped(self, count: int) -> None:
+        self._statistics.dropped["queue_full"] += count
 
     def _work(self, item: tuple[str, Any]) -> None:
         """Process one message, or the end of a topic (message None)."""

@@ -7,68 +7,76 @@ from collections.abc import Callable
 from typing import Any
 
 from panoptic_ros.errors import PanopticError
+from panoptic_ros.graph.queues import Waiting
 
 
 class Worker:
-    """Takes items in order, one at a time.
+    """Does one item at a time.
 
     Args:
         work: called for every item.
-        limit: of waiting items per key; beyond it the oldest of that key is dropped.
-        on_drop: called with the key of every item that was dropped.
+        on_drop: called with the number of items that were dropped.
     """
 
-    def __init__(
-        self,
-        work: Callable[[Any], None],
-        limit: int | None = None,
-        on_drop: Callable[[str], None] = lambda key: None,
-    ):
+    def __init__(self, work: Callable[[Any], None], on_drop: Callable[[int], None]):
         self._work = work
-        self._limit = limit
         self._on_drop = on_drop
-        self._items: deque[tuple[str, Any]] = deque()
+        self._waiting: Waiting | None = None
+        self._notes: deque[Any] = deque()
         self._changed = threading.Condition()
         self._stopping = False
         self.fault: PanopticError | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self, waiting: Waiting) -> None:
+        """Begin to work on what this queue holds."""
+        self._waiting = waiting
         self._thread.start()
 
-    def put(self, key: str, item: Any, droppable: bool = True) -> None:
-        """Enqueue an item; `droppable` ones count against the limit."""
-        dropped = False
+    def put(self, key: str, stamp_ns: int, item: Any) -> None:
+        """Enqueue an item of a topic."""
+        assert self._waiting is not None
         with self._changed:
-            if self._limit is not None and droppable:
-                waiting = [i for i, entry in enumerate(self._items) if entry[0] == key]
-                if len(waiting) >= self._limit:
-                    del self._items[waiting[0]]
-                    dropped = True
-            self._items.append((key, item))
+            dropped = self._waiting.put(key, stamp_ns, item)
             self._changed.notify()
         if dropped:
-            self._on_drop(key)
+            self._on_drop(dropped)
+
+    def note(self, item: Any) -> None:
+        """Enqueue something that must not be dropped; it is done when no items wait."""
+        with self._changed:
+            self._notes.append(item)
+            self._changed.notify()
 
     @property
     def alive(self) -> bool:
-        """Whether it still works; False after a fault, and after a bug, which prints its traceback."""
-        return self._thread.is_alive()
+        """False after a fault, and after a bug, which prints its traceback."""
+        return self._waiting is None or self._thread.is_alive()
 
     def stop(self) -> None:
         """Finish the item at hand and end."""
         with self._changed:
             self._stopping = True
             self._changed.notify()
-        self._thread.join(timeout=5.0)
+        if self._waiting is not None:
+            self._thread.join(timeout=5.0)
 
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._items or self._stopping)
+                batch = self._next()
+                while not batch and not self._stopping:
+                    self._changed.wait()
+                    batch = self._next()
                 if self._stopping:
                     return
-                _, item = self._items.popleft()
             try:
-                self._work(item)
+                for item in batch:
+                    self._work(item)
             except PanopticError as error:
                 self.fault = error
                 return
+
+    def _next(self) -> list[Any]:
+        assert self._waiting is not None
+        return self._waiting.take() or ([self._notes.popleft()] if self._notes else [])

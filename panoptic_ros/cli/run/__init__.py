@@ -5,7 +5,6 @@ import argparse
 from pathlib import Path
 
 from panoptic_ros.cli.options import add_parameter_options
-from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 
 
@@ -22,11 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="a video or a folder of images")  # fmt: skip
     parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",
                         help="V4L2 device or RTSP/HTTP address")  # fmt: skip
+    parser.add_argument("--latency-ms", type=float, default=0.0, metavar="MS",
+                        help="of the devices, from exposure to arrival")  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--frame-rate", type=float, metavar="HZ", help="in place of the files' own")
-    parser.add_argument("--size-policy", choices=("strict", "scale"), default="strict",
-                        help="images of another size than calibrated: refuse, or scale it")  # fmt: skip
-    parser.add_argument("--model", default=DEFAULT_MODEL, help="pose model: name, card or ONNX file")
+    parser.add_argument("--size-policy", choices=("strict", "scale", "letterbox", "crop"),
+                        default="strict",
+                        help="images of another size than calibrated: refuse, or fit it so")  # fmt: skip
+    parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
     parser.add_argument("--skeleton", default=DEFAULT_SKELETON, help="working skeleton: name or YAML file")
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
     parser.add_argument("--jpeg", type=int, default=0, metavar="QUALITY",

@@ -2,15 +2,19 @@
 from __future__ import annotations
 
 import heapq
+import queue
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture import open_capture_folder, open_files
+from panoptic_ros.capture import open_capture_folder, open_files, open_live
 from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.cli.run.results import Results
 from panoptic_ros.domain import EndOfStream
+from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import CHAIN, Pipeline
@@ -41,7 +45,7 @@ def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageSt
         plan.configs, context, stages, on_record=record, on_notice=note, on_step=step,
         clock=time.perf_counter_ns,
     )  # fmt: skip
-    for item in _merged(plan):
+    for item in _items(plan):
         if stop():
             break
         if isinstance(item, EndOfStream):
@@ -54,11 +58,46 @@ def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageSt
     return statistics
 
 
-def _merged(plan: Plan) -> Iterator[Any]:
-    """Frames or detections of all cameras by stamp, and the end of each camera."""
+def _items(plan: Plan) -> Iterator[Any]:
+    """Frames or detections of all cameras, and the end of each: by stamp, or live as they come."""
+    if plan.live:
+        yield from _as_they_come(plan)
+        return
     streams = [_numbered(order, stream) for order, stream in enumerate(_streams(plan))]
     for _, _, item in heapq.merge(*streams, key=lambda row: row[:2]):
         yield item
+
+
+def _as_they_come(plan: Plan) -> Iterator[Any]:
+    """Each device in a thread of its own; they hand over their newest frames, one at a time."""
+    waiting: queue.Queue[Any] = queue.Queue(maxsize=1)
+    over = threading.Event()
+
+    def read(camera: str) -> None:
+        try:
+            for item in _frames(plan, camera):
+                while not over.is_set():
+                    with suppress(queue.Full):
+                        waiting.put(item, timeout=0.2)
+                        break
+                if over.is_set():
+                    return
+        except PanopticError as error:
+            waiting.put(error)
+
+    threads = [threading.Thread(target=read, args=(name,), daemon=True) for name in plan.rig.names]
+    for thread in threads:
+        thread.start()
+    try:
+        ended = 0
+        while ended < len(threads):
+            item = waiting.get()
+            if isinstance(item, PanopticError):
+                raise item
+            ended += isinstance(item, EndOfStream)
+            yield item
+    finally:
+        over.set()
 
 
 def _numbered(order: int, stream: Iterator[Any]) -> Iterator[tuple[int, int, Any]]:
@@ -81,9 +120,7 @@ def _frames(plan: Plan, camera: str) -> Iterator[Any]:
     source = plan.sources[camera]
     options = {k: v for k, v in source.items() if k not in ("kind", "path", "device")}
     if source["kind"] == "device":
-        from panoptic_ros.capture import open_device
-
-        with open_device(camera, source["device"], **options) as device:
+        with open_live(camera, plan.rig, source["device"], options) as device:
             yield from device
     elif source["kind"] == "folder":
         with open_capture_folder(Path(source["path"]), rig=plan.rig, cameras=[camera], **options) as capture:

@@ -37,8 +37,8 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
         processes.setdefault(name, []).append(node)
     if plan.stage == "detection":
         compressed = bool(jpeg_quality) or any("compressed" in topic for topic in plan.bag_topics)
-        for k, cameras in enumerate(_shares(list(plan.rig.names))):
-            node = stage("detection", model=plan.model, cameras=cameras, compressed=compressed)
+        for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
+            node = stage("detection", cameras=cameras, compressed=compressed)
             processes[f"detection-{k}"] = [{**node, "name": f"detection_{k}"}]
     fusion = [stage(name) for name in ("sync", *FUSION)]
     processes["fusion"] = [*fusion, {"kind": "markers", "parameters": {"flow": flow}}]
@@ -47,7 +47,11 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
     return path
 
 
-def _shares(cameras: list[str]) -> list[list[str]]:
-    """Cameras per detection process: as many processes as leave every other core to the rest."""
-    count = max(1, min(len(cameras), (os.cpu_count() or 2) // 2))
+def _shares(cameras: list[str], live: bool) -> list[list[str]]:
+    """Cameras per detection process.
+
+    Replay: as many processes as leave every other core to the rest. Live: one, so that all cameras
+    drop the same instants when it cannot keep up; it has several threads instead.
+    """
+    count = 1 if live else max(1, min(len(cameras), (os.cpu_count() or 2) // 2))
     return [cameras[k::count] for k in range(count)]

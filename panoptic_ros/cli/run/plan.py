@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from panoptic_ros.capture import demo_capture, open_capture_folder, open_files
 from panoptic_ros.cli.options import read_parameters, with_defaults
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import CalibrationError, DataError, UsageError
+from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.detector_context import detector_extras
@@ -39,7 +41,6 @@ class Plan:
     rig: Rig
     skeleton: SkeletonModel
     configs: Mapping[str, Config]
-    model: str
     sources: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     bag: Path | None = None
     bag_topics: Mapping[str, str] = field(default_factory=dict)
@@ -65,12 +66,21 @@ def make_plan(args: argparse.Namespace) -> Plan:
             f"--rig R --device CAMERA=DEVICE ..., --demo; found {', '.join(given) or 'none'}"
         )
     parameters = read_parameters(args)
+    if args.model:
+        parameters.setdefault("detection", {})["model"] = args.model
     if args.bag:
         return _bag_plan(args, parameters)
-    skeleton, extras = detector_extras(args.model, args.skeleton)
+    skeleton, extras = _detector(args, parameters)
     if args.device:
         return _device_plan(args, parameters, skeleton, extras)
     return _recorded_plan(args, parameters, skeleton, extras)
+
+
+def _detector(
+    args: argparse.Namespace, parameters: Mapping[str, Mapping[str, Any]]
+) -> tuple[SkeletonModel, Mapping[str, Any]]:
+    config = configure(parameters)["detection"]
+    return detector_extras(config.model, args.skeleton)  # type: ignore[attr-defined]
 
 
 def _recorded_plan(
@@ -99,7 +109,7 @@ def _recorded_plan(
         instants = None if None in counts else max(count for count in counts if count is not None)
         return Plan(
             title, capture.rig, skeleton,
-            with_defaults(parameters, _rate_defaults(rate)), args.model, sources, extras=extras,
+            with_defaults(parameters, _rate_defaults(rate)), sources, extras=extras,
             frame_count=capture.frame_count, instants=instants, frame_rate=rate, notices=capture.notices,
         )  # fmt: skip
 
@@ -113,11 +123,13 @@ def _device_plan(
     rig = read_rig(args.rig).subset(devices)
     _enough(rig)
     rate = args.frame_rate or 30.0
+    options = {"frame_rate": args.frame_rate, "latency_ms": args.latency_ms}
     defaults = _rate_defaults(rate)
-    defaults["sync"]["deadline_s"] = 3.0 / rate
+    defaults["sync"]["deadline_s"] = max(0.5, 3.0 / rate)  # detection works through the cameras in turn
+    defaults["detection"] = {"threads": max(1, (os.cpu_count() or 2) // 2)}
     return Plan(
-        "cameras", rig, skeleton, with_defaults(parameters, defaults), args.model,
-        {name: {"kind": "device", "device": device} for name, device in devices.items()},
+        "cameras", rig, skeleton, with_defaults(parameters, defaults),
+        {name: {"kind": "device", "device": device, **options} for name, device in devices.items()},
         extras=extras, frame_rate=rate, live=True,
     )  # fmt: skip
 
@@ -143,10 +155,10 @@ def _bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
                     f"{args.bag} has none of the topics {wanted} for the cameras {', '.join(rig.names)}; "
                     f"it has {', '.join(sorted(bag.topics)) or 'no topics'}"
                 )
-            skeleton, extras = detector_extras(args.model, args.skeleton)
+            skeleton, extras = _detector(args, parameters)
             stage = "detection"
     return Plan(
-        f"bag {args.bag}", rig, skeleton, configs, args.model, bag=Path(args.bag),
+        f"bag {args.bag}", rig, skeleton, configs, bag=Path(args.bag),
         bag_topics=found[chosen], stage=stage, extras=extras,
         frame_count=instants * len(found[chosen]), instants=instants, frame_rate=rate,
     )  # fmt: skip

@@ -1,0 +1,87 @@
+"""What a node keeps waiting, and what it takes next when it falls behind."""
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+
+class Waiting(Protocol):
+    """A queue between a node's callbacks and its worker. Not thread-safe."""
+
+    def put(self, key: str, stamp_ns: int, item: Any) -> int:
+        """Add an item of a topic; returns how many were dropped for it."""
+
+    def take(self) -> list[Any]:
+        """What is to be done next, in order; empty if there is nothing."""
+
+
+class InOrder:
+    """First in, first out; beyond the limit per topic the oldest of that topic is dropped."""
+
+    def __init__(self, limit: int | None = None):
+        self._limit = limit
+        self._items: deque[tuple[str, Any]] = deque()
+
+    def put(self, key: str, stamp_ns: int, item: Any) -> int:
+        """See `Waiting`."""
+        dropped = 0
+        if self._limit is not None:
+            own = [i for i, entry in enumerate(self._items) if entry[0] == key]
+            if len(own) >= self._limit:
+                del self._items[own[0]]
+                dropped = 1
+        self._items.append((key, item))
+        return dropped
+
+    def take(self) -> list[Any]:
+        """See `Waiting`."""
+        return [self._items.popleft()[1]] if self._items else []
+
+
+class NewestInstant:
+    """For a detector that cannot keep up: the views of one instant together, the newest there is.
+
+    If every camera dropped frames on its own, the frames left would belong to different instants,
+    and no person would be seen by two views of one instant.
+
+    Args:
+        cameras: names.
+        depth: frames that are kept per camera.
+        patience_ns: a camera whose newest frame is this much older than the newest of all is not
+            waited for.
+    """
+
+    def __init__(self, cameras: Sequence[str], depth: int = 4, patience_ns: int = 500_000_000):
+        self._frames: dict[str, deque[tuple[int, Any]]] = {name: deque() for name in cameras}
+        self._seen: dict[str, int] = dict.fromkeys(cameras, -1)
+        self._depth = depth
+        self._patience_ns = patience_ns
+        self._dropped = 0
+
+    def put(self, key: str, stamp_ns: int, item: Any) -> int:
+        """See `Waiting`."""
+        frames = self._frames[key]
+        frames.append((stamp_ns, item))
+        self._seen[key] = stamp_ns
+        dropped, self._dropped = self._dropped, 0
+        if len(frames) > self._depth:
+            frames.popleft()
+            dropped += 1
+        return dropped
+
+    def take(self) -> list[Any]:
+        """The frames nearest to the newest stamp that all living cameras have reached."""
+        newest = max(self._seen.values())
+        living = [name for name, stamp in self._seen.items() if newest - stamp <= self._patience_ns]
+        if newest < 0 or any(not self._frames[name] for name in living):
+            return []
+        instant = min(self._frames[name][-1][0] for name in living)
+        return [self._nearest(name, instant) for name in living]
+
+    def _nearest(self, camera: str, instant: int) -> Any:
+        frames = self._frames[camera]
+        while len(frames) > 1 and abs(frames[1][0] - instant) <= abs(frames[0][0] - instant):
+            frames.popleft()
+            self._dropped += 1
+        return frames.popleft()[1]

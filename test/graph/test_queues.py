@@ -1,0 +1,43 @@
+"""What a node that falls behind works on next."""
+from panoptic_ros.graph.queues import InOrder, NewestInstant
+
+
+def test_in_order_drops_the_oldest_of_the_same_topic():
+    queue = InOrder(limit=2)
+    assert [queue.put("a", i, f"a{i}") for i in range(3)] == [0, 0, 1]
+    assert queue.put("b", 0, "b0") == 0
+    assert [queue.take() for _ in range(4)] == [["a1"], ["a2"], ["b0"], []]
+
+
+def test_without_a_limit_nothing_is_dropped():
+    queue = InOrder()
+    assert sum(queue.put("a", i, i) for i in range(1000)) == 0
+    assert [queue.take()[0] for _ in range(1000)] == list(range(1000))
+
+
+def test_views_of_one_instant_are_taken_together_and_the_newest():
+    queue = NewestInstant(["a", "b"])
+    for i in range(4):
+        queue.put("a", 100 * i, ("a", i))
+        if i < 3:
+            queue.put("b", 100 * i + 3, ("b", i))
+    assert queue.take() == [("a", 2), ("b", 2)]  # b has not reached instant 3 yet
+    assert queue.take() == []
+    assert queue.put("b", 303, ("b", 3)) == 4  # instants 0 and 1 of both were dropped
+    assert queue.take() == [("a", 3), ("b", 3)]
+
+
+def test_a_dead_camera_is_not_waited_for():
+    queue = NewestInstant(["a", "b"], patience_ns=250)
+    queue.put("a", 0, "a0")
+    queue.put("b", 0, "b0")
+    assert queue.take() == ["a0", "b0"]
+    queue.put("a", 100, "a1")
+    assert queue.take() == []
+    queue.put("a", 300, "a3")
+    assert queue.take() == ["a3"]
+
+
+def test_depth_is_bounded():
+    queue = NewestInstant(["a", "b"], depth=3)
+    assert sum(queue.put("a", i, i) for i in range(10)) == 7
