@@ -74,6 +74,7 @@ def _pack(npm: Path, package: str, work: Path, progress: Progress) -> None:
     """`npm pack` into `work`; the download stays out of the user's npm cache."""
     command = [
         str(npm), "pack", package, "--ignore-scripts", "--loglevel=error", "--no-update-notifier",
+        "--fetch-retry-mintimeout=1000", "--fetch-retry-maxtimeout=5000",
         f"--cache={work / 'npm-cache'}",
     ]  # fmt: skip
     search = os.pathsep.join((str(npm.parent), os.environ.get("PATH", "")))
@@ -102,7 +103,8 @@ def _pack(npm: Path, package: str, work: Path, progress: Progress) -> None:
 def explain_npm(text: str) -> str:
     """One line for what npm wrote about its failure."""
     marks = ("npm error", "npm ERR!")  # of new and old npm
-    lines = [line.split(maxsplit=2)[-1] for line in text.splitlines() if line.startswith(marks)]
+    words = [line.split(maxsplit=2) for line in text.splitlines() if line.startswith(marks)]
+    lines = [parts[2] for parts in words if len(parts) == 3]
     code = next((line.removeprefix("code ") for line in lines if line.startswith("code ")), "")
     if code in ("ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED", "ECONNRESET", "ETIMEDOUT", "ENETUNREACH",
                 "ERR_SOCKET_TIMEOUT"):  # fmt: skip

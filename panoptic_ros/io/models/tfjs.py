@@ -72,7 +72,7 @@ def _attribute(value: Mapping[str, Any]) -> Any:
 
 def _text(encoded: str) -> str:
     try:
-        return base64.b64decode(encoded).decode()
+        return base64.b64decode(encoded, validate=True).decode()
     except (binascii.Error, UnicodeDecodeError) as error:
         raise ValueError(f"string {encoded!r} is not base64: {error}") from None
 
