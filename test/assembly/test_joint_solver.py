@@ -1,0 +1,84 @@
+"""The compiled solver against the numpy one."""
+import numpy as np
+
+from panoptic_ros.assembly.agreement import agreement_of_pairs, agreement_with_people
+from panoptic_ros.assembly.joint_solver import solve_joints
+from panoptic_ros.assembly.undistortion import undistort_points
+from panoptic_ros.geometry import closest_points, ray_distances, triangulate_robust
+
+
+def single_person(scenes, views=6, noise=2.0, seed=0):
+    """Normalised points (V, J, 2) of one person with outliers, and the rig's arrays."""
+    rng = np.random.default_rng(seed)
+    rig, truth = scenes.ring(views), scenes.person(0.3, -0.2)
+    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
+    plane += noise / 1000.0 * rng.standard_normal(plane.shape)
+    plane[rng.random(plane.shape[:2]) < 0.1] += 0.1
+    return rig, plane
+
+
+def test_final_step_equals_the_reference(scenes):
+    for seed in range(5):
+        rig, plane = single_person(scenes, seed=seed)
+        stack = rig.stack()
+        views, joints = plane.shape[:2]
+        nothing = np.full((1, joints, 3), np.nan)
+        positions, normals, *_ = solve_joints(
+            np.ones((1, joints), bool), nothing, np.ones((1, joints)), np.zeros((1, joints, 3)),
+            np.arange(views)[None], np.tile(np.arange(joints), (1, views, 1)),
+            np.full((views, joints), -1), plane, np.full((views, joints), 1000.0 / 2.0),
+            np.arange(views + 1), (stack.rotations, stack.translations, np.zeros(views)), stack.centres,
+            np.array([4.0, 3.0, 5.0, 4.0, 45.0]),
+        )  # fmt: skip
+        reference = triangulate_robust(
+            stack, plane.swapaxes(0, 1), np.full((joints, views), 2.0), positions[0], iterations=30
+        )
+        assert np.abs(reference.points - positions[0]).max() < 1e-3  # noise moves joints by 8 mm
+        lower = np.tril(normals[0])
+        full = lower + np.swapaxes(np.tril(normals[0], -1), 1, 2)
+        assert np.allclose(np.linalg.inv(full), reference.covariances, rtol=0.05, atol=1e-7)
+
+
+def test_undistortion_equals_the_camera_model(scenes):
+    rig = scenes.ring(3, distortion=(-0.25, 0.08, 0.001, -0.002, 0.01))
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform([0, 0], [1280, 960], (3, 50, 2))
+    matrices = np.array([[1000.0, 1000.0, 639.5, 479.5, 0.0]] * 3)
+    distortions = np.stack([c.intrinsics.distortion for c in rig.cameras])
+    radii = np.array([min(c.intrinsics.radius_limit, 1e3) for c in rig.cameras])
+    usable = np.ones((3, 50), bool)
+    plane, good = undistort_points(pixels, usable, np.arange(3), matrices, distortions, radii)
+    expected = np.stack([c.intrinsics.undistort(p) for c, p in zip(rig.cameras, pixels)])
+    assert (good == np.isfinite(expected[..., 0])).all()
+    assert np.abs(plane - expected)[good].max() < 1e-9
+
+
+def test_agreement_of_pairs_is_that_of_their_rays(scenes):
+    rig, plane = single_person(scenes, views=3, noise=20.0)
+    stack = rig.stack()
+    cams = (stack.rotations, stack.translations, np.zeros(3))
+    value, common = agreement_of_pairs(
+        np.arange(3), plane, np.ones(plane.shape[:2]), np.arange(3), cams, stack.centres, 0.05
+    )
+    rays = stack.rays(plane)
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        centres = stack.centres[[a, b]][:, None]
+        gap = ray_distances(centres[0], rays[a], centres[1], rays[b])
+        _, depth_a, depth_b = closest_points(centres[0], rays[a], centres[1], rays[b])
+        expected = np.where((depth_a > 0) & (depth_b > 0), np.exp(-gap**2 / (2 * 0.05**2)), 0.0)
+        assert np.isclose(value[a, b], expected.mean()) and common[a, b] == plane.shape[1]
+
+
+def test_agreement_with_people_is_residual_times_depth(scenes):
+    rig, plane = single_person(scenes, views=3)
+    stack, truth = rig.stack(), scenes.person(0.35, -0.2)
+    mirror = np.array(scenes.skeleton.mirror)
+    straight, mirrored, _ = agreement_with_people(
+        truth[None], np.zeros((1, 19, 3)), plane, np.ones(plane.shape[:2]), np.arange(3),
+        (stack.rotations, stack.translations, np.zeros(3)), mirror, 0.05,
+    )  # fmt: skip
+    for v, camera in enumerate(rig.cameras):
+        for order, value in ((np.arange(19), straight), (mirror, mirrored)):
+            local = camera.cam_from_world.apply(truth[order])
+            metres = np.linalg.norm(local[:, :2] - plane[v] * local[:, 2:], axis=1)
+            assert np.isclose(value[0, v], np.exp(-(metres**2) / (2 * 0.05**2)).mean())

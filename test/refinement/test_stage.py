@@ -1,0 +1,157 @@
+"""Refinement of motions with exact truth."""
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
+from panoptic_ros.errors import DataError
+from panoptic_ros.refinement.bones import BoneLengths
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.stage import RefinementStage
+from panoptic_ros.stage import StageContext
+
+MODEL = SkeletonModel("arm", ("shoulder", "elbow", "wrist"), 0, ((0, 1), (1, 2)), 0)
+SIGMA = 0.01  # m
+
+
+def truth(time):
+    """A waving arm of somebody who walks, (3, 3) m."""
+    shoulder = np.array([0.8 * time, 0.0, 1.4])
+    a, b = 0.8 * np.sin(3.0 * time), 1.2 * np.sin(5.0 * time + 1.0)
+    elbow = shoulder + 0.3 * np.array([np.sin(a), 0.3, -np.cos(a)]) / np.hypot(1.0, 0.3)
+    return np.stack([shoulder, elbow, elbow + 0.27 * np.array([np.sin(b), 0.0, -np.cos(b)])])
+
+
+def tracked(index, positions, rate=30.0, ids=(4,)):
+    positions = np.array(positions, float).reshape(-1, 3, 3)
+    there = np.isfinite(positions[..., 0])
+    return TrackedPoseSet(
+        index, round(1e9 + index * 1e9 / rate), MODEL.hash, positions,
+        np.where(there[..., None, None], SIGMA**2 * np.eye(3), np.nan), 0.8 * there, 3 * there,
+        np.where(there, JointState.MEASURED, JointState.MISSING), np.full(len(positions), 0.8),
+        ids=np.array(ids[: len(positions)], np.int64),
+    )  # fmt: skip
+
+
+def run(sets, **settings):
+    stage = RefinementStage(RefinementConfig(**settings), StageContext(None, MODEL))
+    results = [stage.step(item) for item in sets] + [stage.flush()]
+    return [output for result in results for output in result.outputs]
+
+
+def noisy(count, rate=30.0, seed=0):
+    rng = np.random.default_rng(seed)
+    exact = [truth(i / rate) for i in range(count)]
+    return exact, [tracked(i, x + rng.normal(0, SIGMA, x.shape), rate) for i, x in enumerate(exact)]
+
+
+@pytest.mark.parametrize("rate", [25.0, 60.0])
+def test_smoothing_brings_joints_nearer_and_covariances_stay_honest(rate):
+    exact, sets = noisy(int(4 * rate), rate)
+    outputs = run(sets)
+    assert [o.stamp_ns for o in outputs] == [s.stamp_ns for s in sets]
+    late = range(20, len(sets))
+    raw = np.mean([np.linalg.norm(sets[i].positions[0] - exact[i], axis=-1) for i in late])
+    refined = np.mean([np.linalg.norm(outputs[i].positions[0] - exact[i], axis=-1) for i in late])
+    assert refined < 0.75 * raw
+    nees = []
+    for i in late:
+        offset = outputs[i].positions[0] - exact[i]
+        scaled = np.linalg.solve(outputs[i].covariances[0], offset[..., None])[..., 0]
+        nees.append((offset * scaled).sum(-1))
+    assert 0.4 < np.mean(nees) / 3.0 < 1.4
+
+
+def test_longer_lag_is_better():
+    exact, sets = noisy(120)
+    errors = [
+        np.mean([np.linalg.norm(o.positions[0] - x) for o, x in zip(run(sets, lag=lag), exact)])
+        for lag in (0.0, 0.1, 0.3)
+    ]
+    assert errors[0] > errors[1] > errors[2]
+
+
+def test_every_set_comes_out_after_the_lag():
+    _, sets = noisy(10)
+    stage = RefinementStage(RefinementConfig(lag=0.1), StageContext(None, MODEL))
+    assert [len(stage.step(item).outputs) for item in sets] == [0] * 3 + [1] * 7
+    assert [o.index for o in stage.flush().outputs] == [7, 8, 9]
+    now = RefinementStage(RefinementConfig(lag=0.0), StageContext(None, MODEL))
+    assert [len(now.step(item).outputs) for item in sets] == [1] * 10
+
+
+def test_gaps_are_filled_from_both_sides_and_predicted_at_the_end():
+    exact, sets = noisy(40)
+    holes = []
+    for i, item in enumerate(sets):
+        positions = item.positions.copy()
+        if i in (20, 21) or 30 <= i < 40:
+            positions[0, 2] = np.nan
+        holes.append(tracked(i, positions))
+    outputs = run(holes)
+    states = [int(o.states[0, 2]) for o in outputs]
+    assert states[20:22] == [JointState.FILLED] * 2
+    assert states[30] == JointState.PREDICTED and states[39] == JointState.MISSING
+    for i in (20, 21, 30):
+        assert np.linalg.norm(outputs[i].positions[0, 2] - exact[i][2]) < 0.05
+        assert outputs[i].views[0, 2] == 0 and 0.0 < outputs[i].scores[0, 2] < 0.8
+
+
+def test_somebody_lost_for_two_frames_is_filled_and_somebody_gone_is_not_invented():
+    _, sets = noisy(30)
+    lost = [tracked(i, []) if i in (10, 11) or i > 20 else sets[i] for i in range(30)]
+    outputs = run(lost)
+    assert [len(o.ids) for o in outputs] == [1] * 21 + [0] * 9
+    assert (outputs[10].states == JointState.FILLED).all()
+
+
+def test_single_outliers_are_bridged():
+    exact, sets = noisy(40)
+    wrong = sets[25].positions.copy()
+    wrong[0, 2] += 0.3
+    outputs = run([tracked(i, wrong if i == 25 else s.positions) for i, s in enumerate(sets)])
+    assert np.linalg.norm(outputs[25].positions[0, 2] - exact[25][2]) < 0.06
+
+
+def test_off_means_unchanged_and_at_once():
+    _, sets = noisy(3)
+    stage = RefinementStage(RefinementConfig(enabled=False), StageContext(None, MODEL))
+    for item in sets:
+        (output,) = stage.step(item).outputs
+        assert np.array_equal(output.positions, item.positions)
+        assert np.array_equal(output.ids, item.ids) and type(output).__name__ == "RefinedPoseSet"
+
+
+def test_old_stamps_and_other_skeletons():
+    _, sets = noisy(3)
+    stage = RefinementStage(RefinementConfig(), StageContext(None, MODEL))
+    stage.step(sets[1])
+    assert stage.step(sets[0]).notices[0].code == "refinement.old_stamp"
+    other = SkeletonModel("other", ("a", "b"), 0, ((0, 1),), 1)
+    with pytest.raises(DataError, match="skeleton"):
+        RefinementStage(RefinementConfig(), StageContext(None, other)).step(sets[0])
+
+
+class TestBones:
+    bones = np.array([[0, 1]])
+
+    def learnt(self, sigma, count=200):
+        """Lengths from a bone of 0.3 m along z whose ends have noise sigma."""
+        rng = np.random.default_rng(0)
+        lengths = BoneLengths(self.bones)
+        spread = np.tile(sigma**2 * np.eye(3), (2, 1, 1))
+        for _ in range(count):
+            points = np.array([[0, 0, 0], [0, 0, 0.3]]) + rng.normal(0, sigma, (2, 3))
+            lengths.learn(points, spread, np.ones(2, bool))
+        return lengths
+
+    def test_noise_across_the_bone_does_not_lengthen_it(self):
+        assert abs(self.learnt(0.03).means[0] - 0.3) < 0.005
+
+    def test_the_uncertain_end_moves(self):
+        lengths = self.learnt(0.005)
+        points = np.array([[0, 0, 0], [0, 0, 0.36]])
+        spread = np.stack([1e-8 * np.eye(3), 0.03**2 * np.eye(3)])
+        moved, tightened = lengths.apply(points, spread, np.ones(2, bool), 0.005, 10)
+        assert np.linalg.norm(moved[0]) < 1e-5
+        assert 0.29 < moved[1, 2] < 0.32
+        assert tightened[1, 2, 2] < 0.1 * spread[1, 2, 2] and np.isclose(tightened[1, 0, 0], spread[1, 0, 0])

@@ -1,0 +1,118 @@
+"""Identities over time."""
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import JointState, PoseSet, SkeletonModel
+from panoptic_ros.errors import DataError
+from panoptic_ros.stage import StageContext
+from panoptic_ros.tracking.config import TrackingConfig
+from panoptic_ros.tracking.stage import TrackingStage
+
+NAMES = ("hip", "neck", "head", "left", "right", "foot")
+MODEL = SkeletonModel("small", NAMES, 0, ((0, 1), (1, 2), (1, 3), (1, 4), (0, 5)), 2, ((3, 4),))
+SHAPE = np.array([[0, 0, 0.9], [0, 0, 1.4], [0.1, 0, 1.6], [0, 0.4, 1.2], [0, -0.4, 1.2], [0, 0, 0.1]])
+
+
+def poses(index, people, views=3, rate=30.0, stamp=None, sigma=0.005):
+    """A set of people (K, 6, 3); views: one number or one per person."""
+    positions = np.array(people, float).reshape(-1, len(NAMES), 3)
+    there = np.isfinite(positions[..., 0])
+    counts = np.broadcast_to(np.asarray(views), len(positions))
+    return PoseSet(
+        index, round(1e9 + index * 1e9 / rate) if stamp is None else stamp, MODEL.hash, positions,
+        np.where(there[..., None, None], sigma**2 * np.eye(3), np.nan), 0.8 * there,
+        there * counts[:, None], np.where(there, JointState.MEASURED, JointState.MISSING),
+        np.full(len(positions), 0.8),
+    )  # fmt: skip
+
+
+def body(x, y=0.0, size=1.0):
+    return size * SHAPE + [x, y, 0.0]
+
+
+def run(sets, **settings):
+    stage = TrackingStage(TrackingConfig(**settings), StageContext(None, MODEL))
+    return [stage.step(item).outputs[0] for item in sets]
+
+
+def test_ids_count_from_zero_and_follow_people():
+    rng = np.random.default_rng(0)
+    sets, order = [], []
+    for i in range(60):
+        people = [body(-1.5 + 0.05 * i, 0.25), body(1.5 - 0.05 * i, -0.25)]  # they pass at half a metre
+        shuffle = rng.permutation(2)
+        order.append(shuffle)
+        sets.append(poses(i, [people[k] + rng.normal(0, 0.01, SHAPE.shape) for k in shuffle]))
+    for output in run(sets):
+        assert output.ids.tolist() == [0, 1]
+    first = run(sets)
+    left = [o.positions[0, 0, 1] for o in first]
+    assert np.ptp(np.sign(left)) == 0  # id 0 stays on its side
+
+
+def test_somebody_comes_back_under_the_same_id():
+    sets = []
+    for i in range(90):
+        people = [body(-2.0 + 0.04 * i)] if not 30 <= i < 60 else []
+        sets.append(poses(i, [*people, body(0.0, 2.0, size=1.1)]))
+    outputs = run(sets)
+    assert {i for output in outputs for i in output.ids.tolist()} == {0, 1}
+    assert len(outputs[45].ids) == 1 and len(outputs[60].ids) == 2
+
+
+def test_bones_tell_people_apart_who_come_back():
+    """Somebody leaves, and somebody of another size comes into the same place."""
+    sets = [poses(i, [body(0.0)]) for i in range(20)] + [poses(i, []) for i in range(20, 30)]
+    sets += [poses(i, [body(0.2, size=1.25)]) for i in range(30, 40)]
+    assert run(sets)[-1].ids.tolist() == [1]
+
+
+def test_ids_are_never_used_twice():
+    sets = [poses(i, [body(0.0)]) for i in range(5)] + [poses(i, [body(5.0)]) for i in range(100, 105)]
+    assert [o.ids.tolist() for o in run(sets)] == [[0]] * 5 + [[1]] * 5
+
+
+def test_a_ghost_gets_no_identity_and_a_weak_person_gets_one_soon():
+    sparse = body(1.0)
+    sparse[2:] = np.nan  # two joints
+    sets = [poses(i, [body(0.0)] + ([sparse] if i in (3, 9) else []), views=[3, 2][: 1 + (i in (3, 9))])
+            for i in range(12)]  # fmt: skip
+    assert {tuple(o.ids.tolist()) for o in run(sets)} == {(0,)}
+    steady = [poses(i, [body(0.0), sparse], views=[3, 2]) for i in range(6)]
+    assert [len(o.ids) for o in run(steady)] == [1, 1, 2, 2, 2, 2]
+    assert len(run(steady, confirm_frames=1)[0].ids) == 2
+
+
+def test_a_second_skeleton_on_somebody_is_dropped():
+    double = body(0.0) + 0.03
+    outputs = run([poses(i, [body(0.0), double] if i > 3 else [body(0.0)]) for i in range(20)])
+    assert all(o.ids.tolist() == [0] for o in outputs)
+
+
+def test_measured_skeletons_pass_unchanged():
+    item = poses(0, [body(0.3), body(-0.9)])
+    output = run([item])[0]
+    assert np.array_equal(output.positions, item.positions)
+    assert np.array_equal(output.covariances, item.covariances)
+    assert (output.index, output.stamp_ns) == (item.index, item.stamp_ns)
+
+
+def test_old_stamps_and_other_skeletons():
+    stage = TrackingStage(TrackingConfig(), StageContext(None, MODEL))
+    stage.step(poses(5, [body(0.0)]))
+    late = stage.step(poses(4, [body(0.0)]))
+    assert not late.outputs and late.notices[0].code == "tracking.old_stamp"
+    other = SkeletonModel("other", ("a", "b"), 0, ((0, 1),), 1)
+    with pytest.raises(DataError, match="skeleton"):
+        TrackingStage(TrackingConfig(), StageContext(None, other)).step(poses(0, [body(0.0)]))
+
+
+@pytest.mark.parametrize("rate", [10.0, 25.0, 100.0])
+def test_fast_walkers_at_any_frame_rate(rate):
+    count = int(2 * rate)
+    sets = [
+        poses(i, [body(-2 + 2.0 * i / rate, 0.3), body(2 - 2.0 * i / rate, -0.3)], rate=rate)
+        for i in range(count)
+    ]
+    assert all(o.ids.tolist() == [0, 1] for o in run(sets))
+    assert run(sets)[-1].positions[0, 0, 1] > 0
