@@ -170,7 +170,8 @@ def decode_crop(card: ModelCard, outputs: Mapping[str, Array]) -> tuple[Array, A
         points, scores = decode_simcc(outputs["x"], outputs["y"], card.split)
     else:
         cells, scores = decode_heatmap(outputs["heat"], card.variant)
-        net = inverted(grid_from_net(card, card.input.size, outputs["heat"].shape[1:]))
+        net_size = (card.input.size[0], card.input.size[1])
+        net = inverted(grid_from_net(card, net_size, outputs["heat"].shape[1:]))
         return cells @ net[:, :2].T + net[:, 2], scores
     affine = net_from_model(card)
     return points @ affine[:, :2].T + affine[:, 2], np.clip(scores, 0.0, 1.0)

@@ -120,8 +120,10 @@ def decode_image(
 def seen_people(people: People, config: DetectionConfig) -> tuple[People, Array]:
     """People with joints above the threshold, each once, and their indices among those given.
 
-    Their boxes are enlarged to hold these joints.
+    Their boxes are enlarged to hold these joints. Joints without a finite place are not there.
     """
+    placed = np.isfinite(people.points).all(axis=2)
+    people = replace(people, scores=np.where(placed, people.scores, 0.0))
     kept = np.flatnonzero((people.scores >= config.joint_threshold).any(axis=1))
     people = people.select(kept)
     seen = people.scores >= config.joint_threshold

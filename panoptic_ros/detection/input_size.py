@@ -80,8 +80,9 @@ class SideChooser:
     def plan(self) -> tuple[int, ...]:
         """Sides to run the next frame with; the first is the present one."""
         if not self.side:
-            sides = [self.start, 0.7 * self.start] if self.start else START_SIDES
-            sides = sides if self.adaptive or not self.start else sides[:1]
+            sides: Sequence[float] = START_SIDES
+            if self.start:
+                sides = (self.start, 0.7 * self.start) if self.adaptive else (self.start,)
             return tuple(dict.fromkeys(self._allowed(side) for side in sides))
         if self.adaptive and self._missing >= self._patience:
             factors = [PROBE_FACTORS[(self._probes + k) % len(PROBE_FACTORS)] for k in range(4)]
@@ -143,6 +144,5 @@ def input_size(side: int, image_size: tuple[int, int], multiple: int) -> tuple[i
     """(height, width) of the input that holds an image (width, height) with that longer side."""
     width, height = image_size
     scale = side / max(width, height)
-    return tuple(  # type: ignore[return-value]
-        max(math.ceil(round(extent * scale) / multiple), 1) * multiple for extent in (height, width)
-    )
+    rows, columns = (max(math.ceil(round(extent * scale) / multiple), 1) for extent in (height, width))
+    return rows * multiple, columns * multiple

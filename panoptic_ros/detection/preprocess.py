@@ -63,7 +63,8 @@ def input_tensor(images: Sequence[Array], card: InputCard) -> Array:
     if card.color == "RGB":
         batch = batch[..., ::-1]
     if card.mean != (0.0, 0.0, 0.0) or card.std != (1.0, 1.0, 1.0):
-        batch = (batch.astype(np.float32) - np.float32(card.mean)) / np.float32(card.std)
+        mean, std = np.array(card.mean, np.float32), np.array(card.std, np.float32)
+        batch = (batch.astype(np.float32) - mean) / std
     if card.layout == "NCHW":
         batch = batch.transpose(0, 3, 1, 2)
     return np.ascontiguousarray(batch, dtype=card.dtype)

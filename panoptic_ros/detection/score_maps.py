@@ -7,6 +7,7 @@ list of people, and voting can find there whom the network's person head missed.
 """
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import cv2
@@ -85,8 +86,7 @@ def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> l
     for person, joint in zip(*np.nonzero(seen)):
         x, y = cells[person, joint]
         left, top, right, bottom = _window(x, y, radius[person], levels.shape)
-        mine = owners[joint, top:bottom, left:right] == person
-        values = np.where(mine, levels[joint, top:bottom, left:right], 0)
+        values = levels[joint, top:bottom, left:right] * (owners[joint, top:bottom, left:right] == person)
         patches += _trimmed(int(joint), int(person), (left, top), values)
     return patches + _blobs(np.where(owners == NOBODY, levels, 0))
 
@@ -124,19 +124,19 @@ def _owners(levels: Array, cells: Array, seen: Array, radius: Array) -> Array:
 
 def _window(x: float, y: float, radius: float, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
     """Left, top, right, bottom of the cells within `radius` of a place, inside the map."""
-    rows, columns = shape[1:]
-    left, right = np.clip([np.ceil(x - radius), np.floor(x + radius) + 1], 0, columns).astype(int)
-    top, bottom = np.clip([np.ceil(y - radius), np.floor(y + radius) + 1], 0, rows).astype(int)
-    return int(left), int(top), int(right), int(bottom)
+    _, rows, columns = shape
+    left, right = max(math.ceil(x - radius), 0), min(math.floor(x + radius) + 1, columns)
+    top, bottom = max(math.ceil(y - radius), 0), min(math.floor(y + radius) + 1, rows)
+    return min(left, columns), min(top, rows), max(right, 0), max(bottom, 0)
 
 
 def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) -> list[Patch]:
     """The patch without its empty margins; none if nothing is in it."""
-    rows, columns = np.flatnonzero(values.any(axis=1)), np.flatnonzero(values.any(axis=0))
-    if not rows.size:
+    left, top, width, height = cv2.boundingRect(values) if values.size else (0, 0, 0, 0)
+    if not width:
         return []
-    inner = values[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    return [Patch(joint, person, (corner[0] + int(columns[0]), corner[1] + int(rows[0])), inner)]
+    inner = values[top : top + height, left : left + width]
+    return [Patch(joint, person, (corner[0] + left, corner[1] + top), inner)]
 
 
 def _blobs(levels: Array) -> list[Patch]:

@@ -15,6 +15,7 @@ from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
 Array = np.ndarray
+MARGIN = 1.1  # people may leave the good range by this factor without a notice
 PATIENCE = 15  # frames in which people are too small or too large before it is said
 UNCLAIMED_PEAK = 0.3  # peaks of nobody in the maps count from here
 
@@ -42,8 +43,11 @@ class DetectionStage:
         self.config = with_card_thresholds(config, model.card)
         self.skeleton_hash = context.skeleton.hash
         self.joint_map = joint_map
-        kind = CropNetwork if model.card.family in CROP_FAMILIES else FullImageNetwork
-        self.network = kind(model, config)
+        self.network: CropNetwork | FullImageNetwork
+        if model.card.family in CROP_FAMILIES:
+            self.network = CropNetwork(model, config)
+        else:
+            self.network = FullImageNetwork(model, config)
         self._sides: dict[str, SideChooser] = {}
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()
@@ -53,8 +57,9 @@ class DetectionStage:
         image_side = max(item.image_size)
         if self.network.any_size:
             chooser = self._chooser(item)
-            findings = [self.network.find(item.image, side) for side in chooser.plan()]
-            answers = [self._answer(finding, image_side) for finding in findings]
+            sides = chooser.plan()
+            findings = [self.network.find(item.image, side) for side in sides]
+            answers = [self._answer(finding, side) for finding, side in zip(findings, sides)]
             finding = findings[chooser.learn(answers, image_side)]
         else:
             finding = self.network.find(item.image, 0)
@@ -83,11 +88,9 @@ class DetectionStage:
             )
         return self._sides[item.camera]
 
-    def _answer(self, finding: Finding, image_side: int) -> Answer:
-        people = finding.people
+    def _answer(self, finding: Finding, side: int) -> Answer:
         unclaimed = finding.patches.unclaimed_joints(UNCLAIMED_PEAK) if finding.patches else 0
-        side = round(finding.scale * image_side)
-        return Answer(side, people.person_scores, self._heights(finding), unclaimed)
+        return Answer(side, finding.people.person_scores, self._heights(finding), unclaimed)
 
     def _heights(self, finding: Finding) -> Array:
         """Longer side (P,) of the box round the joints that are seen, image px."""
@@ -118,7 +121,7 @@ class DetectionStage:
             return ()
         heights = self._heights(finding)[sure] * finding.scale
         smallest, largest = self.network.person_px
-        outside = bool(((heights < smallest) | (heights > largest)).any())
+        outside = bool(((heights < smallest / MARGIN) | (heights > largest * MARGIN)).any())
         count = self._outside.get(camera, 0)
         # Counts up to the notice while people are outside, and down again while they are not.
         self._outside[camera] = min(count + 1, PATIENCE) if outside else max(count - 1, 0)

@@ -84,7 +84,7 @@ def _people(
     boxes: Array, scores: Array, points: Array, threshold: float, iou: float, most: int
 ) -> People:
     """People above the threshold, best first, without those that overlap a better one."""
-    kept = np.flatnonzero(scores >= max(threshold, 1e-6))
+    kept = np.flatnonzero((scores >= max(threshold, 1e-6)) & np.isfinite(boxes).all(axis=1))
     order = kept[np.argsort(-scores[kept], kind="stable")]
     if iou < 1.0:
         order = order[suppress_overlaps(boxes[order], scores[order], iou)]

@@ -106,9 +106,9 @@ def _card_file(document: dict[str, Any], path: Path) -> CardFile:
 def _origin(values: Any) -> Origin:
     try:
         rest = dict(values)
-        files = {key: PackedFile(**rest.pop(key)) for key in ("topology", "weights")}
+        topology, weights = (PackedFile(**rest.pop(key)) for key in ("topology", "weights"))
         means = {str(key): float(value) for key, value in rest.pop("mean_outputs").items()}
-        return Origin(**rest, **files, mean_outputs=means)
+        return Origin(**rest, topology=topology, weights=weights, mean_outputs=means)
     except (KeyError, TypeError, ValueError, AttributeError):
         raise ConfigError(
             "fetch needs package, topology and weights (each with member and sha256) and mean_outputs"

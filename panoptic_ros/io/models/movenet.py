@@ -95,8 +95,8 @@ class _Writer:
         self.constants: list[Any] = []
         self.written: dict[str, str] = {}
         for name, value in (("zero", 0.0), ("six", 6.0), ("one", 1.0), ("half_range", 127.5)):
-            self.constant(np.float32(value), name)
-        self.constant(np.float32([1, 1, 2, 2]), "twice")
+            self.constant(np.array(value, np.float32), name)
+        self.constant(np.array([1, 1, 2, 2], np.float32), "twice")
 
     def constant(self, value: Array, name: str) -> str:
         self.constants.append(self.onnx.numpy_helper.from_array(np.ascontiguousarray(value), name))
