@@ -10,10 +10,11 @@ from typing import Protocol
 import numpy as np
 
 from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.motion_jpeg import MotionJpegWriter
 from panoptic_ros.simulation import Simulation
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.timing import to_stamp
-from panoptic_ros.view.video import OverlayVideo, write_image
+from panoptic_ros.view.video import write_image
 
 Array = np.ndarray
 MILLIMETRES = 1000.0
@@ -77,7 +78,7 @@ def _sink(folder: Path, name: str, take: Simulation, index: int, images: bool) -
         return _ImageFolder(folder / name)
     rates = take.scene.timing.camera_rates or (take.scene.timing.rate,)
     rate = rates[index % len(rates)]
-    return OverlayVideo(folder / f"{name}.mp4", take.rig.cameras[index].image_size, rate)
+    return MotionJpegWriter(folder / f"{name}.mp4", take.rig.cameras[index].image_size, rate)
 
 
 def _write_stamps(path: Path, rows: list[tuple[str, int, int]]) -> None:

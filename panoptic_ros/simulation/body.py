@@ -16,11 +16,11 @@ ADULT = 1.75  # m, height that the offsets of the head are stated for
 REACH_SHARPNESS = 40.0  # how late a limb notices that its target is out of reach
 HEAD_POINTS = {  # relative to the neck, m, in the head's axes
     "Nose": (0.128, 0.0, 0.165), "lEye": (0.105, 0.033, 0.195), "rEye": (0.105, -0.033, 0.195),
-    "lEar": (0.015, 0.077, 0.175), "rEar": (0.015, -0.077, 0.175),
+    "lEar": (0.022, 0.068, 0.173), "rEar": (0.022, -0.068, 0.173),
 }  # fmt: skip
 _SHARES = {  # of the height
     "torso": 0.287, "shoulder": 0.104, "upper_arm": 0.170, "forearm": 0.147, "hip": 0.055,
-    "thigh": 0.245, "shank": 0.240, "ankle": 0.044,
+    "thigh": 0.245, "shank": 0.238, "ankle": 0.055,
 }  # fmt: skip
 
 

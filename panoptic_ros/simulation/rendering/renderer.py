@@ -18,7 +18,7 @@ from panoptic_ros.simulation.rendering.wardrobe import Appearance
 from panoptic_ros.simulation.simulate import Simulation
 
 Array = np.ndarray
-NOISE = 2.2  # standard deviation of the sensor's noise, grey levels
+NOISE = 1.5  # standard deviation of the sensor's noise, grey levels
 TILE = 64  # px by which the noise pattern can shift
 OPTICS = 0.6  # px, blur
 CHUNK = 32  # instants whose shapes are made at once
