@@ -8,6 +8,8 @@ from contextlib import suppress
 from typing import Any
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from panoptic_ros.errors import ContractError, PanopticError
@@ -39,15 +41,15 @@ def run_nodes(make: Callable[[], Sequence[Any]], arguments: Sequence[str] | None
     except PanopticError as error:
         print(f"panoptic: {error}", file=sys.stderr, flush=True)
         return error.exit_code
-    except rclpy.handle.InvalidHandle:
-        if rclpy.ok():
+    except (InvalidHandle, RCLError):
+        if rclpy.ok():  # else the context went away under a wait: the end, by SIGTERM
             raise
     finally:
         for node in nodes:
             node.close()
         executor.shutdown()
         for node in nodes:
-            with suppress(rclpy.handle.InvalidHandle):
+            with suppress(InvalidHandle):
                 node.destroy_node()
         rclpy.try_shutdown()
     return 0
