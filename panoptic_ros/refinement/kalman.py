@@ -12,7 +12,7 @@ from numba import njit
 
 @njit(cache=True)
 def predict_states(states, covariances, dt, q):
-    """States (N, 6) and covariances (N, 6, 6) dt s later; NaN rows stay NaN."""
+    """States (N, 6) and covariances (N, 6, 6) dt s later, under noise q (N,); NaN rows stay NaN."""
     count = len(states)
     moved, grown = states.copy(), covariances.copy()
     for n in range(count):
@@ -24,10 +24,10 @@ def predict_states(states, covariances, dt, q):
                 grown[n, i, k] = p[i, k] + dt * (p[i, 3 + k] + p[3 + i, k]) + dt * dt * p[3 + i, 3 + k]
                 grown[n, i, 3 + k] = p[i, 3 + k] + dt * p[3 + i, 3 + k]
                 grown[n, 3 + k, i] = grown[n, i, 3 + k]
-            grown[n, i, i] += q * dt**3 / 3.0
-            grown[n, i, 3 + i] += q * dt**2 / 2.0
-            grown[n, 3 + i, i] += q * dt**2 / 2.0
-            grown[n, 3 + i, 3 + i] += q * dt
+            grown[n, i, i] += q[n] * dt**3 / 3.0
+            grown[n, i, 3 + i] += q[n] * dt**2 / 2.0
+            grown[n, 3 + i, i] += q[n] * dt**2 / 2.0
+            grown[n, 3 + i, 3 + i] += q[n] * dt
     return moved, grown
 
 

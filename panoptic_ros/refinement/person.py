@@ -11,6 +11,9 @@ from panoptic_ros.refinement.kalman import predict_states, smooth_states, update
 
 Array = np.ndarray
 
+SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
+TOP_SPEED = 3.0  # m/s against the body; more is noise
+
 
 @dataclass(slots=True, eq=False)
 class Moment:
@@ -55,15 +58,15 @@ class PersonMotion:
     def __init__(self, config: RefinementConfig, joints: int):
         self._config, self._joints = config, joints
         self._moments: list[Moment] = []
+        self._speeds = np.zeros(joints)  # m/s, largest lately against the body
 
     def begin(self, stamp_ns: int) -> None:
         """Move on to an instant; `measure` may follow."""
         if self._moments:
             last = self._moments[-1]
             dt = 1e-9 * (stamp_ns - last.stamp_ns)
-            states, covariances = predict_states(
-                last.states, last.covariances, dt, self._config.process_noise
-            )
+            noise = self._process_noise(last, dt)
+            states, covariances = predict_states(last.states, last.covariances, dt, noise)
             ages, scores, person_score = last.ages + dt, last.scores, last.person_score
             states[ages > self._config.max_gap] = np.nan
         else:
@@ -75,6 +78,16 @@ class PersonMotion:
             Moment(stamp_ns, dt, states, covariances, states.copy(), covariances.copy(), nothing > 0.0,
                    scores.copy(), nothing.astype(int), ages, person_score, False)
         )  # fmt: skip
+
+    def _process_noise(self, last: Moment, dt: float) -> Array:
+        """Spectral density (J,) of acceleration: limbs that swing need more than the trunk."""
+        velocities = last.states[:, 3:]
+        known = np.isfinite(velocities[:, 0])
+        if known.any():
+            against = np.linalg.norm(velocities - np.median(velocities[known], axis=0), axis=1)
+            faded = self._speeds * np.exp(-dt / SPEED_MEMORY)
+            self._speeds = np.maximum(faded, np.where(known, np.minimum(against, TOP_SPEED), 0.0))
+        return self._config.process_noise + self._config.limb_noise * self._speeds**2
 
     def measure(
         self, positions: Array, covariances: Array, scores: Array, views: Array, person_score: float

@@ -13,7 +13,7 @@ def filtered(points, noises, dts, q, speed=1.5):
     covariances[0, :3, :3], covariances[0, 3:, 3:] = noises[0], speed**2 * np.eye(3)
     moments = [(states, covariances, None, None)]
     for point, noise, dt in zip(points[1:], noises[1:], dts):
-        ahead, spread = predict_states(states, covariances, dt, q)
+        ahead, spread = predict_states(states, covariances, dt, np.array([q]))
         states, covariances = ahead.copy(), spread.copy()
         update_states(states, covariances, point[None], noise[None], FOREVER)
         moments.append((states, covariances, ahead, spread))
@@ -75,7 +75,7 @@ def test_surprises_count_less():
 
 def test_unknown_points_stay_unknown():
     states, covariances = np.full((1, 6), np.nan), np.zeros((1, 6, 6))
-    ahead, spread = predict_states(states, covariances, 0.1, 1.0)
+    ahead, spread = predict_states(states, covariances, 0.1, np.ones(1))
     later = np.ones((1, 6))
     smoothed, _ = smooth_states(np.ones((1, 6)), np.eye(6)[None], 0.1, ahead, spread, later, np.eye(6)[None])
     assert np.isnan(ahead).all() and np.array_equal(smoothed, np.ones((1, 6)))
