@@ -60,7 +60,6 @@ class CropNetwork:
         parts = [self._person(look, score) for look, score in zip(looks, box_scores)]
         everybody = concatenate(parts, len(self.card.joints))
         order = np.argsort(-everybody.person_scores, kind="stable")
-        order = order[everybody.person_scores[order] >= self.config.person_threshold]
         people, kept = seen_people(everybody.select(order), self.config)
         patches = None
         if self.config.maps:
@@ -95,7 +94,10 @@ class CropNetwork:
         return looks
 
     def _person(self, look: Look, box_score: float) -> People:
-        """The one person of a crop, in image px; his score is that of the box times the joints'."""
+        """The one person of a crop, in image px; his score is that of the box times the joints'.
+
+        The threshold for people applies to the box only: a weak look at a sure person is still one.
+        """
         points, scores = decode_crop(self.card, look.outputs)
         counted = scores >= self.config.joint_threshold
         score = float(scores[counted].mean()) * box_score if counted.any() else 0.0
