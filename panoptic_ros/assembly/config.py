@@ -91,7 +91,7 @@ class AssemblyConfig(Config):
         10.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Standard deviation of joint acceleration in guidance."
     )
     covariance_inflation: float = param(
-        0.5, ge=0.0, le=10.0, doc="Covariances grow by 1 + this / (views - 1)."
+        0.8, ge=0.0, le=10.0, doc="Covariances grow by 1 + this / (views - 1)."
     )
     bias_floor: float = param(
         0.0, unit="m", ge=0.0, le=1.0,

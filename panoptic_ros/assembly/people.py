@@ -68,7 +68,11 @@ def finish(
 
 
 def joint_covariances(solved: Solved, config: AssemblyConfig) -> Array:
-    """Covariances (P, J, 3, 3) m^2: inverse normal matrices, larger for few views; NaN if singular."""
+    """Covariances (P, J, 3, 3) m^2; NaN if singular.
+
+    Inverse normal matrices, corrected for their Cauchy weights (those of good observations are below
+    1, but cost little precision), and larger for few views.
+    """
     lower = solved.normals
     normal = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
     scale = np.trace(normal, axis1=-2, axis2=-1)
@@ -76,9 +80,24 @@ def joint_covariances(solved: Solved, config: AssemblyConfig) -> Array:
     safe = np.where(good[..., None, None], normal, np.eye(3))
     safe = safe + 1e-9 * np.where(good, scale, 1.0)[..., None, None] * np.eye(3)
     inflation = 1.0 + config.covariance_inflation / np.maximum(solved.views - 1, 1)
+    inflation *= cauchy_correction(config.cauchy)
     covariances = np.linalg.inv(safe) * inflation[..., None, None] + config.bias_floor**2 * np.eye(3)
     covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2))
     return np.where(good[..., None, None], covariances, np.nan)
+
+
+def cauchy_correction(scale: float) -> float:
+    """Variance of the Cauchy estimate of a 2D Gaussian over the inverse of its mean weight.
+
+    For psi(r) = r w(r), w = 1 / (1 + r^2 / scale^2), the variance is E[psi^2] / E[psi']^2 (Huber 1964),
+    here per axis with r^2 chi-squared of two degrees of freedom.
+    """
+    squares = np.linspace(0.0, 60.0, 6001)[1:] - 0.005
+    density = 0.5 * np.exp(-0.5 * squares) * 0.01
+    weight = 1.0 / (1.0 + squares / scale**2)
+    slope = weight - squares / scale**2 * weight**2  # mean over the axes of d psi / d r
+    variance = (0.5 * squares * weight**2 * density).sum() / (slope * density).sum() ** 2
+    return float(variance * (weight * density).sum())
 
 
 def _scores(scene: Scene, solved: Solved) -> Array:

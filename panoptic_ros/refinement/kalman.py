@@ -36,7 +36,7 @@ def update_states(states, covariances, points, noises, cauchy):
     """Take points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
 
     A surprise of m sigmas multiplies the noise by 1 + (m / cauchy)^2 (the weight of a Cauchy
-    likelihood). The three coordinates are taken one after another after whitening the noise.
+    likelihood), divided by what that is on average, so that covariances stay honest. The three coordinates are taken one after another after whitening the noise.
     """
     for n in range(len(states)):
         if not np.isfinite(points[n, 0]):
@@ -44,7 +44,7 @@ def update_states(states, covariances, points, noises, cauchy):
         total = covariances[n, :3, :3] + noises[n]
         surprise = points[n] - states[n, :3]
         squared = _squared_length(total, surprise) / 3.0
-        noise = noises[n] * (1.0 + squared / (cauchy * cauchy))
+        noise = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
         lower = _cholesky(noise)
         for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
             row = np.zeros(3)
