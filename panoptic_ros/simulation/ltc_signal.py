@@ -151,7 +151,8 @@ def degrade_audio(samples: Array, sample_rate: int, faults: AudioFaults) -> Arra
     rng = np.random.default_rng(faults.seed)
     time = np.arange(len(samples)) / sample_rate
     signal = samples.astype(np.float64)
-    rms = float(np.sqrt(np.mean(signal[signal != 0.0] ** 2))) if signal.any() else 1.0
+    sounding = np.trim_zeros(signal)
+    rms = float(np.sqrt(np.mean(sounding**2))) if len(sounding) else 1.0
     signal = signal * 10 ** (faults.gain_db / 20.0 * np.sin(2 * np.pi * faults.gain_hz * time))
     if faults.hum_db is not None:
         level = np.sqrt(2.0) * rms * 10 ** (faults.hum_db / 20.0)

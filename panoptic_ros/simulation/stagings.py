@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from panoptic_ros.errors import ContractError
 from panoptic_ros.simulation.body import Body
 from panoptic_ros.simulation.gestures import draw_gesture
 from panoptic_ros.simulation.motions import Motion, Sitting, Standing, Stepping
@@ -134,6 +135,7 @@ def _moved(motion: Motion, shift: Array) -> Motion:
     if isinstance(motion, Stepping) and isinstance(motion.path, (OnTheSpot, Round)):
         x, y = np.array(motion.path.centre) + shift
         return replace(motion, path=replace(motion.path, centre=(float(x), float(y))))
-    assert isinstance(motion, (Standing, Sitting))
+    if not isinstance(motion, (Standing, Sitting)):
+        raise ContractError(f"{motion} has no place that can be moved")
     x, y = np.array(motion.place) + shift
     return replace(motion, place=(float(x), float(y)))
