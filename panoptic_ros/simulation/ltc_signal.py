@@ -2,7 +2,7 @@
 
 Made edge by edge at fractional sample positions, independently of `timecode/`, so that each is a
 check of the other. Biphase mark: a transition at the start of every bit, another in the middle
-of a one. Edges are Gaussian steps of 40 us rise time (10 to 90 %).
+of a one. Edges are Gaussian steps of 40 us rise time (10 to 90 %), or what the sample rate passes.
 """
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from panoptic_ros.errors import UsageError
 Array = np.ndarray
 BITS = 80
 RISE_SECONDS = 40e-6
+BAND_LIMIT = 0.45  # samples: standard deviation of an edge behind a recorder's low pass
 SYNC_BITS = (0, 0) + (1,) * 12 + (0, 1)  # bits 64 to 79 in the order of sending
 
 
@@ -99,7 +100,8 @@ def encode_ltc(
             edges += [first, first + 0.5 * cell] if bit else [first]
     edges.append(lead + BITS * words * cell)  # the edge that ends the last bit
     count = int(np.ceil(edges[-1] + 0.5 * cell + tail)) + 1
-    samples = _square_wave(np.array(edges), count, RISE_SECONDS * sample_rate / 2.563, cell)
+    sigma = max(RISE_SECONDS * sample_rate / 2.563, BAND_LIMIT)
+    samples = _square_wave(np.array(edges), count, sigma, cell)
     starts = lead + BITS * cell * (np.arange(words) + (1.0 if reverse else 0.0))
     sign = -amplitude if inverted else amplitude
     return LtcSignal((sign * samples).astype(np.float32), sample_rate, tuple(labels), starts)

@@ -1,0 +1,68 @@
+"""WAV files: PCM of 8 to 32 bits and floats, any number of channels."""
+from __future__ import annotations
+
+import io
+import struct
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy.io import wavfile
+
+from panoptic_ros.domain import AudioBlock
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.io.files import read_bytes, write_bytes
+
+Array = np.ndarray
+BLOCK_SAMPLES = 4096
+
+
+def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
+    """Sample rate, Hz, and the samples (N,) float32 in -1..1 of one channel, counted from 0.
+
+    Raises:
+        DataError: if it is no WAV file, or an empty one.
+        UsageError: if there is no such channel.
+    """
+    data = read_bytes(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not audio
+            sample_rate, samples = wavfile.read(io.BytesIO(data))
+    except (ValueError, EOFError, LookupError, TypeError, ArithmeticError, struct.error) as error:
+        raise DataError(f"{path} is no WAV file that can be read: {error}") from None
+    table = samples[:, None] if samples.ndim == 1 else samples
+    if not 0 <= channel < table.shape[1]:
+        raise UsageError(f"{path} has {table.shape[1]} channels, counted from 0; there is no {channel}")
+    if not len(table):
+        raise DataError(f"{path} has no samples")
+    return int(sample_rate), _as_float(path, table[:, channel])
+
+
+def _as_float(path: Path, samples: Array) -> Array:
+    if samples.dtype.kind == "f":
+        if not np.isfinite(samples).all():
+            raise DataError(f"{path} has samples that are not finite")
+        return samples.astype(np.float32)
+    if samples.dtype == np.uint8:
+        return ((samples.astype(np.float32) - 128.0) / 128.0).astype(np.float32)
+    return (samples / float(-np.iinfo(samples.dtype).min)).astype(np.float32)
+
+
+def write_wav(path: Path, sample_rate: int, samples: Array) -> None:
+    """Write samples (N,) or (N, C) in -1..1 as 16-bit PCM; what is beyond is clipped."""
+    levels = np.clip(np.round(np.asarray(samples, np.float64) * 32767.0), -32768, 32767)
+    buffer = io.BytesIO()
+    wavfile.write(buffer, sample_rate, levels.astype(np.int16))
+    write_bytes(path, buffer.getvalue())
+
+
+def wav_blocks(
+    path: Path, device: str, channel: int = 0, stamp_ns: int = 0, block_samples: int = BLOCK_SAMPLES
+) -> Iterator[AudioBlock]:
+    """One channel of a file as the blocks of a device whose first sample is at `stamp_ns`."""
+    sample_rate, samples = read_wav(path, channel)
+    for first in range(0, len(samples), block_samples):
+        since = first * 1_000_000_000 // sample_rate
+        yield AudioBlock(device, stamp_ns + since, first, sample_rate, samples[first : first + block_samples])

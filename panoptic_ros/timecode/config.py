@@ -1,0 +1,26 @@
+"""Parameters of the timecode stage."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimecodeConfig(Config):
+    """Decoding of linear timecode."""
+
+    agreeing_words: int = param(
+        3, ge=2, le=10, doc="Consecutive words whose labels must agree before any of them is reported."
+    )
+    speed_range: float = param(
+        1.27, ge=1.01, le=1.4,
+        doc="Largest factor by which the tape may run too fast or too slow.",
+    )  # fmt: skip
+    high_pass_hz: float = param(
+        350.0, unit="Hz", ge=100.0, le=500.0,
+        doc="Corner of the filter against DC and hum; half of the slowest bit rate's tone at most.",
+    )  # fmt: skip
+    lost_words: int = param(
+        4, ge=1, le=50, doc="Consecutive unreadable words after which the signal is searched for anew."
+    )

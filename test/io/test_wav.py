@@ -1,0 +1,62 @@
+"""WAV files of several kinds, and what is none."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.io.wav import read_wav, wav_blocks, write_wav
+
+TONE = np.sin(np.arange(4000) / 7.0) * 0.8
+
+
+@pytest.mark.parametrize(
+    ("dtype", "scale", "offset", "within"),
+    [(np.uint8, 127, 128, 0.02), (np.int16, 32767, 0, 1e-4), (np.int32, 2**31 - 1, 0, 1e-6),
+     (np.float32, 1, 0, 1e-6), (np.float64, 1, 0, 1e-6)],
+)  # fmt: skip
+def test_all_sample_formats(tmp_path: Path, dtype: type, scale: int, offset: int, within: float) -> None:
+    values = (TONE * scale + offset).round(0 if scale > 1 else 9).astype(dtype)
+    wavfile.write(tmp_path / "a.wav", 22050, values)
+    rate, samples = read_wav(tmp_path / "a.wav")
+    assert rate == 22050 and samples.dtype == np.float32
+    np.testing.assert_allclose(samples, TONE, atol=within)
+
+
+def test_channels_and_blocks(tmp_path: Path) -> None:
+    write_wav(tmp_path / "a.wav", 48000, np.stack([TONE, -TONE], axis=1))
+    np.testing.assert_allclose(read_wav(tmp_path / "a.wav", 1)[1], -TONE, atol=1e-4)
+    with pytest.raises(UsageError, match="has 2 channels, counted from 0; there is no 2"):
+        read_wav(tmp_path / "a.wav", 2)
+    blocks = list(wav_blocks(tmp_path / "a.wav", "mic", stamp_ns=7, block_samples=1500))
+    assert [block.first_sample for block in blocks] == [0, 1500, 3000]
+    assert [block.stamp_ns for block in blocks] == [7, 7 + 31_250_000, 7 + 62_500_000]
+    np.testing.assert_array_equal(
+        np.concatenate([block.samples for block in blocks]), read_wav(tmp_path / "a.wav")[1]
+    )
+
+
+def test_loud_samples_are_clipped(tmp_path: Path) -> None:
+    write_wav(tmp_path / "a.wav", 8000, np.array([2.0, -2.0, 0.5]))
+    np.testing.assert_allclose(read_wav(tmp_path / "a.wav")[1], [1.0, -1.0, 0.5], atol=1e-4)
+
+
+def test_what_is_no_wav_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    with pytest.raises(DataError, match="No such file"):
+        read_wav(path)
+    write_wav(path, 48000, TONE)
+    whole = path.read_bytes()
+    for content in (b"", b"RIFF", b"hello world" * 10, whole[:20], whole[:38], b"\x00" * 200):
+        path.write_bytes(content)
+        with pytest.raises(DataError, match="no WAV file|no samples"):
+            read_wav(path)
+    path.write_bytes(whole[:44])
+    with pytest.raises(DataError):
+        read_wav(path)
+    wavfile.write(path, 8000, np.array([0.0, np.nan], np.float32))
+    with pytest.raises(DataError, match="not finite"):
+        read_wav(path)
