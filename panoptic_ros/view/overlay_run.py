@@ -56,7 +56,7 @@ def write_overlays(
     by_stamp = {pose.stamp_ns: pose for pose in poses}
     first, last = detections[0].stamp_ns, detections[-1].stamp_ns
     instants = tuple((last - first) * (i + 0.5) / stills / 1e9 for i in range(stills))
-    gallery = Stills(Path(folder), instants)
+    gallery = Stills(Path(folder), instants, ".jpg")
     with ExitStack() as stack:
         readers = {source.camera: _Reader(source) for source in sources}
         for reader in readers.values():
