@@ -14,6 +14,8 @@ from numba import njit
 
 MAX_STEP = 0.5  # m, of one Gauss-Newton step
 MIN_DEPTH = 0.05  # m
+GOOD_COST = 3.0  # truncated cost per view (2 is ideal) up to which the prediction has no rivals
+MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
 
 
 @njit(cache=True)
@@ -53,8 +55,6 @@ def pick_observations(x, shift, p, j, member, source, owner, plane, precision, s
                 picks[v, 1] = s
         if best < np.inf:
             total += min(best, limit)
-        elif own >= 0:
-            total += 0.0
     return total
 
 
@@ -206,7 +206,7 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
                                      cams, rules, picks)  # fmt: skip
             x[:] = trial
             best = cost + _prior_cost(trial, prediction, spread, limit)
-            if best < 3.0 * count:
+            if best < (GOOD_COST if count < MANY_VIEWS else 2.0 * GOOD_COST) * count:
                 return best
     step = max(1, count // 2)
     tried = 0

@@ -7,11 +7,13 @@ import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.consensus import Scene
+from panoptic_ros.assembly.nodes import has_maps, take_nodes
 from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel
 
 Array = np.ndarray
 
+LEARN_MOST = 1000  # residuals per instant
 LEARN_LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
 TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
 SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
@@ -43,11 +45,13 @@ class People:
 
 
 def finish(
-    scene: Scene, solved: Solved, observed: Array, skeleton: SkeletonModel, config: AssemblyConfig
-) -> People:
+    scene: Scene, item: ProposalSet, solved: Solved, expected: Array, observed: Array,
+    skeleton: SkeletonModel, config: AssemblyConfig,
+) -> People:  # fmt: skip
     """Covariances and scores, derived joints, and only those skeletons that can be people.
 
     Args:
+        expected: (P, J, 3) m, where joints should be, NaN = no idea; a place to look for nodes.
         observed: (P, J) number of views whose 2D person shows each joint.
     """
     views = solved.views
@@ -61,6 +65,8 @@ def finish(
     positions = np.where(good[..., None], solved.positions, np.nan)
     covariances = np.where(good[..., None, None], covariances, np.nan)
     views, scores = np.where(good, views, 0), np.where(good, scores, 0.0)
+    if config.node_distance > 0.0 and has_maps(item):
+        _use_nodes(item, expected, positions, covariances, scores, views, config)
     _derive(positions, covariances, scores, views, skeleton)
     kept = np.flatnonzero(_are_people(positions, good, observed, config))
     kept = kept[~_duplicates(positions[kept], views[kept])]
@@ -122,6 +128,22 @@ def _drop_long_bones(
         good[:, b] &= ~(long & (worst[:, a] <= worst[:, b]))
 
 
+def _use_nodes(
+    item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
+    config: AssemblyConfig,
+) -> None:  # fmt: skip
+    """Put voted nodes in place of joints that are missing, or less certain than nodes, in place."""
+    missing = np.isnan(positions[..., 0])
+    variance = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
+    with np.errstate(invalid="ignore"):
+        weak = missing | ((views <= 2) & (variance > config.node_sigma**2))
+    chosen = take_nodes(item, np.where(missing[..., None], expected, positions), weak, config.node_distance)
+    p, j = np.nonzero(chosen >= 0)
+    nodes = chosen[p, j]
+    positions[p, j], covariances[p, j] = item.nodes[nodes], config.node_sigma**2 * np.eye(3)
+    scores[p, j], views[p, j] = item.node_scores[nodes], item.node_views[nodes]
+
+
 def _derive(
     positions: Array, covariances: Array, scores: Array, views: Array, skeleton: SkeletonModel
 ) -> None:
@@ -168,7 +190,7 @@ def residuals_to_learn(scene: Scene, solved: Solved, kept: Array) -> tuple[Array
     views = np.where(np.isfinite(solved.positions[..., 0]), solved.views, 0)[kept]
     least = 3 if (views >= 3).any() else 2
     used = (solved.picks[kept, ..., 0] >= 0) & (views >= least)[..., None]
-    p, j, v = np.nonzero(used)
+    p, j, v = (index[:: 1 + len(index) // LEARN_MOST] for index in np.nonzero(used))
     p = kept[p]
     rows, joints = solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]
     local = np.einsum("nij,nj->ni", evidence.rotations[v], solved.positions[p, j])

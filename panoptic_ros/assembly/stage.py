@@ -59,7 +59,9 @@ class AssemblyStage:
         found = self._candidates(scene, item, prediction)
         solved = self._solver.solve(scene, found.grouping, found.source, found.guide)
         observed = observed_views(scene, found.grouping, found.source)
-        people = finish(scene, solved, observed.sum(axis=1), self._skeleton, self._config)
+        people = finish(
+            scene, item, solved, found.guide.positions, observed.sum(axis=1), self._skeleton, self._config
+        )
         if self._config.learn_noise:
             self._learn(scene, solved, people.kept)
         if self._config.temporal_guidance:

@@ -1,0 +1,50 @@
+"""Voted nodes stand in for joints that the 2D people lack."""
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.assembly.nodes import take_nodes
+from panoptic_ros.assembly.stage import AssemblyStage
+from panoptic_ros.domain import ScoreMaps
+
+NOTHING, NO_PAIRS = np.empty(0, int), np.empty((0, 2), int)
+MAPS = ScoreMaps((4, 4), np.eye(2, 3), NOTHING, NOTHING, NO_PAIRS, NO_PAIRS, np.empty(0, np.uint8))
+
+
+def with_nodes(item, nodes, joint):
+    """The set with nodes of one joint, from a detector with score maps."""
+    views = tuple(replace(view, maps=MAPS) for view in item.detections.views)
+    count = len(nodes)
+    return replace(
+        item, detections=replace(item.detections, views=views), nodes=nodes, node_joints=[joint] * count,
+        node_scores=[0.5] * count, node_views=[2] * count,
+    )  # fmt: skip
+
+
+def test_a_lost_joint_comes_from_its_node(scenes):
+    rig, truth = scenes.ring(4), scenes.person()
+    wrist = scenes.skeleton.joint("lWrist")
+
+    def change(i, points, scores):
+        points[:, wrist] = np.nan
+
+    node = truth[wrist] + [0.0, 0.02, 0.0]
+    first = scenes.proposals(rig, [truth], index=0)
+    second = with_nodes(scenes.proposals(rig, [truth], index=1, change=change), [node, node + 1.0], wrist)
+    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig))
+    stage.step(first)
+    pose = stage.step(second).outputs[0]
+    assert np.array_equal(pose.positions[0, wrist], node)
+    assert pose.views[0, wrist] == 2 and pose.scores[0, wrist] == 0.5
+    off = AssemblyStage(AssemblyConfig(node_distance=0.0), scenes.context(rig))
+    off.step(first)
+    assert np.isnan(off.step(second).outputs[0].positions[0, wrist]).all()
+
+
+def test_nodes_serve_once_and_the_nearest_first(scenes):
+    item = with_nodes(scenes.proposals(scenes.ring(3), []), [[0, 0, 0.0], [0.2, 0, 0]], 0)
+    expected = np.full((3, 19, 3), np.nan)
+    expected[:, 0] = [[0.06, 0, 0], [0.02, 0, 0], [0.21, 0, 0]]
+    chosen = take_nodes(item, expected, np.ones((3, 19), bool), 0.1)
+    assert chosen[:, 0].tolist() == [-1, 0, 1] and (chosen[:, 1:] == -1).all()
