@@ -42,7 +42,7 @@ class TrackingConfig(Config):
         0.6, ge=0.0, le=1.0, doc="Share of the joints from which a new skeleton gets an identity at once."
     )
     confirm_frames: int = param(
-        3, ge=1, le=1000, doc="Otherwise it must be seen so many times without a long gap."
+        5, ge=1, le=1000, doc="Otherwise it must be seen so many times without a long gap."
     )
     duplicate_distance: float = param(
         0.15, unit="m", ge=0.0, le=1.0,

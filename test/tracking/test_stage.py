@@ -79,7 +79,7 @@ def test_a_ghost_gets_no_identity_and_a_weak_person_gets_one_soon():
             for i in range(12)]  # fmt: skip
     assert {tuple(o.ids.tolist()) for o in run(sets)} == {(0,)}
     steady = [poses(i, [body(0.0), sparse], views=[3, 2]) for i in range(6)]
-    assert [len(o.ids) for o in run(steady)] == [1, 1, 2, 2, 2, 2]
+    assert [len(o.ids) for o in run(steady)] == [1, 1, 1, 1, 2, 2]
     assert len(run(steady, confirm_frames=1)[0].ids) == 2
 
 
