@@ -61,7 +61,8 @@ def _decode(args: argparse.Namespace) -> int:
 def _readings(path: Path, channel: int) -> tuple[int, list[TimecodeReading]]:
     """Sample rate and all readings of a file."""
     stage = TimecodeStage(TimecodeConfig())
-    sample_rate, readings = 0, []
+    sample_rate = 0
+    readings: list[TimecodeReading] = []
     for block in wav_blocks(path, path.stem, channel):
         sample_rate = block.sample_rate
         readings += stage.step(block).outputs

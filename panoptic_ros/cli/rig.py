@@ -13,7 +13,7 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.rig_check import RigReport, check_rig
 from panoptic_ros.io.plain_formats import read_detections
 from panoptic_ros.io.rigs import WRITABLE, read_rig, write_rig
-from panoptic_ros.io.skeletons import map_joints
+from panoptic_ros.io.skeletons import load_skeleton, map_joints
 
 LARGEST_SAMPLE = 200  # detection sets that are looked at
 
@@ -65,12 +65,12 @@ def _convert(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     """Exit code 2 if there is a warning: the user can mend it."""
     rig = _read(args, args.rig)
-    skeleton, sets = map_joints("panoptic19", ["nose"])[0], ()
+    skeleton = load_skeleton("panoptic19")
+    sets: tuple[DetectionSet, ...] = ()
     if args.detections is not None:
         detections = read_detections(args.detections)
         skeleton, mapping = map_joints("panoptic19", detections.joint_names)
-        everything = tuple(detections.sets(rig, mapping, skeleton.hash))
-        sets = _sample(everything)
+        sets = _sample(tuple(detections.sets(rig, mapping, skeleton.hash)))
     report = check_rig(rig, sets, skeleton)
     print(json.dumps(_document(report), indent=1) if args.json else _table(rig, report))
     return 2 if report.warnings else 0

@@ -46,8 +46,8 @@ def camera_pairs(rig: Rig) -> list[tuple[int, int]]:
     if count <= ALL_PAIRS:
         return [(a, b) for a in range(count) for b in range(a + 1, count)]
     steps = {max(1, round(count * k / (NEIGHBOURS + 1))) for k in range(1, NEIGHBOURS + 1)}
-    pairs = {tuple(sorted((a, (a + step) % count))) for a in range(count) for step in steps}
-    return sorted(pair for pair in pairs if pair[0] != pair[1])
+    others = [(a, (a + step) % count) for a in range(count) for step in steps]
+    return sorted({(min(a, b), max(a, b)) for a, b in others if a != b})
 
 
 class RayCache:

@@ -179,7 +179,8 @@ class _Trial:
 
     def blamed(self) -> list[str]:
         """Cameras that do not agree with the others once the worse ones are left out."""
-        left, blamed = list(self.rig.names), []
+        left: list[str] = list(self.rig.names)
+        blamed: list[str] = []
         while True:
             values = {name: self.residuals(name, others=left) for name in left}
             bad = [n for n in left if _upper(values[n]) > tolerance_px(self.rig.camera(n))]
