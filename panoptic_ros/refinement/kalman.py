@@ -36,7 +36,8 @@ def update_states(states, covariances, points, noises, cauchy):
     """Take points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
 
     A surprise of m sigmas multiplies the noise by 1 + (m / cauchy)^2 (the weight of a Cauchy
-    likelihood), divided by what that is on average, so that covariances stay honest. The three coordinates are taken one after another after whitening the noise.
+    likelihood), divided by what that is on average, so that covariances stay honest. The three
+    coordinates are taken one after another after whitening the noise.
     """
     for n in range(len(states)):
         if not np.isfinite(points[n, 0]):
