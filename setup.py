@@ -7,8 +7,8 @@ from pathlib import Path
 from setuptools import setup
 
 NODES = (
-    "rig", "camera", "timecode", "detection", "sync", "voting", "assembly", "tracking", "refinement",
-    "markers",
+    "rig", "camera", "timecode", "clocks", "detection", "sync", "voting", "assembly", "tracking",
+    "refinement", "markers",
 )
 
 # colcon calls `setup.py install` or `setup.py develop`, pip never does. Only colcon's scripts go where

@@ -62,7 +62,7 @@ def start_graph(context):
         actions.append(node("camera", f"camera_{camera}", {"camera": camera, **common, **quality, **source}))
     for name, spec in NODES.items():
         own = {"flow": flow, "cameras": list(sources), **(settings or {}).get(name, {})}
-        if "audio" in spec.takes:
+        if spec.takes[0] in ("audio", "timecode"):
             if not audio:
                 continue
             own["devices"] = audio

@@ -47,6 +47,11 @@ class AssemblyConfig(Config):
     few_views_agreement: float = param(
         0.4, ge=0.0, le=1.0, doc="Mean agreement that makes so few views enough for a new person."
     )
+    capture_views: int = param(
+        3, ge=2, le=1000,
+        doc="People must stand in the fields of view of so many cameras, else they are bystanders; "
+        "rigs of up to three cameras need two.",
+    )
     min_person_joints: int = param(5, ge=1, le=500, doc="Measured joints that make a person.")
     min_agreed_share: float = param(
         0.5, ge=0.0, le=1.0,
@@ -84,6 +89,10 @@ class AssemblyConfig(Config):
     node_sigma: float = param(
         0.03, unit="m", ge=0.001, le=1.0,
         doc="Standard deviation of voted nodes; they serve joints that are missing or less certain.",
+    )
+    vote_distance: float = param(
+        0.1, unit="m", ge=0.0, le=1.0,
+        doc="Joints that score maps show move to the soft vote of the maps if it is this near; 0 = never.",
     )
     max_joint_sigma: float = param(
         0.3, unit="m", ge=0.01, le=10.0, doc="Joints that are less certain than this are missing."

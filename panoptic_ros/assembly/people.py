@@ -7,6 +7,7 @@ import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.consensus import Scene
+from panoptic_ros.assembly.map_votes import moved_to_votes
 from panoptic_ros.assembly.nodes import has_maps, take_nodes
 from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel
@@ -32,6 +33,13 @@ class People:
     covariances: Array
     scores: Array
     views: Array
+
+    def rows(self, which: Array) -> People:
+        """Some of the people."""
+        return People(
+            self.kept[which], self.positions[which], self.covariances[which], self.scores[which],
+            self.views[which],
+        )  # fmt: skip
 
     def pose_set(self, item: ProposalSet, skeleton_hash: str) -> PoseSet:
         """The record."""
@@ -67,6 +75,8 @@ def finish(
     views, scores = np.where(good, views, 0), np.where(good, scores, 0.0)
     if config.node_distance > 0.0 and has_maps(item):
         _use_nodes(item, expected, positions, covariances, scores, views, config)
+    if config.vote_distance > 0.0:
+        positions = moved_to_votes(positions, item, config.vote_distance)
     _derive(positions, covariances, scores, views, skeleton)
     kept = np.flatnonzero(_are_people(positions, good, observed, config))
     kept = kept[~_duplicates(positions[kept], views[kept])]

@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates, from_hypotheses, guided_people, new_people
+from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.consensus import Scene
 from panoptic_ros.assembly.dynamic_programming import assemble
@@ -13,21 +14,29 @@ from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, l
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.people import finish, residuals_to_learn
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
+from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import PoseSet, ProposalSet
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
 Array = np.ndarray
 
 class AssemblyStage:
-    """Skeletons of one instant, without identity, from a `ProposalSet`."""
+    """Skeletons of one instant, without identity, from a `ProposalSet`.
+
+    The constructor compiles the kernels, or takes them from numba's cache.
+    """
 
     def __init__(self, config: AssemblyConfig, context: StageContext):
         self._config, self._context, self._skeleton = config, context, context.skeleton
         self._rig = RigArrays.of(context.rig)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._groups, count = limb_groups(context.skeleton)
+        self._needed_views = needed_views(config.capture_views, len(context.rig))
         self._solver = Solver(config, self._groups, count)
         self._sides = Sides(context.skeleton, self._groups)
+        self.reset()
+        for example in example_sets(context.rig, context.skeleton):
+            self.step(example)
         self.reset()
 
     def reset(self) -> None:
@@ -61,6 +70,10 @@ class AssemblyStage:
         observed = observed_views(scene, found.grouping, found.source)
         people = finish(
             scene, item, solved, found.guide.positions, observed.sum(axis=1), self._skeleton, self._config
+        )
+        supporting = (found.grouping.member[people.kept] >= 0).sum(axis=1)
+        people = people.rows(
+            in_capture_space(people.positions, supporting, self._context.rig.cameras, self._needed_views)
         )
         if self._config.learn_noise:
             self._learn(scene, solved, people.kept)

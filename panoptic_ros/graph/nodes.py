@@ -37,6 +37,7 @@ NODES: dict[str, NodeSpec] = {
     spec.name: spec
     for spec in (
         _spec("timecode", ("audio",), "timecode"),
+        _spec("clocks", ("timecode",), "clock_models"),
         _spec("detection", ("image",), "detections"),
         _spec("sync", ("detections",), "detection_sets"),
         _spec("voting", ("detection_sets",), "proposals"),

@@ -39,6 +39,7 @@ TOPICS: dict[str, Topic] = {
         Topic("audio", "{device}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device"),
         Topic("timecode", "{device}/timecode", "TimecodeReading",
               "panoptic_msgs/msg/TimecodeReading", "device"),
+        Topic("clock_models", "clock_models", "ClockModel", "panoptic_msgs/msg/ClockModel", latched=True),
         Topic("rig", "rig", "Rig", "panoptic_msgs/msg/Rig", latched=True),
         Topic("skeleton_model", "skeleton_model", "SkeletonModel",
               "panoptic_msgs/msg/SkeletonModel", latched=True),

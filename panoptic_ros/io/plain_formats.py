@@ -26,6 +26,7 @@ from panoptic_ros.io.files import read_json, write_json
 Array = np.ndarray
 DETECTIONS = "panoptic-detections-1"
 SKELETONS = "panoptic-skeletons-1"
+HIGHEST_SCORE = 1.25  # OpenPose and SimCC nets give a little more than 1, which counts as 1
 _UPPER = np.triu_indices(3)
 
 
@@ -256,8 +257,9 @@ def _joint_rows(
     if not scored:
         return rows, np.isfinite(rows).all(-1).astype(float)
     scores = np.nan_to_num(rows[..., 2])
-    if scores.size and not 0.0 <= scores.min() <= scores.max() <= 1.0:
+    if scores.size and not 0.0 <= scores.min() <= scores.max() <= HIGHEST_SCORE:
         raise DataError(f"{where}: a score lies outside of 0..1 ({scores.min():g} to {scores.max():g})")
+    scores = np.minimum(scores, 1.0)
     points = np.where((scores > 0.0)[..., None], rows[..., :2], np.nan)
     scores = np.where(np.isfinite(points).all(-1), scores, 0.0)
     return points, scores

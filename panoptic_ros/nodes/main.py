@@ -41,6 +41,11 @@ def timecode() -> None:
     _stage_main("timecode")
 
 
+def clocks() -> None:
+    """Clock models from timecode."""
+    _stage_main("clocks")
+
+
 def detection() -> None:
     """2D people from images."""
     _stage_main("detection")

@@ -129,7 +129,9 @@ class StageNode(Node):
         gives = TOPICS[self._spec.gives]
         for scope in self._scopes(gives.scope, used):
             self._outputs[scope] = self.create_publisher(
-                message_class(gives.message), gives.name.format(camera=scope, device=scope), quality
+                message_class(gives.message),
+                gives.name.format(camera=scope, device=scope),
+                LATCHED if gives.latched else quality,
             )
         for key in self._spec.takes:
             topic = TOPICS["compressed_image" if key == "image" and self._compressed else key]

@@ -1,9 +1,11 @@
 """The refinement stage."""
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from panoptic_ros.domain import JointState, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.domain import JointState, RefinedPoseSet, SkeletonModel, TrackedPoseSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.bones import BoneLengths
 from panoptic_ros.refinement.config import RefinementConfig
@@ -14,12 +16,18 @@ Array = np.ndarray
 
 
 class RefinementStage:
-    """Smoothed skeletons, one set for each that comes in, late by the lag."""
+    """Smoothed skeletons, one set for each that comes in, late by the lag.
+
+    The constructor compiles the kernels, or takes them from numba's cache.
+    """
 
     def __init__(self, config: RefinementConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
         self.reset()
+        for example in _examples(context.skeleton):
+            self.step(example)
+        self.flush()
 
     def reset(self) -> None:
         """Forget everybody."""
@@ -126,3 +134,15 @@ def _refined(item: TrackedPoseSet, numbers: list[int], people: list[Smoothed]) -
         stacked("covariances", (joints, 3, 3)), stacked("scores", (joints,)), stacked("views", (joints,)),
         stacked("states", (joints,)), stacked("person_score", ()), ids=np.array(numbers, np.int64),
     )  # fmt: skip
+
+
+def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:
+    """A few instants of one person, to compile the kernels with."""
+    count = len(skeleton)
+    positions = np.random.default_rng(0).uniform(0.0, 1.0, (1, count, 3))
+    for index in range(4):
+        ones = np.ones((1, count))
+        yield TrackedPoseSet(
+            index, index * 33_000_000, skeleton.hash, positions + 0.01 * index,
+            np.tile(1e-4 * np.eye(3), (1, count, 1, 1)), ones, 2 * ones, ones, np.ones(1), ids=[0],
+        )  # fmt: skip

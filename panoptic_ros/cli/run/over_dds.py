@@ -35,7 +35,7 @@ def run_over_dds(
     """
     prepare_environment()
     flow_name = "live" if plan.live else "replay"
-    window = 12 + math.ceil(plan.frame_rate * getattr(plan.configs["refinement"], "lag_s", 0.0))
+    window = 12 + math.ceil(plan.frame_rate * plan.configs["refinement"].lag)  # type: ignore[attr-defined]
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality)
     rclpy.init(args=[])
     executor = SingleThreadedExecutor()

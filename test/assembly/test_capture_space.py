@@ -1,0 +1,30 @@
+"""Bystanders beyond the space that a rig covers are left out; people inside of it stay."""
+import captures
+import numpy as np
+
+from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
+
+CAMERAS = captures.RIG.cameras
+
+
+def test_small_rigs_need_two_fields_of_view():
+    assert [needed_views(3, n) for n in (2, 3, 4, 31)] == [2, 2, 3, 3]
+    assert needed_views(2, 31) == 2
+
+
+def test_person_in_the_middle_stays_though_two_views_show_it():
+    middle = captures.person((0.0, 0.0), 0.0)[None]
+    assert in_capture_space(middle, np.array([2]), CAMERAS, 3).tolist() == [True]
+
+
+def test_person_behind_a_camera_is_a_bystander_unless_enough_views_show_it():
+    eye = CAMERAS[0].centre
+    behind = captures.person((1.3 * eye[0], 1.3 * eye[1]), 0.0)[None]
+    assert in_capture_space(behind, np.array([2]), CAMERAS, 3).tolist() == [False]
+    assert in_capture_space(behind, np.array([3]), CAMERAS, 3).tolist() == [True]
+
+
+def test_missing_joints_do_not_count():
+    person = captures.person((0.0, 0.0), 0.0)[None].copy()
+    person[:, 5:] = np.nan
+    assert in_capture_space(person, np.array([2]), CAMERAS, 3).tolist() == [True]
