@@ -7,7 +7,7 @@ from numba import njit
 MIN_DEPTH = 0.05  # m
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def agreement_with_people(positions, shifts, plane, precision, view, cams, mirror, scale):
     """Mean agreement of every 2D person with every skeleton, as it is and with sides exchanged.
 
@@ -65,7 +65,7 @@ def agreement_with_people(positions, shifts, plane, precision, view, cams, mirro
     return straight, mirrored, common
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
     """Mean agreement (L, L) of the rays of 2D people `chosen` (L,), 0 inside a view; common (L, L).
 
@@ -122,7 +122,7 @@ def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
     return values, common
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def limb_costs(positions, shifts, member, source, plane, precision, cams, groups, mirror, group_count, limit):
     """Truncated cost (P, V, G, 2) of each limb group in each view: as assigned, and with sides exchanged."""
     rotations, translations, delays = cams

@@ -4,10 +4,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from panoptic_ros.assembly.agreement import agreement_of_pairs, agreement_with_people
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.evidence import Evidence
+from panoptic_ros.assembly.gauss_newton import solve_symmetric
 
 Array = np.ndarray
 
@@ -67,25 +69,43 @@ def assign(
         the grouping, and free (D,) without those given away and without duplicates of them.
     """
     evidence = scene.evidence
-    straight, mirrored, common = agreement_with_people(
-        positions, shifts, evidence.plane, scene.precision, evidence.view, scene.cams, scene.mirror,
-        scale,
+    member, mirrored, left = give_out(
+        positions, shifts, evidence.plane, scene.precision, evidence.view, scene.cams, scene.mirror, scale,
+        free, config.person_agreement, config.duplicate_agreement, evidence.views,
     )  # fmt: skip
+    return Grouping(member, mirrored), left
+
+
+@njit(cache=True, error_model="numpy")
+def give_out(positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double,
+             views):  # type: ignore[no-untyped-def]  # fmt: skip
+    """The loops of `assign`: member and mirrored (P, V), and free (D,)."""
+    straight, mirrored, common = agreement_with_people(
+        positions, shifts, plane, precision, view, cams, mirror, scale
+    )
+    people, rows = straight.shape
     flipped = mirrored > MIRROR_MARGIN * straight
     value = np.where(flipped, mirrored, straight)
-    enough = np.minimum(MIN_COMMON, (scene.precision > 0.0).sum(axis=1))
-    value[(common < enough) | (common == 0) | ~free] = 0.0
-    grouping = Grouping.empty(len(positions), evidence.views)
+    for d in range(rows):
+        enough = max(1, min(MIN_COMMON, (precision[d] > 0.0).sum()))
+        for p in range(people):
+            if common[p, d] < enough or not free[d]:
+                value[p, d] = 0.0
+    member = np.full((people, views), -1, np.int64)
+    exchanged = np.zeros((people, views), np.bool_)
     left = free.copy()
-    who, which = np.nonzero(value >= config.person_agreement)
-    for i in np.argsort(-value[who, which], kind="stable"):
-        p, d = who[i], which[i]
-        v = evidence.view[d]
-        if left[d] and grouping.member[p, v] < 0:
-            grouping.member[p, v], grouping.mirrored[p, v] = d, flipped[p, d]
+    flat = value.ravel()
+    good = np.flatnonzero(flat >= least)
+    for i in good[np.argsort(-flat[good], kind="mergesort")]:
+        p, d = i // rows, i % rows
+        if left[d] and member[p, view[d]] < 0:
+            member[p, view[d]], exchanged[p, view[d]] = d, flipped[p, d]
             left[d] = False
-    taken = grouping.member[:, evidence.view] >= 0  # (P, D)
-    return grouping, left & ~(taken & (value >= config.duplicate_agreement)).any(axis=0)
+    for p in range(people):
+        for d in range(rows):
+            if member[p, view[d]] >= 0 and value[p, d] >= double:
+                left[d] = False
+    return member, exchanged, left
 
 
 def find_people(scene: Scene, free: Array, config: AssemblyConfig) -> tuple[Grouping, Array]:
@@ -101,7 +121,11 @@ def find_people(scene: Scene, free: Array, config: AssemblyConfig) -> tuple[Grou
     found = Grouping.empty(0, evidence.views)
     places = [np.empty((0, len(scene.mirror), 3))]
     free = free & ((scene.precision > 0.0).sum(axis=1) >= 1)
-    chosen = np.flatnonzero(free & np.isin(evidence.view, _spread_views(evidence)))
+    used = np.zeros(evidence.views, bool)
+    used[_spread_views(evidence)] = True
+    chosen = np.flatnonzero(free & used[evidence.view])
+    if len(chosen) < 2:
+        return found, places[0]
     agreement, common = agreement_of_pairs(
         chosen, evidence.plane, scene.precision, evidence.view, scene.cams, evidence.centres,
         config.agreement,
@@ -198,20 +222,49 @@ def midpoints(scene: Scene, first: int, second: int) -> Array:
 def linear_positions(scene: Scene, member: Array, mirrored: Array) -> Array:
     """Linear triangulation (J, 3) m of the 2D people member (V,), NaN with fewer than two views."""
     evidence = scene.evidence
-    views = np.flatnonzero(member >= 0)
-    joints = np.where(mirrored[views][:, None], scene.mirror, np.arange(len(scene.mirror)))
-    rows = member[views][:, None]
-    plane, weight = evidence.plane[rows, joints], scene.precision[rows, joints]  # (v, J, 2), (v, J)
-    rotations, translations = evidence.rotations[views], evidence.translations[views]
-    a = weight[..., None, None] * (
-        plane[..., None] * rotations[:, None, 2:3, :] - rotations[:, None, :2, :]
-    )  # (v, J, 2, 3)
-    b = weight[..., None] * (translations[:, None, :2] - plane * translations[:, None, 2:])
-    normal = np.einsum("vjki,vjkl->jil", a, a)
-    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-    normal = normal + 1e-9 * np.maximum(scale, 1e-9) * np.eye(3)
-    points = np.linalg.solve(normal, np.einsum("vjki,vjk->ji", a, b)[..., None])[..., 0]
-    return np.where(((weight > 0.0).sum(axis=0) >= 2)[:, None], points, np.nan)
+    return triangulate_linear(
+        member, mirrored, evidence.plane, scene.precision, evidence.rotations, evidence.translations,
+        scene.mirror,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def triangulate_linear(member, mirrored, plane, precision, rotations, translations,
+                       mirror):  # type: ignore[no-untyped-def]  # fmt: skip
+    """The loops of `linear_positions`."""
+    joints = len(mirror)
+    points = np.full((joints, 3), np.nan)
+    row = np.empty(3)
+    for j in range(joints):
+        normal, right = np.zeros((3, 3)), np.zeros(3)
+        count = 0
+        for v in range(len(member)):
+            d = member[v]
+            if d < 0:
+                continue
+            s = mirror[j] if mirrored[v] else j
+            weight = precision[d, s]
+            if weight <= 0.0:
+                continue
+            count += 1
+            for k in range(2):
+                for i in range(3):
+                    row[i] = weight * (plane[d, s, k] * rotations[v, 2, i] - rotations[v, k, i])
+                offset = weight * (translations[v, k] - plane[d, s, k] * translations[v, 2])
+                for i in range(3):
+                    right[i] += row[i] * offset
+                    for m in range(i + 1):
+                        normal[i, m] += row[i] * row[m]
+        if count < 2:
+            continue
+        damping = 1e-9 * max(normal[0, 0] + normal[1, 1] + normal[2, 2], 1e-9)
+        good, a, b, c = solve_symmetric(
+            normal[0, 0] + damping, normal[1, 0], normal[1, 1] + damping, normal[2, 0], normal[2, 1],
+            normal[2, 2] + damping, right[0], right[1], right[2],
+        )  # fmt: skip
+        if good:
+            points[j, 0], points[j, 1], points[j, 2] = a, b, c
+    return points
 
 
 def _spread_views(evidence: Evidence) -> Array:

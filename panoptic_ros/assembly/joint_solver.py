@@ -12,13 +12,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-MAX_STEP = 0.5  # m, of one Gauss-Newton step
-MIN_DEPTH = 0.05  # m
+from panoptic_ros.assembly.gauss_newton import MIN_DEPTH, TABLE, refine_point
+
 GOOD_COST = 3.0  # truncated cost per view (2 is ideal) up to which the prediction has no rivals
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules, picks):
     """Cheapest observation of every view for the point x, and the truncated cost of them all.
 
@@ -40,25 +40,30 @@ def pick_observations(x, shift, p, j, member, source, owner, plane, precision, s
         u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
         w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
         own = member[p, v]
+        if own >= 0:
+            s = source[p, v, j]
+            if precision[own, s] > 0.0 and (owner[own, s] < 0 or owner[own, s] == p):
+                du, dw = u - plane[own, s, 0], w - plane[own, s, 1]
+                best = (du * du + dw * dw) * precision[own, s] ** 2
+                picks[v, 0], picks[v, 1] = own, s
+        least = min(best, limit) - penalty  # what others must stay below
+        if least <= 0.0:
+            total += min(best, limit)
+            continue
         for d in range(starts[v], starts[v + 1]):
-            s = source[p, v, j] if d == own else j
-            if precision[d, s] <= 0.0 or (owner[d, s] >= 0 and owner[d, s] != p):
+            if d == own or precision[d, j] <= 0.0 or (owner[d, j] >= 0 and owner[d, j] != p):
                 continue
-            cost = ((u - plane[d, s, 0]) ** 2 + (w - plane[d, s, 1]) ** 2) * precision[d, s] ** 2
-            if d != own:
-                cost += penalty
-                if cost >= limit:
-                    continue
-            if cost < best:
-                best = cost
-                picks[v, 0] = d
-                picks[v, 1] = s
+            du, dw = u - plane[d, j, 0], w - plane[d, j, 1]
+            cost = (du * du + dw * dw) * precision[d, j] ** 2
+            if cost < least:
+                least, best = cost, cost + penalty
+                picks[v, 0], picks[v, 1] = d, j
         if best < np.inf:
             total += min(best, limit)
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def intersect(first, second, picks_own, plane, cams, centres, x):
     """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
     rotations = cams[0]
@@ -90,91 +95,9 @@ def intersect(first, second, picks_own, plane, cams, centres, x):
     return True
 
 
-@njit(cache=True)
-def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, normal, residuals):
-    """Gauss-Newton with Cauchy weights on the picked observations; x, normal and residuals in place.
-
-    residuals: (V,) in standard deviations, -1 where a view has no pick or was gated.
-    Returns the number of views in the last normal matrix.
-    """
-    rotations, translations, delays = cams
-    cauchy, gate = rules[1], rules[2]
-    right = np.empty(3)
-    count = 0
-    for step in range(steps + 1):
-        normal[:] = 0.0
-        right[:] = 0.0
-        count = 0
-        for v in range(len(picks)):
-            residuals[v] = -1.0
-            d = picks[v, 0]
-            if d < 0:
-                continue
-            s = picks[v, 1]
-            a = x[0] + shift[0] * delays[v]
-            b = x[1] + shift[1] * delays[v]
-            c = x[2] + shift[2] * delays[v]
-            r = rotations[v]
-            z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
-            if z < MIN_DEPTH:
-                continue
-            u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
-            w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
-            du, dw = plane[d, s, 0] - u, plane[d, s, 1] - w
-            information = precision[d, s] ** 2
-            squared = (du * du + dw * dw) * information
-            if gated and step >= steps - 1 and squared > gate * gate:
-                continue
-            residuals[v] = np.sqrt(squared)
-            count += 1
-            weight = information / (1.0 + squared / (cauchy * cauchy)) / (z * z)
-            for i in range(3):
-                gi, hi = r[0, i] - u * r[2, i], r[1, i] - w * r[2, i]
-                right[i] += weight * (gi * du + hi * dw) * z
-                for k in range(i + 1):
-                    normal[i, k] += weight * (gi * (r[0, k] - u * r[2, k]) + hi * (r[1, k] - w * r[2, k]))
-        if step == steps or count < 2:
-            break
-        if not _newton_step(x, normal, right):
-            return 0
-    return count
-
-
-@njit(cache=True)
-def _newton_step(x, normal, right):
-    """x += normal^-1 right with the lower triangle of normal (Cholesky), at most MAX_STEP long."""
-    damping = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])
-    a = normal[0, 0] + damping
-    if a <= 0.0:
-        return False
-    l00 = np.sqrt(a)
-    l10, l20 = normal[1, 0] / l00, normal[2, 0] / l00
-    b = normal[1, 1] + damping - l10 * l10
-    if b <= 0.0:
-        return False
-    l11 = np.sqrt(b)
-    l21 = (normal[2, 1] - l20 * l10) / l11
-    c = normal[2, 2] + damping - l20 * l20 - l21 * l21
-    if c <= 0.0:
-        return False
-    l22 = np.sqrt(c)
-    y0 = right[0] / l00
-    y1 = (right[1] - l10 * y0) / l11
-    y2 = (right[2] - l20 * y0 - l21 * y1) / l22
-    s2 = y2 / l22
-    s1 = (y1 - l21 * s2) / l11
-    s0 = (y0 - l10 * s1 - l20 * s2) / l00
-    length = np.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
-    scale = 1.0 if length < MAX_STEP else MAX_STEP / length
-    x[0] += scale * s0
-    x[1] += scale * s1
-    x[2] += scale * s2
-    return True
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def best_start(p, j, prediction, spread, shift, member, source, owner, plane, precision, starts, cams,
-               centres, rules, x, picks):  # fmt: skip
+               centres, rules, x, picks, table):  # fmt: skip
     """Choose the starting point of a joint into x; returns its cost, inf if there is none.
 
     Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views. The
@@ -201,7 +124,8 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
         trial[:] = prediction
         pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts, cams,
                           rules, picks)  # fmt: skip
-        if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, normal, residuals) >= 2:
+        if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, normal, residuals,
+                        table) >= 2:  # fmt: skip
             cost = pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts,
                                      cams, rules, picks)  # fmt: skip
             x[:] = trial
@@ -229,14 +153,14 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
     return best
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _prior_cost(x, prediction, spread, limit):
     """Truncated squared distance to the prediction in units of its spread."""
     squared = (x[0] - prediction[0]) ** 2 + (x[1] - prediction[1]) ** 2 + (x[2] - prediction[2]) ** 2
     return min(squared / (spread * spread), limit)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def solve_joints(todo, predictions, spreads, shifts, member, source, owner, plane, precision, starts,
                  cams, centres, rules):  # fmt: skip
     """Solve the joints `todo` (P, J) of all people.
@@ -259,25 +183,25 @@ def solve_joints(todo, predictions, spreads, shifts, member, source, owner, plan
     residuals = np.full((people, joints, views), -1.0)
     picks = np.full((people, joints, views, 2), -1, np.int64)
     costs = np.full((people, joints), np.inf)
-    x = np.empty(3)
+    x, table = np.empty(3), np.empty((views, TABLE))
     for p in range(people):
         for j in range(joints):
             if not todo[p, j]:
                 continue
             shift, pick = shifts[p, j], picks[p, j]
             cost = best_start(p, j, predictions[p, j], spreads[p, j], shift, member, source, owner, plane,
-                              precision, starts, cams, centres, rules, x, pick)  # fmt: skip
+                              precision, starts, cams, centres, rules, x, pick, table)  # fmt: skip
             if cost == np.inf:
                 pick[:] = -1
                 continue
             pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules,
                               pick)  # fmt: skip
             refine_point(x, shift, pick, plane, precision, cams, rules, 4, False, normals[p, j],
-                         residuals[p, j])  # fmt: skip
+                         residuals[p, j], table)  # fmt: skip
             costs[p, j] = pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts,
                                             cams, rules, pick)  # fmt: skip
             count = refine_point(x, shift, pick, plane, precision, cams, rules, 6, True, normals[p, j],
-                                 residuals[p, j])  # fmt: skip
+                                 residuals[p, j], table)  # fmt: skip
             if count >= 2:
                 positions[p, j] = x
     return positions, normals, residuals, picks, costs

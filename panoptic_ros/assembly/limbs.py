@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from panoptic_ros.domain import SkeletonModel
 
@@ -9,6 +10,7 @@ Array = np.ndarray
 
 ANATOMY_VOTES = 2.0  # views that the place of the nose is worth in saying which side is left
 NOSE_AHEAD = 0.08  # m in front of the shoulders, from which on anatomy is sure
+
 
 def limb_groups(skeleton: SkeletonModel) -> tuple[Array, int]:
     """Group (J,) of every joint with a left-right partner, -1 for the others, and the number of groups.
@@ -40,9 +42,23 @@ def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:
     Args:
         source: (P, V, J) joint of the 2D person that stands for joint j. observed: (P, V, J) is it seen.
     """
-    vote = np.where(source != np.arange(source.shape[-1]), 1.0, -1.0) * observed
-    member = (groups == np.arange(groups.max(initial=-1) + 1)[:, None]).astype(float)  # (G, J)
-    return (vote.sum(axis=1) @ member.T) / np.maximum(member.sum(axis=1), 1.0)
+    return count_exchanged(source, observed, groups, int(groups.max(initial=-1)) + 1)
+
+
+@njit(cache=True, error_model="numpy")
+def count_exchanged(source, observed, groups, count):  # type: ignore[no-untyped-def]
+    """The loops of `exchanged_views`."""
+    people, views, joints = source.shape
+    votes, sizes = np.zeros((people, count)), np.zeros(count)
+    for j in range(joints):
+        if groups[j] < 0:
+            continue
+        sizes[groups[j]] += 1.0
+        for p in range(people):
+            for v in range(views):
+                if observed[p, v, j]:
+                    votes[p, groups[j]] += -1.0 if source[p, v, j] == j else 1.0
+    return votes / np.maximum(sizes, 1.0)
 
 
 class Sides:
@@ -66,22 +82,37 @@ class Sides:
 
     def right_way(self, positions: Array) -> Array:
         """(P, G) in -1..1 for skeletons (P, J, 3): 1 = as anatomy has it, -1 = exchanged, 0 = cannot say."""
-        signs = np.zeros((len(positions), len(self._pairs)))
         if self._torso is None:
-            return signs
-        shoulders = positions[:, list(self._torso[0])].mean(axis=1)
-        up = shoulders - positions[:, list(self._torso[1])].mean(axis=1)
-        ahead = positions[:, self._head] - shoulders
-        for group, left, right in self._pairs:
-            normal = np.cross(positions[:, left] - positions[:, right], up)
-            length = np.linalg.norm(normal, axis=-1)
-            front = (normal * ahead).sum(axis=-1) / np.maximum(length, 1e-6)
-            signs[:, group] = np.where(np.isfinite(front), np.clip(front / NOSE_AHEAD, -1.0, 1.0), 0.0)
-        return signs
+            return np.zeros((len(positions), len(self._pairs)))
+        return sides_of_nose(positions, np.array(self._pairs), np.array(self._torso), self._head)
 
     def of_body(self, positions: Array) -> Array:
         """Mean (P,) of `right_way` over the limbs."""
         return self.right_way(positions).sum(axis=1) / max(len(self._pairs), 1)
+
+
+@njit(cache=True, error_model="numpy")
+def sides_of_nose(positions, pairs, torso, head):  # type: ignore[no-untyped-def]
+    """The loops of `Sides.right_way`; pairs (G, 3): group, left, right; torso: shoulders and hips (2, 2)."""
+    signs = np.zeros((len(positions), len(pairs)))
+    for p in range(len(positions)):
+        x = positions[p]
+        shoulders = 0.5 * (x[torso[0, 0]] + x[torso[0, 1]])
+        up = shoulders - 0.5 * (x[torso[1, 0]] + x[torso[1, 1]])
+        ahead = x[head] - shoulders
+        for i in range(len(pairs)):
+            across = x[pairs[i, 1]] - x[pairs[i, 2]]
+            normal = np.array(
+                [
+                    across[1] * up[2] - across[2] * up[1],
+                    across[2] * up[0] - across[0] * up[2],
+                    across[0] * up[1] - across[1] * up[0],
+                ]
+            )
+            front = (normal * ahead).sum() / max(np.sqrt((normal * normal).sum()), 1e-6)
+            if np.isfinite(front):
+                signs[p, pairs[i, 0]] = min(1.0, max(-1.0, front / NOSE_AHEAD))
+    return signs
 
 
 def _depths(skeleton: SkeletonModel) -> Array:

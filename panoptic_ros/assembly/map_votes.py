@@ -23,6 +23,8 @@ def moved_to_votes(positions: Array, item: ProposalSet, gate: float) -> Array:
         positions: NaN = missing; these stay missing.
         gate: m, farthest that a joint is moved.
     """
+    if not len(item.nodes):
+        return positions
     mapped = _mapped_joints(item)
     result = positions.copy()
     for joint in np.intersect1d(np.unique(item.node_joints), mapped):

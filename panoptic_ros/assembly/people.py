@@ -2,22 +2,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.consensus import Scene
+from panoptic_ros.assembly.judgement import (
+    drop_long_bones,
+    judge_joints,
+    possible_people,
+    second_skeletons,
+)
 from panoptic_ros.assembly.map_votes import moved_to_votes
 from panoptic_ros.assembly.nodes import has_maps, take_nodes
 from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel
 
 Array = np.ndarray
-
-LEARN_MOST = 1000  # residuals per instant
-LEARN_LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
-TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
-SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,14 +64,12 @@ def finish(
         expected: (P, J, 3) m, where joints should be, NaN = no idea; a place to look for nodes.
         observed: (P, J) number of views whose 2D person shows each joint.
     """
-    views = solved.views
-    covariances = joint_covariances(solved, config)
-    with np.errstate(invalid="ignore"):
-        worst = np.linalg.eigvalsh(np.where(np.isfinite(covariances), covariances, 0.0))[..., -1]
-    good = np.isfinite(solved.positions[..., 0]) & np.isfinite(covariances[..., 0, 0])
-    good &= worst <= config.max_joint_sigma**2
-    scores = _scores(scene, solved)
-    _drop_long_bones(solved.positions, worst, good, skeleton, config.max_bone)
+    covariances, worst, scores, views = judge_joints(
+        solved.positions, solved.normals, solved.residuals, solved.picks, scene.evidence.scores,
+        cauchy_correction(config.cauchy), config.covariance_inflation, config.bias_floor**2,
+    )  # fmt: skip
+    good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
+    drop_long_bones(solved.positions, worst, good, _bones(skeleton), config.max_bone)
     positions = np.where(good[..., None], solved.positions, np.nan)
     covariances = np.where(good[..., None, None], covariances, np.nan)
     views, scores = np.where(good, views, 0), np.where(good, scores, 0.0)
@@ -78,30 +78,15 @@ def finish(
     if config.vote_distance > 0.0:
         positions = moved_to_votes(positions, item, config.vote_distance)
     _derive(positions, covariances, scores, views, skeleton)
-    kept = np.flatnonzero(_are_people(positions, good, observed, config))
-    kept = kept[~_duplicates(positions[kept], views[kept])]
+    possible = possible_people(
+        positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest
+    )
+    kept = np.flatnonzero(possible)
+    kept = kept[~second_skeletons(positions[kept], views[kept])]
     return People(kept, positions[kept], covariances[kept], scores[kept], views[kept])
 
 
-def joint_covariances(solved: Solved, config: AssemblyConfig) -> Array:
-    """Covariances (P, J, 3, 3) m^2; NaN if singular.
-
-    Inverse normal matrices, corrected for their Cauchy weights (those of good observations are below
-    1, but cost little precision), and larger for few views.
-    """
-    lower = solved.normals
-    normal = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
-    scale = np.trace(normal, axis1=-2, axis2=-1)
-    good = np.isfinite(solved.positions[..., 0]) & (scale > 0.0)
-    safe = np.where(good[..., None, None], normal, np.eye(3))
-    safe = safe + 1e-9 * np.where(good, scale, 1.0)[..., None, None] * np.eye(3)
-    inflation = 1.0 + config.covariance_inflation / np.maximum(solved.views - 1, 1)
-    inflation *= cauchy_correction(config.cauchy)
-    covariances = np.linalg.inv(safe) * inflation[..., None, None] + config.bias_floor**2 * np.eye(3)
-    covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2))
-    return np.where(good[..., None, None], covariances, np.nan)
-
-
+@cache
 def cauchy_correction(scale: float) -> float:
     """Variance of the Cauchy estimate of a 2D Gaussian over the inverse of its mean weight.
 
@@ -116,26 +101,9 @@ def cauchy_correction(scale: float) -> float:
     return float(variance * (weight * density).sum())
 
 
-def _scores(scene: Scene, solved: Solved) -> Array:
-    """Mean 2D score (P, J) of the observations that were used."""
-    used = solved.residuals >= 0.0
-    rows, joints = np.where(used, solved.picks[..., 0], 0), np.where(used, solved.picks[..., 1], 0)
-    if not len(scene.evidence.view):
-        return np.zeros(used.shape[:2])
-    scores = np.where(used, scene.evidence.scores[rows, joints], 0.0)
-    return scores.sum(axis=-1) / np.maximum(used.sum(axis=-1), 1)
-
-
-def _drop_long_bones(
-    positions: Array, worst: Array, good: Array, skeleton: SkeletonModel, longest: float
-) -> None:
-    """Remove (in `good`, in place) the less certain end of bones that nobody has."""
-    for a, b in skeleton.bones:
-        with np.errstate(invalid="ignore"):
-            long = np.linalg.norm(positions[:, a] - positions[:, b], axis=-1) > longest
-        long &= good[:, a] & good[:, b]
-        good[:, a] &= ~(long & (worst[:, a] > worst[:, b]))
-        good[:, b] &= ~(long & (worst[:, a] <= worst[:, b]))
+def _bones(skeleton: SkeletonModel) -> Array:
+    """Bones (B, 2) as an array."""
+    return np.array(skeleton.bones, np.int64).reshape(-1, 2)
 
 
 def _use_nodes(
@@ -165,58 +133,3 @@ def _derive(
         there = np.isfinite(positions[:, joint, 0])
         scores[:, joint] = np.where(there, scores[:, parts].min(axis=1), 0.0)
         views[:, joint] = np.where(there, views[:, parts].min(axis=1), 0)
-
-
-def _are_people(positions: Array, good: Array, observed: Array, config: AssemblyConfig) -> Array:
-    """Which skeletons (P,) have enough joints, at a possible height, with views that agree on most."""
-    count = good.sum(axis=1)
-    agreed = (good & (observed >= 2)).sum(axis=1) >= config.min_agreed_share * (observed >= 2).sum(axis=1)
-    heights = np.where(np.isfinite(positions[..., 2]), positions[..., 2], np.nan)
-    middle = np.array([np.nanmedian(row) if np.isfinite(row).any() else -np.inf for row in heights])
-    return agreed & (count >= config.min_person_joints) & (middle > config.lowest)
-
-
-def _duplicates(positions: Array, views: Array) -> Array:
-    """Which skeletons (P,) lie on another one that rests on more views."""
-    weight = views.sum(axis=1)
-    double = np.zeros(len(positions), bool)
-    for i in range(len(positions)):
-        for k in range(len(positions)):
-            if i == k or double[k] or weight[k] < weight[i] or (weight[k] == weight[i] and k > i):
-                continue
-            gaps = np.linalg.norm(positions[i] - positions[k], axis=-1)
-            known = np.isfinite(gaps)
-            if known.sum() >= 3 and gaps[known].mean() < SAME_PERSON:
-                double[i] = True
-    return double
-
-
-def residuals_to_learn(scene: Scene, solved: Solved, kept: Array) -> tuple[Array, Array, Array]:
-    """Rows (N,), joints (N,) and residuals (N,) px, leverage taken out.
-
-    From joints of three and more views; from those of two only where there are no others.
-    """
-    evidence = scene.evidence
-    views = np.where(np.isfinite(solved.positions[..., 0]), solved.views, 0)[kept]
-    least = 3 if (views >= 3).any() else 2
-    used = (solved.picks[kept, ..., 0] >= 0) & (views >= least)[..., None]
-    p, j, v = (index[:: 1 + len(index) // LEARN_MOST] for index in np.nonzero(used))
-    p = kept[p]
-    rows, joints = solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]
-    local = np.einsum("nij,nj->ni", evidence.rotations[v], solved.positions[p, j])
-    local += evidence.translations[v]
-    inverse = 1.0 / np.maximum(local[:, 2], 0.05)
-    plane = local[:, :2] * inverse[:, None]
-    jacobian = inverse[:, None, None] * (
-        evidence.rotations[v][:, :2] - plane[:, :, None] * evidence.rotations[v][:, 2:3]
-    )
-    lower = solved.normals[p, j]
-    normal = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
-    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    spread = np.linalg.solve(normal, np.swapaxes(jacobian, 1, 2))
-    leverage = 0.5 * np.einsum("nki,nik->n", jacobian, spread) * scene.precision[rows, joints] ** 2
-    leverage = np.where(solved.residuals[p, j, v] >= 0.0, leverage, 0.0)
-    fair = leverage < (LEARN_LEVERAGE if least > 2 else 0.9)
-    error = np.linalg.norm(evidence.plane[rows, joints] - plane, axis=-1) * evidence.focals[v]
-    length = error / np.sqrt(np.maximum(1.0 - leverage, 0.1)) * (1.0 if least > 2 else TWO_VIEW_FACTOR)
-    return rows[fair], joints[fair], length[fair]

@@ -4,6 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from panoptic_ros.assembly.agreement import limb_costs
 from panoptic_ros.assembly.config import AssemblyConfig
@@ -72,7 +73,9 @@ class Solver:
         changed = self._exchange(scene, grouping, source, guide, solved)
         if changed.any():
             solved = _merge(solved, self._run(scene, grouping, source, guide, owner, changed), changed)
-        losers = _settle(solved, owner, grouping, self._config.foreign_penalty)
+        losers = settle(
+            solved.residuals, solved.picks, owner, grouping.member, self._config.foreign_penalty
+        )
         if losers.any():
             solved = _merge(solved, self._run(scene, grouping, source, guide, owner, losers), losers)
         return solved
@@ -129,21 +132,30 @@ def _merge(old: Solved, new: Solved, where: Array) -> Solved:
     return Solved(*(choose(name) for name in ("positions", "normals", "residuals", "picks", "costs")))
 
 
-def _settle(solved: Solved, owner: Array, grouping: Grouping, penalty: float) -> Array:
+@njit(cache=True, error_model="numpy")
+def settle(residuals, picks, owner, member, penalty):  # type: ignore[no-untyped-def]
     """Give every 2D joint to the one skeleton that it fits best; which joints (P, J) lost one.
 
     The paper (5.3) demands that a 2D detection supports a single skeleton.
+
+    Args:
+        residuals (P, J, V), picks (P, J, V, 2): see `Solved`. member: (P, V). penalty: of foreign joints.
+        owner: (D, J) the skeleton that has each 2D joint, in place.
     """
-    p, j, v = np.nonzero(solved.residuals >= 0.0)
-    d, s = solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]
-    cost = solved.residuals[p, j, v] ** 2 + penalty * (grouping.member[p, v] != d)
-    key = d * owner.shape[1] + s
-    order = np.lexsort((cost, key))
-    first = np.ones(len(order), bool)
-    first[1:] = key[order][1:] != key[order][:-1]
-    winners = order[first]
-    owner[d[winners], s[winners]] = p[winners]
-    lost = owner[d, s] != p
-    losers = np.zeros(solved.costs.shape, bool)
-    losers[p[lost], j[lost]] = True
+    people, joints, views = residuals.shape
+    least = np.full(owner.shape, np.inf)
+    for p in range(people):
+        for j in range(joints):
+            for v in range(views):
+                if residuals[p, j, v] >= 0.0:
+                    d, s = picks[p, j, v]
+                    cost = residuals[p, j, v] ** 2 + (penalty if member[p, v] != d else 0.0)
+                    if cost < least[d, s]:
+                        least[d, s], owner[d, s] = cost, p
+    losers = np.zeros((people, joints), np.bool_)
+    for p in range(people):
+        for j in range(joints):
+            for v in range(views):
+                if residuals[p, j, v] >= 0.0 and owner[picks[p, j, v, 0], picks[p, j, v, 1]] != p:
+                    losers[p, j] = True
     return losers

@@ -10,9 +10,10 @@ from panoptic_ros.assembly.consensus import Scene
 from panoptic_ros.assembly.dynamic_programming import assemble
 from panoptic_ros.assembly.evidence import Evidence, RigArrays, gather
 from panoptic_ros.assembly.guidance import Guidance, Prediction
+from panoptic_ros.assembly.lessons import residuals_to_learn
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
 from panoptic_ros.assembly.noise import NoiseTable
-from panoptic_ros.assembly.people import finish, residuals_to_learn
+from panoptic_ros.assembly.people import finish
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import PoseSet, ProposalSet
@@ -104,6 +105,10 @@ class AssemblyStage:
 
     def _learn(self, scene: Scene, solved: Solved, kept: Array) -> None:
         """Update the noise table from this instant's residuals."""
-        rows, joints, pixels = residuals_to_learn(scene, solved, kept)
-        cameras = scene.evidence.cameras[scene.evidence.view[rows]]
-        self._noise.learn(scene.evidence.scores[rows, joints], cameras, pixels, self._rig.diagonals)
+        evidence = scene.evidence
+        rows, joints, pixels = residuals_to_learn(
+            kept, solved.positions, solved.normals, solved.residuals, solved.picks, evidence.plane,
+            scene.precision, evidence.rotations, evidence.translations, evidence.focals,
+        )  # fmt: skip
+        cameras = evidence.cameras[evidence.view[rows]]
+        self._noise.learn(evidence.scores[rows, joints], cameras, pixels, self._rig.diagonals)

@@ -7,7 +7,7 @@ from numba import njit
 Array = np.ndarray
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def undistort_points(pixels, usable, cameras, matrices, distortions, radii):  # type: ignore[no-untyped-def]
     """Undistorted normalised points by Newton's method.
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def predict_states(states, covariances, dt, q):
     """States (N, 6) and covariances (N, 6, 6) dt s later, under noise q (N,); NaN rows stay NaN."""
     count = len(states)
@@ -31,7 +31,7 @@ def predict_states(states, covariances, dt, q):
     return moved, grown
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def update_states(states, covariances, points, noises, cauchy):
     """Take points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
 
@@ -58,7 +58,7 @@ def update_states(states, covariances, points, noises, cauchy):
             _scalar_update(states[n], covariances[n], row, points[n])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _scalar_update(state, covariance, row, point):
     """One measurement row . position = row . point of noise 1."""
     gain = np.zeros(6)
@@ -77,7 +77,7 @@ def _scalar_update(state, covariance, row, point):
             covariance[k, i] = covariance[i, k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cholesky(matrix):
     """Lower factor of a symmetric positive matrix, with a floor on the pivots."""
     size = len(matrix)
@@ -94,7 +94,7 @@ def _cholesky(matrix):
     return lower
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _squared_length(matrix, vector):
     """vector^T matrix^-1 vector."""
     lower = _cholesky(matrix)
@@ -109,7 +109,7 @@ def _squared_length(matrix, vector):
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def smooth_states(states, covariances, dt, predicted, predicted_covariances, later, later_covariances):
     """One step backwards: smoothed states (N, 6) and covariances (N, 6, 6).
 
@@ -147,7 +147,7 @@ def smooth_states(states, covariances, dt, predicted, predicted_covariances, lat
     return smoothed, tightened
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _solve(lower, right):
     """Solution of lower lower^T x = right."""
     size = len(right)

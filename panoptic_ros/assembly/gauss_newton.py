@@ -1,0 +1,130 @@
+"""Gauss-Newton on the reprojection error of one point, with Cauchy weights and a gate."""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+MAX_STEP = 0.5  # m, of one step
+MIN_DEPTH = 0.05  # m
+TABLE = 16  # columns of a table of observations
+
+
+@njit(cache=True, error_model="numpy")
+def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, normal, residuals, table):
+    """Gauss-Newton with Cauchy weights on the picked observations; x, normal and residuals in place.
+
+    residuals: (V,) in standard deviations, -1 where a view has no pick or was gated.
+    table: (V, TABLE), for the observations side by side: rotation, translation at the view's instant,
+    point on the plane, information, view.
+    Returns the number of views in the last normal matrix.
+    """
+    used = _tabulate(shift, picks, plane, precision, cams, residuals, table)
+    softness, gate = 1.0 / (rules[1] * rules[1]), rules[2] * rules[2]
+    x0, x1, x2 = x[0], x[1], x[2]
+    count = 0
+    for step in range(steps + 1):
+        n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
+        count = 0
+        test = gated and step >= steps - 1
+        for k in range(used):
+            row = table[k]
+            z = row[6] * x0 + row[7] * x1 + row[8] * x2 + row[11]
+            view = int(row[15])
+            residuals[view] = -1.0
+            if z < MIN_DEPTH:
+                continue
+            inverse = 1.0 / z
+            u = (row[0] * x0 + row[1] * x1 + row[2] * x2 + row[9]) * inverse
+            w = (row[3] * x0 + row[4] * x1 + row[5] * x2 + row[10]) * inverse
+            du, dw = row[12] - u, row[13] - w
+            squared = (du * du + dw * dw) * row[14]
+            if test and squared > gate:
+                continue
+            residuals[view] = squared
+            count += 1
+            weight = row[14] / (1.0 + squared * softness) * inverse
+            g0, g1, g2 = row[0] - u * row[6], row[1] - u * row[7], row[2] - u * row[8]
+            h0, h1, h2 = row[3] - w * row[6], row[4] - w * row[7], row[5] - w * row[8]
+            b0 += weight * (g0 * du + h0 * dw)
+            b1 += weight * (g1 * du + h1 * dw)
+            b2 += weight * (g2 * du + h2 * dw)
+            weight *= inverse
+            n00 += weight * (g0 * g0 + h0 * h0)
+            n10 += weight * (g1 * g0 + h1 * h0)
+            n11 += weight * (g1 * g1 + h1 * h1)
+            n20 += weight * (g2 * g0 + h2 * h0)
+            n21 += weight * (g2 * g1 + h2 * h1)
+            n22 += weight * (g2 * g2 + h2 * h2)
+        if step == steps or count < 2:
+            break
+        good, s0, s1, s2 = newton_step(n00, n10, n11, n20, n21, n22, b0, b1, b2)
+        if not good:
+            count = 0
+            break
+        x0, x1, x2 = x0 + s0, x1 + s1, x2 + s2
+    x[0], x[1], x[2] = x0, x1, x2
+    normal[:] = 0.0
+    normal[0, 0], normal[1, 0], normal[1, 1] = n00, n10, n11
+    normal[2, 0], normal[2, 1], normal[2, 2] = n20, n21, n22
+    for k in range(used):
+        view = int(table[k, 15])
+        if residuals[view] >= 0.0:
+            residuals[view] = np.sqrt(residuals[view])
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _tabulate(shift, picks, plane, precision, cams, residuals, table):
+    """Write the picked observations into the rows of the table; returns their number."""
+    rotations, translations, delays = cams
+    used = 0
+    for v in range(len(picks)):
+        residuals[v] = -1.0
+        d, s = picks[v, 0], picks[v, 1]
+        if d < 0:
+            continue
+        for i in range(3):
+            moved = translations[v, i]
+            for k in range(3):
+                table[used, 3 * i + k] = rotations[v, i, k]
+                moved += rotations[v, i, k] * shift[k] * delays[v]
+            table[used, 9 + i] = moved
+        table[used, 12], table[used, 13] = plane[d, s, 0], plane[d, s, 1]
+        table[used, 14] = precision[d, s] ** 2
+        table[used, 15] = v
+        used += 1
+    return used
+
+
+@njit(cache=True, error_model="numpy")
+def newton_step(n00, n10, n11, n20, n21, n22, b0, b1, b2):
+    """normal^-1 b, damped, at most MAX_STEP long; first whether it exists."""
+    damping = 1e-9 * (n00 + n11 + n22)
+    good, s0, s1, s2 = solve_symmetric(
+        n00 + damping, n10, n11 + damping, n20, n21, n22 + damping, b0, b1, b2
+    )
+    length = np.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
+    scale = 1.0 if length < MAX_STEP else MAX_STEP / length
+    return good, scale * s0, scale * s1, scale * s2
+
+
+@njit(cache=True, error_model="numpy")
+def solve_symmetric(n00, n10, n11, n20, n21, n22, b0, b1, b2):
+    """Whether the 3x3 matrix of this lower triangle is positive, and its solution (by L D L^T)."""
+    if n00 <= 0.0:
+        return False, 0.0, 0.0, 0.0
+    i0 = 1.0 / n00
+    l10, l20 = n10 * i0, n20 * i0
+    d1 = n11 - l10 * n10
+    if d1 <= 0.0:
+        return False, 0.0, 0.0, 0.0
+    i1 = 1.0 / d1
+    rest = n21 - l20 * n10
+    l21 = rest * i1
+    d2 = n22 - l20 * n20 - l21 * rest
+    if d2 <= 0.0:
+        return False, 0.0, 0.0, 0.0
+    y1 = b1 - l10 * b0
+    s2 = (b2 - l20 * b0 - l21 * y1) / d2
+    s1 = y1 * i1 - l21 * s2
+    return True, b0 * i0 - l10 * s1 - l20 * s2, s1, s2

@@ -1,0 +1,144 @@
+"""How certain solved joints are, and which skeletons can be people: compiled loops."""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
+SAME_JOINTS = 3  # joints that such skeletons must share
+
+
+@njit(cache=True, error_model="numpy")
+def judge_joints(positions, normals, residuals, picks, scores, inflation, extra, floor):
+    """Covariances, their largest deviations, scores and numbers of views of solved joints.
+
+    Args:
+        positions: (P, J, 3) m. normals: (P, J, 3, 3) 1/m^2, lower triangles.
+        residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and column in scores (D, J).
+        inflation, extra: covariances are multiplied by inflation * (1 + extra / (views - 1)).
+        floor: m^2, added to all variances.
+
+    Returns:
+        covariances (P, J, 3, 3) m^2, NaN where singular or where there is no position;
+        worst (P, J) m^2, the variance along the longest axis, 0 where the covariance is NaN;
+        mean (P, J), score of the used observations; views (P, J).
+    """
+    people, joints, count_views = residuals.shape
+    covariances = np.full((people, joints, 3, 3), np.nan)
+    worst, mean = np.zeros((people, joints)), np.zeros((people, joints))
+    views = np.zeros((people, joints), np.int64)
+    for p in range(people):
+        for j in range(joints):
+            total = 0.0
+            for v in range(count_views):
+                if residuals[p, j, v] >= 0.0:
+                    views[p, j] += 1
+                    total += scores[picks[p, j, v, 0], picks[p, j, v, 1]]
+            mean[p, j] = total / max(views[p, j], 1)
+            if np.isfinite(positions[p, j, 0]):
+                factor = inflation * (1.0 + extra / max(views[p, j] - 1, 1))
+                _invert(normals[p, j], factor, floor, covariances[p, j])
+                if np.isfinite(covariances[p, j, 0, 0]):
+                    worst[p, j] = largest_eigenvalue(covariances[p, j])
+    return covariances, worst, mean, views
+
+
+@njit(cache=True, error_model="numpy")
+def _invert(lower, factor, floor, result):
+    """result (3, 3) = factor * inverse of the symmetric matrix + floor; untouched if it has no trace."""
+    scale = lower[0, 0] + lower[1, 1] + lower[2, 2]
+    if not scale > 0.0:
+        return
+    a, b, c = lower[0, 0] + 1e-9 * scale, lower[1, 0], lower[2, 0]
+    d, e, f = lower[1, 1] + 1e-9 * scale, lower[2, 1], lower[2, 2] + 1e-9 * scale
+    l10, l20 = b / a, c / a
+    d1 = d - l10 * b
+    rest = e - l20 * b
+    l21 = rest / d1
+    d2 = f - l20 * c - l21 * rest
+    m20 = l10 * l21 - l20  # last row of L^-1, and of (L D L^T)^-1 / d2
+    i2, i1, i0 = factor / d2, factor / d1, factor / a
+    result[2, 2] = i2 + floor
+    result[2, 1] = result[1, 2] = -l21 * i2
+    result[2, 0] = result[0, 2] = m20 * i2
+    result[1, 1] = i1 + l21 * l21 * i2 + floor
+    result[1, 0] = result[0, 1] = -l10 * i1 - l21 * m20 * i2
+    result[0, 0] = i0 + l10 * l10 * i1 + m20 * m20 * i2 + floor
+
+
+@njit(cache=True, error_model="numpy")
+def largest_eigenvalue(matrix):
+    """Of a symmetric 3x3 matrix, in closed form (Smith 1961)."""
+    mean = (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) / 3.0
+    a, d, f = matrix[0, 0] - mean, matrix[1, 1] - mean, matrix[2, 2] - mean
+    b, c, e = matrix[1, 0], matrix[2, 0], matrix[2, 1]
+    square = (a * a + d * d + f * f + 2.0 * (b * b + c * c + e * e)) / 6.0
+    if square <= 0.0:
+        return mean
+    length = np.sqrt(square)
+    determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+    cosine = min(1.0, max(-1.0, 0.5 * determinant / (length * square)))
+    return mean + 2.0 * length * np.cos(np.arccos(cosine) / 3.0)
+
+
+@njit(cache=True, error_model="numpy")
+def drop_long_bones(positions, worst, good, bones, longest):
+    """Remove (in `good`, in place) the less certain end of bones (B, 2) longer than `longest` m."""
+    for p in range(len(positions)):
+        for i in range(len(bones)):
+            a, b = bones[i]
+            if good[p, a] and good[p, b] and _gap(positions[p, a], positions[p, b]) > longest:
+                good[p, a if worst[p, a] > worst[p, b] else b] = False
+
+
+@njit(cache=True, error_model="numpy")
+def possible_people(positions, good, observed, min_share, min_joints, lowest):
+    """Which skeletons (P,) have enough joints, at a possible height, with views that agree on most.
+
+    Args:
+        observed: (P, J) number of views whose 2D person shows each joint.
+        min_share: of the joints seen in two or more views. lowest: m, of the median height.
+    """
+    people, joints = good.shape
+    possible = np.zeros(people, np.bool_)
+    heights = np.empty(joints)
+    for p in range(people):
+        count = agreed = shown = known = 0
+        for j in range(joints):
+            count += good[p, j]
+            if observed[p, j] >= 2:
+                shown += 1
+                agreed += good[p, j]
+            if np.isfinite(positions[p, j, 2]):
+                heights[known] = positions[p, j, 2]
+                known += 1
+        if known and count >= min_joints and agreed >= min_share * shown:
+            possible[p] = np.median(heights[:known]) > lowest
+    return possible
+
+
+@njit(cache=True, error_model="numpy")
+def second_skeletons(positions, views):
+    """Which skeletons (P,) lie on another one that rests on more views (P, J); of equals the first stays."""
+    people, joints = views.shape
+    double = np.zeros(people, np.bool_)
+    weight = views.sum(axis=1)
+    for i in range(people):
+        for k in range(people):
+            if i == k or double[k] or weight[k] < weight[i] or (weight[k] == weight[i] and k > i):
+                continue
+            total, known = 0.0, 0
+            for j in range(joints):
+                gap = _gap(positions[i, j], positions[k, j])
+                if np.isfinite(gap):
+                    total += gap
+                    known += 1
+            if known >= SAME_JOINTS and total < SAME_PERSON * known:
+                double[i] = True
+    return double
+
+
+@njit(cache=True, error_model="numpy")
+def _gap(a, b):
+    """Distance of two points."""
+    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)

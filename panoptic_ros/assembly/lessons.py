@@ -1,0 +1,95 @@
+"""Residuals that teach how noisy 2D joints are: those of well-supported joints, leverage taken out."""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+MOST = 1000  # residuals per instant
+LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
+TWO_VIEW_LEVERAGE = 0.9
+TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
+MIN_DEPTH = 0.05  # m
+
+
+@njit(cache=True, error_model="numpy")
+def residuals_to_learn(kept, positions, normals, residuals, picks, plane, precision, rotations, translations,
+                       focals):  # fmt: skip
+    """Rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
+
+    From joints of three and more views; from those of two only where there are no others. Every n-th
+    where there are too many. A residual that was taken out by the gate still teaches: it is noise.
+
+    Args:
+        positions, normals, residuals, picks: see `Solved`. plane, precision: see `Scene`, by row.
+        rotations, translations, focals: of the views.
+    """
+    joints, views = residuals.shape[1:]
+    support = np.zeros((len(kept), joints), np.int64)
+    for i in range(len(kept)):
+        for j in range(joints):
+            if np.isfinite(positions[kept[i], j, 0]):
+                support[i, j] = (residuals[kept[i], j] >= 0.0).sum()
+    few = not (support >= 3).any()
+    least = 2 if few else 3
+    count = 0
+    for i in range(len(kept)):
+        for j in range(joints):
+            if support[i, j] >= least:
+                count += (picks[kept[i], j, :, 0] >= 0).sum()
+    stride = 1 + count // MOST
+    rows, columns = np.empty(count // stride + 1, np.int64), np.empty(count // stride + 1, np.int64)
+    pixels = np.empty(count // stride + 1)
+    index = taken = 0
+    for i in range(len(kept)):
+        p = kept[i]
+        for j in range(joints):
+            if support[i, j] < least:
+                continue
+            for v in range(views):
+                d, s = picks[p, j, v]
+                if d < 0:
+                    continue
+                index += 1
+                if (index - 1) % stride:
+                    continue
+                error, leverage = _residual(
+                    positions[p, j], normals[p, j], rotations[v], translations[v], plane[d, s],
+                    precision[d, s],
+                )  # fmt: skip
+                if residuals[p, j, v] < 0.0:
+                    leverage = 0.0
+                if leverage < (TWO_VIEW_LEVERAGE if few else LEVERAGE):
+                    rows[taken], columns[taken] = d, s
+                    pixels[taken] = error * focals[v] / np.sqrt(max(1.0 - leverage, 0.1))
+                    if few:
+                        pixels[taken] *= TWO_VIEW_FACTOR
+                    taken += 1
+    return rows[:taken], columns[:taken], pixels[:taken]
+
+
+@njit(cache=True, error_model="numpy")
+def _residual(x, lower, rotation, translation, point, precision):
+    """Distance on the plane between a joint and its observation, and the leverage of that observation."""
+    local = np.empty(3)
+    for i in range(3):
+        local[i] = translation[i]
+        for k in range(3):
+            local[i] += rotation[i, k] * x[k]
+    inverse = 1.0 / max(local[2], MIN_DEPTH)
+    u, w = local[0] * inverse, local[1] * inverse
+    error = np.sqrt((point[0] - u) ** 2 + (point[1] - w) ** 2)
+    damping = 1e-9 * (lower[0, 0] + lower[1, 1] + lower[2, 2])
+    a, b, c = lower[0, 0] + damping, lower[1, 0], lower[2, 0]
+    d, e, f = lower[1, 1] + damping, lower[2, 1], lower[2, 2] + damping
+    l10, l20 = b / a, c / a
+    d1 = d - l10 * b
+    l21 = (e - l20 * b) / d1
+    d2 = f - l20 * c - l21 * (e - l20 * b)
+    total = 0.0  # trace of J N^-1 J^T with N = L D L^T
+    for i in range(2):
+        slope = u if i == 0 else w
+        g0 = rotation[i, 0] - slope * rotation[2, 0]
+        g1 = rotation[i, 1] - slope * rotation[2, 1] - l10 * g0
+        g2 = rotation[i, 2] - slope * rotation[2, 2] - l20 * g0 - l21 * g1
+        total += g0 * g0 / a + g1 * g1 / d1 + g2 * g2 / d2
+    return error, 0.5 * total * inverse * inverse * precision * precision

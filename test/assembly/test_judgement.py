@@ -1,0 +1,156 @@
+"""The compiled loops against numpy."""
+import numpy as np
+
+from panoptic_ros.assembly.consensus import triangulate_linear
+from panoptic_ros.assembly.judgement import (
+    drop_long_bones,
+    judge_joints,
+    largest_eigenvalue,
+    possible_people,
+    second_skeletons,
+)
+from panoptic_ros.assembly.lessons import residuals_to_learn
+from panoptic_ros.assembly.solve import settle
+
+PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
+
+
+def solved(seed):
+    """Random joints: positions, lower normals, residuals, picks, and the scores of the observations."""
+    rng = np.random.default_rng(seed)
+    factor = rng.standard_normal((PEOPLE, JOINTS, 4, 3)) * [300.0, 100.0, 20.0]
+    normals = np.swapaxes(factor, -1, -2) @ factor
+    positions = rng.uniform(-1.0, 1.0, (PEOPLE, JOINTS, 3))
+    positions[rng.random((PEOPLE, JOINTS)) < 0.2] = np.nan
+    residuals = np.abs(rng.standard_normal((PEOPLE, JOINTS, VIEWS)))
+    residuals[rng.random(residuals.shape) < 0.3] = -1.0
+    picks = np.stack(
+        [rng.integers(0, ROWS, residuals.shape), rng.integers(0, JOINTS, residuals.shape)], axis=-1
+    )
+    picks[(residuals < 0.0) & (rng.random(residuals.shape) < 0.5)] = -1
+    return positions, np.tril(normals), residuals, picks, rng.uniform(0.0, 1.0, (ROWS, JOINTS))
+
+
+def full(lower):
+    """The symmetric matrix of a lower triangle, damped."""
+    normal = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
+    return normal + 1e-9 * np.trace(normal, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+
+
+def test_covariances_are_inverse_normals_inflated():
+    positions, normals, residuals, picks, scores = solved(0)
+    result, worst, mean, views = judge_joints(
+        positions, normals, residuals, picks, scores, 1.1, 0.8, 1e-4
+    )
+    there, used = np.isfinite(positions[..., 0]), residuals >= 0.0
+    assert (views == used.sum(-1)).all() and (np.isfinite(result[..., 0, 0]) == there).all()
+    factor = 1.1 * (1.0 + 0.8 / np.maximum(views - 1, 1))
+    expected = np.linalg.inv(full(normals)) * factor[..., None, None] + 1e-4 * np.eye(3)
+    assert np.allclose(result[there], expected[there], rtol=1e-9, atol=0.0)
+    assert np.allclose(worst[there], np.linalg.eigvalsh(expected)[there][:, -1])
+    assert (worst[~there] == 0.0).all()
+    chosen = np.where(used, scores[picks[..., 0], picks[..., 1]], 0.0)
+    assert np.allclose(mean, chosen.sum(-1) / np.maximum(used.sum(-1), 1))
+
+
+def test_singular_normals_give_no_covariance():
+    result, worst, *_ = judge_joints(
+        np.zeros((1, 1, 3)), np.zeros((1, 1, 3, 3)), -np.ones((1, 1, 2)), -np.ones((1, 1, 2, 2), np.int64),
+        np.ones((1, 1)), 1.0, 0.8, 0.0,
+    )  # fmt: skip
+    assert np.isnan(result).all() and worst[0, 0] == 0.0
+
+
+def test_largest_eigenvalue():
+    rng = np.random.default_rng(0)
+    for scale in (np.ones(3), np.array([1.0, 1e-2, 1e-5])):
+        factor = rng.standard_normal((50, 3, 3)) * scale
+        for matrix in np.swapaxes(factor, 1, 2) @ factor:
+            assert np.isclose(largest_eigenvalue(matrix), np.linalg.eigvalsh(matrix)[-1], rtol=1e-9)
+    assert largest_eigenvalue(2.0 * np.eye(3)) == 2.0
+
+
+def test_the_less_certain_end_of_a_long_bone_is_dropped():
+    positions = np.array([[[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [2.0, 0.0, 0.0]]])
+    good = np.ones((1, 3), bool)
+    drop_long_bones(positions, np.array([[1.0, 2.0, 1.0]]), good, np.array([[0, 1], [1, 2]]), 0.9)
+    assert good.tolist() == [[True, False, True]]
+
+
+def test_people_need_joints_agreement_and_height():
+    positions = np.ones((4, 6, 3)) * np.array([1.0, 1.0, 1.0, -9.0])[:, None, None]
+    good = np.ones((4, 6), bool)
+    good[1, 3:] = False  # too few joints
+    good[2, :1] = False
+    positions[~good] = np.nan
+    observed = np.full((4, 6), 3)
+    assert possible_people(positions, good, observed, 0.5, 5, -2.0).tolist() == [True, False, True, False]
+    assert not possible_people(positions, good, observed, 0.9, 5, -2.0)[2]
+
+
+def test_of_two_skeletons_in_one_place_that_of_more_views_stays():
+    person = np.random.default_rng(0).uniform(0.0, 1.0, (1, 6, 3))
+    positions = np.concatenate([person + 0.05, person, person + 3.0, person])
+    views = np.array([2, 3, 3, 3])[:, None] * np.ones((4, 6), np.int64)
+    assert second_skeletons(positions, views).tolist() == [True, False, False, True]
+
+
+def test_every_observation_goes_to_whom_it_fits_best():
+    residuals = np.array([[[1.0]], [[2.0]], [[1.5]]])
+    picks = np.zeros((3, 1, 1, 2), np.int64)
+    for member, penalty, winner in (([0, 0, 0], 4.0, 0), ([1, 0, 0], 4.0, 2)):
+        owner = np.full((2, 1), -1)
+        losers = settle(residuals, picks, owner, np.array(member)[:, None], penalty)
+        assert owner[0, 0] == winner and owner[1, 0] == -1
+        assert losers[:, 0].tolist() == [p != winner for p in range(3)]
+
+
+def test_lessons_take_leverage_out():
+    positions, normals, residuals, picks, precision = solved(1)
+    precision = 100.0 * precision
+    rng = np.random.default_rng(2)
+    plane = rng.standard_normal((ROWS, JOINTS, 2))
+    rotations, _ = np.linalg.qr(rng.standard_normal((VIEWS, 3, 3)))
+    translations, focals = rng.uniform(3.0, 5.0, (VIEWS, 3)), rng.uniform(800.0, 900.0, VIEWS)
+    kept = np.array([0, 2, 3])
+    rows, joints, pixels = residuals_to_learn(
+        kept, positions, normals, residuals, picks, plane, precision, rotations, translations, focals
+    )
+    expected = []
+    for p in kept:
+        for j in np.flatnonzero(np.isfinite(positions[p, :, 0]) & ((residuals[p] >= 0.0).sum(-1) >= 3)):
+            for v in np.flatnonzero(picks[p, j, :, 0] >= 0):
+                d, s = picks[p, j, v]
+                local = rotations[v] @ positions[p, j] + translations[v]
+                point = local[:2] / local[2]
+                jacobian = (rotations[v, :2] - point[:, None] * rotations[v, 2]) / local[2]
+                spread = jacobian @ np.linalg.inv(full(normals[p, j])) @ jacobian.T
+                leverage = 0.5 * np.trace(spread) * precision[d, s] ** 2 * (residuals[p, j, v] >= 0.0)
+                if leverage < 0.7:
+                    error = np.linalg.norm(plane[d, s] - point) * focals[v]
+                    expected.append((d, s, error / np.sqrt(max(1.0 - leverage, 0.1))))
+    expected = np.array(expected)
+    assert len(rows) == len(expected) > 20
+    assert (np.stack([rows, joints], axis=1) == expected[:, :2]).all()
+    assert np.allclose(pixels, expected[:, 2])
+
+
+def test_linear_triangulation_is_least_squares(scenes):
+    rig, truth = scenes.ring(4), scenes.person(0.2, 0.1)
+    stack, mirror = rig.stack(), np.array(scenes.skeleton.mirror)
+    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
+    plane += 1e-3 * np.random.default_rng(0).standard_normal(plane.shape)
+    plane[2] = plane[2][mirror]
+    weight = np.random.default_rng(1).uniform(0.0, 500.0, plane.shape[:2])
+    member, mirrored = np.array([0, -1, 2, 3]), np.array([False, False, True, False])
+    points = triangulate_linear(member, mirrored, plane, weight, stack.rotations, stack.translations, mirror)
+    for j in range(len(truth)):
+        rows, right = [], []
+        for v in (0, 2, 3):
+            s = mirror[j] if mirrored[v] else j
+            for k in range(2):
+                r, t = stack.rotations[v], stack.translations[v]
+                rows.append(weight[v, s] * (plane[v, s, k] * r[2] - r[k]))
+                right.append(weight[v, s] * (t[k] - plane[v, s, k] * t[2]))
+        expected = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0]
+        assert np.allclose(points[j], expected, atol=1e-6)
