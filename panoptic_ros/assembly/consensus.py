@@ -131,6 +131,8 @@ def find_people(scene: Scene, free: Array, config: AssemblyConfig) -> tuple[Grou
         config.agreement,
     )  # fmt: skip
     value = np.triu(np.where(common >= MIN_COMMON, agreement, 0.0))
+    if value.max() < config.person_agreement:
+        return found, places[0]
     rank = value * np.sqrt(common)
     while True:
         rank[~free[chosen]] = 0.0

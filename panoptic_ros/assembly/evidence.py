@@ -98,7 +98,7 @@ class Evidence:
 
 
 def gather(
-    detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, min_score: float
+    detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str, min_score: float
 ) -> Evidence:
     """Flatten, order and undistort the 2D people of a set.
 
@@ -109,7 +109,7 @@ def gather(
     Raises:
         DataError: on another skeleton, a camera that the rig lacks, or other image sizes.
     """
-    _check(detections, arrays, skeleton)
+    _check(detections, arrays, skeleton, skeleton_hash)
     slots = sorted(range(len(detections.views)), key=lambda i: arrays.index[detections.views[i].camera])
     records = [detections.views[i] for i in slots]
     cameras = np.array([arrays.index[record.camera] for record in records], np.int64)
@@ -137,12 +137,14 @@ def gather(
     )  # fmt: skip
 
 
-def _check(detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel) -> None:
+def _check(
+    detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str
+) -> None:
     """The set fits the rig and the skeleton."""
-    if detections.skeleton_hash != skeleton.hash:
+    if detections.skeleton_hash != skeleton_hash:
         raise DataError(
             f"detections of skeleton {detections.skeleton_hash}, but assembly works on "
-            f"{skeleton.name} ({skeleton.hash}); configure one skeleton for all"
+            f"{skeleton.name} ({skeleton_hash}); configure one skeleton for all"
         )
     for record in detections.views:
         if record.camera not in arrays.index:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 Array = np.ndarray
 
@@ -58,13 +59,7 @@ class NoiseTable:
 
     def _median(self, table: Array) -> Array:
         """Median of each row of a histogram, interpolated inside of its level."""
-        sums = np.cumsum(table, axis=1)
-        half = 0.5 * sums[:, -1:]
-        level = (sums < half).sum(axis=1)
-        rows = np.arange(len(table))
-        below = np.where(level > 0, sums[rows, level - 1], 0.0)
-        inside = (half[:, 0] - below) / np.maximum(table[rows, level], 1e-9)
-        return np.exp(self._low + self._width * (level + inside))
+        return np.exp(self._low + self._width * median_levels(table))
 
 
 def _score_bin(scores: Array) -> Array:
@@ -74,6 +69,27 @@ def _score_bin(scores: Array) -> Array:
 
 def _add(table: Array, rows: Array, levels: Array, memory: float) -> None:
     """Count into a histogram; rows that hold more than `memory` forget in proportion."""
-    np.add.at(table, (rows, levels), 1.0)
+    count_levels(table, rows, levels)
     total = table.sum(axis=1, keepdims=True)
     table *= np.minimum(1.0, memory / total)
+
+
+@njit(cache=True)
+def count_levels(table, rows, levels):  # type: ignore[no-untyped-def]
+    """table[rows, levels] += 1, as often as they occur."""
+    for i in range(len(rows)):
+        table[rows[i], levels[i]] += 1.0
+
+
+@njit(cache=True)
+def median_levels(table):  # type: ignore[no-untyped-def]
+    """Median (R,) of each row of a histogram (R, L) in levels, interpolated inside of its level."""
+    result = np.empty(len(table))
+    for i in range(len(table)):
+        half = 0.5 * table[i].sum()
+        below, level = 0.0, 0
+        while level < table.shape[1] - 1 and below + table[i, level] < half:
+            below += table[i, level]
+            level += 1
+        result[i] = level + (half - below) / max(table[i, level], 1e-9)
+    return result

@@ -69,7 +69,7 @@ def finish(
         cauchy_correction(config.cauchy), config.covariance_inflation, config.bias_floor**2,
     )  # fmt: skip
     good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
-    drop_long_bones(solved.positions, worst, good, _bones(skeleton), config.max_bone)
+    drop_long_bones(solved.positions, worst, good, _bones(skeleton.bones), config.max_bone)
     positions = np.where(good[..., None], solved.positions, np.nan)
     covariances = np.where(good[..., None, None], covariances, np.nan)
     views, scores = np.where(good, views, 0), np.where(good, scores, 0.0)
@@ -101,9 +101,10 @@ def cauchy_correction(scale: float) -> float:
     return float(variance * (weight * density).sum())
 
 
-def _bones(skeleton: SkeletonModel) -> Array:
+@cache
+def _bones(bones: tuple[tuple[int, int], ...]) -> Array:
     """Bones (B, 2) as an array."""
-    return np.array(skeleton.bones, np.int64).reshape(-1, 2)
+    return np.array(bones, np.int64).reshape(-1, 2)
 
 
 def _use_nodes(

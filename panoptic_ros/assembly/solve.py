@@ -106,7 +106,7 @@ class Solver:
         better = (swapped + self._config.swap_gain < kept) & (swapped < 0.5 * kept)  # (P, V, G)
         touched = better[..., np.maximum(self._groups, 0)] & (self._groups >= 0)  # (P, V, J)
         source[:] = np.where(touched, scene.mirror[source], source)
-        return touched.any(axis=1)
+        return np.ascontiguousarray(touched.any(axis=1))
 
 
 def sources(mirrored: Array, mirror: Array) -> Array:

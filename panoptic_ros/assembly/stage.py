@@ -29,6 +29,7 @@ class AssemblyStage:
 
     def __init__(self, config: AssemblyConfig, context: StageContext):
         self._config, self._context, self._skeleton = config, context, context.skeleton
+        self._hash = context.skeleton.hash  # computed at each call
         self._rig = RigArrays.of(context.rig)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._groups, count = limb_groups(context.skeleton)
@@ -58,7 +59,9 @@ class AssemblyStage:
         Raises:
             DataError: if the detections do not fit the rig or the skeleton.
         """
-        evidence = gather(item.detections, self._rig, self._skeleton, self._config.min_joint_score)
+        evidence = gather(
+            item.detections, self._rig, self._skeleton, self._hash, self._config.min_joint_score
+        )
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
             return StepResult(notices=(Notice("assembly.old_stamp", "warning", text),))
@@ -82,7 +85,7 @@ class AssemblyStage:
             exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
             exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
             self._guidance.update(found.who[people.kept], people.positions, people.covariances, exchanged)
-        return StepResult((people.pose_set(item, self._skeleton.hash),))
+        return StepResult((people.pose_set(item, self._hash),))
 
     def _scene(self, evidence: Evidence) -> Scene:
         """Evidence with the noise that is known by now."""

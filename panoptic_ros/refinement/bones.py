@@ -2,12 +2,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 Array = np.ndarray
 
 MEMORY = 300.0  # frames that a length remembers
 GOOD_SIGMA = 0.04  # m, joints less certain than this teach nothing
 OUTLIER = 3.0  # sigmas; lengths further from the mean teach and pull less
+SHORTEST = 1e-3  # m, below which a bone has no direction
+EXTRA_SIGMA = 0.01  # m, of a length besides the noise of its ends, when outliers are judged
+SETTLED = 5.0  # frames after which outliers are cut
 
 
 class BoneLengths:
@@ -24,25 +28,7 @@ class BoneLengths:
 
     def learn(self, positions: Array, covariances: Array, measured: Array) -> None:
         """Take joints (J, 3) m with covariances (J, 3, 3)."""
-        for i, (a, b) in enumerate(self._bones):
-            if not (measured[a] and measured[b]):
-                continue
-            spread = covariances[a] + covariances[b]
-            if np.trace(spread) > 6.0 * GOOD_SIGMA**2:
-                continue
-            offset = positions[b] - positions[a]
-            length = float(np.linalg.norm(offset))
-            if length < 1e-3:
-                continue
-            unit = offset / length
-            along = float(unit @ spread @ unit)
-            corrected = length - 0.5 * (float(np.trace(spread)) - along) / length
-            self.counts[i] = min(self.counts[i] + 1.0, MEMORY)
-            surprise = corrected - self.means[i]
-            limit = OUTLIER * np.sqrt(along + 0.01**2)
-            if self.counts[i] > 5.0:
-                surprise = float(np.clip(surprise, -limit, limit))
-            self.means[i] += surprise / self.counts[i]
+        learn_lengths(self.means, self.counts, self._bones, positions, covariances, measured)
 
     def apply(
         self, positions: Array, covariances: Array, there: Array, sigma: float, frames: int
@@ -52,21 +38,66 @@ class BoneLengths:
         One pass along the tree from the root, each bone a scalar measurement of both ends.
         """
         positions, covariances = positions.copy(), covariances.copy()
-        for i, (a, b) in enumerate(self._bones):
-            if self.counts[i] < frames or not (there[a] and there[b]):
-                continue
-            offset = positions[b] - positions[a]
-            length = float(np.linalg.norm(offset))
-            if length < 1e-3:
-                continue
-            unit = offset / length
-            gain_a, gain_b = covariances[a] @ unit, covariances[b] @ unit
-            expected = float(unit @ (gain_a + gain_b))
-            surprise = self.means[i] - length
-            noise = sigma**2 * (1.0 + surprise**2 / (OUTLIER**2 * (expected + sigma**2)))
-            total = expected + noise
-            positions[a] -= gain_a * surprise / total
-            positions[b] += gain_b * surprise / total
-            covariances[a] -= np.outer(gain_a, gain_a) / total
-            covariances[b] -= np.outer(gain_b, gain_b) / total
+        usable = self.counts >= frames
+        pull_bones(positions, covariances, self._bones, self.means, usable, there, sigma)
         return positions, covariances
+
+
+@njit(cache=True, error_model="numpy")
+def learn_lengths(means, counts, bones, positions, covariances, measured):  # type: ignore[no-untyped-def]
+    """Update means (B,) and counts (B,) of bones (B, 2) in place."""
+    for i in range(len(bones)):
+        a, b = bones[i]
+        if not (measured[a] and measured[b]):
+            continue
+        trace = along = square = 0.0
+        for k in range(3):
+            trace += covariances[a, k, k] + covariances[b, k, k]
+            square += (positions[b, k] - positions[a, k]) ** 2
+        length = np.sqrt(square)
+        if trace > 6.0 * GOOD_SIGMA**2 or length < SHORTEST:
+            continue
+        for k in range(3):
+            for m in range(3):
+                spread = covariances[a, k, m] + covariances[b, k, m]
+                along += (positions[b, k] - positions[a, k]) * spread * (positions[b, m] - positions[a, m])
+        along /= square
+        counts[i] = min(counts[i] + 1.0, MEMORY)
+        surprise = length - 0.5 * (trace - along) / length - means[i]
+        limit = OUTLIER * np.sqrt(along + EXTRA_SIGMA**2)
+        if counts[i] > SETTLED:
+            surprise = min(limit, max(-limit, surprise))
+        means[i] += surprise / counts[i]
+
+
+@njit(cache=True, error_model="numpy")
+def pull_bones(positions, covariances, bones, means, usable, there, sigma):  # type: ignore[no-untyped-def]
+    """Take the usable lengths as measurements of noise sigma m, in place."""
+    unit, gain_a, gain_b = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(len(bones)):
+        a, b = bones[i]
+        if not usable[i] or not (there[a] and there[b]):
+            continue
+        square = 0.0
+        for k in range(3):
+            unit[k] = positions[b, k] - positions[a, k]
+            square += unit[k] ** 2
+        length = np.sqrt(square)
+        if length < SHORTEST:
+            continue
+        expected = 0.0
+        for k in range(3):
+            gain_a[k] = gain_b[k] = 0.0
+            for m in range(3):
+                gain_a[k] += covariances[a, k, m] * unit[m] / length
+                gain_b[k] += covariances[b, k, m] * unit[m] / length
+            expected += unit[k] / length * (gain_a[k] + gain_b[k])
+        surprise = means[i] - length
+        noise = sigma**2 * (1.0 + surprise**2 / (OUTLIER**2 * (expected + sigma**2)))
+        total = expected + noise
+        for k in range(3):
+            positions[a, k] -= gain_a[k] * surprise / total
+            positions[b, k] += gain_b[k] * surprise / total
+            for m in range(3):
+                covariances[a, k, m] -= gain_a[k] * gain_a[m] / total
+                covariances[b, k, m] -= gain_b[k] * gain_b[m] / total

@@ -161,3 +161,23 @@ def _solve(lower, right):
             x[i] -= lower[m, i] * x[m]
         x[i] /= lower[i, i]
     return x
+
+
+@njit(cache=True, error_model="numpy")
+def raise_speeds(speeds, states, top):
+    """speeds (J,) m/s at least those of the joints (J, 6) against the body, at most `top`, in place.
+
+    The body moves with the median velocity of the joints.
+    """
+    known = np.isfinite(states[:, 3])
+    if not known.any():
+        return
+    body = np.empty(3)
+    for i in range(3):
+        body[i] = np.median(states[known, 3 + i])
+    for j in range(len(speeds)):
+        if known[j]:
+            against = 0.0
+            for i in range(3):
+                against += (states[j, 3 + i] - body[i]) ** 2
+            speeds[j] = max(speeds[j], min(np.sqrt(against), top))

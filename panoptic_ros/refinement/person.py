@@ -7,7 +7,12 @@ import numpy as np
 
 from panoptic_ros.domain import JointState
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.kalman import predict_states, smooth_states, update_states
+from panoptic_ros.refinement.kalman import (
+    predict_states,
+    raise_speeds,
+    smooth_states,
+    update_states,
+)
 
 Array = np.ndarray
 
@@ -81,12 +86,8 @@ class PersonMotion:
 
     def _process_noise(self, last: Moment, dt: float) -> Array:
         """Spectral density (J,) of acceleration: limbs that swing need more than the trunk."""
-        velocities = last.states[:, 3:]
-        known = np.isfinite(velocities[:, 0])
-        if known.any():
-            against = np.linalg.norm(velocities - np.median(velocities[known], axis=0), axis=1)
-            faded = self._speeds * np.exp(-dt / SPEED_MEMORY)
-            self._speeds = np.maximum(faded, np.where(known, np.minimum(against, TOP_SPEED), 0.0))
+        self._speeds *= np.exp(-dt / SPEED_MEMORY)
+        raise_speeds(self._speeds, last.states, TOP_SPEED)
         return self._config.process_noise + self._config.limb_noise * self._speeds**2
 
     def measure(

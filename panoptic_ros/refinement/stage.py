@@ -23,6 +23,7 @@ class RefinementStage:
 
     def __init__(self, config: RefinementConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
+        self._hash = context.skeleton.hash  # computed at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
         self.reset()
         for example in _examples(context.skeleton):
@@ -48,10 +49,10 @@ class RefinementStage:
         Raises:
             DataError: if the poses are of another skeleton.
         """
-        if item.skeleton_hash != self._skeleton.hash:
+        if item.skeleton_hash != self._hash:
             raise DataError(
                 f"poses of skeleton {item.skeleton_hash}, but refinement works on "
-                f"{self._skeleton.name} ({self._skeleton.hash})"
+                f"{self._skeleton.name} ({self._hash})"
             )
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"

@@ -19,6 +19,7 @@ class TrackingStage:
 
     def __init__(self, config: TrackingConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
+        self._hash = context.skeleton.hash  # computed at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
         self.reset()
 
@@ -39,10 +40,10 @@ class TrackingStage:
         Raises:
             DataError: if the poses are of another skeleton.
         """
-        if item.skeleton_hash != self._skeleton.hash:
+        if item.skeleton_hash != self._hash:
             raise DataError(
                 f"poses of skeleton {item.skeleton_hash}, but tracking works on "
-                f"{self._skeleton.name} ({self._skeleton.hash})"
+                f"{self._skeleton.name} ({self._hash})"
             )
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
