@@ -34,7 +34,7 @@ class DetectionConfig(Config):
     )
     maps: bool = param(True, doc="Carry score maps, where the network has them.")
     input_side: int = param(
-        512, ge=0, le=4096, unit="px",
+        640, ge=0, le=4096, unit="px",
         doc="Longer side of the network's input at the start, if it takes any size; 0 = try several.",
     )
     adapt_input: bool = param(

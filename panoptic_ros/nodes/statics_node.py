@@ -42,7 +42,7 @@ class StaticsNode(Node):
         try:
             kind = message_class("tf2_msgs/msg/TFMessage")
         except EnvironmentProblem:
-            self.get_logger().info("no /tf_static: the package tf2_msgs is not installed")
+            self.get_logger().debug("no /tf_static: the package tf2_msgs is not installed")
             return
         quality = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         publisher = self.create_publisher(kind, "/tf_static", quality)
