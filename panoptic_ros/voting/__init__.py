@@ -7,8 +7,9 @@ node proposals. A pair of proposals that may be a bone is scored by the mean ove
 
 In: `DetectionSet`. Out: `ProposalSet`, with the detections carried along.
 
-`seeds` (the default) looks for maxima only where viewing rays of 2D peaks meet, `dense` visits every voxel
-of a working volume, `off` votes for nothing. Positions are refined below the voxel by a soft vote.
+`seeds` (the default) looks for maxima only where viewing rays of 2D peaks meet, `exact` searches a working
+volume coarse to fine with a true bound, `dense` visits each of its voxels and finds the same, `off` votes for
+nothing. Positions are refined below the voxel by a soft vote.
 
 Limits: `seeds` finds no joint without a 2D peak in two of the views that are paired; visibility is the
 field of view, occlusion is not modelled.

@@ -12,8 +12,9 @@ class VotingConfig(Config):
 
     method: str = param(
         "seeds",
-        choices=("seeds", "dense", "off"),
-        doc="Where to look for node proposals: where rays of 2D peaks meet, in all of the volume, nowhere.",
+        choices=("seeds", "exact", "dense", "off"),
+        doc="How to look for node proposals: where rays of 2D peaks meet; in all of the volume, coarse to "
+        "fine; in all of it, voxel by voxel, with the same result; not at all.",
     )
     voxel: float = param(0.04, unit="m", ge=0.005, le=0.5, doc="Side of a voxel.")
     threshold: float = param(

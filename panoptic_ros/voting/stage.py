@@ -9,6 +9,7 @@ from panoptic_ros.domain import Camera, DetectionSet, ProposalSet, ViewDetection
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.voting import soft_vote
+from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.parts import bones_and_skips, score_parts
 from panoptic_ros.voting.scene import VoteScene, build_scene
@@ -49,13 +50,14 @@ class VotingStage:
         self.config, self.rig, self.skeleton = config, context.rig, context.skeleton
         if config.volume:
             self.volume = Volume.between(config.volume, config.voxel)
-        elif config.method == "dense":
+        elif config.method in ("exact", "dense"):
             self.volume = volume_of_rig(context.rig, config.voxel)
         else:
             self.volume = Volume.everywhere(config.voxel)
         skip = config.max_skip if config.skip_parts else None
         self._kinds = bones_and_skips(context.skeleton, config.max_bone, skip)
         self._search = SeedSearch(config.ray_gap, config.pair_views, config.max_depth)
+        self._boxes = BoxSearch()
         self._order = {name: k for k, name in enumerate(context.rig.names)}
         if config.method != "off":
             self._propose((), ())
@@ -106,6 +108,10 @@ class VotingStage:
         if config.method == "dense":
             return dense_peaks(
                 scene, self.volume, wanted.threshold, config.view_threshold, enough
+            )
+        if config.method == "exact":
+            return self._boxes.peaks(
+                scene, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
             )
         return self._search.peaks(
             scene, cameras, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views

@@ -83,7 +83,7 @@ def test_off_carries_the_detections_along(scenes):
     assert len(proposals.nodes) == len(proposals.parts) == 0
 
 
-@pytest.mark.parametrize("method", ["seeds", "dense"])
+@pytest.mark.parametrize("method", ["seeds", "exact", "dense"])
 @pytest.mark.parametrize("maps", ["none", "merged"])
 def test_nothing_to_vote_on(scenes, maps, method):
     rig = scenes.ring(3)

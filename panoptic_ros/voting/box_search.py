@@ -1,0 +1,148 @@
+"""The exact search: local maxima of eq. 1, found coarse to fine without visiting empty space."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.voting import box_kernels, kernels, peak_kernels, pyramid_kernels, voxel_kernels
+from panoptic_ros.voting.lens_bounds import BINS, slope_bounds
+from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.score_field import GAUSSIAN_END
+from panoptic_ros.voting.score_volume import ENOUGH, Peaks, sorted_peaks
+from panoptic_ros.voting.volume import Volume
+
+Array = np.ndarray
+GROUP = box_kernels.GROUP
+
+
+class BoxScene(NamedTuple):
+    """What the kernels of the search need of V views and of up to 32 joints.
+
+    views: (V, 38) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
+        (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m.
+    slopes: (V, BINS, 2) of `slope_bounds`.
+    layers: (V, L, 3) first cell, width, height; values (N, 32) uint8 and bits (N, 2) uint32: pyramids.
+    people: (V, J, P, 5) pixel, 1 / (2 width^2), score, exponent above which it does not support.
+    reach: (V, P, 4) least and largest u, least and largest w that a person's keypoints reach.
+    pointed: (V,) mask of the joints that have keypoints instead of maps.
+    """
+
+    views: Array
+    slopes: Array
+    layers: Array
+    values: Array
+    bits: Array
+    people: Array
+    reach: Array
+    pointed: Array
+
+
+class BoxSearch:
+    """Finds what `dense_peaks` finds; holds the lens bounds of the cameras it has met."""
+
+    def __init__(self) -> None:
+        self._lenses: dict[bytes, tuple[Array, float]] = {}
+
+    def peaks(
+        self,
+        scene: VoteScene,
+        volume: Volume,
+        threshold: float,
+        view_threshold: float,
+        enough: int,
+        min_views: int,
+    ) -> Peaks:
+        """The local maxima of `dense_peaks` that at least `min_views` (not below `enough`) support."""
+        views, slopes = self._views(scene)
+        found = [(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0), np.zeros(0, np.int64))]
+        for first in range(0, scene.map_start.shape[1], GROUP):
+            boxes = box_scene(scene, views, slopes, first, view_threshold)
+            space = (np.array(volume.lower), np.array(volume.shape), volume.side)
+            small = box_kernels.search(boxes, *space, threshold, min_views)
+            rows, votes = voxel_kernels.visit(boxes, *small, *space, threshold, view_threshold, min_views)
+            found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
+        every = Peaks(*(np.concatenate(parts) for parts in zip(*found)))
+        top = peak_kernels.highest(every.joints, every.voxels - volume.lower + 1, every.votes)
+        peaks = Peaks(*(values[top] for values in every))
+        if enough < min_views:
+            good = self._unbeaten(scene, volume, peaks, view_threshold, enough)
+            peaks = Peaks(*(values[good] for values in peaks))
+        return sorted_peaks(peaks)
+
+    def _views(self, scene: VoteScene) -> tuple[Array, Array]:
+        count = len(scene.cameras)
+        views = np.zeros((count, 38))
+        views[:, :34] = scene.cameras
+        views[:, 34] = np.abs(scene.cameras[:, 6:9]).sum(axis=1)
+        slopes = np.zeros((count, BINS, 2))
+        for v, row in enumerate(scene.cameras):
+            if row[17:22].any():
+                key = row[17:23].tobytes()
+                if key not in self._lenses:
+                    self._lenses[key] = slope_bounds(row[17:22], float(np.sqrt(row[22])))
+                slopes[v], views[v, 35] = self._lenses[key]
+                views[v, 36:38] = np.sqrt(row[22])
+            else:
+                y = (np.array([-0.5, row[24] - 0.5]) - row[16]) / row[15]
+                x = (np.array([[-0.5], [row[23] - 0.5]]) - row[14] - row[13] * y) / row[12]
+                views[v, 36:38] = np.abs(x).max() * 1.000001, np.abs(y).max() * 1.000001
+        return views, slopes
+
+    @staticmethod
+    def _unbeaten(
+        scene: VoteScene, volume: Volume, peaks: Peaks, view_threshold: float, enough: int
+    ) -> Array:
+        """Whether peaks are also above their neighbours that fewer views support, but `enough`."""
+        steps = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)]) - 1
+        near = (peaks.voxels[:, None] + steps).reshape(-1, 3)
+        joints = np.repeat(peaks.joints, len(steps))
+        votes, support = kernels.vote_points(scene, joints, volume.centres(near), view_threshold)
+        rank = (votes + ENOUGH * (support >= enough)).reshape(-1, len(steps))
+        rank[~volume.contains(near).reshape(rank.shape)] = -1.0
+        own = (peaks.votes + ENOUGH)[:, None]
+        half = len(steps) // 2  # neighbours that come before the voxel
+        return (rank[:, :half] < own).all(axis=1) & (rank[:, half:] <= own).all(axis=1)
+
+
+def box_scene(
+    scene: VoteScene, views: Array, slopes: Array, first: int, view_threshold: float
+) -> BoxScene:
+    """The arrays of the joints first, first + 1, ..., at most 32."""
+    joint_count = scene.map_start.shape[1]
+    count = min(GROUP, joint_count - first)
+    layers, cells = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
+    values, bits = np.zeros((cells, GROUP), np.uint8), np.zeros((cells, 2), np.uint32)
+    least = max(int(np.ceil(255.0 * view_threshold - 1e-6)), 1)
+    pyramid_kernels.paint_pyramids(
+        layers, values, bits, scene.patch_start, scene.patch_table, scene.patch_data,
+        joint_count, first, least,
+    )  # fmt: skip
+    mine = slice(first, first + count)
+    people = np.full((*scene.people[:, mine].shape[:3], 5), np.nan)
+    people[..., :4] = scene.people[:, mine]
+    people[scene.map_start[:, mine] >= 0] = np.nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.sqrt(GAUSSIAN_END / people[..., 2])
+        people[..., 4] = np.minimum(np.log(people[..., 3] / view_threshold) + 1e-9, GAUSSIAN_END)
+    known = people[..., 3] > 0.0
+    people[~known] = np.nan
+    u, w = people[..., 0], people[..., 1]
+    boxes = np.stack([u - reach, -u - reach, w - reach, -w - reach], axis=-1)
+    boxes = np.where(known[..., None], boxes, np.inf).min(axis=1, initial=np.inf) * (1.0, -1.0, 1.0, -1.0)
+    pointed = (known.any(axis=2) * (1 << np.arange(count))).sum(axis=1)
+    return BoxScene(views, slopes, layers, values, bits, people, np.ascontiguousarray(boxes), pointed)
+
+
+def pyramid_layers(grid: Array) -> tuple[Array, int]:
+    """Layers (V, L, 3) of pyramids on maps of grid (V, 2) cells, up to a single cell, and all cells."""
+    most = max(int(grid.max(initial=1)) - 1, 0).bit_length() + 1
+    size = grid.copy()
+    layers = np.zeros((len(grid), most, 3), np.int64)
+    for layer in range(most):
+        layers[:, layer, 1:] = size
+        done = (size <= 1).all(axis=1)
+        size = np.where(done[:, None], 0, (size + 1) // 2)
+    cells = layers[..., 1] * layers[..., 2]
+    layers[..., 0] = (np.cumsum(cells) - cells.ravel()).reshape(cells.shape)
+    return layers, int(cells.sum())

@@ -1,0 +1,144 @@
+"""The exact search against the dense one."""
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.stage import StageContext
+from panoptic_ros.voting.box_search import BoxSearch, pyramid_layers
+from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.score_volume import dense_peaks
+from panoptic_ros.voting.stage import VotingStage
+from panoptic_ros.voting.volume import Volume
+
+LENSES = [(), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), (0.0, 0.0, 0.03, -0.02)]
+NUMBERS = [(0.05, 0.1, 2, 2), (0.2, 0.1, 2, 3), (0.0, 0.0, 0, 0), (0.1, 0.3, 1, 4), (0.1, 0.1, 2, 1)]
+
+
+def compared(scene, volume, threshold, view_threshold, enough, least):
+    """Peaks of both searches; asserts that they are the same, bit for bit."""
+    dense = dense_peaks(scene, volume, threshold, view_threshold, enough)
+    wanted = dense.support >= least
+    found = BoxSearch().peaks(scene, volume, threshold, view_threshold, enough, least)
+    for name, a, b in zip(dense._fields, dense, found):
+        assert np.array_equal(a[wanted], b), name
+    return int(wanted.sum())
+
+
+def random_camera(rng, k, lens, inside):
+    """Near the origin, perhaps within the volume, looking somewhere near its middle."""
+    centre = rng.uniform(-0.8, 0.8, 3) if inside else rng.normal(size=3) * 1.5
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    rotation *= np.sign(np.linalg.det(rotation))
+    if not inside and rotation[2] @ -centre < 0:
+        rotation[1:] *= -1.0
+    focal = rng.uniform(40.0, 160.0)
+    matrix = np.array([[focal, rng.normal(), 80.0], [0.0, focal * 1.1, 60.0], [0.0, 0.0, 1.0]])
+    pose = Rigid(rotation, -rotation @ centre)
+    return Camera(f"cam{k}", (160, 120), Intrinsics(matrix, np.array(lens)), pose)
+
+
+def random_view(rng, camera, joints, people, maps):
+    """Keypoints of `people` anywhere in the image and beyond, and blocks of noise as maps of some joints."""
+    points = rng.uniform(-30.0, 190.0, (people, joints, 2))
+    scores = rng.uniform(0.05, 1.0, (people, joints)) * (rng.random((people, joints)) < 0.8)
+    points[scores == 0.0] = np.nan
+    drawn = None
+    if maps:
+        grid = (int(rng.integers(1, 40)), int(rng.integers(1, 30)))
+        cells = np.array(grid) / (160.0, 120.0) * rng.uniform(0.7, 1.4)
+        affine = np.array([[cells[0], rng.normal() * 0.02, -0.3], [rng.normal() * 0.02, cells[1], 0.4]])
+        count = int(rng.integers(0, 3 * joints))
+        corners = rng.integers(0, grid, (count, 2))
+        sizes = np.minimum(rng.integers(1, 9, (count, 2)), np.array(grid) - corners)
+        values = rng.integers(0, 256, int(sizes.prod(1).sum()))
+        values[rng.random(len(values)) < 0.4] = 0
+        drawn = ScoreMaps(
+            grid, affine, rng.integers(0, joints, count), np.full(count, -1), corners, sizes,
+            values.astype(np.uint8),
+        )  # fmt: skip
+    return ViewDetections(
+        camera.name, 0, 0, camera.image_size, "x", points, scores, np.full(people, 0.5), drawn
+    )
+
+
+@settings(max_examples=120, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    views=st.integers(0, 6),
+    lens=st.sampled_from(LENSES),
+    joints=st.sampled_from([1, 3, 32, 35]),
+    people=st.integers(0, 3),
+    maps=st.sampled_from(["none", "all", "some"]),
+    shape=st.tuples(*[st.integers(1, 21)] * 3),
+    numbers=st.sampled_from(NUMBERS),
+    inside=st.booleans(),
+)  # fmt: skip
+def test_finds_what_the_dense_search_finds(
+    seed, views, lens, joints, people, maps, shape, numbers, inside
+):
+    rng = np.random.default_rng(seed)
+    cameras = [random_camera(rng, k, lens if k % 3 else (), inside and k % 2 == 0) for k in range(views)]
+    seen = [
+        random_view(rng, camera, joints, people, maps == "all" or (maps == "some" and k % 2))
+        for k, camera in enumerate(cameras)
+    ]
+    scene = build_scene(cameras, seen, joints)
+    lower = -np.array(shape) // 2
+    threshold, view_threshold, enough, least = numbers
+    volume = Volume(tuple(lower.tolist()), tuple((lower + shape).tolist()), 0.1)
+    compared(scene, volume, threshold, view_threshold, min(enough, least), least)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
+def test_people_in_a_ring_of_cameras(scenes, maps, lens):
+    rig = scenes.ring(5, lens)
+    people = [scenes.person(0.3, 0.2), scenes.person(-0.2, -0.4, 2.0)]
+    scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
+    volume = Volume.between((-0.8, -0.8, 0.0, 0.8, 0.8, 1.8), 0.05)
+    assert compared(scene, volume, 0.1, 0.1, 2, 3) > 10
+    assert compared(scene, volume, 0.05, 0.1, 2, 2) > 30
+
+
+@pytest.mark.parametrize("maps", ["none", "merged"])
+def test_proposals_of_the_stage_are_those_of_dense(scenes, maps):
+    rig = scenes.ring(4, (-0.1, 0.02))
+    item = scenes.detect(rig, [scenes.person(0.3, 0.2)], maps)
+    volume = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
+    outputs = []
+    for method in ("dense", "exact"):
+        config = VotingConfig(method=method, volume=volume)
+        outputs += VotingStage(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
+    for name in ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_scores"):
+        assert np.array_equal(getattr(outputs[0], name), getattr(outputs[1], name)), name
+    assert len(outputs[0].nodes) >= 19
+
+
+def test_a_camera_that_sees_nothing_changes_nothing(scenes):
+    rig = scenes.ring(4)
+    views = scenes.detect(rig, [scenes.person(0.0, 0.0)]).views
+    away = rig.cameras[0]
+    turned = np.diag([-1.0, 1.0, -1.0]) @ away.cam_from_world.rotation
+    blind = Camera("blind", (640, 480), away.intrinsics, Rigid(turned, -turned @ away.centre))
+    view = ViewDetections(
+        "blind", 0, 0, (640, 480), views[0].skeleton_hash, np.zeros((0, 19, 2)), np.zeros((0, 19)), ()
+    )
+    volume = Volume.between((-0.6, -0.6, 0.0, 0.6, 0.6, 1.8), 0.05)
+    one, two = (
+        BoxSearch().peaks(build_scene(cameras, seen, 19), volume, 0.1, 0.1, 2, 3)
+        for cameras, seen in ((rig.cameras, views), ((blind, *rig.cameras), (view, *views)))
+    )
+    for a, b in zip(one, two):
+        assert np.array_equal(a, b)
+
+
+def test_layers_of_a_pyramid():
+    layers, cells = pyramid_layers(np.array([[5, 3], [0, 0], [1, 2]]))
+    assert layers[0].tolist() == [[0, 5, 3], [15, 3, 2], [21, 2, 1], [23, 1, 1]]
+    assert layers[1, :, 1:].max() == 0
+    assert layers[2].tolist() == [[24, 1, 2], [26, 1, 1], [27, 0, 0], [27, 0, 0]]
+    assert cells == 27

@@ -1,0 +1,16 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from panoptic_ros.voting.peak_kernels import highest
+from panoptic_ros.voting.score_volume import _is_maximum
+
+
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 1.0), levels=st.integers(1, 20))
+def test_the_highest_of_scattered_voxels(seed, share, levels):
+    rng = np.random.default_rng(seed)
+    rank = np.where(rng.random((2, 5, 4, 6)) < share, rng.integers(0, levels, (2, 5, 4, 6)) / 7.0, -1.0)
+    at = np.argwhere(rank >= 0.0)
+    at = at[rng.permutation(len(at))]
+    top = highest(at[:, 0], at[:, 1:] + 1, rank[tuple(at.T)])
+    assert top.tolist() == _is_maximum(rank, at).tolist()
