@@ -4,6 +4,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -22,31 +23,55 @@ VERBS: dict[str, str] = {
     "doctor": "what works on this machine, and what to do about what does not",
 }
 
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit code: 0, 2 for what the user can mend, 1 for our faults."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    verb = next((word for word in arguments if word in VERBS), "")
+    name = f"panoptic {verb}".strip()
+    try:
+        args = _parser(verb).parse_args(arguments)
+        return int(importlib.import_module(f"panoptic_ros.cli.{args.verb}").run(args) or 0)
+    except PanopticError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _parser(chosen: str) -> argparse.ArgumentParser:
+    """Only the chosen verb is imported, so that --help is quick."""
     parser = argparse.ArgumentParser(
         prog="panoptic", description="Online multi-view, multi-person 3D pose."
     )
     parser.add_argument("--version", action="version", version=f"panoptic {panoptic_ros.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    chosen = next((word for word in arguments if word in VERBS), None)
     for verb, text in VERBS.items():
         sub = verbs.add_parser(verb, help=text, description=text[0].upper() + text[1:] + ".")
-        if verb == chosen:  # only the chosen verb is imported, so that --help is quick
+        if verb == chosen:
             importlib.import_module(f"panoptic_ros.cli.{verb}").add_arguments(sub)
-    args = parser.parse_args(arguments)
-    try:
-        return int(importlib.import_module(f"panoptic_ros.cli.{args.verb}").run(args) or 0)
-    except PanopticError as error:
-        print(f"panoptic {args.verb}: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print(f"panoptic {args.verb}: interrupted", file=sys.stderr)
-        return 2
-    except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    return parser
+
+
+def _end_once() -> None:
+    """Let SIGINT, SIGTERM and SIGHUP interrupt the program, but not the tidying up that follows.
+
+    What is ignored stays so: `nohup`, and jobs in the background of a script.
+    """
+    told: list[int] = []
+
+    def end(number: int, frame: object) -> None:
+        if not told:
+            told.append(number)
+            raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, end)
 
 
 def program() -> None:
@@ -55,6 +80,7 @@ def program() -> None:
     Leaves at once unless all is well: after an interruption of code that was run by exec(), the
     interpreter would otherwise forget our exit code and kill itself with the signal.
     """
+    _end_once()
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -18,7 +18,7 @@ class Flow:
 
     Args:
         name: "live" or "replay".
-        depth: of the middleware's queues, messages per topic.
+        depth: of the middleware's queues, messages per topic; image_depth: the same for images.
         keeps_for_late: whether a reader that is matched late still gets what was sent before.
         queue_limit: of the node's own queue per topic; None: not limited here.
         window: replay: instants that a source may have under way between it and /skeletons.
@@ -27,13 +27,19 @@ class Flow:
 
     name: str
     depth: int
+    image_depth: int
     keeps_for_late: bool
     queue_limit: int | None
     window: int = 0
     image_window: int = 0
 
 
-def make_flow(name: str, window: int = 12) -> Flow:
+WINDOW = 64  # instants: a detector runs on while the stages after it compile their kernels
+IMAGE_WINDOW = 4
+SPARE = 8  # the middleware's queues are longer than what can be under way
+
+
+def make_flow(name: str, window: int = WINDOW) -> Flow:
     """The flow of that name.
 
     Args:
@@ -43,7 +49,7 @@ def make_flow(name: str, window: int = 12) -> Flow:
         ConfigError: if there is no such flow.
     """
     if name == "live":
-        return Flow("live", depth=2, keeps_for_late=False, queue_limit=2)
+        return Flow("live", depth=2, image_depth=2, keeps_for_late=False, queue_limit=2)
     if name == "replay":
-        return Flow("replay", window + 8, True, None, window, image_window=4)
+        return Flow("replay", window + SPARE, IMAGE_WINDOW + SPARE, True, None, window, IMAGE_WINDOW)
     raise ConfigError(f"there is no flow {name!r}; there are live and replay")

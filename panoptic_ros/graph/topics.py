@@ -1,8 +1,12 @@
 """Every topic of the graph: its name, the record it carries and the message that carries it."""
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
+
+from panoptic_ros.errors import CalibrationError
 
 Scope = Literal["camera", "device", "graph"]  # one topic per camera, per audio device, or one
 
@@ -25,6 +29,10 @@ class Topic:
     message: str
     scope: Scope = "graph"
     latched: bool = False
+
+    def of(self, owner: str = "") -> str:
+        """The topic of a camera or device, or the one of the graph."""
+        return self.name.format(camera=ros_name(owner), device=ros_name(owner))
 
 
 TOPICS: dict[str, Topic] = {
@@ -51,3 +59,32 @@ TOPICS: dict[str, Topic] = {
         Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
     )
 }  # fmt: skip
+
+_LONGEST = 100  # characters; the middleware takes 255 for a whole topic
+
+
+def ros_name(name: str) -> str:
+    """A camera's or device's name as ROS allows it in topics and nodes: "00_12-left" is camera_00_12_left."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"camera_{plain}" if plain[:1].isdigit() else plain
+
+
+def check_names(cameras: Iterable[str]) -> None:
+    """Whether every camera can have topics of its own.
+
+    Raises:
+        CalibrationError: naming two cameras that would share theirs, or one whose name is too long.
+    """
+    owners: dict[str, str] = {}
+    for camera in cameras:
+        if len(camera) > _LONGEST:
+            raise CalibrationError(
+                f"camera name {camera[:20] + '...'!r} has {len(camera)} characters; ROS topics have room for "
+                f"{_LONGEST}"
+            )
+        other = owners.setdefault(ros_name(camera), camera)
+        if other != camera:
+            raise CalibrationError(
+                f"cameras {other!r} and {camera!r} would both be {ros_name(camera)} in ROS, where names have "
+                "letters, digits and _ only; rename one"
+            )

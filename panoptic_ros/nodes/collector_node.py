@@ -57,7 +57,7 @@ class CollectorNode(Node):
                 self._ends.taken(self._skeletons.topic_name)
 
         kind = message_class(topic.message)
-        return self.create_subscription(kind, topic.name.format(camera=camera), take, self._quality)
+        return self.create_subscription(kind, topic.of(camera), take, self._quality)
 
     def _end(self, topic: str) -> None:
         self.over = True

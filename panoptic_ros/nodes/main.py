@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -126,15 +127,15 @@ def camera() -> None:
 
 
 def host(arguments: Sequence[str] | None = None) -> int:
-    """Run one process of a launcher's file: `host FILE PROCESS`."""
-    path, process = list(sys.argv[1:] if arguments is None else arguments)
+    """Run one process of a launcher's file, as long as the launcher lives: `host FILE PROCESS PID`."""
+    path, process, launcher = list(sys.argv[1:] if arguments is None else arguments)
     document = json.loads(Path(path).read_text())
     rig_of_run = read_rig(Path(document["rig"]))
 
     def make() -> Sequence[Any]:
         return [_hosted(entry, rig_of_run) for entry in document["processes"][process]]
 
-    return run_nodes(make, [])
+    return run_nodes(make, [], lambda: os.getppid() == int(launcher))
 
 
 def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
@@ -145,7 +146,7 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
     if entry["kind"] == "bag":
-        return make_bag_node(Path(entry["path"]), entry["topics"], overrides, bool(entry["images"]))
+        return make_bag_node(Path(entry["path"]), entry["cameras"], overrides, bool(entry["images"]))
     if entry["kind"] == "markers":
         return MarkersNode(overrides.get("flow", "live"))
     raise UsageError(f"there is no node of kind {entry['kind']!r}")

@@ -9,7 +9,8 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from panoptic_ros.errors import ContractError, UserError
+from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
+from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import share_folder
 
 
@@ -23,21 +24,30 @@ class Processes:
     def __init__(self, launch_file: Path, names: Iterable[str], logs: Path):
         self._logs = logs
         self._children: dict[str, subprocess.Popen[bytes]] = {}
-        environment = child_environment()
-        logs.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            with (logs / f"{name}.log").open("wb") as log:
-                self._children[name] = subprocess.Popen(
-                    [sys.executable, "-m", "panoptic_ros.nodes.main", "host", str(launch_file), name],
-                    stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                    env=environment, start_new_session=True,
-                )  # fmt: skip
+        with file_errors(logs, "write"):
+            logs.mkdir(parents=True, exist_ok=True)
+        try:
+            for name in names:
+                self._start(name, launch_file)
+        except BaseException:  # nobody else knows of those that run already
+            self.stop(3.0)
+            raise
+
+    def _start(self, name: str, launch_file: Path) -> None:
+        host = [sys.executable, "-m", "panoptic_ros.nodes.main", "host"]
+        with file_errors(self._logs, "write"), (self._logs / f"{name}.log").open("wb") as log:
+            self._children[name] = subprocess.Popen(
+                [*host, str(launch_file), name, str(os.getpid())],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                env=child_environment(), start_new_session=True,
+            )  # fmt: skip
 
     def check(self) -> None:
         """Look whether all children run.
 
         Raises:
             UserError: with the line that a child printed, if it ended for what the user can mend.
+            EnvironmentProblem: if it was killed.
             ContractError: if it broke down.
         """
         for name, child in self._children.items():
@@ -48,6 +58,11 @@ class Processes:
             said = [line.removeprefix("panoptic: ") for line in lines if line.startswith("panoptic: ")]
             if code == 2 and said:
                 raise UserError(said[-1])
+            if code == -signal.SIGKILL:
+                raise EnvironmentProblem(
+                    f"process {name} was killed by the system or by somebody; systems do so when memory runs "
+                    "out: free some, or use fewer cameras or smaller images"
+                )
             tail = " | ".join(lines[-3:])
             raise ContractError(f"process {name} ended with exit code {code}: {tail or 'it said nothing'}")
 

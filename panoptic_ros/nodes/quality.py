@@ -19,15 +19,15 @@ END_OF_STREAM = QoSProfile(
 )
 
 
-def data_quality(flow: Flow) -> QoSProfile:
-    """For frames, detections and everything after them.
+def data_quality(flow: Flow, images: bool = False) -> QoSProfile:
+    """For images, or for detections and everything after them.
 
     Publishers are reliable in both flows, so that subscribers may choose.
     """
     late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=flow.depth,
+        depth=flow.image_depth if images else flow.depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=late,
     )

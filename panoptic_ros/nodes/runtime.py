@@ -15,11 +15,16 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from panoptic_ros.errors import ContractError, PanopticError
 
 
-def run_nodes(make: Callable[[], Sequence[Any]], arguments: Sequence[str] | None = None) -> int:
+def run_nodes(
+    make: Callable[[], Sequence[Any]],
+    arguments: Sequence[str] | None = None,
+    wanted: Callable[[], bool] = lambda: True,
+) -> int:
     """Make nodes, spin them on one executor, and end cleanly on SIGINT and SIGTERM.
 
     Args:
         make: called after rclpy is initialised; the nodes have `fault`, `healthy` and `close()`.
+        wanted: asked several times a second; the nodes end when it says no.
 
     Returns:
         the exit code: 0, or that of the error that ended a node, which is printed in one line.
@@ -31,7 +36,7 @@ def run_nodes(make: Callable[[], Sequence[Any]], arguments: Sequence[str] | None
         nodes = make()
         for node in nodes:
             executor.add_node(node)
-        while rclpy.ok():
+        while rclpy.ok() and wanted():
             executor.spin_once(timeout_sec=0.2)
             sick = next((node for node in nodes if not node.healthy), None)
             if sick is not None:

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from panoptic_ros.domain import Camera
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.flow import make_flow
+from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import (
     camera_info_message,
@@ -25,7 +25,7 @@ from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.quality import data_quality
 from panoptic_ros.nodes.streams import StreamEnds
 
-STALL_S = 20.0  # replay: nothing comes out for so long: send one more, in case a set was refused
+STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case a set was refused
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class SourceNode(Node):
 
     Args:
         topics: key -> (topic, message type) of the publishers; the first one is the one that counts.
-        detections: topic whose messages show that an image has been dealt with, if images are sent.
+        detections: for publishers of images, by key: the topic whose messages show that an image has
+            been dealt with.
         messages_per_instant: how many the source sends for one instant (a bag sends for all cameras).
-        heavy: the messages are images from a bag; the smaller window counts.
     """
 
     def __init__(
@@ -53,34 +53,35 @@ class SourceNode(Node):
         name: str,
         topics: Mapping[str, tuple[str, str]],
         overrides: Mapping[str, Any] = {},
-        detections: str | None = None,
+        detections: Mapping[str, str] = {},
         messages_per_instant: int = 1,
-        heavy: bool = False,
     ):
         super().__init__(
             name, parameter_overrides=[Parameter(k, value=value) for k, value in overrides.items()]
         )
         self._flow = make_flow(
-            self.declare_parameter("flow", "live").value, self.declare_parameter("window", 12).value
+            self.declare_parameter("flow", "live").value, self.declare_parameter("window", WINDOW).value
         )
-        quality = data_quality(self._flow)
         self._publishers_by_key = {
-            key: self.create_publisher(message_class(kind), topic, quality)
+            key: self.create_publisher(
+                message_class(kind), topic, data_quality(self._flow, images=key in detections)
+            )
             for key, (topic, kind) in topics.items()
         }
         self._sent = dict.fromkeys(topics, 0)
         self._statistics = StageStatistics()
         self._diagnostics = Diagnostics(self, self._statistics)
         self._ends = StreamEnds(self, lambda topic: None)
-        self._credits: list[Credit] = []
+        self._instants: Credit | None = None
+        self._images: dict[str, Credit] = {}
         if self._flow.name == "replay":
-            out = TOPICS["skeletons"]
-            window = self._flow.image_window if heavy else self._flow.window
-            window *= messages_per_instant
-            self._credits.append(Credit(self, self._flow, out.name, out.message, window))
-            if detections is not None:
-                kind = TOPICS["detections"].message
-                self._credits.append(Credit(self, self._flow, detections, kind, self._flow.image_window))
+            out, seen = TOPICS["skeletons"], TOPICS["detections"]
+            window = self._flow.window * messages_per_instant
+            self._instants = Credit(self, self._flow, out.name, out.message, window)
+            self._images = {
+                key: Credit(self, self._flow, topic, seen.message, self._flow.image_window)
+                for key, topic in detections.items()
+            }
         self._stopping = threading.Event()
         self._fault: PanopticError | None = None
         self._thread: threading.Thread | None = None
@@ -110,11 +111,13 @@ class SourceNode(Node):
     def _run(self, outgoing: Iterator[Outgoing]) -> None:
         try:
             for item in outgoing:
-                for credit in self._credits:
+                credits = [self._images[key] for key, _ in item.messages if key in self._images]
+                credits += [self._instants] if self._instants is not None else []
+                for credit in credits:
                     self._wait(credit)
                 if self._stopping.is_set():
                     return
-                for credit in self._credits:
+                for credit in credits:
                     credit.sent(item.stamp_ns)
                 for key, message in item.messages:
                     self._publishers_by_key[key].publish(message)
@@ -143,8 +146,8 @@ def camera_topics(camera: str, compressed: bool) -> dict[str, tuple[str, str]]:
     image = TOPICS["compressed_image" if compressed else "image"]
     info = TOPICS["camera_info"]
     return {
-        "image": (image.name.format(camera=camera), image.message),
-        "camera_info": (info.name.format(camera=camera), info.message),
+        "image": (image.of(camera), image.message),
+        "camera_info": (info.of(camera), info.message),
     }
 
 

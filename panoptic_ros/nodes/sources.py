@@ -10,7 +10,7 @@ from typing import Any
 from panoptic_ros.capture import open_capture_folder, open_files, open_live
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.nodes.source_node import Outgoing, SourceNode, camera_messages, camera_topics
 
@@ -28,9 +28,9 @@ def make_camera_node(
         UserError: as the source's opening.
     """
     frames, fitted = _open(camera, rig, source)
-    detections = TOPICS["detections"].name.format(camera=camera)
+    detections = TOPICS["detections"].of(camera)
     node = SourceNode(
-        f"camera_{camera}", camera_topics(camera, bool(jpeg_quality)), overrides, detections
+        f"camera_{ros_name(camera)}", camera_topics(camera, bool(jpeg_quality)), overrides, {"image": detections}
     )
     node.start(camera_messages(frames, fitted.camera(camera), jpeg_quality))
     return node
@@ -50,19 +50,19 @@ def _open(camera: str, rig: Rig, source: Mapping[str, Any]) -> tuple[Any, Rig]:
 
 
 def make_bag_node(
-    path: Path, topics: Mapping[str, str], overrides: Mapping[str, Any], images: bool
+    path: Path, cameras: Mapping[str, str], overrides: Mapping[str, Any], images: bool
 ) -> SourceNode:
-    """A node that publishes topics of a bag, merged by the stamps of their headers.
+    """A node that publishes topics of a bag as they are, merged by the stamps of their headers.
 
     Args:
-        topics: topic in the bag -> topic to publish.
+        cameras: topic -> camera.
         images: whether they are images, of which fewer may be under way.
     """
-    reader = BagReader(path)
-    publishers = {topic: (topics[topic], reader.topics[topic]) for topic in topics}
-    scale = max(1, len(topics))  # the window counts instants, the source counts messages
-    node = SourceNode("bag", publishers, overrides, messages_per_instant=scale, heavy=images)
-    node.start(_merged(path, list(topics)))
+    with BagReader(path) as reader:
+        publishers = {topic: (topic, reader.topics[topic]) for topic in cameras}
+    detections = {topic: TOPICS["detections"].of(camera) for topic, camera in cameras.items() if images}
+    node = SourceNode("bag", publishers, overrides, detections, max(1, len(cameras)))
+    node.start(_merged(path, list(cameras)))
     return node
 
 

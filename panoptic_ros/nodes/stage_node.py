@@ -13,7 +13,7 @@ from panoptic_ros.domain import EndOfStream, Rig, SkeletonModel
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import make_stage, resolve
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.flow import make_flow
+from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.queues import InOrder, NewestInstant, Waiting
 from panoptic_ros.graph.topics import TOPICS
@@ -65,7 +65,7 @@ class StageNode(Node):
         self._spec = NODES[stage]
         self._extras = extras
         self._flow = make_flow(
-            self.declare_parameter("flow", "live").value, self.declare_parameter("window", 12).value
+            self.declare_parameter("flow", "live").value, self.declare_parameter("window", WINDOW).value
         )
         self._cameras = self._names("cameras")
         self._devices = self._names("devices")
@@ -130,15 +130,18 @@ class StageNode(Node):
         for scope in self._scopes(gives.scope, used):
             self._outputs[scope] = self.create_publisher(
                 message_class(gives.message),
-                gives.name.format(camera=scope, device=scope),
+                gives.of(scope),
                 LATCHED if gives.latched else quality,
             )
         for key in self._spec.takes:
             topic = TOPICS["compressed_image" if key == "image" and self._compressed else key]
             for scope in self._scopes(topic.scope, used):
-                name = topic.name.format(camera=scope, device=scope)
+                name = topic.of(scope)
                 subscription = self.create_subscription(
-                    message_class(topic.message), name, self._receiver(scope, topic.record), quality
+                    message_class(topic.message),
+                    name,
+                    self._receiver(scope, topic.record),
+                    data_quality(self._flow, images=key == "image"),
                 )
                 full = subscription.topic_name
                 self._inputs[full] = _Input(full, scope, topic.record)

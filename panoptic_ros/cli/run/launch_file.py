@@ -7,6 +7,7 @@ from typing import Any
 
 from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.topics import ros_name
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.params import diff
@@ -26,14 +27,14 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
         return {"kind": "stage", "stage": name, "name": name, "parameters": {**common, **own, **more}}
 
     if plan.bag is not None:
-        node = {"kind": "bag", "path": str(plan.bag), "topics": {t: t for t in plan.bag_topics},
+        node = {"kind": "bag", "path": str(plan.bag), "cameras": dict(plan.bag_topics),
                 "images": plan.stage == "detection", "parameters": common}  # fmt: skip
         processes["source"] = [node]
     for i, (camera, source) in enumerate(plan.sources.items()):
         node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
                 "parameters": common}  # fmt: skip
         few = len(plan.sources) <= CAMERA_PROCESSES
-        name = f"camera-{camera}" if few else f"cameras-{i % CAMERA_PROCESSES}"
+        name = f"camera-{ros_name(camera)}" if few else f"cameras-{i % CAMERA_PROCESSES}"
         processes.setdefault(name, []).append(node)
     if plan.stage == "detection":
         compressed = bool(jpeg_quality) or any("compressed" in topic for topic in plan.bag_topics)

@@ -15,7 +15,7 @@ from panoptic_ros.cli.options import read_parameters, with_defaults
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.graph.build import configure
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.topics import TOPICS, check_names
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.io.messages import from_message
@@ -166,7 +166,7 @@ def _bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
 
 def _camera_topics(bag: BagReader, rig: Rig, key: str) -> dict[str, str]:
     """Topic in the bag -> camera."""
-    names = {"/" + TOPICS[key].name.format(camera=name): name for name in rig.names}
+    names = {"/" + TOPICS[key].of(name): name for name in rig.names}
     return {topic: names[topic] for topic in bag.topics if topic in names}
 
 

@@ -107,7 +107,7 @@ class Results:
             self._write("skeleton_model", self._plan.skeleton, stamp_ns)
 
     def _write(self, key: str, record: Any, stamp_ns: int, camera: str = "") -> None:
-        topic = "/" + TOPICS[key].name.format(camera=camera)
+        topic = "/" + TOPICS[key].of(camera)
         message = to_message(record, bag_messages(), self._plan.rig.frame_id)
         self._bag.write(topic, stamp_ns, message)
 
