@@ -1,4 +1,4 @@
-"""Finding a timecode signal: cell length, phase, direction and the place of the words, from nothing.
+"""Finding a timecode signal: grid of cells, direction and the place of the words, from nothing.
 
 The energy of half-cell integrals is largest when every edge lies between two half cells. It is
 computed for all cell lengths and phases over a short stretch, then sharpened on longer ones. The
@@ -6,126 +6,134 @@ best few lengths are tried in full, since patterns of bits can favour a multiple
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.timecode.cells import decide_bits, even_parity, half_cells, integrate
+from panoptic_ros.timecode.cells import even_parity
+from panoptic_ros.timecode.kernels import FREE, best_grid, best_path, half_levels, moved_grid, scan_lengths
 from panoptic_ros.timecode.words import WORD_CELLS, sync_matches
 
 Array = np.ndarray
-COARSE_SECONDS = 0.06
-WINDOW_SECONDS = 0.42  # at least seven words
-LONGER = (0.12, 0.25, 0.42)  # s, of the sharpening
 PHASES = 8
-CANDIDATES = 4
+CANDIDATES = 3  # by either measure
 APART = 0.03  # relative difference of two candidates' cell lengths
-LEAST_SHARE = 0.35  # of the signal's power that the half cells must hold; white noise has 1 / length
-LEAST_SYNC = 15.0  # bits of 16, mean over the window
 FASTEST, SLOWEST = 30.0, 24000.0 / 1001.0  # frames/s
+STILL = np.zeros(1)
+SHIFTS, STRETCHES, BENDS = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5)
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How to look at a stretch.
+
+    Args:
+        seconds: newest part of the signal that is looked at.
+        coarse: s, of the first look; the longest over which the speed may seem constant.
+        longer: s, of the sharpening.
+        most_bend: relative change of the speed per cell, half of it; 0 looks for constant speeds.
+        least_sync: bits of 16, mean over the words.
+    """
+
+    seconds: float
+    coarse: float
+    longer: tuple[float, ...]
+    most_bend: float
+    least_sync: float
+
+
+SHORT = Search(0.22, 0.06, (0.12, 0.22), 0.0, 14.5)  # soon after a signal has begun
+LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), 0.0, 12.0)  # through noise
+CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0)  # wow
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A signal: length of a cell and start of the first whole word, samples; direction; mean sync bits."""
+    """A signal: its grid about the middle of a word, samples; direction; mean sync bits."""
 
-    cell: float
-    word_start: float
+    grid: Array
     reverse: bool
     sync: float
 
 
-def acquire(cumulative: Array, sample_rate: int, speed_range: float) -> Found | None:
-    """The timecode signal in a window, if there is one.
+def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -> list[Found]:
+    """What may be timecode in the newest part of a signal, best first.
 
     Args:
-        cumulative: (N + 1,) sums of the conditioned samples, see `integrate`.
+        sums: (N + 1,) of the conditioned samples, see `integral`.
         speed_range: how many times too fast or slow it may be.
     """
     shortest = sample_rate / (FASTEST * speed_range * WORD_CELLS)
     longest = sample_rate * speed_range / (SLOWEST * WORD_CELLS)
-    length = len(cumulative) - 1
-    if length < 2.5 * WORD_CELLS * shortest:
-        return None
-    found = []
-    for half, edge in _coarse(cumulative, length, 0.5 * shortest, 0.5 * longest, sample_rate):
-        half, edge = _sharpen(cumulative, length, half, edge, sample_rate)
-        found += _words(cumulative, length, half, edge)
-    good = [item for item in found if item.sync >= LEAST_SYNC]
-    return max(good, key=lambda item: item.sync) if good else None
+    length = len(sums) - 1
+    if length < search.seconds * sample_rate:
+        return []
+    begin = length - search.seconds * sample_rate
+    found: list[Found] = []
+    for half, edge in _coarse(sums, begin, 0.5 * shortest, 0.5 * longest, sample_rate, search):
+        grid = _sharpen(sums, begin, half, edge, sample_rate, search)
+        if shortest < grid[1] < longest:
+            found += _words(sums, begin, grid)
+    good = [item for item in found if item.sync >= search.least_sync]
+    return sorted(good, key=lambda item: -item.sync)[:2]
 
 
 def _coarse(
-    cumulative: Array, length: int, shortest: float, longest: float, sample_rate: int
-) -> list[tuple[float, float]]:
-    """Half-cell lengths that explain the middle of the window best, and an edge there."""
-    span = min(COARSE_SECONDS * sample_rate, 0.9 * length)
-    begin = 0.5 * (length - span)
-    halves = span / shortest
-    steps = int(2.0 * halves * np.log(longest / shortest)) + 2
+    sums: Array, begin: float, shortest: float, longest: float, sample_rate: int, search: Search
+) -> Iterator[tuple[float, float]]:
+    """Half-cell lengths that explain the middle of the stretch best, and an edge there."""
+    span = search.coarse * sample_rate
+    begin = begin + 0.5 * (search.seconds - search.coarse) * sample_rate
+    steps = int(2.0 * span / shortest * np.log(longest / shortest)) + 2
     lengths = shortest * (longest / shortest) ** np.linspace(0.0, 1.0, steps)
-    rows = []
-    for half in lengths:
-        phases = begin + half * np.arange(PHASES) / PHASES
-        energies = _energy(cumulative, np.array([half]), phases, int(span / half) - 1)[0]
-        best = int(np.argmax(energies))
-        rows.append((float(energies[best]), float(half), float(phases[best])))
-    rows.sort(reverse=True)
-    samples = np.diff(cumulative[int(begin) : int(begin + span) + 1])
-    if rows[0][0] < LEAST_SHARE * float(samples @ samples) / len(samples):
-        return []
-    chosen: list[tuple[float, float]] = []
-    for _, half, edge in rows:
-        if all(abs(half / other - 1.0) > APART for other, _ in chosen):
-            chosen.append((half, edge))
-        if len(chosen) == CANDIDATES:
-            break
-    return chosen
-
-
-def _energy(cumulative: Array, halves: Array, starts: Array, count: int) -> Array:
-    """Mean square level of `count` half cells, (H, S) for H lengths and S starts."""
-    bounds = starts[None, :, None] + halves[:, None, None] * np.arange(count + 1)
-    levels = np.diff(integrate(cumulative, bounds), axis=-1) / halves[:, None, None]
-    return (levels * levels).mean(axis=-1)
+    rows = scan_lengths(sums, begin, span, lengths, PHASES)
+    chosen: list[float] = []
+    # Noise favours short cells by the first measure, words of zeros long ones by the second.
+    for measure in (rows[:, 0], rows[:, 0] * lengths):
+        number = 0
+        for k in np.argsort(-measure):
+            if all(abs(lengths[k] / other - 1.0) > APART for other in chosen):
+                chosen.append(lengths[k])
+                yield float(lengths[k]), float(rows[k, 1])
+                number += 1
+            if number == CANDIDATES:
+                break
 
 
 def _sharpen(
-    cumulative: Array, length: int, half: float, edge: float, sample_rate: int
-) -> tuple[float, float]:
-    """Length and an edge near the middle of the window, from stretches that grow about the middle."""
-    middle = edge + half * round((0.5 * length - edge) / half)
-    for seconds in LONGER:
-        each_side = int(0.5 * min(seconds * sample_rate, 0.98 * length) / half)
-        step_length, step_phase = half / (2.0 * each_side), 0.25 * half
-        for _ in range(4):
-            lengths = half + step_length * np.linspace(-1.0, 1.0, 5)
-            shifts = middle + step_phase * np.linspace(-1.0, 1.0, 5)
-            offsets = np.arange(-each_side, each_side + 1)
-            bounds = shifts[None, :, None] + lengths[:, None, None] * offsets
-            levels = np.diff(integrate(cumulative, bounds), axis=-1) / lengths[:, None, None]
-            best = np.unravel_index(int(np.argmax((levels * levels).mean(-1))), (5, 5))
-            half, middle = float(lengths[best[0]]), float(shifts[best[1]])
-            step_length, step_phase = 0.5 * step_length, 0.5 * step_phase
-    return half, middle
+    sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search
+) -> Array:
+    """The grid about the middle of the stretch, from parts that grow about it."""
+    middle = begin + 0.5 * search.seconds * sample_rate
+    grid = np.array([edge + half * round((middle - edge) / half), 2.0 * half, 0.0])
+    for seconds in search.longer:
+        each_side = int(0.49 * seconds * sample_rate / grid[1])
+        stretch, bend = 0.5 / each_side, min(search.most_bend, 0.5 / each_side**2)
+        for scale in (1.0, 0.5, 0.25, 0.125):
+            steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES, scale * bend * BENDS if bend else STILL
+            grid = best_grid(sums, grid, -float(each_side), 2 * each_side, *steps)
+    return grid
 
 
-def _words(cumulative: Array, length: int, half: float, edge: float) -> list[Found]:
-    """Where words begin, for both directions."""
-    first = edge - half * np.floor(edge / half)
-    count = int((length - first) / half) // 2
-    halves = half_cells(cumulative, first, 2.0 * half, count)
+def _words(sums: Array, begin: float, grid: Array) -> Iterator[Found]:
+    """Where words are, for both directions."""
+    middle, cell, bend = grid
+    before = int((middle - begin) / cell) - 1
+    count = 2 * before
+    halves = half_levels(sums, middle, cell, bend, -float(before), count)
+    first = -float(before)
     if not even_parity(halves):
-        first, count = first + half, count - 1
+        first, count = first + 0.5, count - 1
         halves = halves[1 : 2 * count + 1]
-    bits, _ = decide_bits(halves)
-    if count < 2 * WORD_CELLS:
-        return []
-    found = []
+    bits = best_path(halves, np.full(count, FREE, np.int8))[1]
+    if count < WORD_CELLS + 16:
+        return
     for reverse in (False, True):
         matches = sync_matches(bits, reverse)
         means = np.array([matches[k::WORD_CELLS].mean() for k in range(WORD_CELLS)])
         best = int(np.argmax(means))
-        word = best if reverse else (best + 16) % WORD_CELLS  # the sync word ends a word
-        found.append(Found(2.0 * half, first + 2.0 * half * word, reverse, float(means[best])))
-    return found
+        word = best if reverse else best + 16  # the sync word ends a word
+        number = round((0.5 * count - word) / WORD_CELLS - 0.5)
+        u = first + word + WORD_CELLS * (number + 0.5)  # middle of a word amidst the stretch
+        yield Found(moved_grid(grid, u), reverse, float(means[best]))

@@ -1,7 +1,7 @@
 """One device's stream of samples to words: search, follow, lose, search again.
 
 Samples are worked on in hops of fixed length, so the words do not depend on how the stream was cut
-into blocks. While words are followed, each is read where the line through the last ones expects it.
+into blocks. While words are followed, each is judged where the line through the last ones expects it.
 Nothing is kept that noise could poison: after `lost_words` unreadable words all is forgotten.
 """
 from __future__ import annotations
@@ -10,24 +10,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.timecode.acquisition import WINDOW_SECONDS, acquire
-from panoptic_ros.timecode.cells import decide_bits, half_cells, integrate
+from panoptic_ros.domain import Timecode
+from panoptic_ros.timecode.acquisition import CHANGING, LONG, SHORT, Found, Search, acquire
 from panoptic_ros.timecode.conditioning import Conditioner
 from panoptic_ros.timecode.config import TimecodeConfig
-from panoptic_ros.timecode.timing import WordFit, fit_word
-from panoptic_ros.timecode.words import WORD_CELLS, Label, parse_word
+from panoptic_ros.timecode.following import Follow
+from panoptic_ros.timecode.kernels import best_grid, drawn_grid, half_levels, moved_grid
+from panoptic_ros.timecode.labels import Verdict, judge, solve_labels
+from panoptic_ros.timecode.rates import with_rate
+from panoptic_ros.timecode.timing import fit_word
+from panoptic_ros.timecode.words import SYNC_ONLY, WORD_CELLS, user_number
 
 Array = np.ndarray
 HOP_SECONDS = 0.1
-KEPT_SECONDS = 0.3  # of samples while words are followed
+KEPT_SECONDS = 1.0  # of samples: a signal that is found late is read from there on
+BUFFER_SECONDS = 4.0
 EARLY = 0.3  # cells that may be missing of the first word of a stream
-EARLY_WORDS = 12  # that may be missed before the first is read
-LEAST_STD = 0.003  # samples; no sampler is better
-LINE_WORDS = 10  # through whose middles the line goes that gives the length of a cell
-LEAST_QUALITY = 0.8  # share of the levels that the bits explain
-LEAST_LEVEL = 0.35  # of each tenth of a word, of the word's level: a cut word has less
-SHIFTS = np.linspace(-0.2, 0.2, 17)  # cells, about the expected start of a word
-STRETCHES = np.linspace(-0.004, 0.004, 5)  # relative, of the length of a cell
+FARTHEST = 3  # words before the first that was found, where a changing speed may still be known
+SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, about the expected middle of a word
+STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative, of the length of a cell
+BENDS = np.linspace(-1e-4, 1e-4, 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,19 +37,22 @@ class Word:
     """A word that was read.
 
     Args:
-        number: counts words of the signal, also unreadable ones; negative steps never happen.
-        label: None if it could not be read.
+        timecode: its label, with the rate that is most likely so far.
         start: first edge of bit 0, samples since the stream's start; at the word's end in reverse.
         std: of `start`.
         cell: length of a cell, samples.
+        known: whether no other label is about as likely.
+        sure: whether the word is good; if not, a good one must follow.
     """
 
-    number: int
-    label: Label | None
+    timecode: Timecode
     start: float
     std: float
     cell: float
     reverse: bool
+    user_bits: int
+    known: bool
+    sure: bool
 
 
 class LtcDecoder:
@@ -59,159 +64,225 @@ class LtcDecoder:
         self._hop = int(HOP_SECONDS * sample_rate)
         self._conditioner = Conditioner(sample_rate, config.high_pass_hz)
         self._up = self._conditioner.up  # conditioned samples per raw one
-        self._pending = np.zeros(0)
-        self._raw = np.zeros(0)
-        self._signal = np.zeros(0)
+        self._pending: list[Array] = []
+        self._pending_count = 0
+        self._raw = _Buffer(int(BUFFER_SECONDS * sample_rate))
+        self._sums = _Buffer(int(BUFFER_SECONDS * sample_rate) * self._up)
+        self._sums.append(np.zeros(1))
         self._first = 0  # index of the first kept sample
-        self._follow: _Follow | None = None
+        self._follow: Follow | None = None
         self._read_until = -np.inf  # end of the last word that was handed out
+        self._held: list[Word] = []  # doubtful words that wait for a sure one
         self._searches = 0
 
     def push(self, samples: Array) -> list[Word]:
         """Words that became complete."""
-        self._pending = np.concatenate([self._pending, samples.astype(np.float64)])
-        words = []
-        while len(self._pending) >= self._hop:
-            words += self._work(self._pending[: self._hop])
-            self._pending = self._pending[self._hop :]
+        self._pending.append(samples)
+        self._pending_count += len(samples)
+        if self._pending_count < self._hop:
+            return []
+        joined = np.concatenate(self._pending).astype(np.float64)
+        words: list[Word] = []
+        first = 0
+        while first + self._hop <= len(joined):
+            words += self._work(joined[first : first + self._hop])
+            first += self._hop
+        self._pending, self._pending_count = [joined[first:]], len(joined) - first
         return words
 
     def finish(self) -> list[Word]:
         """The words that end with the stream."""
         silence = np.zeros(self._conditioner.reach + self._hop)
-        words = self._work(np.concatenate([self._pending, silence]), last=True)
-        self._pending = np.zeros(0)
+        words = self._work(np.concatenate([*self._pending, silence]), last=True)
+        self._pending, self._pending_count = [], 0
         return words
 
     def _work(self, samples: Array, last: bool = False) -> list[Word]:
-        self._raw = np.concatenate([self._raw, samples])
-        self._signal = np.concatenate([self._signal, self._conditioner.push(samples)])
-        words = []
-        sums = np.concatenate([[0.0], np.cumsum(self._signal)])
-        while True:
-            if self._follow is None and not self._search(sums, last):
+        self._raw.append(samples)
+        signal = self._conditioner.push(samples)
+        self._sums.append(np.cumsum(signal) + self._sums.values[-1])
+        words: list[Word] = []
+        while self._follow is not None or self._search(last):
+            if not self._word_complete():
                 break
-            word = self._next_word(sums)
-            if word is None:
-                break
-            words.append(word)
+            word = self._next_word()
+            if word is not None:
+                self._held.append(word)
+                if word.sure:  # those that it has counted on from are right
+                    words += self._held
+                    self._held = []
             if self._follow is None:
                 break  # lost: search in the next hop
-        self._forget()
+        surplus = len(self._raw.values) - int(KEPT_SECONDS * self._rate)
+        if surplus > 0:
+            self._raw.drop(surplus)
+            self._sums.drop(surplus * self._up)
+            self._first += surplus
         return words
 
-    def _search(self, sums: Array, last: bool) -> bool:
-        """Look for a signal in every other hop."""
+    def _search(self, last: bool) -> bool:
+        """Look for a signal: soon after its start, through noise, with changing speed."""
         self._searches += 1
-        if self._searches % 2 and not last:
+        kinds = (SHORT, LONG, CHANGING) if last else (SHORT, (CHANGING, LONG)[self._searches % 2])
+        for search in kinds:
+            for found in acquire(self._sums.values, self._rate * self._up, self._config.speed_range, search):
+                if self._believe(found, search):
+                    return True
+        return False
+
+    def _believe(self, found: Found, search: Search) -> bool:
+        """Follow what was found if its words have labels that count on."""
+        sums = self._sums.values
+        grids = _chain(sums, found) if search.most_bend else _row(sums, found, search, self._rate * self._up)
+        words = [_halves(sums, grid, found.reverse) for grid in grids]
+        solution = solve_labels(words, found.reverse, self._config.agreeing_words)
+        if solution is None:
             return False
-        window = int(WINDOW_SECONDS * self._rate * self._up)
-        skipped = max(0, len(self._signal) - window)
-        if not last and len(self._signal) < window:
-            return False
-        found = acquire(sums[skipped:] - sums[skipped], self._rate * self._up, self._config.speed_range)
-        if found is None:
-            return False
-        start, cell = self._first + (skipped + found.word_start) / self._up, found.cell / self._up
-        length = WORD_CELLS * cell
-        earliest = max(self._first - EARLY * cell, self._read_until - 0.5 * cell)
-        start -= length * np.floor((start - earliest) / length)  # also words before the window, if kept
-        self._follow = _Follow(float(start), cell, found.reverse)
+        grid, number = self._raw_grid(grids[0]), 0
+        earliest = max(self._first - EARLY * grid[1], self._read_until - 0.5 * grid[1])
+        while True:
+            before = moved_grid(grid, -float(WORD_CELLS))
+            if before[0] - 0.5 * WORD_CELLS * before[1] < earliest:
+                break
+            if search.most_bend and number == -FARTHEST:
+                break
+            grid, number = before, number - 1
+        while grid[0] - 0.5 * WORD_CELLS * grid[1] < earliest:
+            grid, number = moved_grid(grid, float(WORD_CELLS)), number + 1
+        self._follow = follow = Follow(grid, number, found.reverse, bool(search.most_bend), solution)
+        read_until = self._read_until
+        while self._follow is not None and self._word_complete():
+            self._next_word()
+        self._follow, self._read_until = follow.restart(grid, number, solution), read_until
+        self._held = []
         return True
 
-    def _next_word(self, sums: Array) -> Word | None:
-        """The next word if it is complete."""
+    def _raw_grid(self, grid: Array) -> Array:
+        """From conditioned samples to samples since the stream's start."""
+        return np.array([self._first + grid[0] / self._up, grid[1] / self._up, grid[2]])
+
+    def _fine_grid(self, grid: Array) -> Array:
+        """The other way."""
+        return np.array([(grid[0] - self._first) * self._up, grid[1] * self._up, grid[2]])
+
+    def _word_complete(self) -> bool:
+        assert self._follow is not None
+        end = moved_grid(self._follow.grid, 0.5 * WORD_CELLS + 1.0)[0]
+        return bool(end <= self._first + (len(self._sums.values) - 1) // self._up)
+
+    def _next_word(self) -> Word | None:
+        """Read the next word, or miss it."""
+        follow, sums = self._follow, self._sums.values
+        assert follow is not None
+        grid = self._fine_grid(follow.grid)
+        halves = _halves(sums, grid, follow.reverse)
+        verdict = follow.judge(halves)
+        if not verdict.good:
+            grid = best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
+            halves = _halves(sums, grid, follow.reverse)
+            verdict = follow.judge(halves)
+        word = self._timed(grid, halves, verdict.good) if verdict.possible else None
+        if word is None:
+            follow.miss()
+        if follow.misses >= self._config.lost_words:
+            self._follow, self._held = None, []
+        return word if word is not None and word.known else None
+
+    def _timed(self, grid: Array, halves: Array, good: bool) -> Word | None:
+        """The word with its exact start."""
         follow = self._follow
         assert follow is not None
-        end = self._first + len(self._signal) // self._up
-        if follow.start + (WORD_CELLS + 1.0) * follow.cell > end:
-            return None
-        start, cell = _align(sums, (follow.start - self._first) * self._up, follow.cell * self._up)
-        halves = half_cells(sums, start, cell, WORD_CELLS)
-        bits, quality = decide_bits(halves)
-        label = parse_word(bits[::-1] if follow.reverse else bits)
-        fit = None
-        if label is not None and quality >= LEAST_QUALITY and _present(halves):
-            place = self._first + start / self._up
-            fit = fit_word(self._raw, self._first, bits, place, cell / self._up, self._rate)
+        label, known = follow.label(halves, good)
+        known = known and (good or follow.started)
+        verdict = follow.bits(halves, label, good)
+        forward = slice(None, None, -1 if follow.reverse else 1)
+        signs = np.ascontiguousarray(verdict.signs[forward])
+        grid = drawn_grid(self._sums.values, grid, signs, verdict.level, 3 if follow.bending else 2)
+        bits = verdict.bits[forward]
+        fit = fit_word(self._raw.values, self._first, bits, self._raw_grid(grid), self._rate, follow.bending)
         if fit is None:
-            word = Word(follow.number, None, follow.start, np.inf, follow.cell, follow.reverse)
-            follow.miss()
-            if follow.lost(self._config.lost_words):
-                self._follow = None
-            return word
-        number = follow.number
-        start, std = follow.hit(fit)
-        self._read_until = follow.start
-        edge = start + WORD_CELLS * follow.cell if follow.reverse else start
-        return Word(number, label, edge, std, follow.cell, follow.reverse)
-
-    def _forget(self) -> None:
-        """Drop the samples that nobody needs any more."""
-        kept = WINDOW_SECONDS + HOP_SECONDS if self._follow is None else KEPT_SECONDS
-        surplus = len(self._signal) // self._up - int(kept * self._rate)
-        if surplus > 0:
-            self._raw, self._signal = self._raw[surplus:], self._signal[surplus * self._up :]
-            self._first += surplus
+            return None
+        start, std = follow.hit(fit, good)
+        if good and known:
+            self._read_until = follow.grid[0] - 0.5 * WORD_CELLS * follow.grid[1]
+        timecode = with_rate(label, follow.rate(self._rate))
+        user_bits = user_number(verdict.bits)
+        return Word(timecode, start, std, follow.grid[1], follow.reverse, user_bits, known, good)
 
 
-class _Follow:
-    """Where the next word is expected."""
+class _Buffer:
+    """The newest values of a stream, in one piece."""
 
-    def __init__(self, start: float, cell: float, reverse: bool):
-        self.start, self.cell, self.reverse = start, cell, reverse
-        self.number = 0
-        self.misses = 0
-        self._middles: list[tuple[int, float, float]] = []  # word number, middle, its variance
+    def __init__(self, capacity: int):
+        self._store = np.empty(capacity)
+        self._begin = self._end = 0
 
-    def miss(self) -> None:
-        """The word could not be read; the next is expected where it would be."""
-        self.misses += 1
-        self.start += WORD_CELLS * self.cell
-        self.number += 1
+    @property
+    def values(self) -> Array:
+        """Those that are kept."""
+        return self._store[self._begin : self._end]
 
-    def lost(self, most: int) -> bool:
-        """Whether the signal is gone; at first, words from before the signal may be missed."""
-        return self.misses >= most + (0 if self._middles else EARLY_WORDS)
+    def append(self, values: Array) -> None:
+        """Add at the end."""
+        count = self._end - self._begin
+        if self._end + len(values) > len(self._store):
+            kept = self.values.copy()
+            if count + len(values) > len(self._store):
+                self._store = np.empty(2 * (count + len(values)))
+            self._store[:count] = kept
+            self._begin, self._end = 0, count
+        self._store[self._end : self._end + len(values)] = values
+        self._end += len(values)
 
-    def hit(self, fit: WordFit) -> tuple[float, float]:
-        """The word was read: its start and standard deviation; moves on to the next."""
-        self.misses = 0
-        self._middles = [*self._middles, (self.number, fit.middle, fit.middle_std**2)][-LINE_WORDS:]
-        self.cell, cell_std = self._cell(fit)
-        half = 0.5 * WORD_CELLS
-        start = fit.middle - half * self.cell
-        self.start = fit.middle + half * self.cell
-        self.number += 1
-        return start, float(np.linalg.norm([fit.middle_std, half * cell_std, LEAST_STD]))
-
-    def _cell(self, fit: WordFit) -> tuple[float, float]:
-        """The length of a cell: that of the line through the last words if they lie on one."""
-        if len(self._middles) < 3:
-            return fit.cell, fit.cell_std
-        number, middle, variance = np.array(self._middles).T
-        x = number - number.mean()
-        slope = float(x @ (middle - middle.mean()) / (x @ x))
-        error = middle - middle.mean() - slope * x
-        expected = max(float(variance.mean()), 1e-6)
-        spread = float(error @ error) / (len(x) - 2)
-        if spread > 9.0 * expected + 0.01:  # the speed changes: trust the word itself
-            return fit.cell, fit.cell_std
-        std = np.sqrt(max(spread, expected) / (x @ x)) / WORD_CELLS
-        return slope / WORD_CELLS, float(std)
+    def drop(self, count: int) -> None:
+        """Forget the oldest."""
+        self._begin += count
 
 
-def _align(sums: Array, start: float, cell: float) -> tuple[float, float]:
-    """Start and cell length near the expected ones with the largest energy of the half cells."""
-    lengths = cell * (1.0 + STRETCHES)
-    begins = start + cell * (SHIFTS[None, :] - 0.5 * WORD_CELLS * STRETCHES[:, None])
-    bounds = begins[..., None] + 0.5 * lengths[:, None, None] * np.arange(2 * WORD_CELLS + 1)
-    levels = np.diff(integrate(sums, bounds), axis=-1) / lengths[:, None, None]
-    i, j = np.unravel_index(int(np.argmax((levels * levels).sum(axis=-1))), begins.shape)
-    return float(begins[i, j]), float(lengths[i])
+def _halves(sums: Array, grid: Array, reverse: bool) -> Array:
+    """Levels (160,) of the half cells of a word in the order of sending."""
+    levels = half_levels(sums, grid[0], grid[1], grid[2], -0.5 * WORD_CELLS, WORD_CELLS)
+    return np.ascontiguousarray(levels[::-1]) if reverse else levels
 
 
-def _present(halves: Array) -> bool:
-    """Whether every tenth of the word has signal."""
-    tenths = np.abs(halves).reshape(10, -1).mean(axis=1)
-    return bool(tenths.min() > LEAST_LEVEL * np.median(tenths))
+def _row(sums: Array, found: Found, search: Search, rate: int) -> list[Array]:
+    """The grids of the words of constant length in the newest part of the signal."""
+    length = WORD_CELLS * found.grid[1]
+    end = len(sums) - 1
+    begin = end - search.seconds * rate
+    first = -int((found.grid[0] - 0.5 * length - begin) / length)
+    last = int((end - found.grid[0] - 0.5 * length) / length)
+    return [moved_grid(found.grid, float(WORD_CELLS * k)) for k in range(first, last + 1)]
+
+
+def _chain(sums: Array, found: Found) -> list[Array]:
+    """The grids of the words that can be followed from one to the next, backwards and forwards."""
+    grids: list[Array] = []
+    for step in (-1, 1):
+        grid = found.grid
+        while True:
+            drawn = _drawn(sums, grid, found.reverse)
+            if drawn is None:
+                break
+            grids = [*grids, drawn] if step > 0 else [drawn, *grids]
+            grid = moved_grid(drawn, step * float(WORD_CELLS))
+        if step < 0:
+            grids = grids[:-1]  # the word that was found comes again
+    return grids
+
+
+def _drawn(sums: Array, grid: Array, reverse: bool) -> Array | None:
+    """The grid moved to a word's edges, if there is a word."""
+    ends = [moved_grid(grid, side * (0.5 * WORD_CELLS + 0.5))[0] for side in (-1.0, 1.0)]
+    if ends[0] < 0.0 or ends[1] > len(sums) - 1:
+        return None
+    for _ in range(2):
+        verdict: Verdict = judge(_halves(sums, grid, reverse), SYNC_ONLY)
+        if not verdict.good:
+            grid = best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
+            verdict = judge(_halves(sums, grid, reverse), SYNC_ONLY)
+        if not verdict.good:
+            return None
+        signs = np.ascontiguousarray(verdict.signs[::-1]) if reverse else verdict.signs
+        grid = drawn_grid(sums, grid, signs, verdict.level, 3)
+    return grid

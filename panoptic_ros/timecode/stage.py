@@ -4,12 +4,17 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-from panoptic_ros.domain import AudioBlock, TimecodeReading
+from panoptic_ros.domain import AudioBlock, Timecode, TimecodeReading
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.timecode.click_kernels import compile_conditioning
 from panoptic_ros.timecode.config import TimecodeConfig
-from panoptic_ros.timecode.continuity import Continuity
 from panoptic_ros.timecode.decoder import LtcDecoder, Word
+from panoptic_ros.timecode.fit_kernels import compile_fit
+from panoptic_ros.timecode.kernels import compile_kernels
+from panoptic_ros.timecode.rates import with_rate
+from panoptic_ros.timecode.words import WORD_CELLS
 
+LONGEST_GAP = 250  # words; over more, the speed is not known well enough to count on
 STAMPS_SECONDS = 3.0  # of block stamps that are kept: longer than a word waits to be reported
 
 
@@ -21,17 +26,23 @@ class _Device:
     sample_rate: int
     first_sample: int
     decoder: LtcDecoder
-    continuity: Continuity
     stamps: deque[tuple[int, int]] = field(default_factory=deque)  # first sample and stamp of blocks
     next_sample: int = 0
+    last: Word | None = None
 
 
 class TimecodeStage:
-    """See the package. Gaps and other sample rates start a device anew; nothing else is remembered."""
+    """See the package. Gaps and other sample rates start a device anew; nothing else is remembered.
+
+    The constructor compiles the kernels, or takes them from numba's cache.
+    """
 
     def __init__(self, config: TimecodeConfig, context: StageContext | None = None):
         self._config = config
         self._devices: dict[str, _Device] = {}
+        compile_kernels()
+        compile_fit()
+        compile_conditioning()
 
     def step(self, item: AudioBlock) -> StepResult[TimecodeReading]:
         """Readings that the block completes."""
@@ -51,11 +62,9 @@ class TimecodeStage:
         horizon = device.next_sample - int(STAMPS_SECONDS * device.sample_rate)
         while len(device.stamps) > 1 and device.stamps[1][0] <= horizon:
             device.stamps.popleft()
-        jumps = device.continuity.jumps
-        readings += self._read(device, device.decoder.push(item.samples))
-        if device.continuity.jumps > jumps:
-            text = f"the timecode of {device.name} jumped to {readings[-1].timecode}"
-            notices.append(Notice("timecode.jump", "warning", text, {"device": device.name}))
+        words = device.decoder.push(item.samples)
+        notices += _jumps(device, words)
+        readings += self._read(device, words)
         return StepResult(tuple(readings), tuple(notices))
 
     def flush(self) -> StepResult[TimecodeReading]:
@@ -71,23 +80,42 @@ class TimecodeStage:
 
     def _start(self, block: AudioBlock) -> _Device:
         decoder = LtcDecoder(self._config, block.sample_rate)
-        continuity = Continuity(self._config.agreeing_words, block.sample_rate)
-        return _Device(block.device, block.sample_rate, block.first_sample, decoder, continuity)
+        return _Device(block.device, block.sample_rate, block.first_sample, decoder)
 
     def _read(self, device: _Device, words: list[Word]) -> list[TimecodeReading]:
-        believed = [pair for word in words for pair in device.continuity.push(word)]
         return [
             TimecodeReading(
                 device=device.name,
                 stamp_ns=_stamp(device, device.first_sample + word.start),
-                timecode=timecode,
+                timecode=word.timecode,
                 start_sample=device.first_sample + word.start,
                 std_samples=word.std,
                 reverse=word.reverse,
-                user_bits=word.label.user_bits if word.label else 0,
+                user_bits=word.user_bits,
             )
-            for word, timecode in believed
+            for word in words
         ]
+
+
+def _jumps(device: _Device, words: list[Word]) -> list[Notice]:
+    """Where labels do not count on from the last ones."""
+    notices = []
+    for word in words:
+        if device.last is not None and not _continues(device.last, word):
+            text = f"the timecode of {device.name} jumped to {word.timecode}"
+            notices.append(Notice("timecode.jump", "warning", text, {"device": device.name}))
+        device.last = word
+    return notices
+
+
+def _continues(last: Word, word: Word) -> bool:
+    """Whether a label is as many frames after another as time has passed; after long gaps nobody knows."""
+    passed = round((word.start - last.start) / (WORD_CELLS * word.cell))
+    if passed > LONGEST_GAP or word.reverse != last.reverse:
+        return passed > LONGEST_GAP
+    before = with_rate(last.timecode, word.timecode.rate)
+    count = before.frame_count + (-passed if word.reverse else passed)
+    return Timecode.from_frame_count(count, word.timecode.rate) == word.timecode
 
 
 def _stamp(device: _Device, sample: float) -> int:

@@ -2,7 +2,8 @@
 
 With the bits known, the signal is known up to start, cell length, level and its slow change, and a
 baseline below `BASELINE_HZ` (DC, hum, droop), which is projected out. For white noise this is the
-maximum-likelihood estimate, whose variance is that of Cramer and Rao for these edges.
+maximum-likelihood estimate, whose variance is that of Cramer and Rao for these edges. The variance is
+not taken from the noise, but from what the edges say one by one: so jitter, echoes and clipping show.
 """
 from __future__ import annotations
 
@@ -12,97 +13,120 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import erf
 
+from panoptic_ros.timecode.fit_kernels import fit_step, left_over, score_scatter, wave_columns
+
 Array = np.ndarray
 BASELINE_HZ = 250.0
 EDGE_SECONDS = 15.6e-6  # standard deviation of an edge of 40 us rise time
 EDGE_SAMPLES = 0.4  # at least, since samples are taken through a low pass
 MARGIN = 0.45  # cells before the first and after the last edge
-STEPS, FIRST_STEPS = 9, 3  # of Gauss and Newton; the first ones come from afar
+STEPS = 8  # of Gauss and Newton
+SETTLED = 0.04  # standard deviations of an edge: the next step would be the square of that
+LOST = 0.05  # cells
 OUTLIER = 4.0  # standard deviations
-GROSS = 2.5  # times the level: more than a misplaced edge
+SHAKEN_SECONDS = 40e-6  # by which single edges may be misplaced
+GROSS = 0.25  # times the level: more than a slightly misplaced edge
+ERROR_FUNCTION = erf(np.arange(602) / 100.0 / np.sqrt(2.0))
 
 
 @dataclass(frozen=True, slots=True)
 class WordFit:
-    """Times in samples: middle of the word, length of a cell, and their standard deviations."""
+    """The grid of a word's cells: its middle and the length of a cell there in samples, its bend.
+
+    Args:
+        covariance: (3, 3) of middle, cell and bend.
+    """
 
     middle: float
     cell: float
-    middle_std: float
-    cell_std: float
+    bend: float
+    covariance: Array
+
+    @property
+    def grid(self) -> Array:
+        """(3,) middle, cell, bend."""
+        return np.array([self.middle, self.cell, self.bend])
+
+    @property
+    def middle_std(self) -> float:
+        """Samples."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def cell_std(self) -> float:
+        """Samples."""
+        return float(np.sqrt(self.covariance[1, 1]))
 
 
 def fit_word(
-    raw: Array, first_index: int, bits: Array, start: float, cell: float, sample_rate: int
+    raw: Array, first_index: int, bits: Array, grid: Array, sample_rate: int, bending: bool = False
 ) -> WordFit | None:
     """Fit a word; None if it is not wholly inside of the samples or the fit does not settle.
 
     Args:
         raw: (N,) samples, the first of which has index `first_index`.
         bits: (80,) in the order of the file.
-        start, cell: a guess, good to a tenth of a cell over the word.
+        grid: (3,) a guess, good to a tenth of a cell over the word.
+        bending: whether the speed may change within the word.
     """
-    count = len(bits)
-    low = int(np.ceil(start - MARGIN * cell))
-    high = int(np.floor(start + (count + MARGIN) * cell)) + 1
-    if low < first_index and start > first_index - cell:
+    half = 0.5 * len(bits)
+    grid = grid.copy()
+    ends = grid[0] + grid[1] * (np.array([-half, half]) + grid[2] * half**2)
+    low = int(np.ceil(ends[0] - MARGIN * grid[1]))
+    high = int(np.floor(ends[1] + MARGIN * grid[1])) + 1
+    if low < first_index and ends[0] > first_index - grid[1]:
         low = first_index  # the stream began with this word
     if low < first_index or high > first_index + len(raw):
         return None
     values = raw[low - first_index : high - first_index]
-    at = np.arange(low, high, dtype=np.float64)
-    places = _edge_places(bits)
+    places = _edge_places(bits) - half
     sigma = max(EDGE_SECONDS * sample_rate, EDGE_SAMPLES)
     baseline = _baseline(len(values), max(4, int(2.0 * BASELINE_HZ * len(values) / sample_rate)))
-    half = 0.5 * count
-    middle, clean = start + half * cell, values
-    for step in range(STEPS):
-        columns = _columns(at, middle, cell, places - half, sigma)
-        free = columns - baseline @ (baseline.T @ columns)
-        target = clean - baseline @ (baseline.T @ clean)
-        solution = np.linalg.lstsq(free.T @ free, free.T @ target, rcond=None)[0]
+    terms = 5 if bending else 4
+    clean, cleaned, moved = values, False, np.inf
+    for _ in range(STEPS):
+        columns = wave_columns(low, clean, grid, places, sigma, ERROR_FUNCTION, terms)
+        solution, inverse, square, weights = fit_step(columns, baseline)
         level = float(solution[0])
-        if abs(level) < 1e-9:
+        if abs(level) < 1e-9 or not np.isfinite(solution).all():
             return None
-        move, stretch = solution[2] / level, solution[3] / level
-        middle += float(np.clip(move, -0.2 * cell, 0.2 * cell))
-        cell += float(np.clip(stretch, -0.002 * cell, 0.002 * cell))
-        error = target - free @ solution
-        spread = 1.4826 * float(np.median(np.abs(error)))
-        # What sticks out is a click: taken as the model says. Far from the solution, edges stick out too.
-        most = OUTLIER * spread if step >= FIRST_STEPS else GROSS * abs(level)
-        whole = values - clean + error
-        clean = np.where(np.abs(whole) > most, values - whole, values)
-        if step > FIRST_STEPS and abs(move) < 1e-4:
+        change = np.zeros(3)
+        change[: terms - 2] = solution[2:] / level
+        most = np.array([0.2 * grid[1], 0.002 * grid[1], 2e-4])
+        grid += np.clip(change, -most, most)
+        noise = np.sqrt(square / max(1, len(values) - len(baseline) - terms))
+        moved = max(abs(change[0]), half * abs(change[1]))
+        if moved > SETTLED * sigma + 0.1 * noise / abs(level) * np.sqrt(inverse[2, 2]):
+            continue
+        error = left_over(columns, solution, baseline, weights)
+        if cleaned:
             break
-    noise = float(np.sqrt(error @ error / max(1, len(error) - baseline.shape[1] - 4)))
-    covariance = np.linalg.pinv(free.T @ free) * (noise / level) ** 2
-    return WordFit(middle, cell, float(np.sqrt(covariance[2, 2])), float(np.sqrt(covariance[3, 3])))
+        spread = 1.4826 * float(np.median(np.abs(error[::4])))
+        shaken = SHAKEN_SECONDS * sample_rate * np.abs(columns[:, 2])  # of a level, where edges are misplaced
+        outside = np.abs(error) > max(OUTLIER * spread, GROSS * abs(level)) + abs(level) * shaken
+        if not outside.any():
+            break
+        clean, cleaned = np.where(outside, values - error, values), True
+    else:
+        error = left_over(columns, solution, baseline, weights)
+    if moved > LOST * grid[1]:
+        return None
+    scatter = inverse[2:, 2:] @ score_scatter(columns, error, terms) @ inverse[2:, 2:] / level**2
+    covariance = np.zeros((3, 3))
+    covariance[: terms - 2, : terms - 2] = scatter
+    return WordFit(float(grid[0]), float(grid[1]), float(grid[2]), covariance)
 
 
 def _edge_places(bits: Array) -> Array:
     """Edges in cells from the word's start, the one that ends it included."""
-    starts = np.arange(len(bits) + 1, dtype=np.float64)
-    return np.sort(np.concatenate([starts, np.flatnonzero(bits) + 0.5]))
+    return np.flatnonzero(np.append(np.column_stack([np.ones_like(bits), bits]).ravel(), 1)) * 0.5
 
 
-def _columns(at: Array, middle: float, cell: float, places: Array, sigma: float) -> Array:
-    """Regressors (N, 4): the wave, the wave times time, and its derivatives by middle and cell."""
-    edges = middle + cell * places
-    nearest = np.clip(np.searchsorted(0.5 * (edges[1:] + edges[:-1]), at), 0, len(edges) - 1)
-    sign = np.where(nearest % 2 == 0, 1.0, -1.0)
-    distance = (at - edges[nearest]) / sigma
-    wave = sign * erf(distance / np.sqrt(2.0))
-    slope = -sign * np.sqrt(2.0 / np.pi) / sigma * np.exp(-0.5 * distance**2)
-    ramp = np.linspace(-1.0, 1.0, len(at))
-    return np.stack([wave, wave * ramp, slope, slope * places[nearest]], axis=1)
-
-
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _baseline(count: int, terms: int) -> Array:
-    """Orthonormal slow functions (count, terms)."""
-    angle = np.pi * (np.arange(count)[:, None] + 0.5) * np.arange(terms) / count
+    """Orthonormal slow functions (terms, count)."""
+    angle = np.pi * (np.arange(count) + 0.5) * np.arange(terms)[:, None] / count
     basis = np.cos(angle) * np.sqrt(2.0 / count)
-    basis[:, 0] = np.sqrt(1.0 / count)
+    basis[0] = np.sqrt(1.0 / count)
     basis.flags.writeable = False
     return basis

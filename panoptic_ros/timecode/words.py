@@ -1,32 +1,44 @@
 """What the 80 bits of a timecode word mean (SMPTE ST 12-1)."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
+
+from panoptic_ros.domain import FrameRate, Timecode
+from panoptic_ros.timecode.kernels import FREE
 
 Array = np.ndarray
 WORD_CELLS = 80
 SYNC = np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 1], np.int8)  # bits 64 to 79
-DIGITS = (  # tens and units: first bit and number of bits of each, largest value of the field
-    ("frames", (8, 2), (0, 4), 29),
-    ("seconds", (24, 3), (16, 4), 59),
-    ("minutes", (40, 3), (32, 4), 59),
-    ("hours", (56, 2), (48, 4), 23),
+FIELDS = (  # units and tens: first bit and number of bits of each, number of values
+    ("hours", (48, 4), (56, 2), 24),
+    ("minutes", (32, 4), (40, 3), 60),
+    ("seconds", (16, 4), (24, 3), 60),
+    ("frames", (0, 4), (8, 2), 30),
 )
 DROP_FRAME_BIT = 10
+DROP_RATE = FrameRate(30, Fraction(30000, 1001), True)
+# Ways of counting. Whether 30 labels last a second or a little more, a word does not say.
+COUNTINGS = (FrameRate(24, Fraction(24)), FrameRate(25, Fraction(25)), FrameRate(30, Fraction(30)), DROP_RATE)
+USER_BITS = np.array([8 * group + 4 + i for group in range(8) for i in range(4)])
+
+USER_WEIGHTS = 1 << np.arange(32, dtype=np.int64)
 
 
-@dataclass(frozen=True, slots=True)
-class Label:
-    """The fields of a word; whether they make a timecode depends on the rate."""
+def _field_table(units: tuple[int, int], tens: tuple[int, int], values: int) -> tuple[Array, Array]:
+    """Where a field's bits are, and the bits (values, B) of each of its values."""
+    places = [units[0] + i for i in range(units[1])] + [tens[0] + i for i in range(tens[1])]
+    rows = [
+        [(value % 10 >> i) & 1 for i in range(units[1])] + [(value // 10 >> i) & 1 for i in range(tens[1])]
+        for value in range(values)
+    ]
+    return np.array(places), np.array(rows, np.int8)
 
-    hours: int
-    minutes: int
-    seconds: int
-    frames: int
-    drop_frame: bool
-    user_bits: int
+
+TABLES = {name: _field_table(units, tens, values) for name, units, tens, values in FIELDS}
+SYNC_ONLY = np.full(WORD_CELLS, FREE, np.int8)
+SYNC_ONLY[64:] = SYNC
 
 
 def sync_matches(bits: Array, reverse: bool) -> Array:
@@ -36,26 +48,15 @@ def sync_matches(bits: Array, reverse: bool) -> Array:
     return (windows == pattern).sum(axis=1)
 
 
-def parse_word(bits: Array) -> Label | None:
-    """The label of 80 bits in the order of sending; None if the sync word or a digit is wrong.
-
-    The sync word must be complete but for one bit, all digits must be decimal and in range.
-    """
-    if int((bits[64:] == SYNC).sum()) < len(SYNC) - 1:
-        return None
-    fields = {}
-    for name, tens, units, largest in DIGITS:
-        high, low = _number(bits, *tens), _number(bits, *units)
-        if low > 9 or 10 * high + low > largest:
-            return None
-        fields[name] = 10 * high + low
-    drop = bool(bits[DROP_FRAME_BIT])
-    if drop and fields["seconds"] == 0 and fields["frames"] < 2 and fields["minutes"] % 10:
-        return None  # dropped labels are never sent
-    user = sum(_number(bits, 8 * group + 4, 4) << (4 * group) for group in range(8))
-    return Label(drop_frame=drop, user_bits=user, **fields)
+def known_bits(label: Timecode) -> Array:
+    """The bits (80,) that a label fixes; `FREE` are user bits, flags and parity."""
+    bits = SYNC_ONLY.copy()
+    for name, (places, rows) in TABLES.items():
+        bits[places] = rows[getattr(label, name)]
+    bits[DROP_FRAME_BIT] = label.rate.drop_frame
+    return bits
 
 
-def _number(bits: Array, first: int, count: int) -> int:
-    """Least significant bit first."""
-    return sum(int(bits[first + i]) << i for i in range(count))
+def user_number(bits: Array) -> int:
+    """The 32 user bits of a word (80,), group 1 in the lowest four."""
+    return int(USER_WEIGHTS @ bits[USER_BITS])

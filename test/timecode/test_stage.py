@@ -97,12 +97,42 @@ def test_what_is_decoded_from_a_bad_line_is_the_truth(
 @pytest.mark.parametrize(
     "faults",
     [AudioFaults(hum_db=0.0), AudioFaults(dc=0.25), AudioFaults(gain_db=10.0, gain_hz=5.0),
-     AudioFaults(bits=8), AudioFaults(snr_db=6.0), AudioFaults(clicks_per_s=3.0)],
+     AudioFaults(bits=8), AudioFaults(snr_db=6.0), AudioFaults(clicks_per_s=30.0)],
 )  # fmt: skip
 def test_single_faults(faults: AudioFaults) -> None:
     signal = make("25", 50, 48000, lead=500, tail=100)
     bad = degrade_audio(signal.samples, 48000, faults)
     check(signal, decode(blocks(bad, 48000)), missing=3)
+
+
+@pytest.mark.parametrize(
+    ("sample_rate", "snr_db"), [(48000, -3.0), (48000, -6.0), (16000, 0.0), (16000, -3.0)]
+)
+def test_words_that_nobody_could_read_alone(sample_rate: int, snr_db: float) -> None:
+    signal = make("30", 90, sample_rate, lead=sample_rate / 3, tail=100, user_bits=0x26110721)
+    bad = degrade_audio(signal.samples, sample_rate, AudioFaults(snr_db=snr_db))
+    readings = decode(blocks(bad, sample_rate))
+    check(signal, readings, missing=1, within_us=30.0)
+    assert {reading.user_bits for reading in readings} == {0x26110721}
+
+
+def test_many_clicks_at_a_low_rate() -> None:
+    signal = make("30", 150, 16000, lead=500, tail=100)
+    bad = degrade_audio(signal.samples, 16000, AudioFaults(clicks_per_s=60.0))
+    check(signal, decode(blocks(bad, 16000)), missing=4)
+
+
+@pytest.mark.parametrize(("depth", "hz"), [(0.03, 0.5), (0.03, 3.0)])
+def test_wow(depth: float, hz: float) -> None:
+    """Samples taken at a speed that swings."""
+    signal = make("30", 90, 48000, tail=4000)
+    at = np.arange(len(signal.samples) - 3000.0)
+    swing = 2 * np.pi * hz / 48000
+    place = at + 1000.0 + depth / swing * np.sin(swing * at)
+    samples = np.interp(place, np.arange(len(signal.samples)), signal.samples).astype(np.float32)
+    starts = np.interp(signal.starts, place, at)
+    moved = LtcSignal(samples, 48000, signal.labels, starts)
+    check(moved, decode(blocks(samples, 48000)), missing=7, within_us=10.0)
 
 
 def test_stated_deviations_are_those_of_the_errors() -> None:

@@ -1,0 +1,205 @@
+"""Which labels a stretch of words has: all words are judged together against labels that count on.
+
+A word alone may be unreadable, or read as something else. So words are never just read: the
+most likely labels of the whole stretch are proposed from soft bits field by field, then each proposal
+is judged by how much worse the levels of all words fit if its bits are forced on them, in nats
+(natural logarithms of probability). The best is believed if it is far ahead of the next.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from panoptic_ros.domain import FrameRate, Timecode
+from panoptic_ros.errors import ClockError
+from panoptic_ros.timecode.kernels import FREE, LEAST_NOISE, best_path, soft_bits, verdict
+from panoptic_ros.timecode.words import COUNTINGS, SYNC_ONLY, TABLES, USER_BITS, WORD_CELLS, known_bits
+
+Array = np.ndarray
+GOOD_NATS = 15.0  # by which a word may contradict its label
+LEAST_QUALITY = 0.8  # share of the levels' magnitude that the bits must explain
+LEAST_TENTH = 0.25  # of the word's level, in each tenth of it: a cut word has less
+POSSIBLE_NATS, POSSIBLE_QUALITY, POSSIBLE_TENTH = 150.0, 0.7, 0.1  # the same for words between good ones
+WORST_NATS = 40.0  # that one word can count against labels
+AHEAD_NATS = 16.0  # of the next best labels
+NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
+NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How a label fits a word.
+
+    Args:
+        nats: by which the levels contradict the label, at least 0.
+        bits: (80,) the most likely ones with this label.
+        signs: (160,) of the half cells.
+        level: of the signal.
+        share: of the levels' magnitude that is explained.
+        good: whether the word is there and has this label.
+        possible: whether it may have it; clicks contradict for a moment.
+    """
+
+    nats: float
+    bits: Array
+    signs: Array
+    level: float
+    share: float
+    good: bool
+    possible: bool
+
+
+def judge(halves: Array, wanted: Array, free: float | None = None) -> Verdict:
+    """Judge a word.
+
+    Args:
+        halves: (160,) levels of its half cells in the order of sending.
+        wanted: (80,) the label's bits.
+        free: the score of the best path without a label, if known.
+    """
+    if free is None:
+        free = best_path(halves, NO_BITS)[0]
+    nats, level, share, tenth, bits, signs = verdict(halves, wanted, free)
+    good = level > 0.0 and nats < GOOD_NATS and share > LEAST_QUALITY and tenth > LEAST_TENTH * level
+    possible = nats < POSSIBLE_NATS and share > POSSIBLE_QUALITY and tenth > POSSIBLE_TENTH * level > 0.0
+    return Verdict(nats, bits, signs, level, share, good, possible)
+
+
+@dataclass(frozen=True, slots=True)
+class Counting:
+    """Labels that count on: that of word 0, and the step from word to word, 1 or -1."""
+
+    rate: FrameRate
+    count: int
+    step: int
+
+    def label(self, number: int) -> Timecode:
+        """Of a word."""
+        return Timecode.from_frame_count(self.count + self.step * number, self.rate)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Countings that explain a stretch of words, best first, with nats; the user bits (32,) soft."""
+
+    countings: tuple[tuple[Counting, float], ...]
+    user: Array
+
+
+def solve_labels(words: Sequence[Array], reverse: bool, least_good: int) -> Solution | None:
+    """The countings of consecutive words, the first of which has number 0.
+
+    Args:
+        words: levels (160,) of the half cells of each, in the order of sending.
+        least_good: words that must be readable.
+    """
+    if len(words) < least_good:
+        return None
+    step = -1 if reverse else 1
+    free = [best_path(halves, NO_BITS)[0] for halves in words]
+    soft = np.array([_soft_nats(halves, score) for halves, score in zip(words, free)])
+    judged: dict[tuple[str, ...], tuple[float, int, list[Counting]]] = {}
+    for counting in _proposals(soft, step):
+        labels = tuple(counting.label(number) for number in range(len(words)))
+        key = tuple(str(label) for label in labels)
+        if key in judged:
+            if counting not in judged[key][2]:
+                judged[key][2].append(counting)
+            continue
+        verdicts = [judge(halves, known_bits(label), score)
+            for halves, label, score in zip(words, labels, free)
+        ]
+        nats = sum(min(item.nats, WORST_NATS) for item in verdicts)
+        judged[key] = nats, sum(item.good for item in verdicts), [counting]
+    ranked = sorted(judged.values(), key=lambda item: item[0])
+    if not ranked or ranked[0][1] < least_good or ranked[0][1] < 0.5 * len(words):
+        return None
+    if len(ranked) > 1 and ranked[1][0] < ranked[0][0] + AHEAD_NATS:
+        return None
+    return Solution(tuple((counting, 0.0) for counting in ranked[0][2]), soft[:, USER_BITS].sum(axis=0))
+
+
+def _soft_nats(halves: Array, score: float) -> Array:
+    """Soft bits in nats, none of which outweighs the other words."""
+    level = score / len(halves)
+    noise = max(float(halves @ halves) / len(halves) - level * level, (LEAST_NOISE * level) ** 2, 1e-30)
+    return np.clip(level * soft_bits(halves, SYNC_ONLY) / noise, -WORST_NATS, WORST_NATS)
+
+
+def _proposals(soft: Array, step: int) -> Iterator[Counting]:
+    """The most likely countings by the soft bits (W, 80), and what is near them."""
+    tables = {name: soft[:, places] @ rows.T.astype(float) for name, (places, rows) in TABLES.items()}
+    numbers = np.arange(len(soft))
+    reference = len(soft) // 2
+    for rate in COUNTINGS[:3]:
+        found = []
+        for frame in range(rate.nominal):
+            frames = frame + step * (numbers - reference)
+            score = float(tables["frames"][numbers, frames % rate.nominal].sum())
+            best, labels = _best_carried(tables, frames // rate.nominal)
+            found.append((score + best, frame, labels))
+        found.sort(reverse=True)
+        for _, frame, labels in found[:NEAR_FRAMES]:
+            for hours, minutes, seconds in labels:
+                yield from _countings(hours, minutes, seconds, frame, rate, step, reference)
+
+
+def _best_carried(tables: dict[str, Array], carry: Array) -> tuple[float, list[tuple[int, int, int]]]:
+    """Score of the best hours, minutes and seconds of the words of no carry, and the best few of them.
+
+    Args:
+        carry: (W,) seconds that have passed.
+    """
+    seconds = _carried(tables["seconds"], carry)
+    with_turn = (np.arange(60)[:, None] + carry) // 60
+    turning = np.flatnonzero(with_turn.any(axis=1))
+    minutes, hours = tables["minutes"].sum(axis=0), tables["hours"].sum(axis=0)
+    best_minutes, best_hours = _two(minutes), _two(hours)
+    scores = seconds + float(minutes[best_minutes[0]] + hours[best_hours[0]])
+    choices: dict[int, tuple[list[int], list[int]]] = {}
+    for second in turning.tolist():
+        turned = with_turn[second]
+        these = _carried(tables["minutes"], turned)
+        top = _two(these)
+        turn_hour = (top[0] + turned) // 60
+        those = _carried(tables["hours"], turn_hour)
+        choices[second] = top, _two(those)
+        scores[second] = seconds[second] + these[top[0]] + those.max()
+    out = []
+    for best in _two(scores):
+        for minute, hour in product(*choices.get(best, (best_minutes, best_hours))):
+            out.append((hour, minute, best))
+    return float(scores.max()), out
+
+
+def _carried(table: Array, carry: Array) -> Array:
+    """For each value of a field, the score of the words if it is that of the words of no carry."""
+    values = table.shape[1]
+    total = np.zeros(values)
+    for amount in np.unique(carry):
+        total += np.roll(table[carry == amount].sum(axis=0), -int(amount))
+    return total
+
+
+def _two(scores: Array) -> list[int]:
+    """The best two."""
+    best = int(np.argmax(scores))
+    others = scores.copy()
+    others[best] = -np.inf
+    return [best, int(np.argmax(others))]
+
+
+def _countings(
+    hours: int, minutes: int, seconds: int, frames: int, rate: FrameRate, step: int, number: int
+) -> Iterator[Counting]:
+    """The countings in which a word has a label; drop-frame is one more for 30 labels."""
+    rates = [rate, COUNTINGS[3]] if rate.nominal == 30 else [rate]
+    for one in rates:
+        try:
+            label = Timecode(hours, minutes, seconds, frames, one)
+        except ClockError:
+            continue
+        yield Counting(one, label.frame_count - step * number, step)
