@@ -122,14 +122,20 @@ def score_scatter(columns: Array, error: Array, terms: int) -> Array:
 
 
 @_jit
-def line_fit(numbers: Array, middles: Array, variances: Array) -> tuple[float, float, float, float]:
-    """The line through words' middles: slope, its norm, squared error per degree, mean variance."""
+def line_fit(numbers: Array, middles: Array, variances: Array) -> tuple[float, float, float, float, float]:
+    """The line through words' middles.
+
+    Returns: slope, its norm, squared error per degree of freedom, mean variance, and how alike the errors
+    of neighbours are: above 0 if the words lie on a curve.
+    """
     x = numbers - numbers.mean()
     y = middles - middles.mean()
     norm = (x * x).sum()
     slope = (x * y).sum() / norm
-    error = ((y - slope * x) ** 2).sum() / (len(x) - 2)
-    return slope, norm, error, variances.mean()
+    error = y - slope * x
+    square = (error * error).sum()
+    alike = (error[1:] * error[:-1]).sum() / square if square > 0.0 else 0.0
+    return slope, norm, square / (len(x) - 2), variances.mean(), alike
 
 
 @lru_cache(maxsize=1)

@@ -13,6 +13,8 @@ from panoptic_ros.timecode.words import USER_BITS, WORD_CELLS, known_bits
 
 Array = np.ndarray
 LEAST_STD = 0.001  # samples; no sampler is better
+BENDING = 0.05  # cells about a line: the speed changes so much that it does so within a word
+FEW_WORDS, ALIKE = 6, 0.25  # from which a curve is told from scatter; correlation of neighbours on a curve
 SPREAD = 5e-4  # samples squared, about a line at constant speed
 LINE_WORDS = 10  # through whose middles the line goes that gives the length of a cell
 MOST_TURN = 1e-4  # of the bend from word to word
@@ -41,6 +43,8 @@ class Follow:
         self._user = (solution.user > 0.0).astype(np.int8)
         self._middles: list[tuple[int, float, float]] = []  # word number, middle, its variance
         self._early_line = line
+        self._scatter = 0.0  # samples, of the last words about a line that they lie on
+        self._astray = 0.0  # cells, of the last words about a line
         self._bend = number - 2, 0.0  # word and its bend
         self._first: tuple[int, float] | None = None  # number and middle of the first word that was read
 
@@ -112,7 +116,7 @@ class Follow:
         side = 0.5 * WORD_CELLS * (1.0 if self.reverse else -1.0)
         line = self._line()
         if line is not None or len(self._middles) > 2:
-            self.bending = line is None
+            self.bending = line is None and self._astray > BENDING
         if line is None:
             gradient = np.array([1.0, side * (1.0 + fit.bend * side), fit.cell * side * side])
             std = float(np.sqrt(gradient @ fit.covariance @ gradient))
@@ -124,7 +128,7 @@ class Follow:
         else:
             cell, cell_std = line
             edge = fit.middle + side * cell
-            std = float(np.hypot(fit.middle_std, side * cell_std))
+            std = float(np.hypot(max(fit.middle_std, self._scatter), side * cell_std))
             self._next(np.array([fit.middle, cell, 0.0]))
         return edge, float(np.hypot(std, LEAST_STD))
 
@@ -166,8 +170,11 @@ class Follow:
             return self._early_line
         if len(self._middles) < 3:
             return None
-        slope, norm, spread, expected = line_fit(*np.array(self._middles).T.copy())
+        slope, norm, spread, expected, alike = line_fit(*np.array(self._middles).T.copy())
+        self._astray = float(np.sqrt(spread)) / slope * WORD_CELLS
         expected = max(expected, 1e-6)
-        if spread > 9.0 * expected + SPREAD:  # the speed changes
+        curved = len(self._middles) < FEW_WORDS or alike > ALIKE or self._astray > BENDING
+        if spread > 9.0 * expected + SPREAD and curved:  # the speed changes
             return None
+        self._scatter = float(np.sqrt(spread)) if len(self._middles) >= FEW_WORDS else 0.0
         return slope / WORD_CELLS, float(np.sqrt(max(spread, expected) / norm)) / WORD_CELLS
