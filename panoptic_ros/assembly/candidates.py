@@ -14,7 +14,7 @@ from panoptic_ros.assembly.solve import Guide, sources
 
 Array = np.ndarray
 
-CHOICE_SPREAD = 0.06  # m, how far from its prediction a joint is expected at once
+CHOICE_SPREAD = 0.03  # m, how far from its prediction a joint is expected at once
 CHOICE_SPEED = 0.6  # m/s, and how that grows with the time since it was seen
 
 

@@ -70,7 +70,7 @@ class AssemblyConfig(Config):
         4.0, unit="sigma", ge=1.0, le=100.0, doc="Residual beyond which an observation says nothing more."
     )
     cauchy: float = param(3.0, unit="sigma", ge=0.5, le=100.0, doc="Scale of the Cauchy weight.")
-    gate: float = param(5.0, unit="sigma", ge=1.0, le=100.0, doc="Residual beyond which a view is left out.")
+    gate: float = param(4.0, unit="sigma", ge=1.0, le=100.0, doc="Residual beyond which a view is left out.")
     foreign_penalty: float = param(
         4.0, unit="sigma^2", ge=0.0, le=100.0,
         doc="Cost of taking a joint from another 2D person of the view (merged people).",

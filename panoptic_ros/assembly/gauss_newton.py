@@ -6,6 +6,8 @@ from numba import njit
 
 MAX_STEP = 0.5  # m, of one step
 MIN_DEPTH = 0.05  # m
+FEW = 3  # views; a gate of so many soon leaves none, so it is wider
+FEW_FACTOR = 1.25
 TABLE = 16  # columns of a table of observations
 
 
@@ -19,7 +21,8 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
     Returns the number of views in the last normal matrix.
     """
     used = _tabulate(shift, picks, plane, precision, cams, residuals, table)
-    softness, gate = 1.0 / (rules[1] * rules[1]), rules[2] * rules[2]
+    softness = 1.0 / (rules[1] * rules[1])
+    gate = (rules[2] * (1.0 if used > FEW else FEW_FACTOR)) ** 2
     x0, x1, x2 = x[0], x[1], x[2]
     count = 0
     for step in range(steps + 1):

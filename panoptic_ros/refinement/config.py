@@ -15,15 +15,20 @@ class RefinementConfig(Config):
         0.1, unit="s", ge=0.0, le=10.0, doc="How long a skeleton waits for later ones; 0 = filter only."
     )
     process_noise: float = param(
-        1.0, unit="m^2/s^3", ge=1e-3, le=1e4,
+        0.85, unit="m^2/s^3", ge=1e-3, le=1e4,
         doc="Spectral density of the acceleration of joints that move with the body: higher follows faster.",
     )
     limb_noise: float = param(
-        5.0, unit="1/s", ge=0.0, le=1e4,
+        4.2, unit="1/s", ge=0.0, le=1e4,
         doc="How it grows with the squared speed of a joint against the body, the largest lately.",
     )
     cauchy: float = param(
         3.0, unit="sigma", ge=0.5, le=100.0, doc="Scale of the Cauchy weight of surprising measurements."
+    )
+    few_views_relief: float = param(
+        0.3, ge=0.0, le=10.0,
+        doc="Covariances that come in shrink by 1 + this / (views - 1), by which assembly makes them larger "
+        "for the outliers among few views: here the Cauchy weight deals with those.",
     )
     start_speed: float = param(
         1.5, unit="m/s", ge=0.01, le=50.0, doc="Standard deviation of the velocity of a joint that is new."

@@ -96,6 +96,8 @@ class PersonMotion:
         """Take the measurement of the instant that was begun."""
         now = self._moments[-1]
         measured = np.isfinite(positions[:, 0])
+        relief = 1.0 + self._config.few_views_relief / np.maximum(views - 1.0, 1.0)
+        covariances = covariances / relief[:, None, None]
         fresh = measured & ~np.isfinite(now.states[:, 0])
         now.states[fresh, :3], now.states[fresh, 3:] = positions[fresh], 0.0
         now.covariances[fresh] = 0.0

@@ -2,6 +2,7 @@
 import numpy as np
 
 from panoptic_ros.assembly.agreement import agreement_of_pairs, agreement_with_people
+from panoptic_ros.assembly.gauss_newton import FEW_FACTOR, TABLE, refine_point
 from panoptic_ros.assembly.joint_solver import solve_joints
 from panoptic_ros.assembly.undistortion import undistort_points
 from panoptic_ros.geometry import closest_points, ray_distances, triangulate_robust
@@ -82,3 +83,26 @@ def test_agreement_with_people_is_residual_times_depth(scenes):
             local = camera.cam_from_world.apply(truth[order])
             metres = np.linalg.norm(local[:, :2] - plane[v] * local[:, 2:], axis=1)
             assert np.isclose(value[0, v], np.exp(-(metres**2) / (2 * 0.05**2)).mean())
+
+
+def test_the_gate_is_wider_where_few_views_are_left(scenes):
+    rig, truth = scenes.ring(6), scenes.person(0.3, -0.2)[0]
+    stack, views = rig.stack(), 6
+    cams = (stack.rotations, stack.translations, np.zeros(views))
+    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])[:, None]
+    plane[0, 0, 0] += 0.01
+
+    def residuals(count, gate):
+        picks = np.stack([np.arange(views), np.zeros(views, np.int64)], axis=1)
+        picks[count:] = -1
+        found = np.zeros(views)
+        refine_point(
+            truth.copy(), np.zeros(3), picks, plane, np.full((views, 1), 500.0), cams,
+            np.array([4.0, 3.0, gate]), 6, True, np.zeros((3, 3)), found, np.empty((views, TABLE)),
+        )  # fmt: skip
+        return found
+
+    for count, factor in ((3, FEW_FACTOR), (6, 1.0)):
+        largest = residuals(count, 100.0)[:count].max()
+        assert (residuals(count, 1.2 * largest / factor)[:count] >= 0.0).all()
+        assert (residuals(count, 0.9 * largest / factor)[:count] < 0.0).any()
