@@ -19,17 +19,15 @@ GROUP = box_kernels.GROUP
 class BoxScene(NamedTuple):
     """What the kernels of the search need of V views and of up to 32 joints.
 
-    views: (V, 38) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
-        (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m.
-    slopes: (V, BINS, 2) of `slope_bounds`.
-    layers: (V, L, 3) first cell, width, height; values (N, 32) uint8 and bits (N, 2) uint32: pyramids.
+    views: (V, 550) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
+        (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m, the lens bounds.
+    layers: (V, L, 3) first cell, width, height; values (N, 32) uint8 and bits (N,) int64: pyramids.
     people: (V, J, P, 5) pixel, 1 / (2 width^2), score, exponent above which it does not support.
     reach: (V, P, 4) least and largest u, least and largest w that a person's keypoints reach.
     pointed: (V,) mask of the joints that have keypoints instead of maps.
     """
 
     views: Array
-    slopes: Array
     layers: Array
     values: Array
     bits: Array
@@ -54,12 +52,16 @@ class BoxSearch:
         min_views: int,
     ) -> Peaks:
         """The local maxima of `dense_peaks` that at least `min_views` (not below `enough`) support."""
-        views, slopes = self._views(scene)
+        views = self._views(scene)
         found = [(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0), np.zeros(0, np.int64))]
         for first in range(0, scene.map_start.shape[1], GROUP):
-            boxes = box_scene(scene, views, slopes, first, view_threshold)
+            boxes = box_scene(scene, views, first, view_threshold)
             space = (np.array(volume.lower), np.array(volume.shape), volume.side)
-            small = box_kernels.search(boxes, *space, threshold, min_views)
+            joints = min(GROUP, scene.map_start.shape[1] - first)
+            every = np.arange(len(views), dtype=np.int32)
+            small = (np.array([[0, 0, 0, (1 << joints) - 1, 0]]), np.array([0, len(views)]), every)
+            for level in range(max(max(volume.shape) - 1, 1).bit_length() - 1, 0, -1):
+                small = box_kernels.split(boxes, *small, level, *space, threshold, min_views)
             rows, votes = voxel_kernels.visit(boxes, *small, *space, threshold, view_threshold, min_views)
             found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
         every = Peaks(*(np.concatenate(parts) for parts in zip(*found)))
@@ -70,24 +72,24 @@ class BoxSearch:
             peaks = Peaks(*(values[good] for values in peaks))
         return sorted_peaks(peaks)
 
-    def _views(self, scene: VoteScene) -> tuple[Array, Array]:
+    def _views(self, scene: VoteScene) -> Array:
         count = len(scene.cameras)
-        views = np.zeros((count, 38))
+        views = np.zeros((count, box_kernels.BEND + 2 * BINS))
         views[:, :34] = scene.cameras
         views[:, 34] = np.abs(scene.cameras[:, 6:9]).sum(axis=1)
-        slopes = np.zeros((count, BINS, 2))
         for v, row in enumerate(scene.cameras):
             if row[17:22].any():
                 key = row[17:23].tobytes()
                 if key not in self._lenses:
                     self._lenses[key] = slope_bounds(row[17:22], float(np.sqrt(row[22])))
-                slopes[v], views[v, 35] = self._lenses[key]
+                bounds, views[v, 35] = self._lenses[key]
+                views[v, box_kernels.BEND :] = bounds.ravel()
                 views[v, 36:38] = np.sqrt(row[22])
             else:
                 y = (np.array([-0.5, row[24] - 0.5]) - row[16]) / row[15]
                 x = (np.array([[-0.5], [row[23] - 0.5]]) - row[14] - row[13] * y) / row[12]
                 views[v, 36:38] = np.abs(x).max() * 1.000001, np.abs(y).max() * 1.000001
-        return views, slopes
+        return views
 
     @staticmethod
     def _unbeaten(
@@ -106,13 +108,13 @@ class BoxSearch:
 
 
 def box_scene(
-    scene: VoteScene, views: Array, slopes: Array, first: int, view_threshold: float
+    scene: VoteScene, views: Array, first: int, view_threshold: float
 ) -> BoxScene:
     """The arrays of the joints first, first + 1, ..., at most 32."""
     joint_count = scene.map_start.shape[1]
     count = min(GROUP, joint_count - first)
     layers, cells = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
-    values, bits = np.zeros((cells, GROUP), np.uint8), np.zeros((cells, 2), np.uint32)
+    values, bits = np.zeros((cells, GROUP), np.uint8), np.zeros(cells, np.int64)
     least = max(int(np.ceil(255.0 * view_threshold - 1e-6)), 1)
     pyramid_kernels.paint_pyramids(
         layers, values, bits, scene.patch_start, scene.patch_table, scene.patch_data,
@@ -131,7 +133,7 @@ def box_scene(
     boxes = np.stack([u - reach, -u - reach, w - reach, -w - reach], axis=-1)
     boxes = np.where(known[..., None], boxes, np.inf).min(axis=1, initial=np.inf) * (1.0, -1.0, 1.0, -1.0)
     pointed = (known.any(axis=2) * (1 << np.arange(count))).sum(axis=1)
-    return BoxScene(views, slopes, layers, values, bits, people, np.ascontiguousarray(boxes), pointed)
+    return BoxScene(views, layers, values, bits, people, np.ascontiguousarray(boxes), pointed)
 
 
 def pyramid_layers(grid: Array) -> tuple[Array, int]:

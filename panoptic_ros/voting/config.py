@@ -37,8 +37,8 @@ class VotingConfig(Config):
     volume: tuple[float, ...] = param(
         (),
         unit="m",
-        doc="Working volume: least x, y, z and largest x, y, z; empty = derived from the rig if dense, "
-        "everywhere if seeds.",
+        doc="Working volume: least x, y, z and largest x, y, z; empty = derived from the rig if exact or "
+        "dense, everywhere if seeds.",
     )
     ray_gap: float = param(
         0.15, unit="m", ge=0.0, le=1.0, doc="Largest distance between two rays that may be of one joint."

@@ -27,10 +27,12 @@ def highest(joints, voxels, votes):
     for n in range(len(votes)):
         keys[n] = (((joints[n] << BITS | voxels[n, 0]) << BITS | voxels[n, 1]) << BITS) | voxels[n, 2]
         slots[_slot(keys[n], keys, slots)] = n
+    moves = np.zeros(27, np.int64)
+    for step in range(27):
+        moves[step] = ((step // 9 - 1) * (1 << BITS) + step // 3 % 3 - 1) * (1 << BITS) + step % 3 - 1
     top = np.ones(len(votes), np.bool_)
     for n in range(len(votes)):
-        for step in range(27):
-            move = ((step // 9 - 1) * (1 << BITS) + step // 3 % 3 - 1) * (1 << BITS) + step % 3 - 1
+        for move in moves:
             other = slots[_slot(keys[n] + move, keys, slots)]
             if other >= 0 and (votes[other] > votes[n] or (votes[other] == votes[n] and move < 0)):
                 top[n] = False

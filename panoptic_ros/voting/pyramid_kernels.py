@@ -1,8 +1,8 @@
 """Compiled kernels that build max pyramids of the score maps of all views.
 
-A pyramid holds the joints of a cell next to each other, 32 at a time, and two words of one bit per joint:
-whether there is anything at all, and whether there is enough for the view to support the joint. They call
-nothing outside of this file.
+A pyramid holds the joints of a cell next to each other, 32 at a time, and 64 bits: one for each joint that
+has anything there, and one for each that has enough for the view to support it. They call nothing outside
+of this file.
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def paint_pyramids(layers, values, bits, patch_start, patch_table, patch_data, j
 
     Args:
         layers: (V, L, 3) first cell, width and height of each layer of each view; width 0 = no more.
-        values: (N, 32) uint8; bits (N, 2) uint32.
+        values: (N, 32) uint8; bits (N,) int64.
         patch_start, patch_table, patch_data: as in `VoteScene`, which has so many `joints`.
         least: smallest value that supports.
     """
@@ -28,7 +28,7 @@ def paint_pyramids(layers, values, bits, patch_start, patch_table, patch_data, j
     for v in range(len(layers)):
         start, width = layers[v, 0, 0], layers[v, 0, 1]
         for j in range(first, last):
-            bit = np.uint32(1 << (j - first))
+            some, much = np.int64(1) << (j - first), np.int64(1) << (j - first + GROUP)
             for k in range(patch_start[v * joints + j], patch_start[v * joints + j + 1]):
                 column, row, w, h, at = patch_table[k, 1:]
                 for y in range(h):
@@ -37,9 +37,9 @@ def paint_pyramids(layers, values, bits, patch_start, patch_table, patch_data, j
                         if value > 0:
                             cell = start + (row + y) * width + column + x
                             values[cell, j - first] = max(values[cell, j - first], value)
-                            bits[cell, 0] |= bit
+                            bits[cell] |= some
                             if value >= least:
-                                bits[cell, 1] |= bit
+                                bits[cell] |= much
         for layer in range(1, layers.shape[1]):
             if layers[v, layer, 1] > 0:
                 _halve(layers, values, bits, v, layer)
@@ -53,10 +53,9 @@ def _halve(layers, values, bits, v, layer):
     for y in range(high):
         for x in range(wide):
             source = below + y * wide + x
-            if bits[source, 0] == 0:
+            if bits[source] == 0:
                 continue
             target = start + (y >> 1) * width + (x >> 1)
-            bits[target, 0] |= bits[source, 0]
-            bits[target, 1] |= bits[source, 1]
+            bits[target] |= bits[source]
             for j in range(GROUP):
                 values[target, j] = max(values[target, j], values[source, j])

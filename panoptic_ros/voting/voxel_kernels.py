@@ -23,34 +23,28 @@ def visit(scene, boxes, start, lists, lower, shape, side, threshold, view_thresh
     """All voxels of the boxes with votes above the threshold that at least `least` views support.
 
     Args:
-        scene: `BoxScene`; boxes, start, lists: of `box_kernels.search`, which got the others, too.
+        scene: `BoxScene`; boxes, start, lists: of `box_kernels.split`, level 1.
 
     Returns:
         found (N, 5) joints, voxels, supporting views; votes (N,), those of `kernels.vote`.
     """
-    views, _, layers, values, bits, people, _, pointed = scene
+    views, layers, values, bits, people, _, pointed = scene
     table, looks = np.zeros((len(views), 6), np.int64), np.zeros((len(views), 4))
     found, votes, total = np.zeros((1024, 5), np.int64), np.zeros(1024), 0
     for n in range(len(boxes)):
         if total + 8 * GROUP > len(votes):
-            found, votes = _longer(found, votes)
+            found = np.concatenate((found, np.zeros_like(found)))
+            votes = np.concatenate((votes, np.zeros_like(votes)))
         for child in range(8):
             i, j = 2 * boxes[n, 0] + (child >> 2), 2 * boxes[n, 1] + (child >> 1 & 1)
             k = 2 * boxes[n, 2] + (child & 1)
             if i < shape[0] and j < shape[1] and k < shape[2]:
                 total = _visit(
                     views, layers, values, bits, people, pointed, i + lower[0], j + lower[1], k + lower[2],
-                    side, threshold, view_threshold, least, lists, start[n], start[n + 1], boxes[n, 3], boxes[n, 4],
-                    table, looks, found, votes, total,
+                    side, threshold, view_threshold, least, lists, start[n],
+                    start[n + 1], boxes[n, 3], boxes[n, 4], table, looks, found, votes, total,
                 )  # fmt: skip
     return found[:total], votes[:total]
-
-
-@_jit
-def _longer(found, votes):
-    more, far = np.zeros((2 * len(found), found.shape[1]), np.int64), np.zeros(2 * len(votes))
-    more[: len(found)], far[: len(votes)] = found, votes
-    return more, far
 
 
 @_inline
@@ -70,9 +64,10 @@ def _visit(
         covering += 1
         some, much = 0, 0
         if views[v, 25] > 0.0:
-            for c in range(4):
-                some |= np.int64(bits[table[count, c], 0])
-                much |= np.int64(bits[table[count, c], 1])
+            every = (
+                bits[table[count, 0]] | bits[table[count, 1]] | bits[table[count, 2]] | bits[table[count, 3]]
+            )
+            some, much = every, every >> GROUP
         if pointed[v] & mask:
             more, most = _pointed(people, v, joints, pointed[v] & mask, looks[count, 2], looks[count, 3])
             some, much = some | more, much | most
@@ -86,8 +81,6 @@ def _visit(
         ones |= much
     if least >= 1:
         mask &= ones if least == 1 else twos if least == 2 else threes
-    if not mask:
-        return total
     for joint in range(joints):
         if mask >> joint & 1:
             vote, support = _sum(values, people, pointed, joint, count, table, looks, view_threshold)
@@ -143,41 +136,40 @@ def _sum(values, people, pointed, joint, count, table, looks, view_threshold):
 @_inline
 def _look(views, layers, v, x, y, z, looks, table, n):
     """Whether view v covers a point; weights and pixel, four cells. Step by step as in `kernels`."""
+    covered = False
     depth = views[v, 6] * x + views[v, 7] * y + views[v, 8] * z + views[v, 11]
-    if depth <= MIN_DEPTH:
-        return False
-    px = (views[v, 0] * x + views[v, 1] * y + views[v, 2] * z + views[v, 9]) / depth
-    py = (views[v, 3] * x + views[v, 4] * y + views[v, 5] * z + views[v, 10]) / depth
-    r2 = px * px + py * py
-    if not r2 < views[v, 22]:
-        return False
-    p1, p2 = views[v, 19], views[v, 20]
-    radial = 1.0 + r2 * (views[v, 17] + r2 * (views[v, 18] + r2 * views[v, 21]))
-    dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
-    dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
-    u = views[v, 12] * dx + views[v, 13] * dy + views[v, 14]
-    w = views[v, 15] * dy + views[v, 16]
-    if not (-0.5 <= u <= views[v, 23] - 0.5 and -0.5 <= w <= views[v, 24] - 0.5):
-        return False
-    looks[n, 2], looks[n, 3] = u, w
-    if views[v, 25] == 0.0:
-        return True
-    a = views[v, 27] * u + views[v, 28] * w + views[v, 29]
-    b = views[v, 30] * u + views[v, 31] * w + views[v, 32]
-    if not (-0.5 <= a <= views[v, 25] - 0.5 and -0.5 <= b <= views[v, 26] - 0.5):
-        return False
-    width, height = int(views[v, 25]), int(views[v, 26])
-    x0, x1, looks[n, 0] = _corner(a, width)
-    y0, y1, looks[n, 1] = _corner(b, height)
-    start = layers[v, 0, 0]
-    table[n, 0], table[n, 1] = start + y0 * width + x0, start + y0 * width + x1
-    table[n, 2], table[n, 3] = start + y1 * width + x0, start + y1 * width + x1
-    return True
+    if depth > MIN_DEPTH:
+        px = (views[v, 0] * x + views[v, 1] * y + views[v, 2] * z + views[v, 9]) / depth
+        py = (views[v, 3] * x + views[v, 4] * y + views[v, 5] * z + views[v, 10]) / depth
+        r2 = px * px + py * py
+        if views[v, 35] > 0.0:
+            covered = r2 < views[v, 22]
+            p1, p2 = views[v, 19], views[v, 20]
+            radial = 1.0 + r2 * (views[v, 17] + r2 * (views[v, 18] + r2 * views[v, 21]))
+            dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
+            dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
+            px, py = dx, dy
+        else:
+            covered = True
+        u = views[v, 12] * px + views[v, 13] * py + views[v, 14]
+        w = views[v, 15] * py + views[v, 16]
+        covered &= -0.5 <= u <= views[v, 23] - 0.5 and -0.5 <= w <= views[v, 24] - 0.5
+        looks[n, 2], looks[n, 3] = u, w
+        if covered and views[v, 25] > 0.0:
+            a = views[v, 27] * u + views[v, 28] * w + views[v, 29]
+            b = views[v, 30] * u + views[v, 31] * w + views[v, 32]
+            covered = -0.5 <= a <= views[v, 25] - 0.5 and -0.5 <= b <= views[v, 26] - 0.5
+            x0, x1, looks[n, 0] = _corner(a, views[v, 25])
+            y0, y1, looks[n, 1] = _corner(b, views[v, 26])
+            start, width = layers[v, 0, 0], layers[v, 0, 1]
+            table[n, 0], table[n, 1] = start + y0 * width + x0, start + y0 * width + x1
+            table[n, 2], table[n, 3] = start + y1 * width + x0, start + y1 * width + x1
+    return covered
 
 
 @_inline
 def _corner(at, size):
     """Lower and upper cell, and the upper one's weight, for a bilinear sample clamped to the grid."""
     at = min(max(at, 0.0), size - 1.0)
-    low = min(int(at), max(size - 2, 0))
-    return low, min(low + 1, size - 1), at - low
+    low = min(int(at), max(int(size) - 2, 0))
+    return low, min(low + 1, int(size) - 1), at - low
