@@ -15,6 +15,7 @@ from launch_ros.actions import Node
 from panoptic_ros.capture import open_capture_folder
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.topics import ros_name
 from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.io.rigs import find_rig, read_rig
@@ -59,7 +60,8 @@ def start_graph(context):
         node("markers", "markers", {"flow": flow}),
     ]
     for camera, source in sources.items():
-        actions.append(node("camera", f"camera_{camera}", {"camera": camera, **common, **quality, **source}))
+        own = {"camera": camera, **common, **quality, **source}
+        actions.append(node("camera", f"camera_{ros_name(camera)}", own))
     for name, spec in NODES.items():
         own = {"flow": flow, "cameras": list(sources), **(settings or {}).get(name, {})}
         if spec.takes[0] in ("audio", "timecode"):

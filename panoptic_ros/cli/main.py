@@ -7,9 +7,10 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 import panoptic_ros
-from panoptic_ros.errors import PanopticError
+from panoptic_ros.errors import PanopticError, UsageError
 
 VERBS: dict[str, str] = {
     "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
@@ -43,11 +44,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
 
 
+class _Parser(argparse.ArgumentParser):
+    """Tells wrong arguments in one line, as all other mistakes."""
+
+    def error(self, message: str) -> NoReturn:
+        """See `argparse`."""
+        raise UsageError(f"{message}; see `{self.prog} --help`")
+
+
 def _parser(chosen: str) -> argparse.ArgumentParser:
     """Only the chosen verb is imported, so that --help is quick."""
-    parser = argparse.ArgumentParser(
-        prog="panoptic", description="Online multi-view, multi-person 3D pose."
-    )
+    parser = _Parser(prog="panoptic", description="Online multi-view, multi-person 3D pose.")
     parser.add_argument("--version", action="version", version=f"panoptic {panoptic_ros.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for verb, text in VERBS.items():

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,22 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
         help="one parameter; may be given several times (see docs/parameters.md)",
     )  # fmt: skip
+
+
+def number(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], float]:
+    """For `type` of an option: a number in a range; argparse tells the user what it says otherwise."""
+
+    def parse(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:
+            whole = "whole number" if kind is int else "number"
+            raise argparse.ArgumentTypeError(f"{text!r} is not a {whole} from {low:g} to {high:g}")
+        return value
+
+    return parse
 
 
 def read_parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:

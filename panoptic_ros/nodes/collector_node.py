@@ -25,20 +25,27 @@ class CollectorNode(Node):
 
     def __init__(self, flow: Flow, cameras: Iterable[str], on_record: Callable[[str, Any], None]):
         super().__init__("collector")
-        self.over = False
+        self._open: set[str] = set()  # topics that have not ended
         self.bad_messages = 0
         self.diagnostics: dict[str, dict[str, str]] = {}
         self._on_record = on_record
         self._quality = collecting_quality(flow)
         self._ends = StreamEnds(self, self._end)
         self._kept = [self._subscribe("detections", camera) for camera in cameras]
-        self._skeletons = self._subscribe("skeletons", "")
-        self._ends.watch(self._skeletons.topic_name)
+        self._kept.append(self._subscribe("skeletons", ""))
+        for subscription in self._kept:
+            self._open.add(subscription.topic_name)
+            self._ends.watch(subscription.topic_name)
         self._kept.append(
             self.create_subscription(
                 message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", self._take_status, 100
             )
         )
+
+    @property
+    def over(self) -> bool:
+        """Whether all messages of all topics have come (replay; a live graph has no end)."""
+        return not self._open
 
     def finished(self, names: Iterable[str]) -> bool:
         """Whether these nodes have said that they are through."""
@@ -53,14 +60,14 @@ class CollectorNode(Node):
             except DataError as error:
                 self.bad_messages += 1
                 self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
-            if key == "skeletons":
-                self._ends.taken(self._skeletons.topic_name)
+            self._ends.taken(subscription.topic_name)
 
         kind = message_class(topic.message)
-        return self.create_subscription(kind, topic.of(camera), take, self._quality)
+        subscription = self.create_subscription(kind, topic.of(camera), take, self._quality)
+        return subscription
 
     def _end(self, topic: str) -> None:
-        self.over = True
+        self._open.discard(topic)
 
     def _take_status(self, message: Any) -> None:
         for status in message.status:

@@ -6,6 +6,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterValueException, ParameterAlreadyDeclaredException
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from panoptic_ros.errors import ConfigError
 from panoptic_ros.params import Config, Param, describe, load
@@ -21,13 +22,21 @@ def declare_config(node: Node, cls: type[Config]) -> Config:
     """
     values: dict[str, Any] = {}
     for item in describe(cls):
-        default = list(item.default) if isinstance(item.default, tuple) else item.default
         try:
-            value = node.declare_parameter(item.name, default, _descriptor(item)).value
+            value = node.declare_parameter(item.name, _default(item), _descriptor(item)).value
         except (InvalidParameterValueException, ParameterAlreadyDeclaredException) as error:
             raise ConfigError(f"parameter {node.get_name()}.{item.name}: {error}") from None
         values[item.name] = value if not isinstance(item.default, tuple) else list(value or [])
     return load(cls, values, where=f"{node.get_name()}.")
+
+
+def _default(item: Param) -> Any:
+    """The default, or the type where ROS cannot tell it: an empty list would be taken for bytes."""
+    if not isinstance(item.default, tuple):
+        return item.default
+    kinds = {tuple[str, ...]: Parameter.Type.STRING_ARRAY, tuple[float, ...]: Parameter.Type.DOUBLE_ARRAY,
+             tuple[int, ...]: Parameter.Type.INTEGER_ARRAY}  # fmt: skip
+    return list(item.default) or kinds[item.type]
 
 
 def _descriptor(item: Param) -> ParameterDescriptor:

@@ -29,9 +29,8 @@ def make_camera_node(
     """
     frames, fitted = _open(camera, rig, source)
     detections = TOPICS["detections"].of(camera)
-    node = SourceNode(
-        f"camera_{ros_name(camera)}", camera_topics(camera, bool(jpeg_quality)), overrides, {"image": detections}
-    )
+    topics = camera_topics(camera, bool(jpeg_quality))
+    node = SourceNode(f"camera_{ros_name(camera)}", topics, overrides, {"image": detections})
     node.start(camera_messages(frames, fitted.camera(camera), jpeg_quality))
     return node
 

@@ -114,7 +114,7 @@ def diff(config: Config) -> dict[str, Any]:
 
 
 def from_text(cls: type[Config], name: str, text: str) -> Any:
-    """The value of parameter `name` as written on a command line; lists are comma-separated.
+    """The value of parameter `name` as written on a command line; lists are a,b or [a, b].
 
     Raises:
         ConfigError: if the name is unknown or the text is no value of its type.
@@ -130,7 +130,8 @@ def _parse(item: Param, text: str, owner: str) -> Any:
     try:
         if item.type in _TUPLES:
             kind = _TUPLES[item.type]
-            return tuple(kind(part.strip()) for part in text.split(",") if part.strip())
+            parts = text.strip().removeprefix("[").removesuffix("]").split(",")
+            return tuple(kind(part.strip()) for part in parts if part.strip())
         if item.type is bool:
             return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
         return item.type(text)

@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import captures
 import cv2
@@ -116,6 +118,42 @@ class TestCaptureFolder:
             out.parent.chmod(0o700)
 
 
+    def test_cameras_that_ros_cannot_tell_apart(self, capsys, out, capture):
+        document = json.loads((capture / "rig.json").read_text())
+        for camera, name in zip(document["cameras"], ("a-b", "a_b")):
+            (capture / f"{camera['name']}.mp4").rename(capture / f"{name}.mp4")
+            camera["name"] = name
+        (capture / "rig.json").write_text(json.dumps(document))
+        assert "'a-b' and 'a_b'" in fails(capsys, out, "run", capture)
+
+
+class TestUsage:
+    @pytest.mark.parametrize(
+        ("words", "told"),
+        [
+            (["folder", "--redetect"], "only with --bag"),
+            (["folder", "--latency-ms", "40"], "only with --device"),
+            (["--bag", "b", "--size-policy", "crop"], "--size-policy"),
+            (["--bag", "b", "--frame-rate", "25"], "--frame-rate"),
+            (["--rig", "r", "--video", "a=b", "--cameras", "a"], "--cameras"),
+            (["folder", "--jpeg", "90", "--in-process"], "--jpeg"),
+            (["folder", "--bag", "b"], "found capture, bag"),
+            ([], "found none"),
+            (["folder", "--jpeg", "101"], "from 0 to 100"),
+            (["folder", "--duration", "nan"], "--duration"),
+            (["folder", "--frame-rate", "zero"], "--frame-rate"),
+            (["folder", "--slow"], "--slow"),
+        ],
+    )
+    def test_options_that_make_no_sense(self, capsys, out, words, told):
+        assert told in fails(capsys, out, "run", *words)
+
+    def test_missing_option(self, capsys):
+        assert main(["run", "folder"]) == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1 and "--out" in lines[0]
+
+
 class TestModel:
     def test_wrong_hash(self, capsys, out, capture, tmp_path, monkeypatch):
         monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "cache"))
@@ -147,6 +185,10 @@ class TestBag:
         bag = bag_of(tmp_path / "b", ("/cam0/detections", captures.view(captures.RIG.cameras[0], 0, 0)))
         assert "--rig" in fails(capsys, out, "run", "--bag", bag)
 
+    def test_options_of_a_detector_for_a_bag_with_detections(self, capsys, out, recorded_bag):
+        line = fails(capsys, out, "run", "--bag", recorded_bag, "--skeleton", "coco17")
+        assert "--redetect" in line
+
     def test_cut_off(self, capsys, out, recorded_bag):
         (recorded_bag / "metadata.yaml").unlink()
         assert "metadata.yaml" in fails(capsys, out, "run", "--bag", recorded_bag)
@@ -167,19 +209,76 @@ class TestBag:
 
 class TestInterruption:
     @pytest.mark.parametrize("mode", [["--in-process"], []])
-    @pytest.mark.parametrize("delay", [1.0, 3.0])
-    def test_ctrl_c_leaves_nothing(self, out, long_bag, mode, delay):
+    @pytest.mark.parametrize(
+        ("sent", "delays"),
+        [(signal.SIGINT, [1.0]), (signal.SIGINT, [3.0, 0.2, 0.1]), (signal.SIGTERM, [4.0])],
+    )
+    def test_nothing_is_left(self, out, long_bag, mode, sent, delays):
         if not mode:
             pytest.importorskip("rclpy")
-        command = [sys.executable, "-m", "panoptic_ros.cli.main", "run", "--bag", str(long_bag),
-                   "--out", str(out), "--no-pictures", *mode]  # fmt: skip
-        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        time.sleep(delay)
-        child.send_signal(signal.SIGINT)
+        child = start(long_bag, out, *mode)
+        for delay in delays:
+            time.sleep(delay)
+            child.send_signal(sent)
         _, errors = child.communicate(timeout=60)
         assert child.returncode == 2, errors
-        assert "interrupted" in errors and "Traceback" not in errors
+        assert errors == "panoptic run: interrupted\n"
         assert list(out.parent.iterdir()) == []
+        assert hosts(out) == []
+
+    def test_killed_launcher_leaves_no_process(self, out, long_bag):
+        pytest.importorskip("rclpy")
+        child = start(long_bag, out)
+        wait_for(lambda: hosts(out))
+        child.kill()
+        child.communicate(timeout=60)
+        wait_for(lambda: not hosts(out))
+
+    def test_killed_node_ends_the_run(self, out, long_bag):
+        pytest.importorskip("rclpy")
+        child = start(long_bag, out)
+        wait_for(lambda: hosts(out))
+        os.kill(hosts(out)[0], signal.SIGKILL)
+        _, errors = child.communicate(timeout=60)
+        assert child.returncode == 2, errors
+        assert len(errors.splitlines()) == 1 and "was killed" in errors
+        assert list(out.parent.iterdir()) == [] and hosts(out) == []
+
+    def test_two_runs_in_one_domain(self, capsys, out, long_bag, recorded_bag):
+        pytest.importorskip("rclpy")
+        first = start(long_bag, out.with_name("first"))
+        try:
+            wait_for(lambda: hosts(out.with_name("first")))
+            assert main(["run", "--bag", str(recorded_bag), "--out", str(out)]) == 2
+            assert "ROS_DOMAIN_ID" in capsys.readouterr().err
+        finally:
+            first.send_signal(signal.SIGINT)
+            first.communicate(timeout=60)
+
+
+def start(bag, out, *more):
+    command = [sys.executable, "-m", "panoptic_ros.cli.main", "run", "--bag", str(bag), "--out", str(out)]
+    return subprocess.Popen(
+        [*command, "--no-pictures", *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def hosts(out):
+    """Process ids of the nodes of a run."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            words = path.read_bytes().decode().split("\0")
+            if "panoptic_ros.nodes.main" in words and any(f"/.{out.name}." in word for word in words):
+                found.append(int(path.parent.name))
+    return found
+
+
+def wait_for(happened, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not happened() and time.monotonic() < end:
+        time.sleep(0.1)
+    assert happened(), "it did not happen in time"
 
 
 class TestSolve:

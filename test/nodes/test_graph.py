@@ -1,12 +1,15 @@
 """The graph over DDS gives the same bytes as the pipeline, and each bag the same bytes every time."""
 import gzip
 import json
+from dataclasses import replace
 
 import captures
 import numpy as np
 import pytest
+from recordings import write_bag
 
 from panoptic_ros.cli.main import main
+from panoptic_ros.domain import Rig
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.plain_formats import read_skeletons
@@ -57,6 +60,29 @@ def test_bag_of_the_run_can_be_run_again(over_dds, tmp_path):
     arguments = ["run", "--bag", str(over_dds / "bag"), "--out", str(out), "--no-pictures", "--in-process"]
     assert main(arguments) == 0
     assert gzip.decompress(skeletons(out)) == gzip.decompress(skeletons(over_dds))
+
+
+def test_bag_without_one_camera(tmp_path):
+    """Its camera is left out; a graph that waited for it would wait for ever."""
+    views = [view for view in captures.views(20) if view.camera != "cam2"]
+    bag = write_bag(tmp_path / "bag", views)
+    for out, more in (("dds", []), ("process", ["--in-process"])):
+        assert main(["run", "--bag", str(bag), "--out", str(tmp_path / out), "--no-pictures", *more]) == 0
+        report = json.loads((tmp_path / out / "report.json").read_text())
+        assert report["frames"]["in"] == {name: 20 for name in ("cam0", "cam1", "cam3")}
+    assert skeletons(tmp_path / "dds") == skeletons(tmp_path / "process")
+
+
+def test_names_that_ros_does_not_allow(tmp_path):
+    names = dict(zip(captures.RIG.names, ("00_12", "left cam", "right-cam", "ü")))
+    rig = Rig(tuple(replace(camera, name=names[camera.name]) for camera in captures.RIG.cameras))
+    views = [replace(view, camera=names[view.camera]) for view in captures.views(10)]
+    bag = write_bag(tmp_path / "bag", views, rig)
+    assert main(["run", "--bag", str(bag), "--out", str(tmp_path / "out"), "--no-pictures"]) == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["frames"]["in"] == dict.fromkeys(names.values(), 10)
+    with BagReader(tmp_path / "out" / "bag") as result:
+        assert result.counts["/camera_00_12/detections"] == 10
 
 
 def test_bag_holds_what_a_subscriber_would_have_seen(over_dds):

@@ -125,3 +125,10 @@ def test_parameters_are_declared_with_range_and_description(ros):
 def test_parameter_out_of_range_names_itself(ros):
     with pytest.raises(ConfigError, match="window_s"):
         StageNode("sync", {"window_s": 7.0})
+
+
+def test_list_that_is_empty_by_default_can_be_set(ros):
+    node = StageNode("detection", {"providers": ["CPUExecutionProvider"]})
+    assert node._config.providers == ("CPUExecutionProvider",)
+    node.close()
+    node.destroy_node()

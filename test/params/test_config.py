@@ -58,7 +58,7 @@ def test_integers_serve_as_floats():
     ("name", "text", "value"),
     [
         ("size_m", "0.5", 0.5), ("on", "false", False), ("names", "a, b", ("a", "b")),
-        ("weights", "1,2.5", (1.0, 2.5)),
+        ("weights", "1,2.5", (1.0, 2.5)), ("names", "[a, b]", ("a", "b")), ("weights", "[]", ()),
     ],
 )
 def test_text(name, text, value):

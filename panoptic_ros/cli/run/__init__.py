@@ -4,7 +4,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import add_parameter_options
+from panoptic_ros.cli.options import add_parameter_options, number
+from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 
 
@@ -21,26 +22,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="a video or a folder of images")  # fmt: skip
     parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",
                         help="V4L2 device or RTSP/HTTP address")  # fmt: skip
-    parser.add_argument("--latency-ms", type=float, default=0.0, metavar="MS",
+    parser.add_argument("--latency-ms", type=number(float, 0, 60_000), default=0.0, metavar="MS",
                         help="of the devices, from exposure to arrival")  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
-    parser.add_argument("--frame-rate", type=float, metavar="HZ", help="in place of the files' own")
+    parser.add_argument("--frame-rate", type=number(float, 0.01, 10_000), metavar="HZ",
+                        help="in place of the files' own; devices: to ask for")  # fmt: skip
     parser.add_argument("--size-policy", choices=("strict", "scale", "letterbox", "crop"),
                         default="strict",
                         help="images of another size than calibrated: refuse, or fit it so")  # fmt: skip
     parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
     parser.add_argument("--skeleton", default=DEFAULT_SKELETON, help="working skeleton: name or YAML file")
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
-    parser.add_argument("--jpeg", type=int, default=0, metavar="QUALITY",
+    parser.add_argument("--jpeg", type=number(int, 0, 100), default=0, metavar="QUALITY",
                         help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
-    parser.add_argument("--duration", type=float, metavar="S", help="stop after so many seconds (devices)")
+    parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
+                        help="stop after so many seconds")  # fmt: skip
     add_parameter_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run to the end and leave the results."""
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    check_usage(args, parser.parse_args(["--out", ""]))
     from panoptic_ros.cli.run.command import execute  # only now: --help must be quick
 
     return execute(args)

@@ -20,6 +20,7 @@ from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.params import Config
 
 
@@ -59,21 +60,17 @@ def make_plan(args: argparse.Namespace) -> Plan:
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
-    given = [name for name in ("capture", "bag", "video", "device", "demo") if getattr(args, name)]
-    if len(given) != 1:
-        raise UsageError(
-            "give one of: a capture folder, --bag BAG, --rig R --video CAMERA=FILE ..., "
-            f"--rig R --device CAMERA=DEVICE ..., --demo; found {', '.join(given) or 'none'}"
-        )
     parameters = read_parameters(args)
     if args.model:
         parameters.setdefault("detection", {})["model"] = args.model
     if args.bag:
-        return _bag_plan(args, parameters)
-    skeleton, extras = _detector(args, parameters)
-    if args.device:
-        return _device_plan(args, parameters, skeleton, extras)
-    return _recorded_plan(args, parameters, skeleton, extras)
+        plan = _bag_plan(args, parameters)
+    else:
+        skeleton, extras = _detector(args, parameters)
+        kind = _device_plan if args.device else _recorded_plan
+        plan = kind(args, parameters, skeleton, extras)
+    check_names(plan.rig.names)
+    return plan
 
 
 def _detector(
@@ -140,12 +137,12 @@ def _bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
         rig = read_rig(args.rig) if args.rig else _from_bag(bag, "rig")
         if args.cameras:
             rig = rig.subset(args.cameras.split(","))
-        _enough(rig)
         found = {key: _camera_topics(bag, rig, key) for key in ("detections", "image", "compressed_image")}
         instants = max((bag.counts[t] for topics in found.values() for t in topics), default=0)
         rate = _rate_of(bag, next((t for topics in found.values() for t in topics), None))
         configs = with_defaults(parameters, _rate_defaults(rate))
         if found["detections"] and not args.redetect:
+            _refuse_detector_options(args)
             skeleton, extras, chosen, stage = _from_bag(bag, "skeleton_model"), {}, "detections", "sync"
         else:
             chosen = "image" if found["image"] else "compressed_image"
@@ -157,11 +154,25 @@ def _bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
                 )
             skeleton, extras = _detector(args, parameters)
             stage = "detection"
+    there = set(found[chosen].values())
+    absent = [name for name in rig.names if name not in there]
+    rig = rig.subset(there)
+    _enough(rig)
     return Plan(
         f"bag {args.bag}", rig, skeleton, configs, bag=Path(args.bag),
         bag_topics=found[chosen], stage=stage, extras=extras,
         frame_count=instants * len(found[chosen]), instants=instants, frame_rate=rate,
+        notices=tuple(f"camera {name} of the rig is not in the bag" for name in absent),
     )  # fmt: skip
+
+
+def _refuse_detector_options(args: argparse.Namespace) -> None:
+    if args.model or args.skeleton != DEFAULT_SKELETON:
+        option = "--model" if args.model else "--skeleton"
+        raise UsageError(
+            f"{option} has no meaning for the detections in {args.bag}, which are used as they are; add "
+            "--redetect if it has images"
+        )
 
 
 def _camera_topics(bag: BagReader, rig: Rig, key: str) -> dict[str, str]:

@@ -1,0 +1,39 @@
+"""Which options of `panoptic run` go together: one that would change nothing is a misunderstanding."""
+from __future__ import annotations
+
+import argparse
+
+from panoptic_ros.errors import UsageError
+
+_FILES = ("capture", "demo", "video")
+_MEANS_SOMETHING_FOR = {
+    "cameras": ("capture", "demo", "bag"),
+    "frame_rate": (*_FILES, "device"),
+    "jpeg": (*_FILES, "device"),
+    "latency_ms": ("device",),
+    "redetect": ("bag",),
+    "size_policy": _FILES,
+}
+_SHOWN = {"capture": "a capture folder", **{name: f"--{name}" for name in ("bag", "video", "device", "demo")}}
+
+
+def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
+    """Whether the arguments name one source, and options that it has a use for.
+
+    Raises:
+        UsageError: naming the option and what it belongs to.
+    """
+    given = [name for name in _SHOWN if getattr(args, name)]
+    if len(given) != 1:
+        raise UsageError(
+            "give one of: a capture folder, --bag BAG, --rig R --video CAMERA=FILE ..., "
+            f"--rig R --device CAMERA=DEVICE ..., --demo; found {', '.join(given) or 'none'}"
+        )
+    for option, sources in _MEANS_SOMETHING_FOR.items():
+        if getattr(args, option) != getattr(defaults, option) and given[0] not in sources:
+            raise UsageError(
+                f"--{option.replace('_', '-')} has no meaning with {_SHOWN[given[0]]}, only with "
+                f"{', '.join(_SHOWN[name] for name in sources)}"
+            )
+    if args.jpeg and args.in_process:
+        raise UsageError("--jpeg has no meaning with --in-process, where no images are sent")

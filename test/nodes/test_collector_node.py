@@ -1,0 +1,47 @@
+"""The launcher's node knows when it has everything."""
+import time
+
+import captures
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+
+from panoptic_ros.graph.flow import make_flow  # noqa: E402
+from panoptic_ros.io.messages import to_message  # noqa: E402
+from panoptic_ros.nodes.collector_node import CollectorNode  # noqa: E402
+from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.quality import END_OF_STREAM, data_quality  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+
+def test_waits_for_detections_that_come_after_the_last_skeletons():
+    rclpy.init(args=[])
+    flow, camera, taken = make_flow("replay"), captures.RIG.cameras[0], []
+    collector = CollectorNode(flow, [camera.name], lambda key, record: taken.append(key))
+    sender = rclpy.create_node("sender")
+    kind = message_class("panoptic_msgs/msg/EndOfStream")
+    ends = sender.create_publisher(kind, "end_of_stream", END_OF_STREAM)
+    views = sender.create_publisher(
+        message_class("panoptic_msgs/msg/ViewDetections"), f"{camera.name}/detections", data_quality(flow)
+    )
+    executor = SingleThreadedExecutor()
+    executor.add_node(collector)
+
+    def spin(seconds, ready=lambda: False):
+        until = time.monotonic() + seconds
+        while not ready() and time.monotonic() < until:
+            executor.spin_once(timeout_sec=0.05)
+
+    ends.publish(kind(topic="/skeletons", count=0))
+    ends.publish(kind(topic=f"/{camera.name}/detections", count=1))
+    spin(1.5)
+    assert not collector.over
+    views.publish(to_message(captures.view(camera, 0, 0), ros_messages()))
+    spin(15.0, lambda: collector.over)
+    assert collector.over and taken == ["detections"]
+    executor.shutdown()
+    for node in (collector, sender):
+        node.destroy_node()
+    rclpy.try_shutdown()
