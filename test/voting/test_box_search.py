@@ -15,7 +15,9 @@ from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
 LENSES = [(), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), (0.0, 0.0, 0.03, -0.02)]
-NUMBERS = [(0.05, 0.1, 2, 2), (0.2, 0.1, 2, 3), (0.0, 0.0, 0, 0), (0.1, 0.3, 1, 4), (0.1, 0.1, 2, 1)]
+NUMBERS = [  # threshold, view threshold, enough, least
+    (0.05, 0.1, 2, 2), (0.2, 0.1, 2, 3), (0.0, 0.0, 0, 0), (0.3, 0.3, 1, 4), (0.4, 0.1, 2, 2), (0.5, 0.1, 1, 1),
+]  # fmt: skip
 
 
 def compared(scene, volume, threshold, view_threshold, enough, least):
