@@ -1,4 +1,5 @@
 """Whatever the user gets wrong: one clear line, exit code 2, and nothing half-written."""
+
 import gzip
 import json
 import os
@@ -117,7 +118,6 @@ class TestCaptureFolder:
         finally:
             out.parent.chmod(0o700)
 
-
     def test_cameras_that_ros_cannot_tell_apart(self, capsys, out, capture):
         document = json.loads((capture / "rig.json").read_text())
         for camera, name in zip(document["cameras"], ("a-b", "a_b")):
@@ -195,6 +195,7 @@ class TestBag:
 
     def test_disk_that_fills_up(self, out, recorded_bag):
         """A limit on the size of files stands for the full disk."""
+
         def limit():
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
@@ -299,7 +300,9 @@ class TestSolve:
     def test_bad_file(self, capsys, out, tmp_path, content, told):
         write_rig(tmp_path / "rig.json", captures.RIG)
         (tmp_path / "d.json").write_bytes(content)
-        line = fails(capsys, out, "solve", "--rig", tmp_path / "rig.json", "--detections", tmp_path / "d.json")
+        line = fails(
+            capsys, out, "solve", "--rig", tmp_path / "rig.json", "--detections", tmp_path / "d.json"
+        )
         assert told in line and "d.json" in line
 
 

@@ -3,13 +3,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import layers
 import pytest
 
 import panoptic_ros
 
 ROOT = Path(panoptic_ros.__file__).parent
-import layers
-
 STANDARD = frozenset(sys.stdlib_module_names)
 MODULES = layers.modules(ROOT)
 

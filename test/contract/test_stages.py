@@ -1,6 +1,7 @@
 """One suite over every stage of the chain: what each must do whatever it computes."""
 import pickle
 from dataclasses import replace
+from itertools import pairwise
 
 import captures
 import numpy as np
@@ -54,7 +55,7 @@ def test_tables_resolve_and_neighbours_agree():
     for spec in NODES.values():
         assert spec.gives in TOPICS and all(key in TOPICS for key in spec.takes)
         assert config_class(spec.name)() is not None and resolve(spec.stage) is not None
-    for name, following in zip(CHAIN, CHAIN[1:]):
+    for name, following in pairwise(CHAIN):
         assert NODES[following].takes == (NODES[name].gives,)
 
 

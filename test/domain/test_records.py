@@ -1,4 +1,5 @@
 """Records refuse bad content and keep what they are given."""
+
 from fractions import Fraction
 
 import numpy as np
@@ -22,7 +23,8 @@ from panoptic_ros.errors import ClockError, ConfigError, DataError
 
 RATES = [
     FrameRate(24, Fraction(24000, 1001)), FrameRate(24, Fraction(24)), FrameRate(25, Fraction(25)),
-    FrameRate(30, Fraction(30000, 1001)), FrameRate(30, Fraction(30000, 1001), True), FrameRate(30, Fraction(30)),
+    FrameRate(30, Fraction(30000, 1001)), FrameRate(30, Fraction(30000, 1001), True),
+    FrameRate(30, Fraction(30)),
 ]  # fmt: skip
 
 
@@ -45,7 +47,8 @@ def test_arrays_are_copied_and_read_only():
     "bad",
     [
         {"points": ((np.nan, 2.0),)}, {"points": ((np.inf, 2.0),), "scores": (0.0,)}, {"scores": (1.5,)},
-        {"scores": (np.nan,)}, {"scores": (0.5, 0.5)}, {"stamp_ns": -1}, {"stamp_ns": 1.5}, {"image_size": (0, 3)},
+        {"scores": (np.nan,)}, {"scores": (0.5, 0.5)}, {"stamp_ns": -1}, {"stamp_ns": 1.5},
+        {"image_size": (0, 3)},
         {"person_scores": [0.1, 0.2]}, {"camera": ""},
     ],
 )  # fmt: skip
@@ -68,8 +71,9 @@ def test_image_must_be_bgr_bytes():
 
 def test_score_maps_take_the_maximum_of_patches():
     affine = [[1, 0, 0], [0, 1, 0]]
-    maps = ScoreMaps((4, 3), affine, [0, 0, 1], [0, 1, -1], [[0, 0], [1, 0], [3, 2]], [[2, 1], [2, 1], [1, 1]],
-                     [10, 20, 15, 5, 7])  # fmt: skip
+    sizes = [[2, 1], [2, 1], [1, 1]]
+    data = [10, 20, 15, 5, 7]
+    maps = ScoreMaps((4, 3), affine, [0, 0, 1], [0, 1, -1], [[0, 0], [1, 0], [3, 2]], sizes, data)
     dense = maps.dense(2)
     assert dense[0, 0].tolist() == [10, 20, 5, 0] and dense[1, 2, 3] == 7 and dense.sum() == 42
     with pytest.raises(DataError, match="outside"):

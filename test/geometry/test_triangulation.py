@@ -1,4 +1,5 @@
 """Triangulation: exact without noise, as precise as its covariance says with noise, robust to outliers."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -92,7 +93,9 @@ def test_order_of_cameras_and_world_frame_do_not_matter(seed, order):
         RIG.rotations @ old_from_new.translation + RIG.translations,
         RIG.focals,
     )
-    assert np.allclose(triangulate_robust(moved, plane, sigmas).points, new_from_old.apply(expected), atol=1e-7)
+    assert np.allclose(
+        triangulate_robust(moved, plane, sigmas).points, new_from_old.apply(expected), atol=1e-7
+    )
 
 
 def test_rays_meet_where_they_should():
