@@ -10,6 +10,7 @@ rotation mark is obeyed), distorted as the lens saw them. Limits: no audio, no h
 capture folder holds one file or folder of images per camera.
 """
 from panoptic_ros.capture.demo import demo_capture
+from panoptic_ros.capture.described import open_source
 from panoptic_ros.capture.device import DeviceOptions, DeviceSource
 from panoptic_ros.capture.folder import CaptureFolder, fit_rig, open_capture_folder, open_files
 from panoptic_ros.capture.image_folder import ImageFolderSource
@@ -29,4 +30,5 @@ __all__ = [
     "open_capture_folder",
     "open_files",
     "open_live",
+    "open_source",
 ]

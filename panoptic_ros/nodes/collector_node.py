@@ -20,7 +20,7 @@ class CollectorNode(Node):
 
     Args:
         cameras: whose detections are taken.
-        on_record: called with (key of the topic, record).
+        on_record: called with (key of the topic, record), and with ("diagnostics", those of all nodes).
     """
 
     def __init__(self, flow: Flow, cameras: Iterable[str], on_record: Callable[[str, Any], None]):
@@ -74,3 +74,4 @@ class CollectorNode(Node):
             if status.name.startswith("panoptic: "):
                 values = {pair.key: pair.value for pair in status.values}
                 self.diagnostics[status.name.removeprefix("panoptic: ")] = values
+        self._on_record("diagnostics", self.diagnostics)

@@ -30,10 +30,11 @@ STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case 
 
 @dataclass(frozen=True)
 class Outgoing:
-    """Messages to send together: (publisher's key, message)."""
+    """Messages to send together: (publisher's key, message); frames that were overtaken before them."""
 
     stamp_ns: int
     messages: tuple[tuple[str, Any], ...]
+    overtaken: int = 0
 
 
 class SourceNode(Node):
@@ -123,6 +124,8 @@ class SourceNode(Node):
                     self._publishers_by_key[key].publish(message)
                     self._sent[key] += 1
                 self._statistics.given += 1
+                if item.overtaken:
+                    self._statistics.dropped["overtaken"] += item.overtaken
         except PanopticError as error:
             self._fault = error
             return
@@ -154,11 +157,14 @@ def camera_topics(camera: str, compressed: bool) -> dict[str, tuple[str, str]]:
 def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
     """Image (JPEG if a quality is given, else raw) and CameraInfo of every frame."""
     family = ros_messages()
+    last = None
     for frame in frames:
+        overtaken = 0 if last is None else frame.frame_number - last - 1
+        last = frame.frame_number
         image = (
             compressed_image_message(frame, family, jpeg_quality)
             if jpeg_quality
             else image_message(frame, family)
         )
         info = camera_info_message(camera, frame.stamp_ns, family)
-        yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info)))
+        yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info)), overtaken)

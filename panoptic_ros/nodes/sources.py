@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture import open_capture_folder, open_files, open_live
+from panoptic_ros.capture import open_source
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.nodes.source_node import Outgoing, SourceNode, camera_messages, camera_topics
@@ -21,31 +20,18 @@ def make_camera_node(
     """A node that publishes one camera's images.
 
     Args:
-        source: {"kind": "folder" | "file" | "device", "path" or "device", and what opening takes}.
+        source: see `capture.open_source`.
         jpeg_quality: 0 = raw images.
 
     Raises:
         UserError: as the source's opening.
     """
-    frames, fitted = _open(camera, rig, source)
+    frames, calibrated = open_source(camera, rig, source)
     detections = TOPICS["detections"].of(camera)
     topics = camera_topics(camera, bool(jpeg_quality))
     node = SourceNode(f"camera_{ros_name(camera)}", topics, overrides, {"image": detections})
-    node.start(camera_messages(frames, fitted.camera(camera), jpeg_quality))
+    node.start(camera_messages(frames, calibrated, jpeg_quality))
     return node
-
-
-def _open(camera: str, rig: Rig, source: Mapping[str, Any]) -> tuple[Any, Rig]:
-    options = {k: v for k, v in source.items() if k not in ("kind", "path", "device")}
-    if source["kind"] == "folder":
-        capture = open_capture_folder(Path(source["path"]), rig=rig, cameras=[camera], **options)
-        return capture.sources[0], capture.rig
-    if source["kind"] == "file":
-        capture = open_files(rig.subset([camera]), {camera: Path(source["path"])}, **options)
-        return capture.sources[0], capture.rig
-    if source["kind"] == "device":
-        return open_live(camera, rig, source["device"], options), rig
-    raise UsageError(f"camera {camera}: there is no source of kind {source['kind']!r}")
 
 
 def make_bag_node(

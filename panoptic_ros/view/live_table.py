@@ -5,7 +5,7 @@ import shutil
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TextIO
 
 import numpy as np
@@ -21,8 +21,8 @@ LINE_S = 2.0  # of plain lines
 class LiveTable:
     """A table of cameras, people and latency that is redrawn in place.
 
-    Per camera its frame rate, people seen and frames dropped; per person its id, the position of the head
-    and how many joints there are; latency. If the stream is no terminal, one plain line every
+    Per camera its frame rate and people seen; per person its id, the position of the head and how many
+    joints there are; latency, and how much was dropped. If the stream is no terminal, one plain line every
     2 s instead. Not thread-safe: call it from one thread.
 
     Args:
@@ -45,7 +45,7 @@ class LiveTable:
         self._terminal = self._stream.isatty()
         self._arrivals: dict[str, deque[float]] = {name: deque() for name in cameras}
         self._people_seen: dict[str, int] = dict.fromkeys(cameras, 0)
-        self._dropped: dict[str, int] = dict.fromkeys(cameras, 0)
+        self._dropped = 0
         self._poses: TrackedPoseSet | None = None
         self._pose_arrivals: deque[float] = deque()
         self._latencies: deque[float] = deque(maxlen=300)
@@ -58,9 +58,9 @@ class LiveTable:
         self._people_seen[camera] = people
         self._redraw()
 
-    def set_dropped(self, dropped: Mapping[str, int]) -> None:
-        """Frames dropped so far, by camera."""
-        self._dropped.update(dropped)
+    def set_dropped(self, dropped: int) -> None:
+        """Frames and messages dropped so far, of all nodes."""
+        self._dropped = dropped
 
     def saw_poses(self, poses: TrackedPoseSet, latency_ms: float | None = None) -> None:
         """The skeletons of an instant came, so long after capture."""
@@ -80,7 +80,7 @@ class LiveTable:
         room = max(2, height - 5)
         people = _cut(people, max(room // 2, room - len(cameras)))
         return [
-            f"{'camera':<14}{'frames/s':>10}{'people':>8}{'dropped':>9}",
+            f"{'camera':<14}{'frames/s':>10}{'people':>8}",
             *_cut(cameras, room - len(people)),
             "",
             f"{'person':<14}{'x m':>10}{'y m':>8}{'z m':>9}{'joints':>9}",
@@ -92,8 +92,7 @@ class LiveTable:
     def _camera_rows(self) -> list[str]:
         rows = []
         for name, times in self._arrivals.items():
-            people, dropped = self._people_seen.get(name, 0), self._dropped.get(name, 0)
-            rows.append(f"{name:<14}{self._rate(times):>10.1f}{people:>8}{dropped:>9}")
+            rows.append(f"{name:<14}{self._rate(times):>10.1f}{self._people_seen.get(name, 0):>8}")
         return rows
 
     def _people_rows(self) -> list[str]:
@@ -113,7 +112,7 @@ class LiveTable:
         if self._latencies:
             p50, p99 = np.percentile(self._latencies, [50, 99])
             text += f", latency p50 {p50:.0f} ms, p99 {p99:.0f} ms"
-        return text
+        return f"{text}, {self._dropped} dropped" if self._dropped else text
 
     def _rate(self, times: deque[float]) -> float:
         now = self._clock()

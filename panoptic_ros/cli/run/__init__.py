@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="of the devices, from exposure to arrival")  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--frame-rate", type=number(float, 0.01, 10_000), metavar="HZ",
-                        help="in place of the files' own; devices: to ask for")  # fmt: skip
+                        help="in place of the files' own; of devices, 30 unless given")  # fmt: skip
     parser.add_argument("--size-policy", choices=("strict", "scale", "letterbox", "crop"),
                         default="strict",
                         help="images of another size than calibrated: refuse, or fit it so")  # fmt: skip

@@ -2,11 +2,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
-from panoptic_ros.capture import open_capture_folder, open_files
+from panoptic_ros.capture import open_source
 from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.cli.run.results import MARK, Results
 from panoptic_ros.domain import DetectionSet
@@ -67,21 +66,14 @@ def _pictures(plan: Plan, results: Results, sets: list[DetectionSet]) -> None:
     plot_capture(path, plan.rig, plan.skeleton, results.poses, title=plan.title)
     if plan.live or plan.bag is not None:
         return
-    capture = _reopened(plan)
-    with closing(capture), ProgressBar(len(sets), "overlays") as bar:
+    with ExitStack() as stack:
+        sources = [
+            stack.enter_context(open_source(name, plan.rig, plan.sources[name])[0]) for name in plan.rig.names
+        ]
+        bar = stack.enter_context(ProgressBar(len(sets), "overlays"))
         write_overlays(
-            results.folder, plan.rig, plan.skeleton, capture.sources, sets, results.poses,
-            on_frame=bar.update,
-        )  # fmt: skip
-
-
-def _reopened(plan: Plan) -> Any:
-    source = next(iter(plan.sources.values()))
-    options = {k: v for k, v in source.items() if k not in ("kind", "path", "device")}
-    if source["kind"] == "folder":
-        return open_capture_folder(Path(source["path"]), rig=plan.rig, cameras=plan.rig.names, **options)
-    files = {name: Path(entry["path"]) for name, entry in plan.sources.items()}
-    return open_files(plan.rig, files, **options)
+            results.folder, plan.rig, plan.skeleton, sources, sets, results.poses, on_frame=bar.update
+        )
 
 
 def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:

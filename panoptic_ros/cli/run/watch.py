@@ -1,6 +1,8 @@
 """What a person sees while a run goes on: a progress bar, or the live table."""
 from __future__ import annotations
 
+import time
+from collections.abc import Mapping
 from typing import Any
 
 from panoptic_ros.cli.run.plan import Plan
@@ -18,18 +20,26 @@ class Watch:
     def __init__(self, plan: Plan, table: bool):
         self._table = LiveTable(plan.rig.names, plan.skeleton) if table else None
         self._bar = None if table else ProgressBar(None if plan.live else plan.instants, "skeletons")
+        self._live = plan.live
         self._instants = 0
 
     def saw(self, key: str, record: Any) -> None:
-        """A record of the topic of that key."""
+        """A record of the topic of that key; of "diagnostics", what all nodes have counted."""
         if key == "detections" and self._table is not None:
             self._table.saw_view(record.camera, len(record.person_scores))
         if key == "skeletons":
             self._instants += 1
             if self._table is not None:
-                self._table.saw_poses(record)
+                self._table.saw_poses(record, self._latency_ms(record.stamp_ns))
             if self._bar is not None:
                 self._bar.update(self._instants)
+
+        if key == "diagnostics" and self._table is not None:
+            self._table.set_dropped(dropped_in_all(record))
+
+    def _latency_ms(self, stamp_ns: int) -> float | None:
+        """Since exposure; recordings have stamps of their own, which say nothing about it."""
+        return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
 
     def close(self) -> None:
         """Stop drawing."""
@@ -44,3 +54,11 @@ class Watch:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+
+def dropped_in_all(counted: Mapping[str, Mapping[str, str]]) -> int:
+    """Frames and messages that all nodes together have dropped."""
+    return sum(
+        int(number) for values in counted.values() for key, number in values.items()
+        if key.startswith("dropped.")
+    )  # fmt: skip

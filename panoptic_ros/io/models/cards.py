@@ -39,15 +39,22 @@ class Origin:
 
 @dataclass(frozen=True)
 class CardFile:
-    """A card, the file that it stands in, and where its model comes from if we can fetch it."""
+    """A card, the file that it stands in, and where its model comes from if we can fetch it.
+
+    Args:
+        named: the ONNX file, where the user named that and not the card.
+    """
 
     card: ModelCard
     path: Path
     origin: Origin | None
+    named: Path | None = None
 
     @property
     def model_path(self) -> Path:
-        """The ONNX file: beside the card, or in the cache."""
+        """The ONNX file: the one that was named, or that of the card, or the one in the cache."""
+        if self.named is not None:
+            return self.named
         if self.card.file:
             return self.path.parent / Path(self.card.file).expanduser()
         return cache_folder() / "models" / f"{self.card.name}.onnx"
@@ -70,7 +77,8 @@ def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
         ConfigError: if the card is wrong, naming file and entry.
     """
     path = Path(name_or_path).expanduser()
-    if path.suffix == ".onnx":
+    named = path if path.suffix == ".onnx" else None
+    if named is not None:
         path = path.with_suffix(".yaml")
         if not path.is_file():
             raise UsageError(
@@ -90,17 +98,19 @@ def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
     if not isinstance(document, dict):
         raise ConfigError(f"{path} is no model card")
     try:
-        return _card_file(document, path)
+        return _card_file(document, path, named)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def _card_file(document: dict[str, Any], path: Path) -> CardFile:
+def _card_file(document: dict[str, Any], path: Path, named: Path | None) -> CardFile:
     values = dict(document)
     origin = values.pop("fetch", None)
     if isinstance(values.get("joints"), str):
         values["joints"] = load_skeleton(values["joints"]).joint_names
-    return CardFile(card_from_mapping(values), path, None if origin is None else _origin(origin))
+    return CardFile(
+        card_from_mapping(values), path, None if origin is None else _origin(origin), named
+    )
 
 
 def _origin(values: Any) -> Origin:

@@ -71,3 +71,8 @@ def test_files_that_are_no_cards(tmp_path):
 def test_unknown_names_list_the_known_ones():
     with pytest.raises(UsageError, match="movenet-multipose"):
         read_card("movenet")
+
+
+def test_the_onnx_file_that_was_named_is_used(tiny_card):
+    named = tiny_card.with_suffix(".onnx")
+    assert read_card(str(named)).model_path == named
