@@ -15,7 +15,7 @@ from panoptic_ros.params import Config
 def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     """--config FILE and --set stage.name=value."""
     parser.add_argument(
-        "--config", type=Path, metavar="FILE", help="YAML with parameters, {stage: {name: value}}"
+        "--config", type=Path, metavar="FILE", help="YAML with parameters, {stage: {name: value}}, or a ROS parameter file"
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
@@ -50,12 +50,18 @@ def read_parameters(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
         document = read_yaml(args.config) or {}
         if not isinstance(document, dict) or not all(isinstance(v, dict) for v in document.values()):
             raise ConfigError(f"{args.config} must hold {{stage: {{parameter: value}}}}")
-        values = {str(stage): dict(entries) for stage, entries in document.items()}
+        values = {str(stage): dict(_plain(entries)) for stage, entries in document.items()}
     for text in args.settings:
         stage, name, value = parse_setting(text)
         values.setdefault(stage, {})[name] = value
     configure(values)  # so that mistakes are told before anything starts
     return values
+
+
+def _plain(entries: dict[str, Any]) -> dict[str, Any]:
+    """Entries of a ROS parameter file, as config/*.yaml are, stand one level deeper."""
+    inner = entries.get("ros__parameters")
+    return inner if isinstance(inner, dict) and len(entries) == 1 else entries
 
 
 def with_defaults(

@@ -22,7 +22,7 @@ class SkeletonModel:
             others in 3D, e.g. BodyCenter = mean of the hips.
 
     Raises:
-        ConfigError: if the bones are not a tree over all joints, or names repeat.
+        ConfigError: if the bones are not a tree over all joints, names repeat, or an index is no joint's.
     """
 
     name: str
@@ -45,6 +45,11 @@ class SkeletonModel:
         if len(reached) != count:
             missing = [n for i, n in enumerate(self.joint_names) if i not in reached]
             raise ConfigError(f"skeleton {self.name}: no bone leads to {', '.join(missing)}")
+        sides = [joint for pair in self.left_right for joint in pair]
+        derived = [index for joint, sources in self.derived for index in (joint, *sources)]
+        for index in (self.root, self.head, *sides, *derived):
+            if not 0 <= index < count:
+                raise ConfigError(f"skeleton {self.name} has {count} joints, none of index {index}")
 
     def __len__(self) -> int:
         return len(self.joint_names)

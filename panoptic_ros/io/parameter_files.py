@@ -27,7 +27,9 @@ def parameter_page(classes: Mapping[str, type[Config]]) -> str:
     lines = [
         "# Parameters", "", HEADER, "",
         "Set them with `panoptic ... --set stage.name=value`, in a file for `--config` "
-        "(`{stage: {name: value}}`), or as ROS parameters of the stage's node.", "",
+        "(`{stage: {name: value}}`, or like `config/<stage>.yaml`), or as ROS parameters of the "
+        "stage's node.",
+        "",
     ]  # fmt: skip
     for stage, cls in classes.items():
         lines += [f"## {stage}", "", "| name | default | unit | range | what it does |"]

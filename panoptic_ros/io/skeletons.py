@@ -85,7 +85,26 @@ def _document(name_or_path: str) -> dict[str, Any]:
     for key, kind in wanted.items():
         if not isinstance(document, dict) or not isinstance(document.get(key), kind):
             raise DataError(f"{path} is no skeleton model: it needs a {kind.__name__} {key!r}")
-    return {"left_right": [], "mean_of": {}, **document}
+    document = {"left_right": [], "mean_of": {}, **document}
+    _check(document, path)
+    return document
+
+
+def _check(document: dict[str, Any], path: Path) -> None:
+    """Whether bones, sides and means name joints of the file."""
+    means = document["mean_of"]
+    if not isinstance(means, dict) or not all(isinstance(parts, list) and parts for parts in means.values()):
+        raise DataError(f"{path}: mean_of must map joints to lists of joints")
+    for key in ("bones", "left_right"):
+        for row in document[key]:
+            if not isinstance(row, list) or len(row) != 2:
+                raise DataError(f"{path}: an entry of {key} is no list of two joints: {row}")
+    named = [("mean_of", [joint, *parts]) for joint, parts in means.items()]
+    named += [(key, row) for key in ("bones", "left_right") for row in document[key]]
+    for key, row in named:
+        for joint in row:
+            if joint not in document["joints"]:
+                raise DataError(f"{path}: {key} names {joint!r}, which is none of the joints")
 
 
 def _model(document: dict[str, Any]) -> SkeletonModel:

@@ -6,7 +6,7 @@ from rclpy.node import Node
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.nodes.family import message_class, ros_messages
 
-OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
+OK, WARN = b"\x00", b"\x01"
 
 
 class Diagnostics:

@@ -49,6 +49,10 @@ class MarkersNode(Node):
             return
         try:
             poses = from_message(message, "RefinedPoseSet")
+            if poses.skeleton_hash != self._skeleton.hash:
+                raise DataError(
+                    f"skeletons of model {poses.skeleton_hash}, but /skeleton_model is {self._skeleton.hash}"
+                )
         except DataError as error:
             self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
             return

@@ -19,7 +19,7 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.io.messages.arrays import flat
+from panoptic_ros.io.messages.arrays import flat, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of
 
 
@@ -43,8 +43,10 @@ def write_skeleton_model(model: SkeletonModel, family: Messages, frame_id: str) 
 
 
 def read_skeleton_model(message: Any) -> SkeletonModel:
-    def pairs(values: Any) -> tuple[tuple[int, int], ...]:
-        return tuple((int(a), int(b)) for a, b in np.asarray(values).reshape(-1, 2))
+    def pairs(field: str) -> tuple[tuple[int, int], ...]:
+        values = getattr(message, field)
+        rows = shaped(values, f"SkeletonModel.{field}", (len(values) + 1) // 2, 2)
+        return tuple((int(a), int(b)) for a, b in rows)
 
     ends = list(accumulate(int(n) for n in message.derived_counts))
     sources = [int(s) for s in message.derived_sources]
@@ -54,7 +56,7 @@ def read_skeleton_model(message: Any) -> SkeletonModel:
     )
     return SkeletonModel(
         str(message.name), tuple(map(str, message.joint_names)), int(message.root),
-        pairs(message.bones), int(message.head), pairs(message.left_right), derived,
+        pairs("bones"), int(message.head), pairs("left_right"), derived,
     )  # fmt: skip
 
 
@@ -80,8 +82,8 @@ def read_rig(message: Any) -> Rig:
         Camera(
             str(c.name),
             (int(c.width), int(c.height)),
-            Intrinsics(np.asarray(c.matrix).reshape(3, 3), np.asarray(c.distortion)),
-            Rigid(np.asarray(c.rotation).reshape(3, 3), np.asarray(c.translation)),
+            Intrinsics(shaped(c.matrix, "Camera.matrix", 3, 3), np.asarray(c.distortion)),
+            Rigid(shaped(c.rotation, "Camera.rotation", 3, 3), np.asarray(c.translation)),
         )
         for c in message.cameras
     )
@@ -149,5 +151,5 @@ def write_clock(model: ClockModel, family: Messages, frame_id: str) -> Any:
 def read_clock(message: Any) -> ClockModel:
     return ClockModel(
         str(message.header.frame_id), stamp_of(message.header), float(message.offset_ns),
-        float(message.drift), np.asarray(message.covariance).reshape(2, 2),
+        float(message.drift), shaped(message.covariance, "ClockModel.covariance", 2, 2),
     )  # fmt: skip

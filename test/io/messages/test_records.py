@@ -1,4 +1,6 @@
 """Every record survives the way through a message, bit for bit, in both families."""
+import copy
+from contextlib import suppress
 from fractions import Fraction
 
 import numpy as np
@@ -22,7 +24,7 @@ from panoptic_ros.domain import (
     ViewDetections,
     ViewFrame,
 )
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, UserError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.messages import (
     bag_messages,
@@ -160,3 +162,44 @@ def test_bad_content_is_refused(field, value, match):
     setattr(message, field, value)
     with pytest.raises(DataError, match=match):
         from_message(message, "ViewDetections")
+
+
+def damaged(value, rng):
+    """A value of the same kind that a broken writer might have sent."""
+    if isinstance(value, np.ndarray):
+        if not value.size:
+            return np.ones(1, value.dtype)
+        changed = value.copy()
+        changed[rng.integers(value.size)] = rng.choice([0, 100] + [np.nan] * (value.dtype.kind == "f"))
+        return [value[:-1], np.append(value, value[:1]), changed][rng.integers(3)]
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, (int, float)):
+        return type(value)(rng.choice([0, 1, value + 1, 2**31 - 1]))
+    if isinstance(value, str):
+        return str(rng.choice(["", "x"]))
+    return value[:-1] if value and rng.random() < 0.5 else [*value, *value[:1]]
+
+
+def damage_something(message, rng):
+    """Change one field, somewhere inside of it."""
+    while True:
+        name = rng.choice([f for f in message.__dataclass_fields__ if f != "__msgtype__"])
+        value = getattr(message, name)
+        if isinstance(value, list) and value and hasattr(value[0], "__msgtype__") and rng.random() < 0.8:
+            value = value[rng.integers(len(value))]
+        if not hasattr(value, "__msgtype__"):
+            object.__setattr__(message, name, damaged(value, rng))
+            return
+        message = value
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda r: type(r).__name__)
+def test_damaged_messages_are_refused_or_read_but_never_break_the_reader(record):
+    own = np.random.default_rng(7)
+    family = bag_messages()
+    for _ in range(150):
+        message = copy.deepcopy(to_message(record, family))
+        damage_something(message, own)
+        with suppress(UserError):
+            from_message(message, type(record).__name__)
