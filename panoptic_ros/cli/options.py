@@ -15,8 +15,9 @@ from panoptic_ros.params import Config
 def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     """--config FILE and --set stage.name=value."""
     parser.add_argument(
-        "--config", type=Path, metavar="FILE", help="YAML with parameters, {stage: {name: value}}, or a ROS parameter file"
-    )
+        "--config", type=Path, metavar="FILE",
+        help="YAML with parameters, {stage: {name: value}}, or a ROS parameter file",
+    )  # fmt: skip
     parser.add_argument(
         "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
         help="one parameter; may be given several times (see docs/parameters.md)",
