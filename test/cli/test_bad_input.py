@@ -225,7 +225,7 @@ class TestInterruption:
         assert child.returncode == 2, errors
         assert errors == "panoptic run: interrupted\n"
         assert list(out.parent.iterdir()) == []
-        assert hosts(out) == []
+        wait_for(lambda: not hosts(out))
 
     def test_killed_launcher_leaves_no_process(self, out, long_bag):
         pytest.importorskip("rclpy")
@@ -243,7 +243,8 @@ class TestInterruption:
         _, errors = child.communicate(timeout=60)
         assert child.returncode == 2, errors
         assert len(errors.splitlines()) == 1 and "was killed" in errors
-        assert list(out.parent.iterdir()) == [] and hosts(out) == []
+        assert list(out.parent.iterdir()) == []
+        wait_for(lambda: not hosts(out))
 
     def test_two_runs_in_one_domain(self, capsys, out, long_bag, recorded_bag):
         pytest.importorskip("rclpy")
@@ -270,7 +271,7 @@ def hosts(out):
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
             words = path.read_bytes().decode().split("\0")
-            if "panoptic_ros.nodes.main" in words and any(f"/.{out.name}." in word for word in words):
+            if "panoptic_ros.nodes.main" in words and any(str(out.with_name(f".{out.name}.")) in word for word in words):
                 found.append(int(path.parent.name))
     return found
 
