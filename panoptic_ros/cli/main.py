@@ -6,6 +6,7 @@ import importlib
 import os
 import signal
 import sys
+import time
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -33,24 +34,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         args = _parser(verb).parse_args(arguments)
         return int(importlib.import_module(f"panoptic_ros.cli.{args.verb}").run(args) or 0)
-    except PanopticError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return error.exit_code
-    except (KeyboardInterrupt, SystemError) as error:
-        if not _is_interruption(error):
-            raise
-        print(f"{name}: interrupted", file=sys.stderr)
-        return 2
     except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-
-
-def _is_interruption(error: BaseException | None) -> bool:
-    """Whether it is one, or follows from one: numba turns an interruption of a kernel into a SystemError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
+    except (Exception, KeyboardInterrupt) as error:
+        # libraries turn an interruption that meets them into errors of their own
+        if _asked_to_end or isinstance(error, KeyboardInterrupt):
+            print(f"{name}: interrupted", file=sys.stderr)
+            return 2
+        if not isinstance(error, PanopticError):
+            raise
+        print(f"{name}: {error}", file=sys.stderr)
+        return error.exit_code
 
 
 class _Parser(argparse.ArgumentParser):
@@ -73,16 +68,20 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     return parser
 
 
-def _end_once() -> None:
+_asked_to_end: list[float] = []  # when, s
+TIDYING_S = 5.0  # further requests within this time must not cut the tidying up short
+
+
+def _listen_to_signals() -> None:
     """Let SIGINT, SIGTERM and SIGHUP interrupt the program, but not the tidying up that follows.
 
     What is ignored stays so: `nohup`, and jobs in the background of a script.
     """
-    told: list[int] = []
 
     def end(number: int, frame: object) -> None:
-        if not told:
-            told.append(number)
+        now = time.monotonic()
+        if not _asked_to_end or now - _asked_to_end[-1] > TIDYING_S:
+            _asked_to_end.append(now)
             raise KeyboardInterrupt
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -96,7 +95,7 @@ def program() -> None:
     Leaves at once unless all is well: after an interruption of code that was run by exec(), the
     interpreter would otherwise forget our exit code and kill itself with the signal.
     """
-    _end_once()
+    _listen_to_signals()
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

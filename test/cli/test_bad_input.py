@@ -271,7 +271,8 @@ def hosts(out):
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
             words = path.read_bytes().decode().split("\0")
-            if "panoptic_ros.nodes.main" in words and any(str(out.with_name(f".{out.name}.")) in word for word in words):
+            folder = str(out.with_name(f".{out.name}."))
+            if "panoptic_ros.nodes.main" in words and any(folder in word for word in words):
                 found.append(int(path.parent.name))
     return found
 

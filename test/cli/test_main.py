@@ -1,32 +1,61 @@
-"""The command line's one place for errors."""
+"""The entry point: exit codes, one line per mistake, and interruptions whatever they come out as."""
+import time
+
 import pytest
 
-from panoptic_ros.cli import config as verb
-from panoptic_ros.cli.main import main
+from panoptic_ros.cli import config
+from panoptic_ros.cli import main as entry
+from panoptic_ros.errors import ContractError, DataError
 
 
-def interrupted_kernel(args):
-    try:
-        raise KeyboardInterrupt
-    except KeyboardInterrupt as error:
-        raise SystemError("a kernel returned a result with an exception set") from error
+@pytest.fixture
+def raising(monkeypatch):
+    def let(error):
+        def run(args):
+            raise error
+
+        monkeypatch.setattr(config, "run", run)
+
+    return let
 
 
-def test_interruption_of_a_kernel_is_an_interruption(monkeypatch, capsys):
-    monkeypatch.setattr(verb, "run", interrupted_kernel)
-    assert main(["config", "show"]) == 2
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (DataError("x is bad"), 2, "panoptic config: x is bad"),
+        (ContractError("a bug"), 1, "panoptic config: a bug"),
+        (KeyboardInterrupt(), 2, "panoptic config: interrupted"),
+    ],
+)
+def test_errors_become_one_line_and_a_code(raising, capsys, error, code, line):
+    raising(error)
+    assert entry.main(["config", "show"]) == code
+    assert capsys.readouterr().err == line + "\n"
+
+
+def test_bugs_show_where_they_are(raising):
+    raising(ZeroDivisionError())
+    with pytest.raises(ZeroDivisionError):
+        entry.main(["config", "show"])
+
+
+@pytest.mark.parametrize("error", [ImportError("no _devicearray"), DataError("half a file")])
+def test_what_a_library_makes_of_an_interruption(raising, capsys, monkeypatch, error):
+    monkeypatch.setattr(entry, "_asked_to_end", [time.monotonic()])
+    raising(error)
+    assert entry.main(["config", "show"]) == 2
     assert capsys.readouterr().err == "panoptic config: interrupted\n"
 
 
-def test_other_system_errors_keep_their_traceback(monkeypatch):
-    def broken(args):
-        raise SystemError("broken")
-
-    monkeypatch.setattr(verb, "run", broken)
-    with pytest.raises(SystemError, match="broken"):
-        main(["config", "show"])
+@pytest.mark.parametrize("words", [[], ["walk"], ["config"], ["config", "show", "--loud"]])
+def test_wrong_arguments_are_one_line(capsys, words):
+    assert entry.main(words) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and "--help" in lines[0]
 
 
-def test_unknown_verb_is_one_line(capsys):
-    assert main(["dance"]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
+@pytest.mark.parametrize("verb", entry.VERBS)
+def test_help_of_every_verb(capsys, verb):
+    with pytest.raises(SystemExit) as end:
+        entry.main([verb, "--help"])
+    assert end.value.code == 0 and f"panoptic {verb}" in capsys.readouterr().out
