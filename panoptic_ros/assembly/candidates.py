@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.consensus import Grouping, Scene, assign, find_people
-from panoptic_ros.assembly.guidance import Prediction
 from panoptic_ros.assembly.hypothesis import Hypothesis
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides
 from panoptic_ros.assembly.solve import Guide, sources
+from panoptic_ros.consensus.grouping import Grouping, Scene, assign, find_people
+from panoptic_ros.consensus.guidance import Prediction
 
 Array = np.ndarray
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from panoptic_ros.assembly.gauss_newton import MIN_DEPTH, TABLE, refine_point
+from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, refine_point
 
 GOOD_COST = 3.0  # truncated cost per view (2 is ideal) up to which the prediction has no rivals
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.consensus import Scene
 from panoptic_ros.assembly.judgement import (
     drop_long_bones,
     judge_joints,
@@ -17,6 +16,7 @@ from panoptic_ros.assembly.judgement import (
 from panoptic_ros.assembly.map_votes import moved_to_votes
 from panoptic_ros.assembly.nodes import has_maps, take_nodes
 from panoptic_ros.assembly.solve import Solved
+from panoptic_ros.consensus.grouping import Scene
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel
 
 Array = np.ndarray

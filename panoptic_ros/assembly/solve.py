@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from panoptic_ros.assembly.agreement import limb_costs
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.consensus import Grouping, Scene
 from panoptic_ros.assembly.joint_solver import solve_joints
+from panoptic_ros.consensus.agreement import limb_costs
+from panoptic_ros.consensus.grouping import Grouping, Scene
 
 Array = np.ndarray
 

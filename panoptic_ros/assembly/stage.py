@@ -6,16 +6,16 @@ import numpy as np
 from panoptic_ros.assembly.candidates import Candidates, from_hypotheses, guided_people, new_people
 from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.consensus import Scene
 from panoptic_ros.assembly.dynamic_programming import assemble
-from panoptic_ros.assembly.evidence import Evidence, RigArrays, gather
-from panoptic_ros.assembly.guidance import Guidance, Prediction
 from panoptic_ros.assembly.lessons import residuals_to_learn
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.people import finish
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.warm_up import example_sets
+from panoptic_ros.consensus.evidence import Evidence, RigArrays, gather
+from panoptic_ros.consensus.grouping import Scene
+from panoptic_ros.consensus.guidance import Guidance, Prediction
 from panoptic_ros.domain import PoseSet, ProposalSet
 from panoptic_ros.stage import Notice, StageContext, StepResult
 

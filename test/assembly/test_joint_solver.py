@@ -1,10 +1,10 @@
 """The compiled solver against the numpy one."""
 import numpy as np
 
-from panoptic_ros.assembly.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.assembly.gauss_newton import FEW_FACTOR, TABLE, refine_point
 from panoptic_ros.assembly.joint_solver import solve_joints
-from panoptic_ros.assembly.undistortion import undistort_points
+from panoptic_ros.consensus.agreement import agreement_of_pairs, agreement_with_people
+from panoptic_ros.consensus.gauss_newton import FEW_FACTOR, TABLE, refine_point
+from panoptic_ros.consensus.undistortion import undistort_points
 from panoptic_ros.geometry import closest_points, ray_distances, triangulate_robust
 
 

@@ -1,7 +1,6 @@
 """The compiled loops against numpy."""
 import numpy as np
 
-from panoptic_ros.assembly.consensus import triangulate_linear
 from panoptic_ros.assembly.judgement import (
     drop_long_bones,
     judge_joints,
@@ -11,6 +10,7 @@ from panoptic_ros.assembly.judgement import (
 )
 from panoptic_ros.assembly.lessons import residuals_to_learn
 from panoptic_ros.assembly.solve import settle
+from panoptic_ros.consensus.grouping import triangulate_linear
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 

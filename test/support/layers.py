@@ -9,9 +9,9 @@ STAGES = (
     "simulation", "evaluation",
 )  # fmt: skip
 RANKS: dict[str, int] = {
-    "errors": 0, "geometry": 1, "params": 1, "domain": 2, "stage": 3,
+    "errors": 0, "geometry": 1, "params": 1, "domain": 2, "stage": 3, "consensus": 3,
     **{stage: 4 for stage in STAGES},
-    "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "cli": 7,
+    "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6, "cli": 7,
 }  # fmt: skip
 PURE = 4  # up to this rank, and graph: no printing, files, clocks, environment, global randomness
 THIRD_PARTY: dict[str, set[str]] = {
@@ -19,10 +19,12 @@ THIRD_PARTY: dict[str, set[str]] = {
     "geometry": {"numpy", "scipy"},
     "domain": {"numpy"},
     **{name: {"numpy", "scipy", "numba", "cv2"} for name in STAGES},
+    "consensus": {"numpy", "numba"},
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
     "capture": {"numpy", "cv2"},
     "view": {"numpy", "cv2", "matplotlib", "mpl_toolkits"},
+    "bench": {"numpy", "scipy", "numba"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
     "cli": {"numpy", "cv2", "rclpy", "onnxruntime"},
 }

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.assembly.undistortion import undistort_points
+from panoptic_ros.consensus.undistortion import undistort_points
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
 from panoptic_ros.errors import DataError
 

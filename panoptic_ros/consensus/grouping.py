@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from panoptic_ros.assembly.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.evidence import Evidence
-from panoptic_ros.assembly.gauss_newton import solve_symmetric
+from panoptic_ros.consensus.agreement import agreement_of_pairs, agreement_with_people
+from panoptic_ros.consensus.config import GroupingConfig
+from panoptic_ros.consensus.evidence import Evidence
+from panoptic_ros.consensus.gauss_newton import solve_symmetric
 
 Array = np.ndarray
 
@@ -57,7 +57,7 @@ class Grouping:
 
 
 def assign(
-    scene: Scene, positions: Array, shifts: Array, free: Array, config: AssemblyConfig, scale: float
+    scene: Scene, positions: Array, shifts: Array, free: Array, config: GroupingConfig, scale: float
 ) -> tuple[Grouping, Array]:
     """Give free 2D people to skeletons, best agreement first, one per view and skeleton.
 
@@ -108,7 +108,7 @@ def give_out(positions, shifts, plane, precision, view, cams, mirror, scale, fre
     return member, exchanged, left
 
 
-def find_people(scene: Scene, free: Array, config: AssemblyConfig) -> tuple[Grouping, Array]:
+def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grouping, Array]:
     """New people among the free 2D people.
 
     Pairs of 2D people whose rays meet are triangulated, the support of all views is counted, and the
@@ -154,7 +154,7 @@ def find_people(scene: Scene, free: Array, config: AssemblyConfig) -> tuple[Grou
 
 
 def _best_candidate(
-    scene: Scene, chosen: Array, pairs: list, free: Array, config: AssemblyConfig
+    scene: Scene, chosen: Array, pairs: list, free: Array, config: GroupingConfig
 ) -> tuple[Grouping, Array, Array] | None:
     """The best supported of the pairs: grouping (1, V), positions (1, J, 3), free 2D people left."""
     best, best_score = None, 0.0
@@ -176,7 +176,7 @@ def _best_candidate(
 
 
 def _support(
-    scene: Scene, position: Array, supporters: Array, config: AssemblyConfig
+    scene: Scene, position: Array, supporters: Array, config: GroupingConfig
 ) -> tuple[float, float]:
     """Agreement of the supporting 2D people: sum, each counted by its number of joints, and mean."""
     if not len(supporters):
@@ -191,7 +191,7 @@ def _support(
     return float((values * np.sqrt(common[0])).sum()), float((values * share).mean())
 
 
-def views_needed(scene: Scene, position: Array, config: AssemblyConfig) -> tuple[float, float]:
+def views_needed(scene: Scene, position: Array, config: GroupingConfig) -> tuple[float, float]:
     """Number of views that must support a person at position (1, J, 3).
 
     The first where few views can see it and they agree well, the second otherwise.

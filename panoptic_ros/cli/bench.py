@@ -1,0 +1,32 @@
+"""`panoptic bench NAME`: measure this machine and this code."""
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+from types import ModuleType
+
+from panoptic_ros.bench import BENCHES
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb; those of the benches come from their modules."""
+    names = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
+    for name, text in BENCHES.items():
+        sub = names.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        sub.add_argument("--json", action="store_true", help="print JSON in place of a table")
+        if name in sys.argv:
+            _bench(name).add_arguments(sub)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure and print."""
+    bench = _bench(args.bench)
+    result = bench.measure(args)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(bench.lines(result)))
+    return 0
+
+
+def _bench(name: str) -> ModuleType:
+    return importlib.import_module(f"panoptic_ros.bench.{name}")

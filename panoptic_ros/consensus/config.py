@@ -1,0 +1,38 @@
+"""Parameters of the grouping of 2D people."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupingConfig(Config):
+    """Which 2D people of several views are one person."""
+
+    agreement: float = param(
+        0.05, unit="m", ge=0.005, le=0.5,
+        doc="Distance at which the agreement of two observations has fallen to 0.6 (Gaussian).",
+    )
+    guided_agreement: float = param(
+        0.08, unit="m", ge=0.005, le=0.5, doc="The same for the agreement with where somebody should be now."
+    )
+    person_agreement: float = param(
+        0.25, ge=0.05, le=0.9, doc="Mean agreement from which a 2D person belongs to a skeleton."
+    )
+    duplicate_agreement: float = param(
+        0.5, ge=0.1, le=1.0, doc="Mean agreement from which a second 2D person of a view is a duplicate."
+    )
+    min_views: int = param(
+        3, ge=2, le=100, doc="Views that must support a new person, where enough can see it."
+    )
+    view_share: float = param(
+        0.25, ge=0.0, le=1.0, doc="Share of the views that should see a new person and must support it."
+    )
+    few_views_share: float = param(
+        0.4, ge=0.0, le=1.0,
+        doc="The same where few views can see it: that share, and at least two views, are enough.",
+    )
+    few_views_agreement: float = param(
+        0.4, ge=0.0, le=1.0, doc="Mean agreement that makes so few views enough for a new person."
+    )
