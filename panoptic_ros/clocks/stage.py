@@ -162,5 +162,6 @@ def _model(device: str, points: deque[_Point]) -> ClockModel:
     y = np.array([(point.master_ns - point.device_ns - base) / SECOND for point in points])
     line = fit_line(x, y, np.array([point.noise_s for point in points]))
     return ClockModel(
-        device, DeviceNs(reference.device_ns), base + SECOND * line.offset, line.slope, line.covariance
-    )
+        device, DeviceNs(reference.device_ns), base, line.slope, line.covariance, SECOND * line.offset,
+        points[0].device_ns, points[-1].device_ns,
+    )  # fmt: skip

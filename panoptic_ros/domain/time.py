@@ -145,28 +145,56 @@ class TimecodeReading:
 class ClockModel:
     """A line from a device's clock to the master clock.
 
-    master = device + offset_ns + drift * (device - reference_ns)
+    master = device + offset_ns + residual_ns + drift * (device - reference_ns)
 
     Args:
+        device: a camera's name, or that of the device whose clock stamps its frames.
         reference_ns: device time about which the line is stated.
-        offset_ns: at the reference.
+        offset_ns: at the reference, whole ns; stamps since 1970 need more digits than a float has. A float
+            is split into whole and rest.
         drift: dimensionless, 1e-6 = 1 ppm.
         covariance: (2, 2) of (offset in s, drift).
+        residual_ns: what offset_ns lacks; whole ns of it are moved there.
+        from_ns, until_ns: device times of the first and the last observation behind the line. After the
+            last one the line is held over.
+        wander: s of uncertainty that each second of holdover adds, from the crystal (1e-7 is usual).
+        segment: counts the lines of a device; a new one begins where a clock has jumped.
     """
 
     device: str
     reference_ns: int
-    offset_ns: float
+    offset_ns: int
     drift: float
     covariance: Array
+    residual_ns: float = 0.0
+    from_ns: int = 0
+    until_ns: int = 2**63 - 1
+    wander: float = 0.0
+    segment: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "reference_ns", check_stamp(self, self.reference_ns, "reference_ns"))
+        for name in ("reference_ns", "from_ns", "until_ns"):
+            object.__setattr__(self, name, check_stamp(self, getattr(self, name), name))
         covariance = Shapes(self).store("covariance", np.float64, "2 2")
-        if not (np.isfinite(covariance).all() and np.isfinite([self.offset_ns, self.drift]).all()):
+        numbers = [self.offset_ns, self.residual_ns, self.drift, self.wander]
+        if not (np.isfinite(covariance).all() and np.isfinite(np.array(numbers, float)).all()):
             raise DataError(f"clock model of {self.device} is not finite")
+        whole = round(self.offset_ns)
+        rest = float(self.residual_ns + (self.offset_ns - whole))
+        whole += round(rest)
+        object.__setattr__(self, "residual_ns", rest - round(rest))
+        object.__setattr__(self, "offset_ns", whole)
+        if abs(whole) >= 2**63 or self.wander < 0.0 or (np.diag(covariance) < 0.0).any():
+            raise DataError(f"clock model of {self.device} has numbers out of range")
 
-    def master_from_device(self, stamp_ns: DeviceNs) -> MasterNs:
-        """The master time of a device time."""
+    def master_from_device(self, stamp_ns: int) -> tuple[MasterNs, float]:
+        """The master time of a device time, and its standard deviation, both in ns."""
         since = int(stamp_ns) - self.reference_ns
-        return MasterNs(int(stamp_ns) + round(self.offset_ns + self.drift * since))
+        master = int(stamp_ns) + self.offset_ns + round(self.residual_ns + self.drift * since)
+        return MasterNs(master), 1e9 * self._deviation(since * 1e-9, int(stamp_ns))
+
+    def _deviation(self, since: float, stamp_ns: int) -> float:
+        """Standard deviation, s: the line's own, and the crystal's wandering outside of its observations."""
+        line = np.array([1.0, since]) @ self.covariance @ np.array([1.0, since])
+        beyond = 1e-9 * max(0, stamp_ns - self.until_ns, self.from_ns - stamp_ns)
+        return float(np.sqrt(max(0.0, float(line)) + (self.wander * beyond) ** 2))

@@ -2,8 +2,9 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
-from panoptic_ros.domain import DetectionSet, EndOfStream, ViewDetections
+from panoptic_ros.domain import ClockModel, DetectionSet, EndOfStream, ViewDetections
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.sync.config import SyncConfig
@@ -33,13 +34,20 @@ class SyncStage:
         self._newest = -1
         self._closed_until = -1  # no frame up to here may start a set any more
         self._index = 0
+        self._models: dict[str, ClockModel] = {}
 
-    def step(self, item: ViewDetections | EndOfStream) -> StepResult[DetectionSet]:
-        """Take the view of one camera, or the news that no more will come from it.
+    def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
+        """Take the view of one camera, the news that no more will come from it, or its clock model.
+
+        The stamps of views that come after a model of their camera are moved by it to the master time line.
 
         Raises:
             DataError: if the rig lacks the camera or the skeleton is another.
         """
+        if isinstance(item, ClockModel):
+            if item.device in self._waiting:
+                self._models[item.device] = item
+            return StepResult()
         if item.camera not in self._waiting:
             raise DataError(
                 f"a view of camera {item.camera!r}, which the rig lacks; it has "
@@ -63,6 +71,9 @@ class SyncStage:
             raise DataError(
                 f"camera {view.camera} sends skeleton {view.skeleton_hash}, expected {self._skeleton_hash}"
             )
+        model = self._models.get(view.camera)
+        if model is not None:
+            view = replace(view, stamp_ns=model.master_from_device(view.stamp_ns)[0])
         if view.stamp_ns <= self._last.get(view.camera, -1):
             notices.append(_notice("sync.stamp_back", view, "its stamp is not later than the one before"))
             return

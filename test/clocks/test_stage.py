@@ -44,7 +44,7 @@ def master_error(
 ) -> float:
     """Seconds between the model and the truth at reading k, whose stamp must be exact."""
     truth = Fraction(first + k) / rate.exact
-    return model.master_from_device(DeviceNs(items[k].stamp_ns)) * 1e-9 - float(truth)
+    return (model.master_from_device(DeviceNs(items[k].stamp_ns))[0] - truth * 10**9) * 1e-9
 
 
 @settings(max_examples=30, deadline=None)

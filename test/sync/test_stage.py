@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.domain import Camera, EndOfStream, Rig, SkeletonModel, ViewDetections
+from panoptic_ros.domain import Camera, ClockModel, EndOfStream, Rig, SkeletonModel, ViewDetections
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.stage import StageContext
@@ -102,6 +102,18 @@ def test_unknown_camera_and_foreign_skeleton_are_refused_without_a_trace():
     with pytest.raises(DataError, match="00000000"):
         sync.step(bad)
     assert sync.flush().outputs == ()
+
+
+def test_clock_models_move_stamps_to_the_master_time_line():
+    epoch = 1_700_000_000_000_000_001
+    models = [
+        ClockModel("a", epoch, -epoch, 0.0, np.zeros((2, 2))),
+        ClockModel("b", 0, 7, 0.0, np.zeros((2, 2))),
+        ClockModel("somebody else", 0, 1000, 0.0, np.zeros((2, 2))),
+    ]
+    sets, codes = run(stage(), [*models, view("a", epoch + 100), view("b", 94), view("c", 102)])
+    assert codes == []
+    assert sets == [(0, 101, (("a", 100), ("b", 101), ("c", 102)))]
 
 
 @settings(max_examples=60, deadline=None)

@@ -143,13 +143,20 @@ def write_clock(model: ClockModel, family: Messages, frame_id: str) -> Any:
         "ClockModel",
         header=family.header(model.reference_ns, model.device),
         offset_ns=model.offset_ns,
+        residual_ns=model.residual_ns,
         drift=model.drift,
         covariance=np.array(model.covariance).reshape(4),
+        from_ns=model.from_ns,
+        until_ns=model.until_ns,
+        wander=model.wander,
+        segment=model.segment,
     )
 
 
 def read_clock(message: Any) -> ClockModel:
     return ClockModel(
-        str(message.header.frame_id), stamp_of(message.header), float(message.offset_ns),
+        str(message.header.frame_id), stamp_of(message.header), int(message.offset_ns),
         float(message.drift), shaped(message.covariance, "ClockModel.covariance", 2, 2),
+        float(message.residual_ns), int(message.from_ns), int(message.until_ns), float(message.wander),
+        int(message.segment),
     )  # fmt: skip

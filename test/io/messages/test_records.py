@@ -85,6 +85,7 @@ RECORDS = [
     AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, 50)),
     TimecodeReading("mic", 17, Timecode(1, 2, 3, 4, RATE), 12.25, 0.5, True, 0xDEADBEEF),
     ClockModel("mic", 17, 0.25, 1e-6, np.eye(2)),
+    ClockModel("b", 17, -(2**62) - 1, 1e-6, np.eye(2), 0.25, 5, 10**18 + 1, 1e-7, 3),
 ]  # fmt: skip
 
 
