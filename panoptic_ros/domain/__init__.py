@@ -26,6 +26,7 @@ from panoptic_ros.domain.time import (
     Timecode,
     TimecodeReading,
 )
+from panoptic_ros.domain.time_shift import TimeShift
 
 __all__ = [
     "AudioBlock",
@@ -44,6 +45,7 @@ __all__ = [
     "Rig",
     "ScoreMaps",
     "SkeletonModel",
+    "TimeShift",
     "Timecode",
     "TimecodeReading",
     "TrackedPoseSet",

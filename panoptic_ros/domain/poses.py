@@ -7,6 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from panoptic_ros.domain.checks import Shapes, check_missing, check_scores, check_stamp
+from panoptic_ros.domain.time_shift import TimeShift
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -34,6 +35,8 @@ class PoseSet:
         views: (P, J) number of views that the position rests on.
         states: (P, J) `JointState`.
         person_scores: (P,) in 0..1.
+        newest_ns: stamp of the newest view behind them, `stamp_ns` if negative.
+        time_shift: how they depend on motion; None where all views have the same stamp.
     """
 
     index: int
@@ -45,9 +48,13 @@ class PoseSet:
     views: Array
     states: Array
     person_scores: Array
+    newest_ns: int = -1
+    time_shift: TimeShift | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        newest = self.stamp_ns if self.newest_ns < 0 else check_stamp(self, self.newest_ns, "newest_ns")
+        object.__setattr__(self, "newest_ns", newest)
         shapes = Shapes(self)
         positions = shapes.store("positions", np.float64, "P J 3")
         covariances = shapes.store("covariances", np.float64, "P J 3 3")
@@ -64,6 +71,13 @@ class PoseSet:
             raise DataError("a joint that is not missing has a position or covariance that is not finite")
         if not np.isnan(positions[~there]).all():
             raise DataError("a missing joint has a position; missing is NaN")
+        if not len(positions):
+            object.__setattr__(self, "time_shift", None)
+        elif self.time_shift is not None and self.time_shift.delays.shape[:2] != positions.shape[:2]:
+            raise DataError(
+                f"a time shift of {self.time_shift.delays.shape[:2]} people and joints for "
+                f"{positions.shape[:2]}"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -46,7 +46,12 @@ class Messages:
 
 def stamp_of(header: Any) -> int:
     """Nanoseconds of a header's stamp."""
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+    return time_ns(header.stamp)
+
+
+def time_ns(stamp: Any) -> int:
+    """Nanoseconds of a builtin_interfaces/Time."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 @lru_cache(maxsize=1)

@@ -17,13 +17,14 @@ from panoptic_ros.domain import (
     ScoreMaps,
     SkeletonModel,
     TimecodeReading,
+    TimeShift,
     TrackedPoseSet,
     ViewDetections,
 )
 from panoptic_ros.errors import ContractError
 from panoptic_ros.io.messages import statics
 from panoptic_ros.io.messages.arrays import flat, shaped
-from panoptic_ros.io.messages.family import Messages, stamp_of
+from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
 Array = np.ndarray
 
@@ -162,8 +163,18 @@ def _read_proposals(message: Any) -> ProposalSet:
     )
 
 
+_TIME_SHIFT = {  # field of the message: name in the record, shape behind the joints
+    "delays": ("delays", (3, 3)),
+    "assumed_velocities": ("assumed", (3,)),
+    "velocities": ("velocities", (3,)),
+    "velocity_information": ("information", (3, 3)),
+}
+
+
 def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
     ids = item.ids if isinstance(item, TrackedPoseSet) else np.full(len(item.positions), -1)
+    shift = item.time_shift
+    nothing = np.zeros((len(ids), 0))
     skeletons = [
         family.make(
             "Skeleton",
@@ -174,12 +185,17 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
             scores=flat(family, item.scores[k], np.float64),
             views=flat(family, item.views[k], np.int32),
             states=flat(family, item.states[k], np.uint8),
+            **{
+                field: flat(family, (nothing if shift is None else getattr(shift, name))[k], np.float64)
+                for field, (name, _) in _TIME_SHIFT.items()
+            },
         )
         for k in range(len(ids))
     ]
     return family.make(
         "Skeletons",
         header=family.header(item.stamp_ns, frame_id),
+        newest_stamp=family.header(item.newest_ns, frame_id).stamp,
         index=item.index,
         skeleton_hash=item.skeleton_hash,
         joint_count=item.positions.shape[1],
@@ -199,13 +215,26 @@ def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
         ]  # fmt: skip
         values = (
             int(message.index), stamp_of(message.header), str(message.skeleton_hash), *arrays,
-            np.array([p.score for p in people], float),
+            np.array([p.score for p in people], float), time_ns(message.newest_stamp),
+            _read_time_shift(people, joints),
         )  # fmt: skip
         if issubclass(cls, TrackedPoseSet):
             return cls(*values, ids=[p.id for p in people])
         return cls(*values)
 
     return read
+
+
+def _read_time_shift(people: Any, joints: int) -> TimeShift | None:
+    """None where no skeleton has one."""
+    if not any(len(p.delays) for p in people):
+        return None
+    return TimeShift(
+        *(
+            np.array([shaped(getattr(p, field), f"Skeleton.{field}", joints, *tail) for p in people])
+            for field, (_, tail) in _TIME_SHIFT.items()
+        )
+    )
 
 
 _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {

@@ -20,6 +20,7 @@ from panoptic_ros.domain import (
     SkeletonModel,
     Timecode,
     TimecodeReading,
+    TimeShift,
     TrackedPoseSet,
     ViewDetections,
     ViewFrame,
@@ -69,6 +70,10 @@ def poses(cls, people=2, **more):
                rng.uniform(size=people), **more)  # fmt: skip
 
 
+def shift(people=2):
+    return TimeShift(*(rng.normal(size=(people, 3, *tail)) for tail in ((3, 3), (3,), (3,), (3, 3))))
+
+
 SET = DetectionSet(5, 99, "cafe0123", (view("a"), view("b", 0), view("c", with_maps=False)))
 RATE = FrameRate(30, Fraction(30000, 1001), True)
 CAMERA = Camera(
@@ -80,6 +85,7 @@ RECORDS = [
     view(), view(people=0), SET,
     ProposalSet(SET, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]),
     poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
+    poses(TrackedPoseSet, ids=[4, 2], newest_ns=10**18 + 7, time_shift=shift()),
     SkeletonModel("s", ("a", "b", "c"), 0, ((0, 1), (0, 2)), 1, ((1, 2),), ((0, (1, 2)),)),
     Rig((CAMERA,), "map"),
     AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, 50)),
