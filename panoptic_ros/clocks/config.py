@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, param
+from panoptic_ros.params import Config, named_numbers, param
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,13 +15,32 @@ class ClocksConfig(Config):
         doc="Length of the readings' window; longer is more precise, shorter follows a warming crystal.",
     )  # fmt: skip
     least_span_s: float = param(
-        1.0, unit="s", ge=0.1, le=60.0, doc="Span of readings from which on a model is given."
+        1.0, unit="s", ge=0.1, le=60.0, doc="Span of readings from which on a device's first model is given."
     )
     period_s: float = param(1.0, unit="s", ge=0.0, le=60.0, doc="Time between two models of a device.")
     jump_s: float = param(
         0.02, unit="s", ge=1e-4, le=10.0,
-        doc="Distance from the line beyond which a reading is left out, or a jump if others agree with it.",
+        doc="Distance from the line beyond which a reading is left out, or a jump if others agree with it. "
+        "Where stamps scatter little, eight times their scatter counts instead.",
     )  # fmt: skip
     jump_words: int = param(
-        3, ge=2, le=100, doc="Consecutive readings off the line, on a line of their own, that make a jump."
+        3, ge=2, le=10, doc="Consecutive readings off the line, on a line of their own, that make a jump."
     )
+    stamps: str = param(
+        "auto", choices=("auto", "symmetric", "one-way"),
+        doc="How stamps err: symmetric ones are averaged; one-way ones are late by what the way took, and "
+        "the line lies under them. auto: one-way if they are late more than early.",
+    )  # fmt: skip
+    delays_ms: tuple[str, ...] = param(
+        (), unit="ms",
+        doc='How much later than its true instant a device stamps the sound, as "device=milliseconds" '
+        '(delay of the line, of the sound in air, of filters); "*" stands for all others.',
+    )  # fmt: skip
+    wander_ppm: float = param(
+        0.5, unit="ppm", ge=0.0, le=1000.0,
+        doc="How far a device's rate may wander while nothing is heard; its uncertainty grows by that.",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        Config.__post_init__(self)
+        named_numbers("ClocksConfig.delays_ms", self.delays_ms)

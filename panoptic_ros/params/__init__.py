@@ -5,5 +5,9 @@ the ROS declarations (`nodes/`), `config/*.yaml`, `docs/parameters.md` and `--se
 No files are opened here.
 """
 from panoptic_ros.params.config import Config, Param, describe, diff, from_text, load, param, to_mapping
+from panoptic_ros.params.named import named_numbers, named_words, of_name
 
-__all__ = ["Config", "Param", "describe", "diff", "from_text", "load", "param", "to_mapping"]
+__all__ = [
+    "Config", "Param", "describe", "diff", "from_text", "load", "named_numbers", "named_words", "of_name",
+    "param", "to_mapping",
+]  # fmt: skip

@@ -1,0 +1,217 @@
+"""One device: which of its readings belong to one line, and what has jumped where they do not."""
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from panoptic_ros.clocks.config import ClocksConfig
+from panoptic_ros.clocks.estimate import Point, estimate
+from panoptic_ros.clocks.timeline import SECOND, Timeline
+from panoptic_ros.domain import ClockModel, Timecode, TimecodeReading
+from panoptic_ros.params import named_numbers, of_name
+from panoptic_ros.stage import Notice
+
+LEAST_TOLERANCE = 2e-4  # s
+NOISE_FACTOR = 8.0
+UNKNOWN_DRIFT = 3e-4  # of a clock that nobody has measured
+FEW_POINTS = 20  # too few to tell how much stamps scatter
+NOISY_WORDS = 12  # consecutive readings off the line, on no line of their own
+Cause = Literal["clock", "timecode"]
+
+
+@dataclass
+class _Samples:
+    """The device's count of samples as a second axis of time."""
+
+    last: float = -1.0  # of the newest point
+    period: float = 0.0  # s, 0 = not known
+
+
+class DeviceClock:
+    """The line of one device.
+
+    Three things tell time: the label, the stamp and the count of samples. A reading that is off the line
+    is kept aside; when several of them agree, the one of the three that disagrees with the
+    other two has jumped.
+    """
+
+    def __init__(self, name: str, config: ClocksConfig, timeline: Timeline):
+        self._name = name
+        self._config = config
+        self._timeline = timeline
+        delays = named_numbers("ClocksConfig.delays_ms", config.delays_ms)
+        self._delay_ns = round(1e6 * of_name(delays, name))
+        self._segment = -1
+        self._model: ClockModel | None = None
+        self._prior: ClockModel | None = None  # a model of other readings than the line's
+        self._noise: float | None = None
+        self._usual_noise = 0.0
+        self._one_way = config.stamps == "one-way"
+        self._rate: object = None
+        self._start()
+
+    def _start(self, points: list[Point] | None = None) -> None:
+        """Begin a new line."""
+        self._segment += 1
+        self._points: deque[Point] = deque(points or [])
+        self._strays: list[Point] = []
+        self._samples = _Samples()
+        if self._points:
+            self._follow_samples(self._points[0], self._points[-1])
+        self.urgent = True  # the next model is due as soon as there is one
+        self.given_ns: int | None = None
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Device time of the newest point on the line."""
+        return self._points[-1].device_ns if self._points else None
+
+    def take(self, reading: TimecodeReading) -> tuple[Notice, ...]:
+        """Add a reading."""
+        notices = self._check_rate(reading.timecode)
+        stamp = max(0, reading.stamp_ns - self._delay_ns)
+        expected, tolerance = self._expect(stamp)
+        master = self._timeline.master_ns(self._name, reading.timecode, expected)
+        noise = reading.std_samples * self._samples.period
+        point = Point(stamp, master, reading.start_sample, noise)
+        if expected is not None and abs(master - expected) > tolerance * SECOND:
+            point = replace(point, master_ns=self._timeline.master_ns(self._name, reading.timecode))
+            self._strays.append(point)
+            return notices + self._judge_strays(tolerance)
+        if self._points and stamp <= self._points[-1].device_ns:
+            text = f"a timecode reading of {self._name} is not later than the one before; left out"
+            return (*notices, Notice("clocks.stamp_back", "warning", text, {"device": self._name}))
+        self._strays = []
+        self._add(point)
+        return notices
+
+    def model(self) -> ClockModel | None:
+        """The line so far, or None while there is too little."""
+        points = list(self._points)
+        if len(points) < 3:
+            return None
+        known = self._model is not None
+        if not known and points[-1].device_ns - points[0].device_ns < self._config.least_span_s * SECOND:
+            return None
+        if self._model is not None and self._model.until_ns < points[0].device_ns:
+            self._prior = self._model
+        few = self._usual_noise if len(points) < FEW_POINTS else 0.0
+        found = estimate(self._name, points, self._config.stamps, self._one_way, self._prior, few)
+        self._one_way = found.one_way
+        if len(points) >= FEW_POINTS:
+            self._noise = self._usual_noise = found.noise
+        self._model = replace(found.model, wander=1e-6 * self._config.wander_ppm, segment=self._segment)
+        self.urgent = False
+        self.given_ns = points[-1].device_ns
+        return self._model
+
+    def _check_rate(self, label: Timecode) -> tuple[Notice, ...]:
+        """A rate that turns out to be another one gives all labels another meaning."""
+        before, self._rate = self._rate, label.rate
+        if before is None or before == label.rate:
+            return ()
+        self._timeline.forget(self._name)
+        self._model = self._prior = None
+        self._start()
+        text = f"the timecode of {self._name} runs at {float(label.rate.exact):.5g} Hz, unlike it seemed"
+        return (Notice("clocks.rate", "info", text, {"device": self._name}),)
+
+    def _expect(self, stamp: int) -> tuple[int | None, float]:
+        """Master time that a reading of this stamp should have, and how far off it may be, s."""
+        if not self._points:
+            return None, 0.0
+        last = self._points[-1]
+        gap = abs(stamp - last.device_ns) / SECOND
+        model = self._model
+        if model is None or model.segment != self._segment:
+            recent = [self._points[k] for k in range(max(0, len(self._points) - 5), len(self._points))]
+            ahead = sorted(point.master_ns - point.device_ns for point in recent)[len(recent) // 2]
+            drift = model.drift if model is not None else 0.0
+            return stamp + ahead + round(drift * (stamp - last.device_ns)), (
+                self._config.jump_s + UNKNOWN_DRIFT * gap
+            )
+        noise = self._config.jump_s if self._noise is None else NOISE_FACTOR * self._noise
+        base = min(max(noise, LEAST_TOLERANCE), self._config.jump_s)
+        drift_error = 3.0 * float(np.sqrt(model.covariance[1, 1])) + 4e-6 * self._config.wander_ppm
+        return model.master_from_device(stamp)[0], base + min(drift_error, UNKNOWN_DRIFT) * gap
+
+    def _add(self, point: Point) -> None:
+        self._follow_samples(self._points[0] if self._points else point, point)
+        self._points.append(point)
+        horizon = point.device_ns - round(self._config.window_s * SECOND)
+        while self._points[0].device_ns < horizon:
+            self._points.popleft()
+        self._timeline.heard(self._name, point.master_ns)
+
+    def _follow_samples(self, first: Point, last: Point) -> None:
+        """Measure the length of a sample by the timecode."""
+        if last.sample > first.sample and last.sample > self._samples.last:
+            self._samples.period = (last.master_ns - first.master_ns) / SECOND / (last.sample - first.sample)
+        self._samples.last = last.sample
+
+    # ------------------------------------------------------------------ readings off the line
+
+    def _judge_strays(self, tolerance: float) -> tuple[Notice, ...]:
+        self._strays = self._strays[-NOISY_WORDS:]
+        agreeing = 1
+        for before, after in zip(self._strays[-2::-1], self._strays[:0:-1]):
+            change = (after.master_ns - after.device_ns) - (before.master_ns - before.device_ns)
+            if abs(change) > tolerance * SECOND or after.device_ns <= before.device_ns:
+                break
+            agreeing += 1
+        if agreeing >= self._config.jump_words:
+            return self._jump(self._strays[-agreeing:], tolerance)
+        if len(self._strays) == NOISY_WORDS:
+            return self._noisier()
+        return ()
+
+    def _jump(self, strays: list[Point], tolerance: float) -> tuple[Notice, ...]:
+        """Several readings agree on another line."""
+        misses = sorted(stray.master_ns - (self._expect(stray.device_ns)[0] or 0) for stray in strays)
+        jump = misses[len(misses) // 2]
+        cause = self._cause(strays[0], jump, tolerance)
+        values = {"device": self._name, "step_s": jump / SECOND, "cause": cause}
+        if cause == "timecode":
+            self._timeline.jumped(self._name, jump)
+            self._strays = []
+            for stray in strays:
+                self._add(replace(stray, master_ns=stray.master_ns - jump))
+            text = f"the timecode of {self._name} jumped by {jump / SECOND:+.4g} s; master time runs on"
+            return (Notice("clocks.timecode_jump", "info", text, values),)
+        self._prior = self._model
+        self._start(strays)
+        self._timeline.heard(self._name, strays[-1].master_ns)
+        self._noise = None
+        text = f"timecode against the clock of {self._name} jumped by {jump / SECOND:+.4g} s"
+        return (Notice("clocks.jump", "warning", text, values),)
+
+    def _cause(self, stray: Point, jump: int, tolerance: float) -> Cause:
+        """Samples count on with the stamps: then the labels have jumped."""
+        if self._timeline.known_jump(self._name, jump):
+            return "timecode"
+        last, samples = self._points[-1], self._samples
+        if samples.period == 0.0 or stray.sample <= last.sample:
+            return "clock"
+        by_samples = (stray.sample - last.sample) * samples.period
+        miss = (stray.master_ns - last.master_ns) / SECOND - by_samples
+        allowed = max(tolerance, 1e-3) + UNKNOWN_DRIFT * by_samples
+        return "timecode" if abs(miss - jump / SECOND) <= allowed else "clock"
+
+    def _noisier(self) -> tuple[Notice, ...]:
+        """Stamps scatter more than they did: take the readings as they are, about the line or a new one."""
+        misses = sorted(s.master_ns - (self._expect(s.device_ns)[0] or 0) for s in self._strays)
+        strays, middle = self._strays, misses[len(misses) // 2] / SECOND
+        self._noise = None
+        if abs(middle) <= self._config.jump_s and strays[0].device_ns > self._points[-1].device_ns:
+            self._strays, self._prior = [], self._model
+            self._points.clear()
+            for stray in sorted(strays, key=lambda point: point.device_ns):
+                self._add(stray)
+        else:
+            self._prior = self._model
+            self._start(sorted(strays, key=lambda point: point.device_ns))
+        text = f"stamps of {self._name} scatter more than before, about {middle:+.4g} s from its line"
+        return (Notice("clocks.noisy", "warning", text, {"device": self._name}),)

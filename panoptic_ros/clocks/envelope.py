@@ -1,0 +1,95 @@
+"""The line under one-way delays: stamps are late by what the way took, never early.
+
+y_k = offset + slope x_k + d_k with d_k >= 0. Least squares finds the mean delay, which changes with the load;
+the line that lies under all points and nearest to them does not. That line is the edge of the lower convex
+hull below the mean of x (Moon, Skelly, Towsley, INFOCOM 1999; Zhang, Liu, Xia, INFOCOM 2002). A single stamp
+that is too early would carry it off, so points that hold the line up far from all others go first.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.clocks.line import Line
+
+Array = np.ndarray
+LEAST_POINTS = 8
+EARLY_SHARE = 0.01  # of the points, at most, may be too early; at least two
+EARLY_FACTOR = 6.0  # times the usual distance of the lowest points from the line
+LEAST_SHARE = 0.02  # of the delays' scatter: stamps of whole milliseconds crowd on the line
+LOW_SHARE = 0.05  # of the points tells how dense they are near the line
+
+
+def fit_lower_line(x: Array, y: Array) -> Line:
+    """The line under the points; its covariance comes from their density near it.
+
+    Args:
+        x, y: (N,) N >= 2 different x, s.
+    """
+    kept = np.ones(len(x), bool)
+    solution = _supporting_edge(x, y)
+    for _ in range(max(2, int(EARLY_SHARE * len(x))) if len(x) >= LEAST_POINTS else 0):
+        support = np.flatnonzero(kept)[np.argsort(_above(solution, x[kept], y[kept]), kind="stable")[:2]]
+        without = [_without(x, y, kept, point) for point in support]
+        distances = [_above(line, x[[p]], y[[p]])[0] for line, p in zip(without, support)]
+        worst = int(np.argmin(distances))
+        others = kept.copy()
+        others[support[worst]] = False
+        if -distances[worst] <= EARLY_FACTOR * _low_distance(without[worst], x[others], y[others]):
+            break
+        kept, solution = others, without[worst]
+    return _with_covariance(solution, x[kept], y[kept])
+
+
+def _without(x: Array, y: Array, kept: Array, point: int) -> tuple[float, float]:
+    others = kept.copy()
+    others[point] = False
+    return _supporting_edge(x[others], y[others])
+
+
+def _supporting_edge(x: Array, y: Array) -> tuple[float, float]:
+    """Offset and slope of the lower hull's edge below the mean of x."""
+    order = np.lexsort((y, x))
+    hull: list[int] = []
+    for k in order:
+        while len(hull) >= 2 and _turns_down(x, y, hull[-2], hull[-1], k):
+            hull.pop()
+        if not hull or x[k] > x[hull[-1]]:
+            hull.append(int(k))
+    middle = float(x.mean())
+    right = next((i for i in range(1, len(hull)) if x[hull[i]] >= middle), len(hull) - 1)
+    a, b = hull[right - 1], hull[right]
+    slope = float((y[b] - y[a]) / (x[b] - x[a]))
+    return float(y[a] - slope * x[a]), slope
+
+
+def _turns_down(x: Array, y: Array, a: int, b: int, c: int) -> bool:
+    """Whether b lies on or above the chord from a to c."""
+    return bool((y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a]))
+
+
+def _above(line: tuple[float, float], x: Array, y: Array) -> Array:
+    return y - line[0] - line[1] * x
+
+
+def _low_distance(line: tuple[float, float], x: Array, y: Array) -> float:
+    """How far above the line the lowest points reach, per point: the line's own uncertainty, s."""
+    count = max(4, int(LOW_SHARE * len(x)))
+    distances = np.sort(_above(line, x, y))[: count + 2]
+    return max(float(distances[-1]) / max(1, len(distances) - 2), 1e-7)
+
+
+def _with_covariance(solution: tuple[float, float], x: Array, y: Array) -> Line:
+    """The smallest of n delays with density f at zero has mean and deviation 1 / (n f).
+
+    A line rests on two of them, and short delays are rarer than that density says, so its offset at the
+    middle counts as four times that, and its slope as that over a quarter of the span.
+    """
+    noise = float(np.std(_above(solution, x, y)))
+    deviation = max(4.0 * _low_distance(solution, x, y), LEAST_SHARE * noise)
+    middle, span = float(x.mean()), max(float(np.ptp(x)), 1e-9)
+    slope_deviation = deviation / (0.25 * span)
+    covariance = np.array(
+        [[deviation**2 + (middle * slope_deviation) ** 2, -middle * slope_deviation**2],
+         [-middle * slope_deviation**2, slope_deviation**2]]
+    )  # fmt: skip
+    return Line(*solution, covariance, noise)

@@ -1,0 +1,108 @@
+"""Master time from timecode: counted on over midnight, and running on where the timecode jumps."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.domain import Timecode
+
+SECOND = 1_000_000_000
+SAME_GENERATOR_NS = 10 * SECOND  # devices whose timecodes are so near are taken to hear the same one
+SILENT_NS = 3 * SECOND
+SAME_JUMP_NS = 5 * SECOND // 1000  # two devices heard the same jump if they agree so well
+
+
+def day_ns(timecode: Timecode) -> int:
+    """Real time since the timecode's midnight. Labels are not seconds at 23.976 and 29.97 Hz."""
+    rate = timecode.rate.exact
+    return timecode.frame_count * SECOND * rate.denominator // rate.numerator
+
+
+def day_length_ns(timecode: Timecode) -> int:
+    """Real time from a timecode's midnight to the next: 86486.4 s at 29.97 Hz without drop-frame."""
+    rate = timecode.rate
+    frames = 24 * 107_892 if rate.drop_frame else 24 * 3600 * rate.nominal
+    return frames * SECOND * rate.exact.denominator // rate.exact.numerator
+
+
+@dataclass
+class _Place:
+    """Where a device is: how many jumps of the timecode it has followed, and its newest time."""
+
+    jumps: int
+    newest_ns: int  # master
+    heard_ns: int  # how long it has been heard, on a scale that all devices share
+
+
+class Timeline:
+    """The master time line that all devices share.
+
+    A generator that is set anew (free-running drop-frame generators often are, once a day) makes every
+    device hear the same jump, each a little later than the other. Time itself did not jump: from there on,
+    master time is the timecode less the jump. A device that joins later takes over what the device
+    with the nearest time has followed.
+    """
+
+    def __init__(self) -> None:
+        self._shifts: list[int] = [0]  # ns, added to the timecode after so many jumps
+        self._places: dict[str, _Place] = {}
+
+    def master_ns(self, device: str, timecode: Timecode, expected_ns: int | None = None) -> int:
+        """Master time of a label, on the day nearest to `expected_ns`, or to the device's newest time."""
+        place = self._places.get(device)
+        if place is None:
+            return self._join(device, timecode)
+        raw = day_ns(timecode) + self._shifts[place.jumps]
+        return _nearest_day(raw, timecode, place.newest_ns if expected_ns is None else expected_ns)
+
+    def heard(self, device: str, master_ns: int) -> None:
+        """A device has come to this master time."""
+        place, total = self._places[device], self._total_heard()
+        advance = min(max(master_ns - place.newest_ns, 0), SECOND)
+        place.heard_ns = total if device in self.silent() else place.heard_ns + advance
+        place.newest_ns = master_ns
+
+    def jumped(self, device: str, jump_ns: int) -> None:
+        """A device has heard the timecode jump by this much."""
+        place = self._places[device]
+        shift = self._shifts[place.jumps] - jump_ns
+        for index in range(place.jumps + 1, len(self._shifts)):
+            if abs(self._shifts[index] - shift) <= SAME_JUMP_NS:
+                place.jumps = index
+                return
+        self._shifts.append(shift)
+        place.jumps = len(self._shifts) - 1
+
+    def known_jump(self, device: str, jump_ns: int) -> bool:
+        """Whether another device has heard this jump of the timecode already."""
+        place = self._places[device]
+        shift = self._shifts[place.jumps] - jump_ns
+        return any(abs(s - shift) <= SAME_JUMP_NS for s in self._shifts[place.jumps + 1 :])
+
+    def forget(self, device: str) -> None:
+        """The device begins anew, as one that joins."""
+        self._places.pop(device, None)
+
+    def silent(self) -> list[str]:
+        """Devices that have not been heard while another one was, for `SILENT_NS`."""
+        total = self._total_heard()
+        return [name for name, place in self._places.items() if total - place.heard_ns > SILENT_NS]
+
+    def _total_heard(self) -> int:
+        return max((place.heard_ns for place in self._places.values()), default=0)
+
+    def _join(self, device: str, timecode: Timecode) -> int:
+        """Take over days and jumps of the device with the nearest time."""
+        raw = day_ns(timecode)
+        best, jumps = raw, 0
+        distance = SAME_GENERATOR_NS
+        for place in self._places.values():
+            own = _nearest_day(raw + self._shifts[place.jumps], timecode, place.newest_ns)
+            if abs(own - place.newest_ns) < distance:
+                best, jumps, distance = own, place.jumps, abs(own - place.newest_ns)
+        self._places[device] = _Place(jumps, best, self._total_heard())
+        return best
+
+
+def _nearest_day(raw_ns: int, timecode: Timecode, expected_ns: int) -> int:
+    day = day_length_ns(timecode)
+    return raw_ns + day * ((expected_ns - raw_ns + day // 2) // day)

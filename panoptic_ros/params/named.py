@@ -1,0 +1,51 @@
+"""Numbers by name in one parameter: ("cam01=8.3", "*=4")."""
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from panoptic_ros.errors import ConfigError
+
+ALL = "*"
+
+
+def named_words(where: str, entries: Iterable[str]) -> dict[str, str]:
+    """{name: word} of "name=word" entries; the name "*" stands for all that are not named.
+
+    Args:
+        where: the parameter, for the message.
+
+    Raises:
+        ConfigError: for an entry of another form, or a name twice.
+    """
+    words: dict[str, str] = {}
+    for entry in entries:
+        name, equals, word = (part.strip() for part in entry.partition("="))
+        if not (name and equals and word):
+            raise ConfigError(f"{where}: {entry!r} is not of the form name=value, e.g. cam01=8.3")
+        if name in words:
+            raise ConfigError(f"{where} names {name!r} twice")
+        words[name] = word
+    return words
+
+
+def named_numbers(where: str, entries: Iterable[str]) -> dict[str, float]:
+    """The same with finite numbers.
+
+    Raises:
+        ConfigError: naming the entry that is none.
+    """
+    numbers = {}
+    for name, word in named_words(where, entries).items():
+        try:
+            numbers[name] = float(word)
+        except ValueError:
+            numbers[name] = math.nan
+        if not math.isfinite(numbers[name]):
+            raise ConfigError(f"{where}: {word!r} of {name!r} is no number")
+    return numbers
+
+
+def of_name(values: Mapping[str, float], name: str) -> float:
+    """The number of a name, else that of "*", else 0."""
+    return values.get(name, values.get(ALL, 0.0))
