@@ -12,7 +12,7 @@ MIN_DEPTH = 0.05  # m
 
 
 @njit(cache=True, error_model="numpy")
-def residuals_to_learn(kept, positions, normals, residuals, picks, plane, precision, rotations, translations,
+def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane, precision, cams,
                        focals):  # fmt: skip
     """Rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
 
@@ -20,10 +20,13 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, plane, precis
     where there are too many. A residual that was taken out by the gate still teaches: it is noise.
 
     Args:
-        positions, normals, residuals, picks: see `Solved`. plane, precision: see `Scene`, by row.
-        rotations, translations, focals: of the views.
+        positions, normals, residuals, picks: see `Solved`. shifts: (P, J, 3) m/s, velocities by which
+        views were moved to the set's instant. plane, precision: see `Scene`, by row.
+        cams: rotations, translations and delays of the views, see `Scene`. focals: (V,) px.
     """
     joints, views = residuals.shape[1:]
+    rotations, translations, delays = cams
+    x = np.empty(3)
     support = np.zeros((len(kept), joints), np.int64)
     for i in range(len(kept)):
         for j in range(joints):
@@ -52,10 +55,11 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, plane, precis
                 index += 1
                 if (index - 1) % stride:
                     continue
+                for k in range(3):
+                    x[k] = positions[p, j, k] + shifts[p, j, k] * delays[v]
                 error, leverage = _residual(
-                    positions[p, j], normals[p, j], rotations[v], translations[v], plane[d, s],
-                    precision[d, s],
-                )  # fmt: skip
+                    x, normals[p, j], rotations[v], translations[v], plane[d, s], precision[d, s]
+                )
                 if residuals[p, j, v] < 0.0:
                     leverage = 0.0
                 if leverage < (TWO_VIEW_LEVERAGE if few else LEVERAGE):

@@ -17,7 +17,7 @@ from panoptic_ros.assembly.map_votes import moved_to_votes
 from panoptic_ros.assembly.nodes import has_maps, take_nodes
 from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.consensus.grouping import Scene
-from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel
+from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift
 
 Array = np.ndarray
 
@@ -43,14 +43,17 @@ class People:
             self.views[which],
         )  # fmt: skip
 
-    def pose_set(self, item: ProposalSet, skeleton_hash: str) -> PoseSet:
+    def pose_set(
+        self, item: ProposalSet, skeleton_hash: str, shift: TimeShift | None = None
+    ) -> PoseSet:
         """The record."""
         measured = np.isfinite(self.positions[..., 0])
         states = np.where(measured, JointState.MEASURED, JointState.MISSING)
+        newest = max((view.stamp_ns for view in item.detections.views), default=-1)
         person = self.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
         return PoseSet(
             item.index, item.stamp_ns, skeleton_hash, self.positions, self.covariances, self.scores,
-            self.views, states, person,
+            self.views, states, person, max(newest, item.stamp_ns), shift,
         )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, l
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.people import finish
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
+from panoptic_ros.assembly.time_shift import solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.consensus.evidence import Evidence, RigArrays, gather
 from panoptic_ros.consensus.grouping import Scene
@@ -70,7 +71,7 @@ class AssemblyStage:
         scene = self._scene(evidence)
         prediction = self._guidance.predict(dt)
         found = self._candidates(scene, item, prediction)
-        solved = self._solver.solve(scene, found.grouping, found.source, found.guide)
+        found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
         observed = observed_views(scene, found.grouping, found.source)
         people = finish(
             scene, item, solved, found.guide.positions, observed.sum(axis=1), self._skeleton, self._config
@@ -80,12 +81,13 @@ class AssemblyStage:
             in_capture_space(people.positions, supporting, self._context.rig.cameras, self._needed_views)
         )
         if self._config.learn_noise:
-            self._learn(scene, solved, people.kept)
+            self._learn(scene, solved, found.guide.shifts, people.kept)
         if self._config.temporal_guidance:
             exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
             exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
             self._guidance.update(found.who[people.kept], people.positions, people.covariances, exchanged)
-        return StepResult((people.pose_set(item, self._hash),))
+        shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
+        return StepResult((people.pose_set(item, self._hash, shift),))
 
     def _scene(self, evidence: Evidence) -> Scene:
         """Evidence with the noise that is known by now."""
@@ -106,12 +108,12 @@ class AssemblyStage:
         fresh = new_people(scene, free, self._sides, self._config)
         return known.joined(fresh)
 
-    def _learn(self, scene: Scene, solved: Solved, kept: Array) -> None:
+    def _learn(self, scene: Scene, solved: Solved, shifts: Array, kept: Array) -> None:
         """Update the noise table from this instant's residuals."""
         evidence = scene.evidence
         rows, joints, pixels = residuals_to_learn(
-            kept, solved.positions, solved.normals, solved.residuals, solved.picks, evidence.plane,
-            scene.precision, evidence.rotations, evidence.translations, evidence.focals,
+            kept, solved.positions, solved.normals, solved.residuals, solved.picks, shifts, evidence.plane,
+            scene.precision, scene.cams, evidence.focals,
         )  # fmt: skip
         cameras = evidence.cameras[evidence.view[rows]]
         self._noise.learn(evidence.scores[rows, joints], cameras, pixels, self._rig.diagonals)

@@ -12,17 +12,17 @@ VIEWS = 4  # that the example has at most
 
 
 def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
-    """Two instants of one person-sized cloud of joints where the cameras look."""
+    """Two instants of one person-sized cloud of joints where the cameras look, then not at once."""
     cameras = rig.cameras[:VIEWS]
     cloud = np.random.default_rng(0).uniform(-0.4, 0.4, (len(skeleton), 3)) + _middle(Rig(cameras))
     for index in range(2):
         views = []
-        for camera in cameras:
+        for k, camera in enumerate(cameras):
             pixels, seen = camera.project(cloud)
             scores = np.where(seen, 0.9, 0.0)[None]
             views.append(
                 ViewDetections(
-                    camera.name, index * 33_000_000, index, camera.image_size, skeleton.hash,
+                    camera.name, index * (33_000_000 + 1000 * k), index, camera.image_size, skeleton.hash,
                     pixels[None], scores, scores.max(axis=1),
                 )
             )  # fmt: skip

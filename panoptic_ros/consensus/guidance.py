@@ -20,12 +20,13 @@ class Prediction:
     """Where P people should be.
 
     positions: (P, J, 3) m, NaN = unknown. velocities: (P, J, 3) m/s, 0 where unknown.
-    ages: (P, J) s since measured.
+    ages: (P, J) s since measured. variances: (P, J, 3), see `geometry.motion`.
     """
 
     positions: Array
     velocities: Array
     ages: Array
+    variances: Array
 
 
 class Guidance:
@@ -63,7 +64,7 @@ class Guidance:
         self._ages, self._unseen = self._ages[alive], self._unseen[alive]
         self._balance = self._balance[alive]
         velocities = np.where(known[alive][..., None], self._states[..., 3:], 0.0)
-        return Prediction(self._states[..., :3].copy(), velocities, self._ages.copy())
+        return Prediction(self._states[..., :3].copy(), velocities, self._ages.copy(), self._variances.copy())
 
     def update(self, who: Array, positions: Array, covariances: Array, exchanged: Array) -> None:
         """Take this instant's skeletons.

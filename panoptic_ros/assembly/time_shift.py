@@ -1,0 +1,162 @@
+"""Views with stamps of their own: how joints depend on motion, and the velocities by which views are moved.
+
+A view of delay t sees a joint at X + t V. With rows A of the linearised observations, weights w and an
+assumed velocity u, least squares gives to first order x = X + G (V - u), where
+G = (sum w A^T A)^-1 sum w t A^T A. Minimised over the position, what is left of the cost says the velocity
+with information W = sum w t^2 A^T A - (sum w t A^T A) G.
+
+How far a joint is from its prediction tells how wrong its predicted velocity was. Views are moved a second
+time by the velocity that this teaches; positions remain functions of this instant's images otherwise.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+
+from panoptic_ros.assembly.candidates import Candidates
+from panoptic_ros.assembly.people import People
+from panoptic_ros.assembly.solve import Guide, Solved, Solver
+from panoptic_ros.consensus.gauss_newton import MIN_DEPTH
+from panoptic_ros.consensus.grouping import Scene
+from panoptic_ros.consensus.guidance import Prediction
+from panoptic_ros.domain import SkeletonModel, TimeShift
+
+Array = np.ndarray
+
+WEAKEST = 1e-6  # share of the largest information in the weakest direction of a joint, at least
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What the views say of K people's J joints in motion.
+
+    covariances: (K, J, 3, 3) m^2, of positions at the assumed velocity. delays (K, J, 3, 3) s,
+    velocities (K, J, 3) m/s and information (K, J, 3, 3): see `TimeShift`.
+    """
+
+    covariances: Array
+    delays: Array
+    velocities: Array
+    information: Array
+
+
+def solve_in_motion(
+    solver: Solver, scene: Scene, found: Candidates, prediction: Prediction, cauchy: float
+) -> tuple[Candidates, Solved, Motion | None]:
+    """The final solve; again with better velocities where views have stamps of their own.
+
+    Returns the candidates with the velocities that were used, and no motion where all stamps are equal.
+    """
+    solved = solver.solve(scene, found.grouping, found.source, found.guide)
+    if not scene.cams[2].any():
+        return found, solved, None
+    motion = motion_of(scene, solved, found.guide.shifts, cauchy)
+    if (found.who >= 0).any():
+        shifts = likelier_velocities(found, solved, motion, prediction)
+        found = replace(found, guide=Guide(found.guide.positions, found.guide.spreads, shifts))
+        solved = solver.solve(scene, found.grouping, found.source, found.guide)
+        motion = motion_of(scene, solved, shifts, cauchy)
+    return found, solved, motion
+
+
+def motion_of(scene: Scene, solved: Solved, shifts: Array, cauchy: float) -> Motion:
+    """Delays of all joints, and what the views say of velocities besides those assumed, (K, J, 3) m/s."""
+    normals, first, second, slopes = stamp_sums(
+        solved.positions, solved.residuals, solved.picks, shifts, scene.evidence.plane, scene.precision,
+        scene.cams, cauchy,
+    )  # fmt: skip
+    scale = np.trace(normals, axis1=-2, axis2=-1)[..., None, None]
+    covariances = np.linalg.inv(normals + (WEAKEST * scale + (scale <= 0.0)) * np.eye(3))
+    delays = covariances @ first
+    information = second - np.swapaxes(first, -1, -2) @ delays
+    information = 0.5 * (information + np.swapaxes(information, -1, -2))
+    strongest = np.trace(information, axis1=-2, axis2=-1)[..., None, None]
+    floor = (WEAKEST * strongest + (strongest <= 0.0)) * np.eye(3)
+    velocities = shifts + np.linalg.solve(information + floor, slopes[..., None])[..., 0]
+    return Motion(covariances, delays, velocities, information)
+
+
+def likelier_velocities(
+    found: Candidates, solved: Solved, motion: Motion, prediction: Prediction
+) -> Array:
+    """Velocities (K, J, 3) m/s after a look at where joints are, from those that were predicted.
+
+    The constant-velocity prediction and the position, of error G (V - u), together; one step of a filter.
+    """
+    velocities = found.guide.shifts.copy()
+    known = np.flatnonzero(found.who >= 0)
+    people = found.who[known]
+    variances = prediction.variances[people][..., None, None]  # (K, J, 3, 1, 1)
+    pp, pv, vv = variances[..., 0, :, :], variances[..., 1, :, :], variances[..., 2, :, :]
+    delays = motion.delays[known]
+    turned, unit = np.swapaxes(delays, -1, -2), np.eye(3)
+    spread = pp * unit + pv * (delays + turned) + vv * delays @ turned + motion.covariances[known]
+    surprise = solved.positions[known] - prediction.positions[people]
+    there = np.isfinite(surprise[..., 0])
+    solution = np.linalg.solve(
+        np.where(there[..., None, None], spread, unit), np.where(there[..., None], surprise, 0.0)[..., None]
+    )
+    velocities[known] += ((pv * unit + vv * turned) @ solution)[..., 0]
+    return velocities
+
+
+def time_shift(
+    motion: Motion | None, people: People, shifts: Array, skeleton: SkeletonModel
+) -> TimeShift | None:
+    """The record for the people that were kept; derived joints have the mean of their parts."""
+    if motion is None:
+        return None
+    arrays = [a[people.kept] for a in (motion.delays, shifts, motion.velocities, motion.information)]
+    for joint, parts in skeleton.derived:
+        for array in arrays:
+            array[:, joint] = array[:, list(parts)].mean(axis=1)
+        arrays[3][:, joint] = 0.0  # no view shows them
+    for array in arrays:
+        array[np.isnan(people.positions[..., 0])] = 0.0
+    return TimeShift(*arrays)
+
+
+@njit(cache=True, error_model="numpy")
+def stamp_sums(positions, residuals, picks, shifts, plane, precision, cams, cauchy):  # type: ignore[no-untyped-def]
+    """Sums over the used views of w A^T A, w t A^T A, w t^2 A^T A (K, J, 3, 3), and w t A^T e (K, J, 3).
+
+    Args:
+        positions (K, J, 3), residuals (K, J, V), picks (K, J, V, 2): see `Solved`. shifts: (K, J, 3) m/s.
+        plane, precision, cams: see `Scene`. e is the observation minus the projection.
+    """
+    rotations, translations, delays = cams
+    people, joints, views = residuals.shape
+    normals = np.zeros((people, joints, 3, 3))
+    first, second = np.zeros((people, joints, 3, 3)), np.zeros((people, joints, 3, 3))
+    slopes = np.zeros((people, joints, 3))
+    local, row, column = np.empty(3), np.empty(3), np.empty(3)
+    for p in range(people):
+        for j in range(joints):
+            if not np.isfinite(positions[p, j, 0]):
+                continue
+            for v in range(views):
+                if residuals[p, j, v] < 0.0:
+                    continue
+                d, s = picks[p, j, v]
+                t = delays[v]
+                for i in range(3):
+                    local[i] = translations[v, i]
+                    for k in range(3):
+                        local[i] += rotations[v, i, k] * (positions[p, j, k] + t * shifts[p, j, k])
+                z = max(local[2], MIN_DEPTH)
+                u, w = local[0] / z, local[1] / z
+                for k in range(3):
+                    row[k] = (rotations[v, 0, k] - u * rotations[v, 2, k]) / z
+                    column[k] = (rotations[v, 1, k] - w * rotations[v, 2, k]) / z
+                weight = precision[d, s] ** 2 / (1.0 + (residuals[p, j, v] / cauchy) ** 2)
+                du, dw = plane[d, s, 0] - u, plane[d, s, 1] - w
+                for i in range(3):
+                    slopes[p, j, i] += weight * t * (row[i] * du + column[i] * dw)
+                    for k in range(3):
+                        value = weight * (row[i] * row[k] + column[i] * column[k])
+                        normals[p, j, i, k] += value
+                        first[p, j, i, k] += t * value
+                        second[p, j, i, k] += t * t * value
+    return normals, first, second, slopes
