@@ -4,7 +4,6 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
-import sys
 from types import ModuleType
 
 from panoptic_ros.bench import BENCHES
@@ -16,8 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, text in BENCHES.items():
         sub = names.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         sub.add_argument("--json", action="store_true", help="print JSON in place of a table")
-        if name in sys.argv:
-            _bench(name).add_arguments(sub)
+        _bench(name).add_arguments(sub)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ VERBS: dict[str, str] = {
     "simulate": "a capture folder or 2D people with exact truth",
     "evaluate": "compare skeletons with the truth",
     "ltc": "decode or make LTC timecode",
+    "bench": "measure this machine and this code against named baselines",
     "rig": "check or convert a calibration",
     "models": "list, fetch and check pose models",
     "config": "show all parameters, write the generated files",

@@ -29,6 +29,15 @@ def load_skeleton(name_or_path: str) -> SkeletonModel:
     return _model(_document(name_or_path))
 
 
+def shared_names(name_or_path: str) -> tuple[str, ...]:
+    """The joints of a skeleton, as the vocabulary that all skeletons share calls them.
+
+    Raises:
+        ConfigError: see `load_skeleton`.
+    """
+    return tuple(_document(name_or_path)["joints"].values())
+
+
 def map_joints(skeleton: str, detector_joints: Sequence[str]) -> tuple[SkeletonModel, JointMap]:
     """The working skeleton for a detector's joints, and how to get its joints from theirs.
 

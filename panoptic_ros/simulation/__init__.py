@@ -15,7 +15,7 @@ fingers; noise is unbiased about the true joint, which real detectors' is not; c
 from panoptic_ros.simulation.degradation import CLEAN, MILD, NOISY, Degradation
 from panoptic_ros.simulation.detector import Absence, Sightings, SimulatedDetector
 from panoptic_ros.simulation.people import ACTIVITIES, Person
-from panoptic_ros.simulation.rigs import Corners, Dome, Lens, PanelDome, Ring
+from panoptic_ros.simulation.rigs import Corners, Dome, Lens, PanelDome, Ring, farthest_first
 from panoptic_ros.simulation.scenes import SCENES, Scene, scene
 from panoptic_ros.simulation.simulate import Simulation, simulate
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
@@ -42,6 +42,7 @@ __all__ = [
     "SimulatedDetector",
     "Simulation",
     "Timing",
+    "farthest_first",
     "scene",
     "simulate",
 ]

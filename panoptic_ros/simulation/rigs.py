@@ -168,3 +168,25 @@ def _on_dome(azimuth: float, elevation: float) -> Array:
 def _check_count(cameras: int) -> None:
     if cameras < 1:
         raise UsageError(f"a rig needs at least one camera, not {cameras}")
+
+
+def farthest_first(rig: Rig, count: int) -> Rig:
+    """`count` cameras of a rig, in its order, spread as in Joo et al. 2017, 7.3.
+
+    Each is the one farthest from those taken before it, so smaller choices are parts of larger ones.
+    The first is the one farthest from the middle of all.
+
+    Raises:
+        UsageError: if the rig has fewer.
+    """
+    if not 1 <= count <= len(rig):
+        raise UsageError(f"{count} cameras of a rig of {len(rig)}")
+    centres = np.array([camera.centre for camera in rig.cameras])
+    taken: list[int] = []
+    distances = np.linalg.norm(centres - centres.mean(axis=0), axis=1)
+    for _ in range(count):
+        taken.append(int(np.argmax(distances)))
+        gaps = np.linalg.norm(centres - centres[taken[-1]], axis=1)
+        distances = gaps if len(taken) == 1 else np.minimum(distances, gaps)
+        distances[taken] = -1.0
+    return Rig(tuple(rig.cameras[i] for i in sorted(taken)), rig.frame_id)

@@ -14,7 +14,8 @@ SMALL = {
 
 
 def test_installed_skeletons_are_whole_and_have_sides():
-    assert set(skeleton_names()) == {"panoptic15", "panoptic19", "coco17", "body25", "blazepose33"}
+    installed = {"panoptic15", "panoptic19", "coco17", "body25", "blazepose33", "wholebody133"}
+    assert set(skeleton_names()) == installed
     for name in skeleton_names():
         model = load_skeleton(name)
         assert model.name == name and model.parents[model.root] == -1
