@@ -13,5 +13,6 @@ noise of 2D joints is learnt online from residuals. Guidance enters choices only
 of this instant's images.
 
 In: `ProposalSet` (its `detections` suffice). Out: one `PoseSet` for each. Limits: people need two
-views; biases of a detector are not seen by residuals (see `bias_floor`).
+views; biases of a detector are not seen by residuals (a `bias_table` takes known ones out, and
+`refinement.bias_floor` states what is left).
 """

@@ -85,7 +85,7 @@ class AssemblyConfig(GroupingConfig):
     covariance_inflation: float = param(
         0.8, ge=0.0, le=10.0, doc="Covariances grow by 1 + this / (views - 1)."
     )
-    bias_floor: float = param(
-        0.0, unit="m", ge=0.0, le=1.0,
-        doc="Standard deviation added to every joint for biases of the detector (real ones: about 0.025).",
+    bias_table: str = param(
+        "", doc="Table of the detector's constant biases that are taken out: its name or a YAML file; "
+        "empty = none.",
     )

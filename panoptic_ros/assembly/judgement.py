@@ -9,14 +9,13 @@ SAME_JOINTS = 3  # joints that such skeletons must share
 
 
 @njit(cache=True, error_model="numpy")
-def judge_joints(positions, normals, residuals, picks, scores, inflation, extra, floor):
+def judge_joints(positions, normals, residuals, picks, scores, inflation, extra):
     """Covariances, their largest deviations, scores and numbers of views of solved joints.
 
     Args:
         positions: (P, J, 3) m. normals: (P, J, 3, 3) 1/m^2, lower triangles.
         residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and column in scores (D, J).
         inflation, extra: covariances are multiplied by inflation * (1 + extra / (views - 1)).
-        floor: m^2, added to all variances.
 
     Returns:
         covariances (P, J, 3, 3) m^2, NaN where singular or where there is no position;
@@ -37,15 +36,15 @@ def judge_joints(positions, normals, residuals, picks, scores, inflation, extra,
             mean[p, j] = total / max(views[p, j], 1)
             if np.isfinite(positions[p, j, 0]):
                 factor = inflation * (1.0 + extra / max(views[p, j] - 1, 1))
-                _invert(normals[p, j], factor, floor, covariances[p, j])
+                _invert(normals[p, j], factor, covariances[p, j])
                 if np.isfinite(covariances[p, j, 0, 0]):
                     worst[p, j] = largest_eigenvalue(covariances[p, j])
     return covariances, worst, mean, views
 
 
 @njit(cache=True, error_model="numpy")
-def _invert(lower, factor, floor, result):
-    """result (3, 3) = factor * inverse of the symmetric matrix + floor; untouched if it has no trace."""
+def _invert(lower, factor, result):
+    """result (3, 3) = factor * inverse of the symmetric matrix; untouched if it has no trace."""
     scale = lower[0, 0] + lower[1, 1] + lower[2, 2]
     if not scale > 0.0:
         return
@@ -58,12 +57,12 @@ def _invert(lower, factor, floor, result):
     d2 = f - l20 * c - l21 * rest
     m20 = l10 * l21 - l20  # last row of L^-1, and of (L D L^T)^-1 / d2
     i2, i1, i0 = factor / d2, factor / d1, factor / a
-    result[2, 2] = i2 + floor
+    result[2, 2] = i2
     result[2, 1] = result[1, 2] = -l21 * i2
     result[2, 0] = result[0, 2] = m20 * i2
-    result[1, 1] = i1 + l21 * l21 * i2 + floor
+    result[1, 1] = i1 + l21 * l21 * i2
     result[1, 0] = result[0, 1] = -l10 * i1 - l21 * m20 * i2
-    result[0, 0] = i0 + l10 * l10 * i1 + m20 * m20 * i2 + floor
+    result[0, 0] = i0 + l10 * l10 * i1 + m20 * m20 * i2
 
 
 @njit(cache=True, error_model="numpy")

@@ -69,7 +69,7 @@ def finish(
     """
     covariances, worst, scores, views = judge_joints(
         solved.positions, solved.normals, solved.residuals, solved.picks, scene.evidence.scores,
-        cauchy_correction(config.cauchy), config.covariance_inflation, config.bias_floor**2,
+        cauchy_correction(config.cauchy), config.covariance_inflation,
     )  # fmt: skip
     good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
     drop_long_bones(solved.positions, worst, good, _bones(skeleton.bones), config.max_bone)

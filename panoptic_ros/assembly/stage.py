@@ -1,6 +1,8 @@
 """The assembly stage."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates, from_hypotheses, guided_people, new_people
@@ -10,14 +12,15 @@ from panoptic_ros.assembly.dynamic_programming import assemble
 from panoptic_ros.assembly.lessons import residuals_to_learn
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
 from panoptic_ros.assembly.noise import NoiseTable
-from panoptic_ros.assembly.people import finish
+from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.time_shift import solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.consensus.evidence import Evidence, RigArrays, gather
 from panoptic_ros.consensus.grouping import Scene
 from panoptic_ros.consensus.guidance import Guidance, Prediction
-from panoptic_ros.domain import PoseSet, ProposalSet
+from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet
+from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
 Array = np.ndarray
@@ -32,6 +35,7 @@ class AssemblyStage:
         self._config, self._context, self._skeleton = config, context, context.skeleton
         self._hash = context.skeleton.hash  # computed at each call
         self._rig = RigArrays.of(context.rig)
+        self._biases = _bias_table(config, context)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._groups, count = limb_groups(context.skeleton)
         self._needed_views = needed_views(config.capture_views, len(context.rig))
@@ -87,7 +91,13 @@ class AssemblyStage:
             exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
             self._guidance.update(found.who[people.kept], people.positions, people.covariances, exchanged)
         shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
-        return StepResult((people.pose_set(item, self._hash, shift),))
+        return StepResult((self._without_biases(people).pose_set(item, self._hash, shift),))
+
+    def _without_biases(self, people: People) -> People:
+        """The people with known biases of the detector taken out: not before guidance, which sees images."""
+        if self._biases is None:
+            return people
+        return replace(people, positions=self._biases.corrected(people.positions))
 
     def _scene(self, evidence: Evidence) -> Scene:
         """Evidence with the noise that is known by now."""
@@ -117,3 +127,13 @@ class AssemblyStage:
         )  # fmt: skip
         cameras = evidence.cameras[evidence.view[rows]]
         self._noise.learn(evidence.scores[rows, joints], cameras, pixels, self._rig.diagonals)
+
+
+def _bias_table(config: AssemblyConfig, context: StageContext) -> BiasTable | None:
+    """The table that the configuration asks for, as the context's extra "bias_table"."""
+    if not config.bias_table:
+        return None
+    table = context.extras.get("bias_table")
+    if not isinstance(table, BiasTable) or len(table.offsets) != len(context.skeleton):
+        raise ContractError(f"assembly.bias_table = {config.bias_table!r} needs the extra 'bias_table'")
+    return table

@@ -21,6 +21,7 @@ VERBS: dict[str, str] = {
     "ltc": "decode or make LTC timecode",
     "bench": "measure this machine and this code against named baselines",
     "rig": "check or convert a calibration",
+    "bias": "measure the constant biases of a detector's joints against a reference",
     "models": "list, fetch and check pose models",
     "config": "show all parameters, write the generated files",
     "doctor": "what works on this machine, and what to do about what does not",

@@ -13,6 +13,7 @@ from panoptic_ros.domain import TrackedPoseSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.io.detector_context import bias_extras
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections, write_skeletons
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import map_joints, skeleton_of
@@ -43,12 +44,14 @@ def run(args: argparse.Namespace) -> int:
     detections = read_detections(args.detections)
     name = args.skeleton if args.skeleton != "auto" else _choose(detections)
     skeleton, joint_map = map_joints(name, detections.joint_names)
-    context = StageContext(rig, skeleton)
+    configs = with_defaults(parameters, {})
+    table = configs["assembly"].bias_table  # type: ignore[attr-defined]
+    context = StageContext(rig, skeleton, bias_extras(table, skeleton))
     results: list[TrackedPoseSet] = []
     notices: list[Notice] = []
     spent: dict[str, list[int]] = {}
     pipeline = Pipeline(
-        with_defaults(parameters, {}), context, FUSION,
+        configs, context, FUSION,
         on_record=lambda topic, record: results.append(record) if topic == "skeletons" else None,
         on_notice=lambda stage, notice: notices.append(notice),
         on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),

@@ -97,6 +97,8 @@ class ModelCard:
         output: role in the family -> name of the tensor.
         stride: net px per cell of the score maps; split: bins per net px (simcc).
         joints: names of the network's joints; () for boxes.
+        joint_bias: m for each joint, standard deviation per axis of constant biases against the joint
+            centres of people, as measured; () = not known.
         person_px: people are found best between these heights, net px.
         person_threshold: people with lower scores are dropped, where the stage does not say;
             joint_threshold: the same for joints.
@@ -119,6 +121,7 @@ class ModelCard:
     split: float = 2.0
     activation: str = "none"
     joints: tuple[str, ...] = ()
+    joint_bias: tuple[float, ...] = ()
     max_people: int = 12
     person_px: tuple[float, ...] = (70.0, 220.0)
     person_threshold: float = 0.1
@@ -142,6 +145,8 @@ class ModelCard:
         _require(0.0 < self.nms_iou <= 1.0, "nms_iou is outside of 0..1")
         _require(len(self.sha256) in (0, 64), "sha256 is not 64 hex digits")
         _require(bool(self.joints) != (self.family == "boxes"), "joints: all families but boxes have some")
+        _require(len(self.joint_bias) in (0, len(self.joints)), "joint_bias: one length for each joint")
+        _require(all(0.0 <= bias <= 1.0 for bias in self.joint_bias), "joint_bias is outside of 0..1 m")
         on_crops = self.family in CROP_FAMILIES
         _require(on_crops == (self.input.fit == "crop"),
                  f"input.fit = {self.input.fit!r} does not go with family {self.family}")  # fmt: skip

@@ -4,6 +4,7 @@ Letters of array shapes: C cameras, J joints, P people, N proposals, M parts, H 
 Records check shapes and values when they are made and hold read-only copies (images: read-only
 views). Missing joints are NaN with score 0.
 """
+from panoptic_ros.domain.bias_table import BiasTable
 from panoptic_ros.domain.camera import Camera
 from panoptic_ros.domain.detections import (
     DetectionSet,
@@ -30,6 +31,7 @@ from panoptic_ros.domain.time_shift import TimeShift
 
 __all__ = [
     "AudioBlock",
+    "BiasTable",
     "Camera",
     "ClockModel",
     "DetectionSet",

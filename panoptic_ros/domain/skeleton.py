@@ -20,9 +20,12 @@ class SkeletonModel:
         left_right: pairs (left, right).
         derived: (joint, sources): joints that the detector does not see, defined as the mean of
             others in 3D, e.g. BodyCenter = mean of the hips.
+        bias_floors: m for each joint, standard deviation per axis of the detector's constant biases, which
+            no view contradicts; () = not known. No part of the identity (`hash`).
 
     Raises:
-        ConfigError: if the bones are not a tree over all joints, names repeat, or an index is no joint's.
+        ConfigError: if the bones are not a tree over all joints, names repeat, an index is no joint's, or a
+            floor is no length.
     """
 
     name: str
@@ -32,6 +35,7 @@ class SkeletonModel:
     head: int
     left_right: tuple[tuple[int, int], ...] = ()
     derived: tuple[tuple[int, tuple[int, ...]], ...] = ()
+    bias_floors: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.joint_names)
@@ -50,6 +54,9 @@ class SkeletonModel:
         for index in (self.root, self.head, *sides, *derived):
             if not 0 <= index < count:
                 raise ConfigError(f"skeleton {self.name} has {count} joints, none of index {index}")
+        floors = self.bias_floors
+        if len(floors) not in (0, count) or not all(0.0 <= f <= 1.0 for f in floors):
+            raise ConfigError(f"skeleton {self.name}: bias_floors are 0 to 1 m, one for each joint")
 
     def __len__(self) -> int:
         return len(self.joint_names)

@@ -1,10 +1,12 @@
 """What the detection stage needs besides the rig: the model, and the way to the working skeleton."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.domain import JointMap, SkeletonModel
+from panoptic_ros.io.biases import read_bias_table
 from panoptic_ros.io.models import load_detector
 from panoptic_ros.io.skeletons import map_joints
 
@@ -18,4 +20,17 @@ def detector_extras(model: str, skeleton: str) -> tuple[SkeletonModel, Mapping[s
     """
     detector = load_detector(model)
     working, joint_map = map_joints(skeleton, detector.card.joints)
+    working = replace(working, bias_floors=_floors(detector.card.joint_bias, joint_map))
     return working, {"detector": detector, "joint_map": joint_map}
+
+
+def bias_extras(bias_table: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
+    """What assembly needs for its parameter `bias_table`: nothing if that is empty."""
+    return {"bias_table": read_bias_table(bias_table, skeleton)} if bias_table else {}
+
+
+def _floors(biases: Sequence[float], joint_map: JointMap) -> tuple[float, ...]:
+    """Biases of the detector's joints as those of the skeleton's; the sources of a mean share theirs."""
+    if not biases:
+        return ()
+    return tuple(max((biases[s] for s in sources), default=0.0) for sources in joint_map.sources)

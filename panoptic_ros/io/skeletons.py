@@ -79,6 +79,12 @@ def skeleton_of(joint_names: Sequence[str]) -> str | None:
     return None
 
 
+def shared_names(joint_names: Sequence[str]) -> tuple[str, ...]:
+    """Joint names in the vocabulary that all skeletons share; unknown ones as they are."""
+    vocabulary = _vocabulary()
+    return tuple(vocabulary.get(joint, joint) for joint in joint_names)
+
+
 @lru_cache(maxsize=32)
 def _document(name_or_path: str) -> dict[str, Any]:
     path = Path(name_or_path)

@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.detector_context import detector_extras
+from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
@@ -28,9 +28,17 @@ def _detector(node: Node, skeleton: SkeletonModel) -> Mapping[str, Any]:
     return detector_extras(node.get_parameter("model").value, skeleton.name)[1]
 
 
+def _biases(node: Node, skeleton: SkeletonModel) -> Mapping[str, Any]:
+    """The assembly stage's extras: the table of its parameter `bias_table`."""
+    return bias_extras(node.get_parameter("bias_table").value, skeleton)
+
+
+EXTRAS = {"detection": _detector, "assembly": _biases}
+
+
 def make_stage_node(stage: str, overrides: Mapping[str, Any] = {}, name: str | None = None) -> StageNode:
     """The node of a stage."""
-    return StageNode(stage, overrides, _detector if stage == "detection" else None, name)
+    return StageNode(stage, overrides, EXTRAS.get(stage), name)
 
 
 def _stage_main(stage: str) -> None:

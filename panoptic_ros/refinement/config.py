@@ -51,3 +51,8 @@ class RefinementConfig(Config):
     bone_frames: int = param(
         10, ge=1, le=100000, doc="Frames after which a learnt bone length is used."
     )
+    bias_floor: float = param(
+        -1.0, unit="m", ge=-1.0, le=1.0,
+        doc="Standard deviation added to every joint at the end for constant biases of the detector, which "
+        "smoothing does not remove; negative = as its model card says (none without a card).",
+    )

@@ -110,6 +110,10 @@ class PersonMotion:
         now.views = np.where(measured, views, 0)
         now.ages = np.where(measured, 0.0, now.ages)
 
+    def seen_after(self, stamp_ns: int) -> bool:
+        """Whether the person was seen in a kept instant that is still to come after this one."""
+        return any(moment.seen and moment.stamp_ns > stamp_ns for moment in self._moments)
+
     def forget_before(self, stamp_ns: int) -> None:
         """Drop moments that are not needed to smooth from `stamp_ns` on."""
         while len(self._moments) > 1 and self._moments[1].stamp_ns <= stamp_ns:

@@ -7,6 +7,7 @@ import numpy as np
 
 from panoptic_ros.domain import JointState, RefinedPoseSet, SkeletonModel, TrackedPoseSet
 from panoptic_ros.errors import DataError
+from panoptic_ros.refinement.bias_floor import bias_floor, with_floor
 from panoptic_ros.refinement.bones import BoneLengths
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.person import PersonMotion, Smoothed
@@ -25,6 +26,7 @@ class RefinementStage:
         self._config, self._skeleton = config, context.skeleton
         self._hash = context.skeleton.hash  # computed at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
+        self._floor = bias_floor(config.bias_floor, context.skeleton)
         self.reset()
         for example in _examples(context.skeleton):
             self.step(example)
@@ -41,7 +43,7 @@ class RefinementStage:
         """Hand out all sets that still wait."""
         outputs = tuple(self._emit() for _ in range(len(self._waiting)))
         self.reset()
-        return StepResult(outputs)
+        return StepResult(with_floor(outputs, self._floor))
 
     def step(self, item: TrackedPoseSet) -> StepResult[RefinedPoseSet]:
         """The sets that have waited long enough; sets from the past are dropped with a notice.
@@ -59,12 +61,12 @@ class RefinementStage:
             return StepResult(notices=(Notice("refinement.old_stamp", "warning", text),))
         self._last_ns = item.stamp_ns
         if not self._config.enabled:
-            return StepResult((_passed_through(item),))
+            return StepResult(with_floor([_passed_through(item)], self._floor))
         self._take(item)
         outputs = []
         while self._waiting and 1e-9 * (item.stamp_ns - self._waiting[0].stamp_ns) >= self._config.lag - 1e-6:
             outputs.append(self._emit())
-        return StepResult(tuple(outputs))
+        return StepResult(with_floor(outputs, self._floor))
 
     def _take(self, item: TrackedPoseSet) -> None:
         """Filter everybody up to this set."""
@@ -94,7 +96,8 @@ class RefinementStage:
                 people.append(self._with_bones(number, person))
         horizon = self._config.max_gap + self._config.lag
         for number in [n for n, motion in self._people.items() if motion.unseen > horizon]:
-            del self._people[number]
+            if not self._people[number].seen_after(item.stamp_ns):
+                del self._people[number]
         for motion in self._people.values():
             motion.forget_before(item.stamp_ns)
         return _refined(item, numbers, people)

@@ -40,12 +40,12 @@ def full(lower):
 def test_covariances_are_inverse_normals_inflated():
     positions, normals, residuals, picks, scores = solved(0)
     result, worst, mean, views = judge_joints(
-        positions, normals, residuals, picks, scores, 1.1, 0.8, 1e-4
+        positions, normals, residuals, picks, scores, 1.1, 0.8
     )
     there, used = np.isfinite(positions[..., 0]), residuals >= 0.0
     assert (views == used.sum(-1)).all() and (np.isfinite(result[..., 0, 0]) == there).all()
     factor = 1.1 * (1.0 + 0.8 / np.maximum(views - 1, 1))
-    expected = np.linalg.inv(full(normals)) * factor[..., None, None] + 1e-4 * np.eye(3)
+    expected = np.linalg.inv(full(normals)) * factor[..., None, None]
     assert np.allclose(result[there], expected[there], rtol=1e-9, atol=0.0)
     assert np.allclose(worst[there], np.linalg.eigvalsh(expected)[there][:, -1])
     assert (worst[~there] == 0.0).all()
@@ -56,7 +56,7 @@ def test_covariances_are_inverse_normals_inflated():
 def test_singular_normals_give_no_covariance():
     result, worst, *_ = judge_joints(
         np.zeros((1, 1, 3)), np.zeros((1, 1, 3, 3)), -np.ones((1, 1, 2)), -np.ones((1, 1, 2, 2), np.int64),
-        np.ones((1, 1)), 1.0, 0.8, 0.0,
+        np.ones((1, 1)), 1.0, 0.8,
     )  # fmt: skip
     assert np.isnan(result).all() and worst[0, 0] == 0.0
 

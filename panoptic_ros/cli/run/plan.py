@@ -5,7 +5,7 @@ import argparse
 import os
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import TOPICS, check_names
 from panoptic_ros.io.bags import BagReader
-from panoptic_ros.io.detector_context import detector_extras
+from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
@@ -32,7 +32,7 @@ class Plan:
         sources: of each camera, as `nodes.sources` takes them; empty for a bag.
         bag: the bag, and the topics to replay by camera.
         stage: the first stage that is needed, detection or sync.
-        extras: what the detection stage needs; empty if it is not.
+        extras: what detection and assembly need besides; empty if nothing.
         frame_count: of all cameras together, None if not known; instants: of the longest camera.
         live: devices, in place of recordings.
         notices: one line each about what was adapted.
@@ -70,7 +70,8 @@ def make_plan(args: argparse.Namespace) -> Plan:
         kind = _device_plan if args.device else _recorded_plan
         plan = kind(args, parameters, skeleton, extras)
     check_names(plan.rig.names)
-    return plan
+    table = plan.configs["assembly"].bias_table  # type: ignore[attr-defined]
+    return replace(plan, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
 
 
 def _detector(

@@ -39,6 +39,7 @@ def write_skeleton_model(model: SkeletonModel, family: Messages, frame_id: str) 
         derived_joints=numbers(joint for joint, _ in model.derived),
         derived_counts=numbers(len(sources) for _, sources in model.derived),
         derived_sources=numbers(s for _, sources in model.derived for s in sources),
+        bias_floors=flat(family, np.array(model.bias_floors, np.float64), np.float64),
     )
 
 
@@ -57,6 +58,7 @@ def read_skeleton_model(message: Any) -> SkeletonModel:
     return SkeletonModel(
         str(message.name), tuple(map(str, message.joint_names)), int(message.root),
         pairs("bones"), int(message.head), pairs("left_right"), derived,
+        tuple(float(floor) for floor in getattr(message, "bias_floors", ())),  # bags of old have none
     )  # fmt: skip
 
 

@@ -1,0 +1,47 @@
+"""Where a detector's joints lie beside those of a skeleton's definition, constant in the torso frame."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.geometry.torso import torso_frames
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BiasTable:
+    """Offsets to add to the joints of a skeleton, after Malleson et al. 2020, 3.3.2.
+
+    Detectors learn joints from pictures: their shoulders and hips are not the centres of rotation. As all
+    views agree on that, triangulation cannot see it; a comparison with a reference can.
+
+    Args:
+        name: of the table.
+        offsets: (J, 3) from the detector's joint to the reference's: forward, left, up, in torso lengths.
+        torso: left shoulder, right shoulder, left hip, right hip: indices of joints.
+
+    Raises:
+        ConfigError: if an offset is not finite or as long as a torso.
+    """
+
+    name: str
+    offsets: Array
+    torso: tuple[int, int, int, int]
+
+    def __post_init__(self) -> None:
+        offsets = Shapes(self).store("offsets", np.float64, "J 3")
+        if not (np.abs(offsets) < 1.0).all():
+            raise ConfigError(f"bias table {self.name}: an offset is not below one torso length")
+
+    def corrected(self, positions: Array) -> Array:
+        """Joints (P, J, 3) m with the offsets added.
+
+        Unchanged are people whose torso is not whole: their frame is not known. Missing joints stay so.
+        """
+        axes, lengths = torso_frames(positions[:, list(self.torso)])
+        shifts = np.einsum("pik,jk->pji", axes, self.offsets) * lengths[:, None, None]
+        return positions + np.where(np.isfinite(shifts), shifts, 0.0)

@@ -1,0 +1,100 @@
+"""Bias tables: config/biases/*.yaml and files that `panoptic bias measure` wrote.
+
+A file holds the offsets of joints in the middle and on the left; the right side is their mirror image.
+Joints are named by the vocabulary that all skeletons share.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from panoptic_ros.domain import BiasTable, SkeletonModel
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.io.files import read_yaml, write_bytes
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.io.skeletons import shared_names
+
+Array = np.ndarray
+FORMAT = "panoptic-biases-1"
+TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+HEADER = (
+    "# From the detector's joints to the reference's: forward, left, up in the torso frame, torso lengths.\n"
+    "# The right side is the mirror image of the left. See docs/formats.md.\n"
+)
+
+
+def bias_table_names() -> tuple[str, ...]:
+    """Names of the tables that are installed."""
+    return tuple(sorted(path.stem for path in (share_folder() / "config" / "biases").glob("*.yaml")))
+
+
+def read_bias_table(name_or_path: str, skeleton: SkeletonModel) -> BiasTable:
+    """The table for the joints of a skeleton; joints that it does not name have no offset.
+
+    Joints that are means of others (`derived`) move as the mean of these does.
+
+    Raises:
+        ConfigError: if there is no such table, it is no table, or the skeleton has no torso.
+        DataError: if the file cannot be read.
+    """
+    path = Path(name_or_path).expanduser()
+    if path.suffix not in (".yaml", ".yml"):
+        path = share_folder() / "config" / "biases" / f"{name_or_path}.yaml"
+        if not path.is_file():
+            known = ", ".join(bias_table_names())
+            raise ConfigError(
+                f"unknown bias table {name_or_path!r}; there are {known}, or the path of a YAML file"
+            )
+    entries = _entries(read_yaml(path), path)
+    words = shared_names(skeleton.joint_names)
+    offsets = np.array([offset_of(word, entries) for word in words])
+    for joint, sources in skeleton.derived:
+        offsets[joint] = offsets[list(sources)].mean(axis=0)
+    return BiasTable(path.stem, offsets, torso_of(skeleton.joint_names, f"skeleton {skeleton.name}"))
+
+
+def write_bias_table(path: Path, offsets: Mapping[str, Sequence[float]], facts: Mapping[str, Any]) -> None:
+    """Write a table: offsets of joints in the middle and on the left, and facts about its origin."""
+    lines = [HEADER + yaml.safe_dump({"format": FORMAT, **facts}, sort_keys=False, width=110), "offsets:\n"]
+    lines += [f"  {word}: [{', '.join(f'{v:.4f}' for v in row)}]\n" for word, row in offsets.items()]
+    write_bytes(path, "".join(lines).encode())
+
+
+def torso_of(joint_names: Sequence[str], owner: str) -> tuple[int, int, int, int]:
+    """Indices of left shoulder, right shoulder, left hip, right hip.
+
+    Raises:
+        ConfigError: if there is one of them missing.
+    """
+    words = shared_names(joint_names)
+    for word in TORSO:
+        if word not in words:
+            raise ConfigError(f"{owner} has no {word}, so no torso frame for a bias table")
+    a, b, c, d = (words.index(word) for word in TORSO)
+    return a, b, c, d
+
+
+def offset_of(word: str, entries: Mapping[str, Array]) -> Array:
+    """Offset (3,) of a joint; that of a right one is the mirror image of the left one's."""
+    if word.startswith("right_"):
+        return entries.get("left_" + word.removeprefix("right_"), np.zeros(3)) * (1.0, -1.0, 1.0)
+    return entries.get(word, np.zeros(3))
+
+
+def _entries(document: Any, path: Path) -> dict[str, Array]:
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise ConfigError(f"{path} is no bias table: it needs format: {FORMAT}")
+    rows = document.get("offsets")
+    if not isinstance(rows, dict) or not rows:
+        raise ConfigError(f"{path} has no offsets")
+    entries = {}
+    for word, row in rows.items():
+        good = isinstance(row, list) and len(row) == 3 and all(type(v) in (int, float) for v in row)
+        if not good or not np.isfinite(row).all() or str(word).startswith("right_"):
+            raise ConfigError(f"{path}: offset of {word}: needs a left or middle joint and three numbers")
+        entries[str(word)] = np.array(row, float)
+    return entries

@@ -1,0 +1,49 @@
+"""Biases are stated at the end, and nobody is lost before a gap."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.stage import RefinementStage
+from panoptic_ros.stage import StageContext
+
+MODEL = SkeletonModel("arm", ("shoulder", "elbow"), 0, ((0, 1),), 0)
+KNOWN = replace(MODEL, bias_floors=(0.02, 0.03))
+
+
+def tracked(index, time, ids=(4,)):
+    positions = np.array([[[time, 0.0, 1.4], [time, 0.3, 1.4]]])[: len(ids)]
+    shape = positions.shape[:2]
+    return TrackedPoseSet(
+        index, round(1e9 * (1.0 + time)), MODEL.hash, positions,
+        np.tile(1e-4 * np.eye(3), (*shape, 1, 1)), np.ones(shape), np.full(shape, 3),
+        np.full(shape, JointState.MEASURED), np.ones(len(ids)), ids=np.array(ids, np.int64),
+    )  # fmt: skip
+
+
+def run(times, model=MODEL, **settings):
+    stage = RefinementStage(RefinementConfig(**settings), StageContext(None, model))
+    results = [stage.step(tracked(i, t)) for i, t in enumerate(times)] + [stage.flush()]
+    return [output for result in results for output in result.outputs]
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+@pytest.mark.parametrize(
+    "model, asked, floors",
+    [(KNOWN, -1.0, (0.02, 0.03)), (KNOWN, 0.05, (0.05, 0.05)), (MODEL, -1.0, (0.0, 0.0))],
+)
+def test_floors_are_added_to_what_smoothing_says(enabled, model, asked, floors):
+    times = [i / 25 for i in range(20)]
+    plain = run(times, KNOWN, enabled=enabled, bias_floor=0.0)
+    stated = run(times, model, enabled=enabled, bias_floor=asked)
+    for a, b in zip(plain, stated):
+        assert np.array_equal(a.positions, b.positions)
+        expected = np.array(floors)[:, None, None] ** 2 * np.eye(3)
+        assert np.allclose(b.covariances[0] - a.covariances[0], expected, atol=1e-15)
+
+
+def test_the_last_instants_before_a_long_gap_keep_their_people():
+    times = [i / 25 for i in range(10)] + [3.0 + i / 25 for i in range(10)]
+    assert [len(output.ids) for output in run(times)] == [1] * 20
