@@ -16,6 +16,14 @@ class VotingConfig(Config):
         doc="How to look for node proposals: where rays of 2D peaks meet; in all of the volume, coarse to "
         "fine; in all of it, voxel by voxel, with the same result; not at all.",
     )
+    explain_away: bool = param(
+        True,
+        doc="With seeds: first solve people roughly from the 2D people, give each of their joints a node, "
+        "and look for further nodes only in what these joints leave unexplained. Exact and dense search all.",
+    )
+    temporal_guidance: bool = param(
+        True, doc="Find the people for explain_away with the help of where they were an instant before."
+    )
     voxel: float = param(0.04, unit="m", ge=0.005, le=0.5, doc="Side of a voxel.")
     threshold: float = param(
         0.0,

@@ -220,6 +220,7 @@ def person_scores(scene, joints, points):
     views, joint_count, most = len(cameras), map_start.shape[1], people.shape[2]
     scores = np.zeros((len(points), views, most))
     covers = np.zeros((len(points), views), np.bool_)
+    corners = np.zeros((most + 1, 4))
     for n in range(len(points)):
         j = joints[n]
         for v in range(views):
@@ -227,34 +228,46 @@ def person_scores(scene, joints, points):
             covers[n, v] = covered
             if not covered:
                 continue
-            first, last = patch_start[v * joint_count + j], patch_start[v * joint_count + j + 1]
-            for i in range(most):
-                if map_start[v, j] < 0:
+            if map_start[v, j] < 0:
+                for i in range(most):
                     scores[n, v, i] = sample_keypoint(people, v, j, i, u, w)
-                    continue
+                continue
+            first, last = patch_start[v * joint_count + j], patch_start[v * joint_count + j + 1]
+            x, y, some = _patch_corners(cameras, v, patch_table, patch_data, first, last, a, b, corners)
+            if not some:
+                continue
+            for i in range(most):
                 dx, dy = people[v, j, i, 0] - u, people[v, j, i, 1] - w
                 near = dx * dx + dy * dy <= gates[v, i]
-                scores[n, v, i] = _sample_patches(
-                    cameras, v, patch_table, patch_data, first, last, i, near, a, b
-                )
+                for c in range(4):
+                    if near:
+                        corners[i, c] = max(corners[i, c], corners[most, c])
+                top = corners[i, 0] * (1.0 - x) + corners[i, 1] * x
+                bottom = corners[i, 2] * (1.0 - x) + corners[i, 3] * x
+                scores[n, v, i] = (top * (1.0 - y) + bottom * y) / 255.0
     return scores, covers
 
 
 @_jit
-def _sample_patches(cameras, v, patch_table, patch_data, first, last, person, near, a, b):
-    """The map made of a person's patches and, if near, of those of all people, at a cell."""
+def _patch_corners(cameras, v, patch_table, patch_data, first, last, a, b, corners):
+    """What patches first..last hold in the four cells about a cell: (P + 1, 4), for each person and for all.
+
+    Returns the weights of the upper cells, and whether there is anything.
+    """
     x0, x1, fx = _corner(a, int(cameras[v, 25]))
     y0, y1, fy = _corner(b, int(cameras[v, 26]))
-    corners = np.zeros(4)
+    some = False
     for k in range(first, last):
-        if patch_table[k, 0] != person and not (patch_table[k, 0] == -1 and near):
+        column, row, width, height = patch_table[k, 1:5]
+        if x1 < column or x0 >= column + width or y1 < row or y0 >= row + height:
             continue
-        column, row, width = patch_table[k, 1], patch_table[k, 2], patch_table[k, 3]
+        if not some:
+            corners[:] = 0.0
+            some = True
+        i = patch_table[k, 0] if patch_table[k, 0] >= 0 else len(corners) - 1
         for c in range(4):
             x = (x1 if c & 1 else x0) - column
             y = (y1 if c & 2 else y0) - row
-            if 0 <= x < width and 0 <= y < patch_table[k, 4]:
-                corners[c] = max(corners[c], patch_data[patch_table[k, 5] + y * width + x])
-    top = corners[0] * (1.0 - fx) + corners[1] * fx
-    bottom = corners[2] * (1.0 - fx) + corners[3] * fx
-    return (top * (1.0 - fy) + bottom * fy) / 255.0
+            if 0 <= x < width and 0 <= y < height:
+                corners[i, c] = max(corners[i, c], float(patch_data[patch_table[k, 5] + y * width + x]))
+    return fx, fy, some

@@ -51,20 +51,36 @@ def score_parts(
     Returns:
         parts (M, 2) nodes, bones (M,) index into `SkeletonModel.bones` or -1, scores (M,).
     """
-    pairs, bones = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
-    of_joint = {joint: np.flatnonzero(joints == joint) for joint in np.unique(joints).tolist()}
-    nothing = np.zeros(0, np.int64)
-    for kind in kinds:
-        u, v = of_joint.get(kind.parent, nothing), of_joint.get(kind.child, nothing)
-        lengths = np.linalg.norm(nodes[u][:, None] - nodes[v][None], axis=-1)
-        a, b = np.nonzero(lengths <= kind.length)
-        pairs.append(np.column_stack([u[a], v[b]]))
-        bones.append(np.full(len(a), kind.index))
-    parts = np.concatenate(pairs)
-    scores, covers = kernels.person_scores(scene, np.ascontiguousarray(joints, np.int64), nodes)
+    table = np.array([kind[:3] for kind in kinds], np.int64).reshape(-1, 3)
+    lengths = np.array([kind.length for kind in kinds], np.float64)
+    joints = np.ascontiguousarray(joints, np.int64)
+    parts, bones = _near_pairs(nodes, joints, table, lengths)
+    scores, covers = kernels.person_scores(scene, joints, nodes)
     phi = connectivity(scores, covers, parts, threshold)
     connected = phi > 0.0
-    return parts[connected], np.concatenate(bones)[connected], phi[connected]
+    return parts[connected], bones[connected], phi[connected]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _near_pairs(nodes, joints, kinds, lengths):
+    """Pairs (M, 2) of nodes that a kind of part (K, 3) may join, by kind, and the bones (M,) they are."""
+    pairs, bones, count = np.zeros((256, 2), np.int64), np.zeros(256, np.int64), 0
+    for k in range(len(kinds)):
+        for a in range(len(nodes)):
+            if joints[a] != kinds[k, 0]:
+                continue
+            for b in range(len(nodes)):
+                if joints[b] != kinds[k, 1]:
+                    continue
+                x, y, z = nodes[a, 0] - nodes[b, 0], nodes[a, 1] - nodes[b, 1], nodes[a, 2] - nodes[b, 2]
+                if x * x + y * y + z * z > lengths[k] * lengths[k]:
+                    continue
+                if count == len(bones):
+                    pairs = np.concatenate((pairs, np.zeros_like(pairs)))
+                    bones = np.concatenate((bones, np.zeros_like(bones)))
+                pairs[count, 0], pairs[count, 1], bones[count] = a, b, kinds[k, 2]
+                count += 1
+    return pairs[:count], bones[:count]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -54,33 +54,38 @@ def _undistorted(lens, goal_x, goal_y):
 
 
 @_jit
-def pair_seeds(centres, rays, start, paired, joint, joints, gap, max_depth, enough, seeds):
+def pair_seeds(centres, rays, start, paired, joint_count, gap, max_depth, enough, joints, seeds):
     """Points where rays of a joint meet: every pair of rays, improved with the rays of the other views.
 
     A pair of rays of two `paired` views (V,) that pass within `gap` gives its middle; that moves twice
     to the point closest to the rays that pass nearest to it in each view, within gap and half of it, and
-    counts if it still has `enough` such rays. Writes as many as fit into seeds (S, 3); returns the number.
+    counts if it still has `enough` such rays. Writes as many as fit into joints (S,) and seeds (S, 3);
+    returns the number.
     """
     total = 0
-    for a in range(len(centres)):
-        if not paired[a]:
-            continue
-        for b in range(a + 1, len(centres)):
-            if not paired[b]:
+    for joint in range(joint_count):
+        for a in range(len(centres)):
+            if not paired[a]:
                 continue
-            for p in range(start[a * joints + joint], start[a * joints + joint + 1]):
-                for q in range(start[b * joints + joint], start[b * joints + joint + 1]):
-                    point, met = _meeting(centres[a], rays[p], centres[b], rays[q], gap, max_depth)
-                    if not met:
+            for p in range(start[a * joint_count + joint], start[a * joint_count + joint + 1]):
+                for b in range(a + 1, len(centres)):
+                    if not paired[b]:
                         continue
-                    point, views = _closest_to_rays(centres, rays, start, joint, joints, point, gap)
-                    if views < enough:
-                        continue
-                    point, views = _closest_to_rays(centres, rays, start, joint, joints, point, 0.5 * gap)
-                    if views >= enough:
-                        if total < len(seeds):
-                            seeds[total, 0], seeds[total, 1], seeds[total, 2] = point
-                        total += 1
+                    for q in range(start[b * joint_count + joint], start[b * joint_count + joint + 1]):
+                        point, met = _meeting(centres[a], rays[p], centres[b], rays[q], gap, max_depth)
+                        if not met:
+                            continue
+                        point, views = _closest_to_rays(centres, rays, start, joint, joint_count, point, gap)
+                        if views < enough:
+                            continue
+                        point, views = _closest_to_rays(
+                            centres, rays, start, joint, joint_count, point, 0.5 * gap
+                        )
+                        if views >= enough:
+                            if total < len(seeds):
+                                joints[total] = joint
+                                seeds[total, 0], seeds[total, 1], seeds[total, 2] = point
+                            total += 1
     return total
 
 

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -45,59 +46,71 @@ def build_scene(
     gate: float = 4.0,
 ) -> VoteScene:
     """The scene of V views and their cameras; see `ViewField` for the two numbers."""
-    count = len(views)
-    most = max((len(view.points) for view in views), default=0)
-    people = np.full((count, joint_count, most, 4), np.nan)
+    counts = np.array([len(view.points) for view in views], np.int64)
+    most = int(counts.max(initial=0))
+    of = np.repeat(np.arange(len(views)), counts)  # view and row of each person
+    row = np.arange(len(of)) - (np.cumsum(counts) - counts)[of]
+    points = np.concatenate([np.zeros((0, joint_count, 2)), *(view.points for view in views)])
+    scores = np.concatenate([np.zeros((0, joint_count)), *(view.scores for view in views)])
+    sizes = np.array([view.image_size for view in views], np.float64).reshape(-1, 2)[of]
+    widths = keypoint_widths(points, (sizes[:, 0], sizes[:, 1]), relative_width)
+    rates = np.broadcast_to((0.5 / widths**2)[:, None, None], (*scores.shape, 1))
+    people = np.full((len(views), most, joint_count, 4), np.nan)
     people[..., 2:] = 0.0
-    gates = np.zeros((count, most))
-    table = np.zeros((count, CAMERA_NUMBERS))
-    for v, (camera, view) in enumerate(zip(cameras, views)):
-        n = len(view.points)
-        widths = keypoint_widths(view.points, view.image_size, relative_width)
-        people[v, :, :n, :2] = view.points.swapaxes(0, 1)
-        people[v, :, :n, 2] = 0.5 / widths**2
-        people[v, :, :n, 3] = view.scores.T
-        gates[v, :n] = (gate * widths) ** 2
-        table[v] = _camera_numbers(camera, view)
+    people[of, row] = np.concatenate([points, rates, scores[..., None]], axis=-1)
+    gates = np.zeros((len(views), most))
+    gates[of, row] = (gate * widths) ** 2
+    table = _view_numbers(cameras, views)
+    people = np.ascontiguousarray(people.swapaxes(1, 2))
     return VoteScene(table, people, gates, *_map_arrays(views, joint_count))
 
 
-def _camera_numbers(camera: Camera, view: ViewDetections) -> Array:
-    lens, pose, maps = camera.intrinsics, camera.cam_from_world, view.maps
-    row = np.zeros(CAMERA_NUMBERS)
-    row[:9], row[9:12] = pose.rotation.ravel(), pose.translation
-    row[12:17] = lens.matrix.ravel()[[0, 1, 2, 4, 5]]
-    row[17:22], row[22] = lens.distortion, lens.radius_limit**2
-    row[23:25] = view.image_size
-    if maps is not None:
-        row[25:27], row[27:33] = maps.grid_size, maps.grid_from_image.ravel()
-    return row
+def _view_numbers(cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Array:
+    table = np.zeros((len(views), CAMERA_NUMBERS))
+    if len(views):
+        table[:, :25] = [_camera_numbers(camera) for camera in cameras]
+    mapped = [v for v, view in enumerate(views) if view.maps is not None]
+    if mapped:
+        maps = [views[v].maps for v in mapped]
+        table[mapped, 25:27] = [each.grid_size for each in maps]
+        table[mapped, 27:33] = np.array([each.grid_from_image for each in maps]).reshape(-1, 6)
+    return table
+
+
+@lru_cache(maxsize=4096)
+def _camera_numbers(camera: Camera) -> tuple[float, ...]:
+    """The numbers of a view that are those of its camera."""
+    lens, pose = camera.intrinsics, camera.cam_from_world
+    matrix = lens.matrix.ravel()[[0, 1, 2, 4, 5]]
+    rest = (*matrix, *lens.distortion, lens.radius_limit**2, *camera.image_size)
+    return tuple(float(x) for x in (*pose.rotation.ravel(), *pose.translation, *rest))
 
 
 def _map_arrays(views: Sequence[ViewDetections], joint_count: int) -> tuple[Array, ...]:
     count = len(views)
     grid = np.zeros((count, 2), np.int64)
-    tables, keys, data, offset = [np.zeros((0, 6), np.int64)], [np.zeros(0, np.int64)], [], 0
-    for v, view in enumerate(views):
-        maps = view.maps
-        if maps is None:
-            continue
-        grid[v] = maps.grid_size
-        lengths = maps.sizes.prod(1, dtype=np.int64)
-        starts = offset + np.cumsum(lengths) - lengths
-        tables.append(np.column_stack([maps.persons, maps.corners, maps.sizes, starts]).astype(np.int64))
-        keys.append(v * joint_count + maps.joints.astype(np.int64))
-        data.append(maps.data)
-        offset += maps.data.size
-    key = np.concatenate(keys)
+    mapped = [v for v, view in enumerate(views) if view.maps is not None]
+    maps = [views[v].maps for v in mapped]
+    if maps:
+        grid[mapped] = [each.grid_size for each in maps]
+    of = np.repeat(np.array(mapped, np.int64), [len(each.joints) for each in maps])
+    table = np.zeros((len(of), 6), np.int64)
+    key = of * joint_count
+    if len(of):
+        key += np.concatenate([each.joints for each in maps])
+        table[:, 0] = np.concatenate([each.persons for each in maps])
+        table[:, 1:3] = np.concatenate([each.corners for each in maps])
+        table[:, 3:5] = np.concatenate([each.sizes for each in maps])
+        lengths = table[:, 3] * table[:, 4]
+        table[:, 5] = np.cumsum(lengths) - lengths
+    patch_data = np.concatenate([np.zeros(0, np.uint8), *(each.data for each in maps)])
     order = np.argsort(key, kind="stable")
-    table = np.ascontiguousarray(np.concatenate(tables)[order])
+    table = table[order]
     patch_start = np.searchsorted(key[order], np.arange(count * joint_count + 1)).astype(np.int64)
-    patch_data = np.concatenate(data) if data else np.zeros(0, np.uint8)
     map_start = np.full(count * joint_count, -1, np.int64)
-    mapped = np.flatnonzero(np.diff(patch_start))
-    cells = grid.prod(1)[mapped // max(joint_count, 1)]
-    map_start[mapped] = np.cumsum(cells) - cells
+    drawn = np.flatnonzero(np.diff(patch_start))
+    cells = grid.prod(1)[drawn // max(joint_count, 1)]
+    map_start[drawn] = np.cumsum(cells) - cells
     map_data = np.zeros(int(cells.sum()), np.uint8)
     map_start = map_start.reshape(count, joint_count)
     map_kernels.paint_maps(map_start, map_data, grid, patch_start, table, patch_data)

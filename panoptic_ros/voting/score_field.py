@@ -28,13 +28,15 @@ class ScoreField(Protocol):
         """Scores (N,) in 0..1 of a joint of one 2D person."""
 
 
-def keypoint_widths(points: Array, image_size: tuple[int, int], relative: float) -> Array:
+def keypoint_widths(
+    points: Array, image_size: tuple[int, int] | tuple[Array, Array], relative: float
+) -> Array:
     """Standard deviations (P,) px of the joints of people (P, J, 2), NaN where missing.
 
     `relative` times the square root of the area of the box round the person's joints, and not below
-    `MIN_WIDTH` of the image's diagonal.
+    `MIN_WIDTH` of the diagonal of the image, or of each person's image.
     """
-    floor = MIN_WIDTH * float(np.hypot(*image_size))
+    floor = MIN_WIDTH * np.hypot(*image_size)
     there = np.isfinite(points).all(-1, keepdims=True)
     low = np.where(there, points, np.inf).min(axis=1, initial=np.inf)
     high = np.where(there, points, -np.inf).max(axis=1, initial=-np.inf)

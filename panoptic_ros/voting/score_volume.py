@@ -62,7 +62,7 @@ def dense_peaks(
     nx, ny, nz = volume.shape
     joint_count = scene.map_start.shape[1]
     thick = max(1, BLOCK_VALUES // max(joint_count * ny * nz, 1))
-    found = [_no_peaks()]
+    found = [no_peaks()]
     for begin in range(0, nx, thick):
         low, high = max(begin - 1, 0), min(begin + thick + 1, nx)
         first = np.array(volume.lower) + (low, 0, 0)
@@ -99,7 +99,8 @@ def order_keys(joints: Array, voxels: Array) -> Array:
     return key
 
 
-def _no_peaks() -> Peaks:
+def no_peaks() -> Peaks:
+    """Nothing."""
     nothing = np.zeros(0, np.int64)
     return Peaks(nothing, np.zeros((0, 3), np.int64), np.zeros(0), nothing)
 

@@ -7,8 +7,9 @@ import numpy as np
 
 from panoptic_ros.domain import Camera
 from panoptic_ros.voting import kernels, map_kernels, ray_kernels
+from panoptic_ros.voting.explaining import Explainer
 from panoptic_ros.voting.scene import VoteScene
-from panoptic_ros.voting.score_volume import Peaks, order_keys, sorted_peaks
+from panoptic_ros.voting.score_volume import Peaks, no_peaks, order_keys, sorted_peaks
 from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
@@ -39,9 +40,16 @@ class SeedSearch:
         view_threshold: float,
         enough: int,
         min_views: int,
+        known: Explainer | None = None,
     ) -> Peaks:
-        """Local maxima as `dense_peaks` would find them, those that a seed of `min_views` rays leads to."""
-        joints, points = self.seeds(scene, cameras, view_threshold, min_views)
+        """Local maxima as `dense_peaks` would find them, those that a seed of `min_views` rays leads to.
+
+        Args:
+            known: what explains peaks that then give no seeds.
+        """
+        joints, points = self.seeds(scene, cameras, view_threshold, min_views, known)
+        if not len(joints):
+            return no_peaks()
         joints, voxels = _promising(scene, joints, points, volume, PROMISE * threshold)
         self._memory[1][:] = 0
         tops, ranks = kernels.climb(
@@ -55,35 +63,37 @@ class SeedSearch:
         return Peaks(*(values[good] for values in (top.joints, top.voxels, votes, support)))
 
     def seeds(
-        self, scene: VoteScene, cameras: Sequence[Camera], view_threshold: float, min_views: int = 2
+        self,
+        scene: VoteScene,
+        cameras: Sequence[Camera],
+        view_threshold: float,
+        min_views: int = 2,
+        known: Explainer | None = None,
     ) -> tuple[Array, Array]:
-        """Joints (S,) and points (S, 3) m where rays of `min_views` (two or more) views meet."""
+        """Joints (S,) and points (S, 3) m where rays of `min_views` (two or more) views meet.
+
+        Args:
+            known: what explains peaks that then give no seeds.
+        """
         joint_count = scene.map_start.shape[1]
         start, pixels = find_peaks(scene, view_threshold)
+        if known is not None:
+            start, pixels = known.unexplained(scene, start, pixels)
+        if len(pixels) < min_views:
+            return np.zeros(0, np.int64), np.zeros((0, 3))
         views = np.repeat(np.arange(len(start) - 1) // max(joint_count, 1), np.diff(start))
         rays = ray_kernels.pixel_rays(scene.cameras, views, pixels)
         centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
         paired = spread(centres, self.pair_views)
-        joints, found = [np.zeros(0, np.int64)], [np.zeros((0, 3))]
-        for joint in range(joint_count):
-            points = self._pair(centres, rays, start, paired, joint, joint_count, min_views)
-            joints.append(np.full(len(points), joint))
-            found.append(points)
-        return np.concatenate(joints), np.concatenate(found)
-
-    def _pair(
-        self, centres: Array, rays: Array, start: Array, paired: Array, joint: int, joint_count: int,
-        min_views: int,
-    ) -> Array:  # fmt: skip
         size = 1024
         while True:
-            points = np.zeros((size, 3))
+            joints, points = np.zeros(size, np.int64), np.zeros((size, 3))
             total = ray_kernels.pair_seeds(
-                centres, rays, start, paired, joint, joint_count, self.gap, self.max_depth,
-                max(min_views, 2), points,
-            )
+                centres, rays, start, paired, joint_count, self.gap, self.max_depth, max(min_views, 2),
+                joints, points,
+            )  # fmt: skip
             if total <= size:
-                return points[:total]
+                return joints[:total], points[:total]
             size = total
 
 
@@ -117,7 +127,6 @@ def find_peaks(scene: VoteScene, threshold: float) -> tuple[Array, Array]:
     """
     views, joint_count, _, _ = scene.people.shape
     maps = (scene.map_start, scene.map_data, scene.cameras[:, 25:27].astype(np.int64))
-    affine = scene.cameras[:, 27:33].reshape(views, 2, 3)
     patches = (scene.patch_start, scene.patch_table)
     counts = np.zeros(views * joint_count, np.int64)
     cells = np.zeros((1024, 2), np.int64)
@@ -126,6 +135,7 @@ def find_peaks(scene: VoteScene, threshold: float) -> tuple[Array, Array]:
         cells = np.zeros((total, 2), np.int64)
         map_kernels.count_map_peaks(*maps, *patches, threshold, counts, cells)
     places = map_kernels.peak_centroids(*maps, counts, cells[:total])
+    affine = scene.cameras[:, 27:33].reshape(views, 2, 3)
     view = np.repeat(np.arange(len(counts)) // max(joint_count, 1), counts)
     inverse = np.zeros((views, 2, 2))
     has_maps = maps[2][:, 0] > 0

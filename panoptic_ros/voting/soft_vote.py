@@ -31,9 +31,15 @@ def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array
     Returns:
         points (N, 3) m and their votes (N,).
     """
+    moved = move(points, joints, scene)
+    votes, _ = kernels.vote_points(scene, np.ascontiguousarray(joints, np.int64), moved, 0.0)
+    return moved, votes
+
+
+def move(points: Array, joints: Array, scene: VoteScene) -> Array:
+    """The points (N, 3) m of `refine`."""
     moved = np.ascontiguousarray(points, np.float64)
     which = np.ascontiguousarray(joints, np.int64)
     for offsets in OFFSETS:
         moved = soft_kernels.soft_argmax(scene, which, moved, offsets, SOFTNESS)
-    votes, _ = kernels.vote_points(scene, which, moved, 0.0)
-    return moved, votes
+    return moved

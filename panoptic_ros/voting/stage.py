@@ -4,13 +4,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
+from panoptic_ros.consensus.example import easy_instants
+from panoptic_ros.consensus.rough_people import RoughPeople, RoughSolver
 from panoptic_ros.domain import Camera, DetectionSet, ProposalSet, ViewDetections
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.voting import soft_vote
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.explaining import Explainer, Nodes, nodes_of_people
 from panoptic_ros.voting.parts import bones_and_skips, score_parts
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.score_volume import Peaks, dense_peaks
@@ -18,6 +22,7 @@ from panoptic_ros.voting.seeds import SeedSearch
 from panoptic_ros.voting.volume import Volume, volume_of_rig
 
 Array = np.ndarray
+SURE_VIEWS = 3  # that support a node which explains away
 
 
 class Demands(NamedTuple):
@@ -59,8 +64,14 @@ class VotingStage:
         self._search = SeedSearch(config.ray_gap, config.pair_views, config.max_depth)
         self._boxes = BoxSearch()
         self._order = {name: k for k, name in enumerate(context.rig.names)}
-        if config.method != "off":
-            self._propose((), ())
+        self._solver: RoughSolver | None = None
+        if config.method == "seeds" and config.explain_away:
+            self._solver = RoughSolver(context.rig, context.skeleton, config.temporal_guidance)
+        nobody = DetectionSet(0, 0, context.skeleton.hash, ())
+        seeds = config.method == "seeds"
+        for example in easy_instants(context.rig, context.skeleton) if seeds else (nobody,):
+            self.step(example)
+        self.reset()
 
     def step(self, item: DetectionSet) -> StepResult[ProposalSet]:
         """Vote on one instant.
@@ -73,36 +84,61 @@ class VotingStage:
             return StepResult((_proposals(item),))
         views = sorted(item.views, key=lambda view: self._order[view.camera])
         cameras = [self.rig.cameras[self._order[view.camera]] for view in views]
-        return StepResult((_proposals(item, *self._propose(tuple(cameras), tuple(views))),))
+        config = self.config
+        scene = build_scene(cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate)
+        wanted = demands(config, sum(has_anything(view) for view in views))
+        if self._solver is None:
+            nodes = self._search_all(scene, cameras, wanted)
+        else:
+            people = self._solver.solve(item)
+            delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
+            nodes = self._explain_away(scene, cameras, wanted, people, delays)
+        parts = score_parts(scene, nodes.points, nodes.joints, self._kinds, config.part_threshold)
+        votes = np.clip(nodes.votes, 0.0, 1.0)
+        return StepResult((_proposals(item, nodes.points, nodes.joints, votes, nodes.support, *parts),))
 
     def flush(self) -> StepResult[ProposalSet]:
         """Nothing is buffered."""
+        self.reset()
         return StepResult()
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Forget where people were, which only serves to find them again."""
+        if self._solver is not None:
+            self._solver.reset()
 
-    def _propose(
-        self, cameras: tuple[Camera, ...], views: tuple[ViewDetections, ...]
-    ) -> tuple[Array, ...]:
-        """The arrays of a `ProposalSet` after its detections."""
-        config = self.config
-        scene = build_scene(
-            cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate
-        )
-        wanted = demands(config, len(views))
-        peaks = self._peaks(scene, cameras, wanted)
+    def _explain_away(
+        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, people: RoughPeople, delays: Array
+    ) -> Nodes:
+        """Nodes at the joints of people, and at what they leave unexplained."""
+        known = nodes_of_people(scene, people, self.config.view_threshold)
+        velocities = people.velocities[np.isfinite(people.positions[..., 0])]
+        good = (known.votes > wanted.threshold) & (known.support >= wanted.min_views)
+        good &= self.volume.contains(self.volume.voxels(known.points))
+        sure = good & (known.support >= SURE_VIEWS)
+        explainer = Explainer(known.rows(sure), velocities[sure], delays)
+        known = known.rows(good)
+        found = self._search_all(scene, cameras, wanted, explainer)
+        return self._distinct(known.joined(found))
+
+    def _search_all(
+        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, known: Explainer | None = None
+    ) -> Nodes:
+        """Nodes at the peaks of all of a scene; without seeds at what is known."""
+        peaks = self._peaks(scene, cameras, wanted, known)
         peaks = Peaks(*(values[peaks.support >= wanted.min_views] for values in peaks))
-        nodes, votes = self.volume.centres(peaks.voxels), peaks.votes
-        kept = np.arange(len(nodes))
-        if config.refine_nodes:
-            nodes, votes = soft_vote.refine(nodes, peaks.joints, scene)
-            kept = distinct(nodes, peaks.joints, votes, config.merge_distance)
-        nodes, joints, votes = nodes[kept], peaks.joints[kept], votes[kept]
-        parts, bones, scores = score_parts(scene, nodes, joints, self._kinds, config.part_threshold)
-        return nodes, joints, np.clip(votes, 0.0, 1.0), peaks.support[kept], parts, bones, scores
+        nodes = Nodes(self.volume.centres(peaks.voxels), peaks.joints, peaks.votes, peaks.support)
+        if not self.config.refine_nodes or not len(peaks.joints):
+            return nodes
+        points, votes = soft_vote.refine(nodes.points, nodes.joints, scene)
+        return self._distinct(nodes._replace(points=points, votes=votes))
 
-    def _peaks(self, scene: VoteScene, cameras: tuple[Camera, ...], wanted: Demands) -> Peaks:
+    def _distinct(self, nodes: Nodes) -> Nodes:
+        return nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, self.config.merge_distance))
+
+    def _peaks(
+        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, known: Explainer | None
+    ) -> Peaks:
         config = self.config
         enough = min(2, wanted.min_views)
         if config.method == "dense":
@@ -114,8 +150,9 @@ class VotingStage:
                 scene, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
             )
         return self._search.peaks(
-            scene, cameras, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
-        )
+            scene, cameras, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views,
+            known,
+        )  # fmt: skip
 
     def _check(self, item: DetectionSet) -> None:
         if item.skeleton_hash != self.skeleton.hash:
@@ -142,19 +179,28 @@ class VotingStage:
                 )
 
 
+def has_anything(view: ViewDetections) -> bool:
+    """Whether a view shows anybody; blind cameras must not raise what a node needs."""
+    return len(view.points) > 0 or (view.maps is not None and len(view.maps.joints) > 0)
+
+
 def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Array:
     """Indices of nodes to keep: of those of one joint within a distance, the one with most votes."""
-    kept: list[int] = []
-    for joint in np.unique(joints):
-        mine = np.flatnonzero(joints == joint)
-        mine = mine[np.lexsort([*nodes[mine].T, -votes[mine]])]
-        near = np.linalg.norm(nodes[mine][:, None] - nodes[mine][None], axis=-1) < distance
-        free = np.ones(len(mine), bool)
-        for k in range(len(mine)):
-            if free[k]:
-                kept.append(int(mine[k]))
-                free &= ~near[k]
-    return np.array(sorted(kept), np.int64)
+    order = np.lexsort([*nodes.T, -votes, joints])
+    return np.sort(order[_unrivalled(nodes[order], joints[order], distance)])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _unrivalled(nodes, joints, distance):  # type: ignore[no-untyped-def]
+    """Which (N,) nodes, in the order of joint and votes, are not close to a better one that stays."""
+    kept = np.ones(len(nodes), np.bool_)
+    for k in range(len(nodes)):
+        i = k - 1
+        while kept[k] and i >= 0 and joints[i] == joints[k]:
+            x, y, z = nodes[i, 0] - nodes[k, 0], nodes[i, 1] - nodes[k, 1], nodes[i, 2] - nodes[k, 2]
+            kept[k] = not (kept[i] and x * x + y * y + z * z < distance * distance)
+            i -= 1
+    return kept
 
 
 def _proposals(item: DetectionSet, *arrays: Array) -> ProposalSet:

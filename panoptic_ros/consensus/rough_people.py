@@ -1,0 +1,251 @@
+"""Where people are, roughly but safely: what voting explains score maps away with."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from panoptic_ros.consensus.config import GroupingConfig
+from panoptic_ros.consensus.evidence import RigArrays, gather
+from panoptic_ros.consensus.gauss_newton import solve_symmetric
+from panoptic_ros.consensus.grouping import Grouping, Scene, assign, find_people
+from panoptic_ros.consensus.guidance import Guidance
+from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
+
+Array = np.ndarray
+
+NOISE = 0.005  # standard deviation of a 2D joint, as a share of the image's diagonal
+SPREAD = 0.02  # m, standard deviation of a joint, for the guidance
+MEMORY = 0.5  # s, how long somebody is expected after having been seen
+ACCELERATION = 10.0  # m/s^2, of a joint
+TRUNCATION = 4.0  # standard deviations beyond which a 2D joint says nothing
+ROUNDS = 4  # of weighted linear solving
+MAX_PAIRS = 15  # of views that are tried as a start where the views disagree
+MIN_DEPTH = 0.05  # m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoughPeople:
+    """Joints of P people of one instant: positions (P, J, 3) m, NaN = unknown; velocities (P, J, 3) m/s."""
+
+    positions: Array
+    velocities: Array
+
+
+class RoughSolver:
+    """People from 2D people, guided by its own last instant; no judgement of what is a person.
+
+    Joints on which the views disagree have the position that most of them support, at least two.
+    """
+
+    def __init__(self, rig: Rig, skeleton: SkeletonModel, guided: bool = True):
+        self._rig, self._skeleton, self._hash = RigArrays.of(rig), skeleton, skeleton.hash
+        self._config, self._guided = GroupingConfig(), guided
+        self._mirror = np.array(skeleton.mirror, np.int64)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody."""
+        none = np.full(len(self._mirror), -1, np.int64)
+        self._guidance = Guidance(self._mirror, none, MEMORY, ACCELERATION)
+        self._last_ns: int | None = None
+
+    def solve(self, item: DetectionSet) -> RoughPeople:
+        """The people of an instant. One that does not come after the last is solved without guidance.
+
+        Raises:
+            DataError: if the detections do not fit the rig or the skeleton.
+        """
+        scene = self._scene(item)
+        follows = self._last_ns is None or item.stamp_ns > self._last_ns
+        if not (self._guided and follows):
+            nobody = np.zeros((0, len(self._mirror), 3))
+            return self._solve(scene, nobody, nobody)[0]
+        dt = 0.0 if self._last_ns is None else 1e-9 * (item.stamp_ns - self._last_ns)
+        self._last_ns = item.stamp_ns
+        expected = self._guidance.predict(dt)
+        people, who = self._solve(scene, expected.positions, expected.velocities)
+        known = np.isfinite(people.positions[..., :1, None])
+        covariances = np.where(known, SPREAD**2 * np.eye(3), np.nan)
+        self._guidance.update(who, people.positions, covariances, np.zeros((len(who), 0)))
+        return people
+
+    def _with_derived(self, positions: Array) -> Array:
+        """Fill joints that are means of others, in place."""
+        for joint, parts in self._skeleton.derived:
+            positions[:, joint] = positions[:, list(parts)].mean(axis=1)
+        return positions
+
+    def _scene(self, item: DetectionSet) -> Scene:
+        evidence = gather(item, self._rig, self._skeleton, self._hash, 0.0)
+        cameras = evidence.cameras[evidence.view]
+        scale = self._rig.focals[cameras] / (NOISE * self._rig.diagonals[cameras])
+        precision = np.where(evidence.scores > 0.0, scale[:, None], 0.0)
+        return Scene(
+            evidence, precision, self._mirror, (evidence.rotations, evidence.translations, evidence.delays)
+        )
+
+    def _solve(self, scene: Scene, expected: Array, velocities: Array) -> tuple[RoughPeople, Array]:
+        """The people, and which of the expected they are (P,), -1 = new."""
+        config = self._config
+        free = np.ones(len(scene.evidence.view), bool)
+        who = np.zeros(0, np.int64)
+        known = Grouping.empty(0, scene.evidence.views)
+        if len(expected):
+            known, free = assign(scene, expected, velocities, free, config, config.guided_agreement)
+            who = np.flatnonzero((known.member >= 0).sum(axis=1) >= 2)
+            lost = np.delete(known.member, who, axis=0)
+            free[lost[lost >= 0]] = True
+            known = Grouping(known.member[who], known.mirrored[who])
+        fresh, places = find_people(scene, free, config)
+        flips = np.where(fresh.member >= 0, np.where(fresh.mirrored, 1, -1), 0).sum(axis=1) > 0
+        fresh.mirrored ^= flips[:, None]
+        places[flips] = places[flips][:, self._mirror]
+        still = np.zeros_like(places)
+        both = known.joined(fresh)
+        starts = np.concatenate([expected[who], places])
+        shifts = np.concatenate([velocities[who], still])
+        positions = robust_positions(
+            starts, shifts, both.member, both.mirrored, scene.evidence.plane, scene.precision, scene.cams,
+            self._mirror,
+        )  # fmt: skip
+        who = np.concatenate([who, np.full(len(places), -1)])
+        return RoughPeople(self._with_derived(positions), shifts), who
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
+                     mirror):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Positions (P, J, 3) m with two or more views that agree, NaN elsewhere.
+
+    The cheapest of the start (NaN = none), of the linear solution of all views and, where one of these is
+    an outlier, of pairs of views; then linear solutions with Cauchy weights and without outliers.
+
+    Args:
+        starts (P, J, 3) m, shifts (P, J, 3) m/s, member and mirrored (P, V): see `Grouping`.
+    """
+    rotations, translations, delays = cams
+    people, joints = starts.shape[:2]
+    views = member.shape[1]
+    result = np.full((people, joints, 3), np.nan)
+    table, used = np.zeros((views, 15)), np.zeros(views, np.bool_)
+    for p in range(people):
+        for j in range(joints):
+            count = 0
+            for v in range(views):
+                d = member[p, v]
+                s = mirror[j] if mirrored[p, v] else j
+                if d < 0 or precision[d, s] <= 0.0:
+                    continue
+                row = table[count]
+                for i in range(3):
+                    moved = translations[v, i]
+                    for k in range(3):
+                        row[3 * i + k] = rotations[v, i, k]
+                        moved += rotations[v, i, k] * shifts[p, j, k] * delays[v]
+                    row[9 + i] = moved
+                row[12], row[13], row[14] = plane[d, s, 0], plane[d, s, 1], precision[d, s] ** 2
+                count += 1
+            if count >= 2:
+                x = _start(table[:count], used, starts[p, j, 0], starts[p, j, 1], starts[p, j, 2])
+                for k in range(ROUNDS):
+                    x = _weighted(table[:count], x, k >= ROUNDS - 2)
+                result[p, j, 0], result[p, j, 1], result[p, j, 2] = x
+    return result
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _start(table, used, x0, x1, x2):  # type: ignore[no-untyped-def]
+    """The cheapest of the candidates."""
+    count = len(table)
+    best = (x0, x1, x2)
+    least = _cost(table, best)
+    used[:count] = True
+    x = _linear(table, used)
+    cost = _cost(table, x)
+    if cost < least:
+        best, least = x, cost
+    if least < TRUNCATION**2 or count == 2:
+        return best
+    tried = 0
+    for a in range(count):
+        for b in range(a + 1, count):
+            if tried < MAX_PAIRS:
+                tried += 1
+                used[:count] = False
+                used[a] = used[b] = True
+                x = _linear(table, used)
+                cost = _cost(table, x)
+                if cost < least:
+                    best, least = x, cost
+    return best
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _squared(row, x):  # type: ignore[no-untyped-def]
+    """Squared residual in standard deviations of a point in a view, and its depth."""
+    z = row[6] * x[0] + row[7] * x[1] + row[8] * x[2] + row[11]
+    if not z > MIN_DEPTH:
+        return np.inf, z
+    u = (row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[9]) / z - row[12]
+    w = (row[3] * x[0] + row[4] * x[1] + row[5] * x[2] + row[10]) / z - row[13]
+    return (u * u + w * w) * row[14], z
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _cost(table, x):  # type: ignore[no-untyped-def]
+    """Sum of the truncated squared residuals."""
+    total = 0.0
+    for k in range(len(table)):
+        total += min(_squared(table[k], x)[0], TRUNCATION**2)
+    return total
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _linear(table, used):  # type: ignore[no-untyped-def]
+    """Linear triangulation of some of the views; NaN if they do not determine it."""
+    n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
+    for k in range(len(table)):
+        if not used[k]:
+            continue
+        row = table[k]
+        for i in range(2):
+            at, axis = row[12 + i], 3 * i
+            r0, r1, r2 = at * row[6] - row[axis], at * row[7] - row[axis + 1], at * row[8] - row[axis + 2]
+            offset = row[9 + i] - at * row[11]
+            n00, n10, n11 = n00 + r0 * r0, n10 + r1 * r0, n11 + r1 * r1
+            n20, n21, n22 = n20 + r2 * r0, n21 + r2 * r1, n22 + r2 * r2
+            b0, b1, b2 = b0 + r0 * offset, b1 + r1 * offset, b2 + r2 * offset
+    damping = 1e-9 * (n00 + n11 + n22)
+    good, x0, x1, x2 = solve_symmetric(
+        n00 + damping, n10, n11 + damping, n20, n21, n22 + damping, b0, b1, b2
+    )
+    return (x0, x1, x2) if good else (np.nan, np.nan, np.nan)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _weighted(table, x, gated):  # type: ignore[no-untyped-def]
+    """Linear triangulation with Cauchy weights at x; NaN where, gated, fewer than two views are left."""
+    n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
+    left = 0
+    for k in range(len(table)):
+        row = table[k]
+        squared, z = _squared(row, x)
+        if not squared < np.inf or (gated and squared > TRUNCATION**2):
+            continue
+        left += 1
+        weight = row[14] / ((1.0 + squared / 4.0) * z * z)
+        for i in range(2):
+            at, axis = row[12 + i], 3 * i
+            r0, r1, r2 = at * row[6] - row[axis], at * row[7] - row[axis + 1], at * row[8] - row[axis + 2]
+            offset = weight * (row[9 + i] - at * row[11])
+            w0, w1, w2 = weight * r0, weight * r1, weight * r2
+            n00, n10, n11 = n00 + w0 * r0, n10 + w1 * r0, n11 + w1 * r1
+            n20, n21, n22 = n20 + w2 * r0, n21 + w2 * r1, n22 + w2 * r2
+            b0, b1, b2 = b0 + r0 * offset, b1 + r1 * offset, b2 + r2 * offset
+    damping = 1e-9 * (n00 + n11 + n22)
+    good, x0, x1, x2 = solve_symmetric(
+        n00 + damping, n10, n11 + damping, n20, n21, n22 + damping, b0, b1, b2
+    )
+    return (x0, x1, x2) if good and left >= 2 else (np.nan, np.nan, np.nan)

@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from panoptic_ros.consensus.example import easy_instants
+from panoptic_ros.consensus.rough_people import RoughSolver, robust_positions
+from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.skeletons import load_skeleton
+
+SKELETON = load_skeleton("panoptic19")
+
+
+def ring(count):
+    cameras = []
+    for k in range(count):
+        angle = 2.0 * np.pi * k / count
+        centre = np.array([4.0 * np.cos(angle), 4.0 * np.sin(angle), 1.5 + 0.3 * (k % 3)])
+        forward = np.array([0.0, 0.0, 1.0]) - centre
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(forward, right), forward])
+        matrix = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
+        lens = Intrinsics(matrix, np.array([-0.1, 0.02, 0.0, 0.0, 0.0]))
+        cameras.append(Camera(f"cam{k}", (640, 480), lens, Rigid(rotation, -rotation @ centre)))
+    return Rig(tuple(cameras))
+
+
+def seen(rig, people, stamp_ns=0, delays=None, velocity=(0.0, 0.0, 0.0)):
+    views = []
+    for k, camera in enumerate(rig.cameras):
+        delay = 0 if delays is None else delays[k]
+        points = np.stack([camera.project(p + 1e-9 * delay * np.array(velocity))[0] for p in people])
+        scores = np.full(points.shape[:2], 0.9)
+        views.append(
+            ViewDetections(
+                camera.name, stamp_ns + delay, 0, camera.image_size, SKELETON.hash, points, scores,
+                scores[:, 0],
+            )
+        )
+    return DetectionSet(0, stamp_ns, SKELETON.hash, tuple(views))
+
+
+def person(seed, x=0.0, y=0.0):
+    return np.random.default_rng(seed).uniform(-0.5, 0.5, (19, 3)) + (x, y, 1.0)
+
+
+def worst(found, people):
+    gaps = np.linalg.norm(found[:, None] - np.stack(people)[None], axis=-1).max(-1)
+    return gaps.min(axis=0).max()
+
+
+def test_finds_people_at_once_and_again():
+    rig, people = ring(5), [person(0, 0.7), person(1, -0.7)]
+    solver = RoughSolver(rig, SKELETON)
+    for k in range(3):
+        found = solver.solve(seen(rig, people, 33_000_000 * k))
+        assert found.positions.shape == (2, 19, 3)
+        assert worst(found.positions, people) < 1e-6
+
+
+def test_follows_views_of_their_own_instants():
+    rig, start, velocity = ring(5), person(0), np.array([1.0, 0.5, 0.0])
+    solver = RoughSolver(rig, SKELETON)
+    delays = [0, 10_000_000, -10_000_000, 15_000_000, -5_000_000]
+    for k in range(20):
+        people = [start + velocity * 0.033 * k]
+        found = solver.solve(seen(rig, people, 100_000_000 + 33_000_000 * k, delays, velocity))
+    assert worst(found.positions, people) < 0.004
+
+
+def test_knows_nobody_after_reset_and_nobody_in_nothing():
+    rig = ring(4)
+    solver = RoughSolver(rig, SKELETON)
+    assert len(solver.solve(DetectionSet(0, 0, SKELETON.hash, ())).positions) == 0
+    one = solver.solve(seen(rig, [person(0)], 1000))
+    solver.reset()
+    two = solver.solve(seen(rig, [person(0)], 1000))
+    assert np.array_equal(one.positions, two.positions)
+    with pytest.raises(DataError, match="skeleton"):
+        solver.solve(DetectionSet(0, 0, "other", ()))
+
+
+@given(seed=st.integers(0, 10**6), views=st.integers(4, 8), start=st.booleans())
+def test_two_wild_views_do_not_pull(seed, views, start):
+    rng = np.random.default_rng(seed)
+    rig, truth = ring(views), np.array([rng.uniform(-0.5, 0.5, 3) + (0.0, 0.0, 1.0)])
+    rotations = np.stack([c.cam_from_world.rotation for c in rig.cameras])
+    translations = np.stack([c.cam_from_world.translation for c in rig.cameras])
+    local = truth[0] @ rotations.transpose(0, 2, 1) + translations
+    plane = (local[:, :2] / local[:, 2:])[:, None]
+    wild = rng.choice(views, 2 if views > 5 else 1, replace=False)
+    plane[wild] += rng.choice([-1.0, 1.0], (len(wild), 1, 2)) * rng.uniform(0.15, 0.3, (len(wild), 1, 2))
+    begin = truth + 0.02 if start else np.full((1, 3), np.nan)
+    found = robust_positions(
+        begin[None], np.zeros((1, 1, 3)), np.arange(views)[None], np.zeros((1, views), bool), plane,
+        np.full((views, 1), 125.0), (rotations, translations, np.zeros(views)), np.array([0]),
+    )  # fmt: skip
+    assert np.linalg.norm(found[0, 0] - truth[0]) < 1e-3
+
+
+def test_views_that_do_not_meet_give_no_joint():
+    rig = ring(3)
+    rotations = np.stack([c.cam_from_world.rotation for c in rig.cameras])
+    translations = np.stack([c.cam_from_world.translation for c in rig.cameras])
+    plane = np.array([[0.0, 0.3], [0.0, -0.3], [0.0, 0.0]])[:, None]
+    precision = np.array([[125.0], [125.0], [0.0]])
+    cams = (rotations, translations, np.zeros(3))
+    member, straight = np.arange(3)[None], np.zeros((1, 3), bool)
+    nowhere, still = np.full((1, 1, 3), np.nan), np.zeros((1, 1, 3))
+    found = robust_positions(nowhere, still, member, straight, plane, precision, cams, np.array([0]))
+    assert np.isnan(found).all()
+
+
+def test_the_easy_instants_are_easy():
+    rig = ring(6)
+    solver = RoughSolver(rig, SKELETON)
+    for item in easy_instants(rig, SKELETON):
+        assert len(item.views) == 4
+        assert np.isfinite(solver.solve(item).positions).all()
