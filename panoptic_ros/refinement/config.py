@@ -12,7 +12,9 @@ class RefinementConfig(Config):
 
     enabled: bool = param(True, doc="Off: skeletons pass through as tracking gave them, at once.")
     lag: float = param(
-        0.1, unit="s", ge=0.0, le=10.0, doc="How long a skeleton waits for later ones; 0 = filter only."
+        0.12, unit="s", ge=0.0, le=10.0,
+        doc="A result uses views up to this time after its instant, and waits for no others. If cameras are "
+        "not synchronous and this is less than half a frame, results are for the instant of the newest view.",
     )
     process_noise: float = param(
         0.85, unit="m^2/s^3", ge=1e-3, le=1e4,

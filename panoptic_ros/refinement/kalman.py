@@ -44,9 +44,9 @@ def update_states(states, covariances, points, noises, cauchy):
             continue
         total = covariances[n, :3, :3] + noises[n]
         surprise = points[n] - states[n, :3]
-        squared = _squared_length(total, surprise) / 3.0
+        squared = squared_length(total, surprise) / 3.0
         noise = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
-        lower = _cholesky(noise)
+        lower = cholesky(noise)
         for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
             row = np.zeros(3)
             row[k] = 1.0
@@ -78,7 +78,7 @@ def _scalar_update(state, covariance, row, point):
 
 
 @njit(cache=True, error_model="numpy")
-def _cholesky(matrix):
+def cholesky(matrix):
     """Lower factor of a symmetric positive matrix, with a floor on the pivots."""
     size = len(matrix)
     lower = np.zeros((size, size))
@@ -95,9 +95,9 @@ def _cholesky(matrix):
 
 
 @njit(cache=True, error_model="numpy")
-def _squared_length(matrix, vector):
+def squared_length(matrix, vector):
     """vector^T matrix^-1 vector."""
-    lower = _cholesky(matrix)
+    lower = cholesky(matrix)
     total = 0.0
     solved = np.zeros(len(vector))
     for i in range(len(vector)):
@@ -123,7 +123,7 @@ def smooth_states(states, covariances, dt, predicted, predicted_covariances, lat
     for n in range(count):
         if not np.isfinite(later[n, 0] + states[n, 0] + predicted[n, 0]):
             continue  # unknown here or later, or started anew in between
-        lower = _cholesky(predicted_covariances[n])
+        lower = cholesky(predicted_covariances[n])
         cross = covariances[n].copy()  # P F^T
         for i in range(6):
             for k in range(3):

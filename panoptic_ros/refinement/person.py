@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain import JointState
+from panoptic_ros.domain import JointState, TimeShift
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.kalman import (
     predict_states,
@@ -13,6 +13,7 @@ from panoptic_ros.refinement.kalman import (
     smooth_states,
     update_states,
 )
+from panoptic_ros.refinement.motion_rows import start_moving, update_moving, update_velocities
 
 Array = np.ndarray
 
@@ -25,14 +26,16 @@ class Moment:
     """One person at one instant: J joints.
 
     Args:
-        dt: s since the moment before. predicted (J, 6), predicted_covariances (J, 6, 6): from the
-            moment before. states, covariances: with this instant's measurement. NaN = unknown.
+        dt: s since the moment before. noise: (J,) m^2/s^3, process noise since then.
+        predicted (J, 6), predicted_covariances (J, 6, 6): from the moment before.
+        states, covariances: with this instant's measurement. NaN = unknown.
         measured: (J,) bool. scores (J,), views (J,): of the measurement. person_score.
         ages: (J,) s since each joint was measured. seen: the person is in this set.
     """
 
     stamp_ns: int
     dt: float
+    noise: Array
     predicted: Array
     predicted_covariances: Array
     states: Array
@@ -63,6 +66,7 @@ class PersonMotion:
     def __init__(self, config: RefinementConfig, joints: int):
         self._config, self._joints = config, joints
         self._moments: list[Moment] = []
+        self._still = np.zeros((joints, 3, 3))
         self._speeds = np.zeros(joints)  # m/s, largest lately against the body
 
     def begin(self, stamp_ns: int) -> None:
@@ -76,11 +80,12 @@ class PersonMotion:
             states[ages > self._config.max_gap] = np.nan
         else:
             dt, states = 0.0, np.full((self._joints, 6), np.nan)
+            noise = np.full(self._joints, self._config.process_noise)
             covariances, ages = np.zeros((self._joints, 6, 6)), np.zeros(self._joints)
             scores, person_score = np.zeros(self._joints), 0.0
         nothing = np.zeros(self._joints)
         self._moments.append(
-            Moment(stamp_ns, dt, states, covariances, states.copy(), covariances.copy(), nothing > 0.0,
+            Moment(stamp_ns, dt, noise, states, covariances, states.copy(), covariances.copy(), nothing > 0.0,
                    scores.copy(), nothing.astype(int), ages, person_score, False)
         )  # fmt: skip
 
@@ -91,20 +96,28 @@ class PersonMotion:
         return self._config.process_noise + self._config.limb_noise * self._speeds**2
 
     def measure(
-        self, positions: Array, covariances: Array, scores: Array, views: Array, person_score: float
-    ) -> None:
-        """Take the measurement of the instant that was begun."""
-        now = self._moments[-1]
+        self, positions: Array, covariances: Array, scores: Array, views: Array, person_score: float,
+        shift: TimeShift | None = None,
+    ) -> None:  # fmt: skip
+        """Take the measurement of the instant that was begun; shift: of this person alone."""
+        now, config = self._moments[-1], self._config
         measured = np.isfinite(positions[:, 0])
-        relief = 1.0 + self._config.few_views_relief / np.maximum(views - 1.0, 1.0)
+        relief = 1.0 + config.few_views_relief / np.maximum(views - 1.0, 1.0)
         covariances = covariances / relief[:, None, None]
-        fresh = measured & ~np.isfinite(now.states[:, 0])
-        now.states[fresh, :3], now.states[fresh, 3:] = positions[fresh], 0.0
-        now.covariances[fresh] = 0.0
-        now.covariances[fresh, :3, :3] = covariances[fresh]
-        now.covariances[fresh, 3:, 3:] = self._config.start_speed**2 * np.eye(3)
-        known = np.where((measured & ~fresh)[:, None], positions, np.nan)
-        update_states(now.states, now.covariances, known, covariances, self._config.cauchy)
+        delays, points = self._still, positions
+        if shift is not None:
+            delays, assumed = shift.delays[0], shift.assumed[0]
+            points = positions + (delays @ assumed[..., None])[..., 0]
+        known = np.isfinite(now.states[:, 0])
+        start_moving(now.states, now.covariances, points, covariances, delays, config.start_speed)
+        points = np.where(known[:, None], points, np.nan)
+        if shift is None:
+            update_states(now.states, now.covariances, points, covariances, config.cauchy)
+        else:
+            update_moving(now.states, now.covariances, points, covariances, delays, config.cauchy)
+            update_velocities(
+                now.states, now.covariances, shift.velocities[0], shift.information[0], config.cauchy
+            )
         now.measured, now.seen, now.person_score = measured, True, person_score
         now.scores = np.where(measured, scores, now.scores)
         now.views = np.where(measured, views, 0)
@@ -124,8 +137,12 @@ class PersonMotion:
         """Seconds since any joint was measured."""
         return float(self._moments[-1].ages.min()) if self._moments else np.inf
 
-    def smoothed(self, stamp_ns: int) -> Smoothed | None:
-        """The person at a kept instant, with all that came after; None if it was not there."""
+    def smoothed(self, stamp_ns: int, instant_ns: int) -> Smoothed | None:
+        """The person of the set of a kept stamp, with all that came after; None if it was not there.
+
+        Args:
+            instant_ns: for which it is wanted, not before the set and before the next one.
+        """
         index = next((i for i, m in enumerate(self._moments) if m.stamp_ns == stamp_ns), None)
         if index is None:
             return None
@@ -135,13 +152,19 @@ class PersonMotion:
             return None
         states, covariances = self._moments[-1].states, self._moments[-1].covariances
         again = np.zeros(self._joints, bool)  # measured later, without an interruption
+        ahead = 1e-9 * (instant_ns - stamp_ns)
         for i in range(len(self._moments) - 2, index - 1, -1):
             now, after = self._moments[i], self._moments[i + 1]
             again = (again | after.measured) & np.isfinite(after.predicted[:, 0])
+            before, spread, dt = now.states, now.covariances, after.dt
+            if i == index and ahead > 0.0:
+                before, spread = predict_states(before, spread, ahead, after.noise)
+                dt -= ahead
             states, covariances = smooth_states(
-                now.states, now.covariances, after.dt, after.predicted, after.predicted_covariances,
-                states, covariances,
-            )  # fmt: skip
+                before, spread, dt, after.predicted, after.predicted_covariances, states, covariances
+            )
+        if ahead > 0.0 and not later:
+            states, covariances = predict_states(states, covariances, ahead, target.noise)
         return self._judged(target, states, covariances, again)
 
     def _judged(self, target: Moment, states: Array, covariances: Array, again: Array) -> Smoothed:

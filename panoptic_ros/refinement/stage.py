@@ -10,6 +10,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.bias_floor import bias_floor, with_floor
 from panoptic_ros.refinement.bones import BoneLengths
 from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.lag import Clock
 from panoptic_ros.refinement.person import PersonMotion, Smoothed
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
@@ -38,6 +39,7 @@ class RefinementStage:
         self._people: dict[int, PersonMotion] = {}
         self._lengths: dict[int, BoneLengths] = {}
         self._last_ns: int | None = None
+        self._clock = Clock(self._config.lag)
 
     def flush(self) -> StepResult[RefinedPoseSet]:
         """Hand out all sets that still wait."""
@@ -64,13 +66,14 @@ class RefinementStage:
             return StepResult(with_floor([_passed_through(item)], self._floor))
         self._take(item)
         outputs = []
-        while self._waiting and 1e-9 * (item.stamp_ns - self._waiting[0].stamp_ns) >= self._config.lag - 1e-6:
+        while self._waiting and self._clock.is_due(self._waiting[0]):
             outputs.append(self._emit())
         return StepResult(with_floor(outputs, self._floor))
 
     def _take(self, item: TrackedPoseSet) -> None:
         """Filter everybody up to this set."""
         self._waiting.append(item)
+        self._clock.take(item)
         for number in item.ids.tolist():
             if number not in self._people:
                 self._people[number] = PersonMotion(self._config, len(self._skeleton))
@@ -83,14 +86,16 @@ class RefinementStage:
                 motion.measure(
                     item.positions[k], item.covariances[k], item.scores[k], item.views[k],
                     float(item.person_scores[k]),
+                    None if item.time_shift is None else item.time_shift.rows([k]),
                 )  # fmt: skip
 
     def _emit(self) -> RefinedPoseSet:
         """The oldest waiting set, smoothed with all that came after it."""
         item = self._waiting.pop(0)
+        instant_ns = self._clock.instant_ns(item)
         numbers, people = [], []
         for number in sorted(self._people):
-            person = self._people[number].smoothed(item.stamp_ns)
+            person = self._people[number].smoothed(item.stamp_ns, instant_ns)
             if person is not None and (person.states != JointState.MISSING).any():
                 numbers.append(number)
                 people.append(self._with_bones(number, person))
@@ -100,7 +105,7 @@ class RefinementStage:
                 del self._people[number]
         for motion in self._people.values():
             motion.forget_before(item.stamp_ns)
-        return _refined(item, numbers, people)
+        return _refined(item, instant_ns, numbers, people)
 
     def _with_bones(self, number: int, person: Smoothed) -> Smoothed:
         """The person with its bone lengths learnt and used."""
@@ -121,11 +126,13 @@ def _passed_through(item: TrackedPoseSet) -> RefinedPoseSet:
     """The same skeletons under the other name."""
     return RefinedPoseSet(
         item.index, item.stamp_ns, item.skeleton_hash, item.positions, item.covariances, item.scores,
-        item.views, item.states, item.person_scores, ids=item.ids,
+        item.views, item.states, item.person_scores, item.newest_ns, item.time_shift, ids=item.ids,
     )  # fmt: skip
 
 
-def _refined(item: TrackedPoseSet, numbers: list[int], people: list[Smoothed]) -> RefinedPoseSet:
+def _refined(
+    item: TrackedPoseSet, instant_ns: int, numbers: list[int], people: list[Smoothed]
+) -> RefinedPoseSet:
     """The record of one instant."""
     joints = item.positions.shape[1]
 
@@ -134,9 +141,10 @@ def _refined(item: TrackedPoseSet, numbers: list[int], people: list[Smoothed]) -
         return np.stack(rows) if rows else np.empty((0, *shape))
 
     return RefinedPoseSet(
-        item.index, item.stamp_ns, item.skeleton_hash, stacked("positions", (joints, 3)),
+        item.index, instant_ns, item.skeleton_hash, stacked("positions", (joints, 3)),
         stacked("covariances", (joints, 3, 3)), stacked("scores", (joints,)), stacked("views", (joints,)),
-        stacked("states", (joints,)), stacked("person_score", ()), ids=np.array(numbers, np.int64),
+        stacked("states", (joints,)), stacked("person_score", ()),
+        max(item.newest_ns, instant_ns), ids=np.array(numbers, np.int64),
     )  # fmt: skip
 
 

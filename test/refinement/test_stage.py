@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain import JointState, SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.bones import BoneLengths
 from panoptic_ros.refinement.config import RefinementConfig
@@ -21,14 +21,14 @@ def truth(time):
     return np.stack([shoulder, elbow, elbow + 0.27 * np.array([np.sin(b), 0.0, -np.cos(b)])])
 
 
-def tracked(index, positions, rate=30.0, ids=(4,)):
+def tracked(index, positions, rate=30.0, ids=(4,), **more):
     positions = np.array(positions, float).reshape(-1, 3, 3)
     there = np.isfinite(positions[..., 0])
     return TrackedPoseSet(
         index, round(1e9 + index * 1e9 / rate), MODEL.hash, positions,
         np.where(there[..., None, None], SIGMA**2 * np.eye(3), np.nan), 0.8 * there, 3 * there,
         np.where(there, JointState.MEASURED, JointState.MISSING), np.full(len(positions), 0.8),
-        ids=np.array(ids[: len(positions)], np.int64),
+        ids=np.array(ids[: len(positions)], np.int64), **more,
     )  # fmt: skip
 
 
@@ -77,6 +77,61 @@ def test_every_set_comes_out_after_the_lag():
     assert [o.index for o in stage.flush().outputs] == [7, 8, 9]
     now = RefinementStage(RefinementConfig(lag=0.0), StageContext(None, MODEL))
     assert [len(now.step(item).outputs) for item in sets] == [1] * 10
+
+
+class TestStampsOfTheirOwn:
+    """Sets whose joints were seen 12 ms after the instant along x, and at -8 and 4 ms along y and z."""
+
+    delays = np.diag([0.012, -0.008, 0.004])  # s
+    newest = 15_000_000  # ns after the set
+
+    def sets(self, known=True, count=60, rate=30.0):
+        rng = np.random.default_rng(3)
+        sets, exact = [], []
+        for index in range(count):
+            time = index / rate
+            velocity = (truth(time + 1e-4) - truth(time - 1e-4)) / 2e-4
+            seen = truth(time) + velocity @ self.delays + rng.normal(0, 0.2 * SIGMA, (3, 3))
+            shift = TimeShift(
+                np.tile(self.delays, (1, 3, 1, 1)), np.zeros((1, 3, 3)), velocity[None],
+                np.tile(0.1 * np.eye(3), (1, 3, 1, 1)),
+            )  # fmt: skip
+            stamp = round(1e9 + index * 1e9 / rate)
+            more = {"time_shift": shift} if known else {}
+            sets.append(tracked(index, seen, rate, newest_ns=stamp + self.newest, **more))
+            exact.append(time)
+        return sets, exact
+
+    def errors(self, outputs):
+        gaps = [o.positions[0] - truth(1e-9 * (o.stamp_ns - 10**9)) for o in outputs[20:]]
+        return np.linalg.norm(gaps, axis=-1).mean()
+
+    def test_joints_are_put_where_they_were_at_the_instant(self):
+        aware, blind = (run(self.sets(known)[0]) for known in (True, False))
+        assert self.errors(aware) < 0.5 * self.errors(blind)
+
+    @pytest.mark.parametrize(
+        ("lag", "after", "latest"),
+        [(0.0, 15, 15), (1 / 60, 0, 15), (1 / 30, 15, 15 + 34), (0.12, 0, 15 + 101)],
+    )
+    def test_results_use_views_up_to_the_lag(self, lag, after, latest):
+        sets, _ = self.sets()
+        stage = RefinementStage(RefinementConfig(lag=lag), StageContext(None, MODEL))
+        given = [(item, o) for item in sets for o in stage.step(item).outputs]
+        for item, output in given[2:]:
+            start = sets[output.index].stamp_ns
+            assert abs(output.stamp_ns - start - 1e6 * after) < 1e6
+            assert item.newest_ns <= start + 1e6 * latest
+            assert item.newest_ns <= output.stamp_ns + 1e9 * lag + 4e6
+        assert len(given) >= len(sets) - 4
+        shorter = [o.positions for _, o in given[:-8]]
+        again = RefinementStage(RefinementConfig(lag=lag), StageContext(None, MODEL))
+        cut = [o.positions for item in sets[:-4] for o in again.step(item).outputs]
+        assert all(np.array_equal(a, b) for a, b in zip(shorter, cut))
+
+    def test_errors_fall_with_the_lag(self):
+        errors = [self.errors(run(self.sets()[0], lag=lag)) for lag in (0.0, 1 / 60, 1 / 30, 0.12)]
+        assert errors[0] > errors[1] > errors[2] > errors[3]
 
 
 def test_gaps_are_filled_from_both_sides_and_predicted_at_the_end():

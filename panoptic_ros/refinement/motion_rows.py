@@ -1,0 +1,115 @@
+"""Measurements that depend on the motion, for views with stamps of their own; compiled.
+
+See `domain.TimeShift`: a position is measured as X + G V (X + G (V - u) with the assumed G u given back),
+and the views say the velocity by themselves with some information.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from panoptic_ros.refinement.kalman import cholesky, squared_length
+
+
+@njit(cache=True, error_model="numpy")
+def start_moving(states, covariances, points, noises, delays, speed):
+    """States (N, 6) and covariances (N, 6, 6) of unknown points, in place, from X + G V = point.
+
+    The velocity is 0 with standard deviation `speed` m/s. Known states, and those whose point is NaN, stay.
+    """
+    variance = speed * speed
+    for n in range(len(states)):
+        if np.isfinite(states[n, 0]) or not np.isfinite(points[n, 0]):
+            continue
+        covariances[n] = 0.0
+        for i in range(3):
+            states[n, i], states[n, 3 + i] = points[n, i], 0.0
+            covariances[n, 3 + i, 3 + i] = variance
+            for k in range(3):
+                covariances[n, i, 3 + k] = covariances[n, 3 + k, i] = -variance * delays[n, i, k]
+                covariances[n, i, k] = noises[n, i, k]
+                for m in range(3):
+                    covariances[n, i, k] += variance * delays[n, i, m] * delays[n, k, m]
+
+
+@njit(cache=True, error_model="numpy")
+def update_moving(states, covariances, points, noises, delays, cauchy):
+    """Take X + G V = points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
+
+    Cauchy weights as in `kalman.update_states`, which this is for delays G (N, 3, 3) of 0.
+    """
+    row, ahead = np.empty(6), np.empty((3, 6))
+    for n in range(len(states)):
+        if not np.isfinite(points[n, 0]):
+            continue
+        for i in range(3):
+            for k in range(6):
+                ahead[i, k] = covariances[n, i, k]
+                for m in range(3):
+                    ahead[i, k] += delays[n, i, m] * covariances[n, 3 + m, k]
+        total, surprise = noises[n].copy(), np.empty(3)
+        for i in range(3):
+            surprise[i] = points[n, i] - states[n, i]
+            for k in range(3):
+                surprise[i] -= delays[n, i, k] * states[n, 3 + k]
+                total[i, k] += ahead[i, k]
+                for m in range(3):
+                    total[i, k] += ahead[i, 3 + m] * delays[n, k, m]
+        squared = squared_length(total, surprise) / 3.0
+        noise = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
+        lower = cholesky(noise)
+        for k in range(3):
+            row[:] = 0.0
+            row[k] = 1.0
+            for i in range(k, -1, -1):  # solve lower^T r = e_k, see update_states
+                value = row[i]
+                for m in range(i + 1, k + 1):
+                    value -= lower[m, i] * row[m]
+                row[i] = value / lower[i, i]
+            value = 0.0
+            for i in range(3):
+                value += row[i] * points[n, i]
+                for m in range(3):
+                    row[3 + m] += row[i] * delays[n, i, m]
+            _take_row(states[n], covariances[n], row, value, np.inf)
+
+
+@njit(cache=True, error_model="numpy")
+def update_velocities(states, covariances, velocities, information, cauchy):
+    """Take velocities (N, 3) m/s with inverse covariances (N, 3, 3), maybe singular, in place.
+
+    Unknown states and information of 0 change nothing.
+    """
+    row = np.zeros(6)
+    for n in range(len(states)):
+        scale = information[n, 0, 0] + information[n, 1, 1] + information[n, 2, 2]
+        if not (np.isfinite(states[n, 0]) and scale > 0.0):
+            continue
+        lower = cholesky(information[n])
+        for k in range(3):
+            value = 0.0
+            for i in range(3):
+                row[3 + i] = lower[i, k]
+                value += lower[i, k] * velocities[n, i]
+            _take_row(states[n], covariances[n], row, value, cauchy)
+
+
+@njit(cache=True, error_model="numpy")
+def _take_row(state, covariance, row, value, cauchy):
+    """One measurement row . state = value of noise 1, in place, with a Cauchy weight."""
+    gain = np.zeros(6)
+    expected, surprise = 0.0, value
+    for i in range(6):
+        for k in range(6):
+            gain[i] += covariance[i, k] * row[k]
+    for k in range(6):
+        expected += row[k] * gain[k]
+        surprise -= row[k] * state[k]
+    weight = 1.0 / (cauchy * cauchy)
+    spread = expected + (1.0 + weight * surprise**2 / (expected + 1.0)) / (1.0 + weight)
+    for i in range(6):
+        state[i] += gain[i] * surprise / spread
+    for i in range(6):
+        for k in range(i + 1):
+            covariance[i, k] -= gain[i] * gain[k] / spread
+            covariance[k, i] = covariance[i, k]
