@@ -3,17 +3,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, param
+from panoptic_ros.params import Config, named_numbers, named_words, param
 
 
 @dataclass(frozen=True, kw_only=True)
 class SyncConfig(Config):
     """How frames of different cameras are put together."""
 
+    master: str = param(
+        "auto",
+        doc="The camera whose rate and phase the sets have; auto: the fastest one, of equally fast ones the "
+        "first of the rig. Without meaning where rate_hz is given.",
+    )  # fmt: skip
+    rate_hz: float = param(
+        0.0, unit="Hz", ge=0.0, le=1000.0,
+        doc="Sets at this fixed rate, at multiples of its period on the master clock; 0: those of a camera.",
+    )  # fmt: skip
+    phase_s: float = param(
+        0.0, unit="s", ge=-1.0, le=1.0, doc="By so much the sets of a fixed rate are later than multiples."
+    )
     window_s: float = param(
-        0.008, unit="s", ge=0.0, le=1.0,
-        doc="Frames within this time after the earliest one belong to one set; "
-        "half a frame period of the fastest camera is right (`run` sets it so).",
+        0.0, unit="s", ge=0.0, le=1.0,
+        doc="Frames at most this far from an instant belong to its set; 0: 0.6 of the time between two sets, "
+        "so that every camera has its nearest frame in it.",
+    )  # fmt: skip
+    resampling: str = param(
+        "nearest", choices=("nearest", "interpolate"),
+        doc="nearest: views keep their own stamps, and later stages allow for them. interpolate: 2D people "
+        "are linked between a camera's frames and moved to the instant, a frame later.",
     )  # fmt: skip
     deadline_s: float = param(
         0.0, unit="s", ge=0.0, le=10.0,
@@ -27,3 +44,18 @@ class SyncConfig(Config):
         512, ge=2, le=100000,
         doc="Most frames that wait per camera; beyond it the oldest are dropped and counted.",
     )  # fmt: skip
+    clocks: tuple[str, ...] = param(
+        (),
+        doc='Whose clock stamps a camera\'s frames, as "camera=device"; "*=host": all others. Frames '
+        "of these cameras wait for the model of that clock; others use a model of their own name, if any.",
+    )  # fmt: skip
+    delays_ms: tuple[str, ...] = param(
+        (), unit="ms",
+        doc='How much later than its stamp a frame\'s mid-exposure is, as "camera=milliseconds" (half the '
+        'exposure where stamps are of its start; negative where they are of arrivals); "*": all others.',
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        Config.__post_init__(self)
+        named_words("SyncConfig.clocks", self.clocks)
+        named_numbers("SyncConfig.delays_ms", self.delays_ms)

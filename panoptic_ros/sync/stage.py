@@ -1,63 +1,85 @@
 """The sync stage."""
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import replace
+from collections.abc import Iterable
 
 from panoptic_ros.domain import ClockModel, DetectionSet, EndOfStream, ViewDetections
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.sync.config import SyncConfig
+from panoptic_ros.sync.correction import StampCorrection
+from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_master
+from panoptic_ros.sync.jumps import JumpGuard
+from panoptic_ros.sync.queue import CameraQueue, Choice
+from panoptic_ros.sync.resample import View, interpolate
+
+SECOND = 1_000_000_000
+FIRST_FRAMES = 4  # of every camera, which tell their rates
+REACH = 0.6  # of the time between sets
+ALIKE = 0.05  # of it: stamps that differ by so little are those of one trigger
+USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
 
 
 class SyncStage:
-    """Groups views by their stamps.
+    """Groups views by their times on the master time line.
 
-    A set is given when every camera of the rig has a frame waiting, inside of the window or beyond
-    it (or has ended), or when a frame newer than the deadline has come. So with `deadline_s` = 0 the
-    sets depend on the stamps alone.
+    A set is given when every camera of the rig has the frame that is nearest to the set's instant, or one
+    beyond it, or has ended; or when a frame newer than the deadline has come. So with `deadline_s` = 0
+    the sets depend on the stamps alone.
     """
 
     def __init__(self, config: SyncConfig, context: StageContext):
-        self._window_ns = round(config.window_s * 1e9)
-        self._deadline_ns = round(config.deadline_s * 1e9)
         self._config = config
         self._rig = context.rig
         self._skeleton_hash = context.skeleton.hash
+        self._window_ns = config.window_s * SECOND
+        self._deadline_ns = round(config.deadline_s * SECOND)
+        self._interpolates = config.resampling == "interpolate"
+        if config.master != "auto" and config.master not in self._rig.names:
+            raise ConfigError(
+                f"sync.master = {config.master!r} is no camera of the rig; it has "
+                f"{', '.join(self._rig.names)}"
+            )
         self.reset()
 
     def reset(self) -> None:
-        """Forget all frames; the next set has index 0."""
-        self._waiting: dict[str, deque[ViewDetections]] = {name: deque() for name in self._rig.names}
-        self._last: dict[str, int] = {}
-        self._ended: set[str] = set()
+        """Forget all frames and clocks; the next set has index 0."""
+        self._correction = StampCorrection(self._rig.names, self._config)
+        self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
+        self._queues = {name: CameraQueue() for name in self._rig.names}
+        self._instants: Instants | None = Grid(self._config) if self._config.rate_hz > 0.0 else None
+        self._next: int | None = None  # instant
+        self._closed: int | None = None  # the newest instant whose set was given or left out
+        self._stamp = -1  # of the newest set
         self._newest = -1
-        self._closed_until = -1  # no frame up to here may start a set any more
         self._index = 0
-        self._models: dict[str, ClockModel] = {}
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
         """Take the view of one camera, the news that no more will come from it, or its clock model.
 
-        The stamps of views that come after a model of their camera are moved by it to the master time line.
-
         Raises:
-            DataError: if the rig lacks the camera or the skeleton is another.
+            DataError: if the rig lacks the camera, the skeleton is another, or a time comes out negative.
         """
+        notices: list[Notice] = []
         if isinstance(item, ClockModel):
-            if item.device in self._waiting:
-                self._models[item.device] = item
-            return StepResult()
-        if item.camera not in self._waiting:
+            self._take(self._correction.clock(item), notices)
+            return self._give(notices, final=False)
+        if item.camera not in self._queues:
             raise DataError(
                 f"a view of camera {item.camera!r}, which the rig lacks; it has "
                 f"{', '.join(self._rig.names)}"
             )
-        notices: list[Notice] = []
         if isinstance(item, EndOfStream):
-            self._ended.add(item.camera)
+            self._queues[item.camera].ended = True
         else:
-            self._take(item, notices)
+            if item.skeleton_hash != self._skeleton_hash:
+                raise DataError(
+                    f"camera {item.camera} sends skeleton {item.skeleton_hash}, "
+                    f"expected {self._skeleton_hash}"
+                )
+            views, told = self._correction.view(item)
+            notices += told
+            self._take(views, notices)
         return self._give(notices, final=False)
 
     def flush(self) -> StepResult[DetectionSet]:
@@ -66,63 +88,156 @@ class SyncStage:
         self.reset()
         return result
 
-    def _take(self, view: ViewDetections, notices: list[Notice]) -> None:
-        if view.skeleton_hash != self._skeleton_hash:
-            raise DataError(
-                f"camera {view.camera} sends skeleton {view.skeleton_hash}, expected {self._skeleton_hash}"
-            )
-        model = self._models.get(view.camera)
-        if model is not None:
-            view = replace(view, stamp_ns=model.master_from_device(view.stamp_ns)[0])
-        if view.stamp_ns <= self._last.get(view.camera, -1):
-            notices.append(_notice("sync.stamp_back", view, "its stamp is not later than the one before"))
-            return
-        self._last[view.camera] = view.stamp_ns
-        self._newest = max(self._newest, view.stamp_ns)
-        self._ended.discard(view.camera)
-        if view.stamp_ns <= self._closed_until:
-            notices.append(_notice("sync.late_frame", view, "its set has been given already"))
-            return
-        queue = self._waiting[view.camera]
-        queue.append(view)
-        if len(queue) > self._config.queue_limit:
-            notices.append(_notice("sync.queue_full", queue.popleft(), "too many frames wait"))
+    def _take(self, views: Iterable[ViewDetections], notices: list[Notice]) -> None:
+        for view in self._guarded(views, notices):
+            queue = self._queues[view.camera]
+            queue.ended = False
+            if not queue.add(view):
+                notices.append(_dropped("sync.stamp_back", view, "its stamp is not later than the last one"))
+                continue
+            self._newest = max(self._newest, view.stamp_ns)
+            if self._is_late(view.stamp_ns):
+                queue.frames.pop()
+                notices.append(_dropped("sync.late_frame", view, "its set has been given already"))
+            elif len(queue.frames) > self._config.queue_limit:
+                lost = queue.frames.popleft().view
+                notices.append(_dropped("sync.queue_full", lost, "too many frames wait"))
+
+    def _guarded(self, views: Iterable[ViewDetections], notices: list[Notice]) -> list[ViewDetections]:
+        passed: list[ViewDetections] = []
+        for view in views:
+            good, told = self._guard.take(view)
+            passed += good
+            notices += told
+        return passed
+
+    def _is_late(self, stamp_ns: int) -> bool:
+        """Whether the instant after the newest closed one is out of a frame's reach."""
+        if self._closed is None or self._instants is None:
+            return False
+        return stamp_ns < self._instants.after(self._closed) - self._reach(self._instants)
+
+    # ------------------------------------------------------------------ sets
 
     def _give(self, notices: list[Notice], final: bool) -> StepResult[DetectionSet]:
-        sets = []
-        while True:
-            heads = [queue[0].stamp_ns for queue in self._waiting.values() if queue]
-            if not heads:
+        sets: list[DetectionSet] = []
+        while any(queue.frames for queue in self._queues.values()):
+            instants = self._instants or self._begin(final)
+            if instants is None:
                 break
-            opened = min(heads)
-            closes = opened + self._window_ns
-            complete = all(q or name in self._ended for name, q in self._waiting.items())
-            overdue = 0 < self._deadline_ns < self._newest - opened
-            if not (complete or overdue or final):
+            instant = self._upcoming(instants, final)
+            if instant is None:
                 break
-            views = self._collect(closes, notices)
-            self._closed_until = closes
-            if len(views) < self._config.minimum_views:
-                notices.append(_notice("sync.few_views", views[0], f"{len(views)} views only"))
-                continue
-            stamps = sorted(view.stamp_ns for view in views)
-            stamp = stamps[(len(stamps) - 1) // 2]
-            sets.append(DetectionSet(self._index, stamp, self._skeleton_hash, tuple(views)))
-            self._index += 1
+            over = final or 0 < self._deadline_ns < self._newest - instant
+            reach = self._reach(instants)
+            choices = {
+                name: queue.choose(instant, reach, instants.period, over)
+                for name, queue in self._queues.items()
+            }
+            undecided = not all(choice.decided for choice in choices.values())
+            if undecided or (self._interpolates and not over and not self._bracketed(instant)):
+                break
+            self._close(instants, instant, choices, sets, notices)
         return StepResult(tuple(sets), tuple(notices))
 
-    def _collect(self, closes: int, notices: list[Notice]) -> list[ViewDetections]:
-        """The first frame of every camera up to `closes`; further ones inside are surplus."""
-        views = []
-        for queue in self._waiting.values():
-            inside = []
-            while queue and queue[0].stamp_ns <= closes:
-                inside.append(queue.popleft())
-            views += inside[:1]
-            notices += [_notice("sync.surplus_frame", v, "a second frame in one set") for v in inside[1:]]
-        return views
+    def _begin(self, final: bool) -> Instants | None:
+        """The instants, once all cameras show their rates."""
+        queues = self._queues
+        needed = min(FIRST_FRAMES, self._config.queue_limit)
+        enough = all(len(q.frames) >= needed or q.ended for q in queues.values())
+        oldest = min(q.frames[0].stamp for q in queues.values() if q.frames)
+        overdue = 0 < self._deadline_ns < self._newest - oldest
+        if not (enough or overdue or final):
+            return None
+        periods = {
+            name: q.frames[FIRST_FRAMES - 1].period if len(q.frames) >= FIRST_FRAMES else q.pace.period
+            for name, q in queues.items()
+        }
+        master, period, same = choose_master(periods, self._config.master)
+        period = period or (2.0 * self._window_ns if self._window_ns else USUAL_PERIOD)
+        self._instants = CameraInstants(master, period, same)
+        frames = queues[master].frames
+        self._next = frames[0].stamp if frames else oldest
+        while self._next - oldest > self._reach(self._instants):
+            self._next -= round(period)
+        return self._instants
+
+    def _upcoming(self, instants: Instants, final: bool) -> int | None:
+        """The next instant that has frames; None while that is not known."""
+        heads = [queue.frames[0].stamp for queue in self._queues.values() if queue.frames]
+        instant = instants.nearest(min(heads)) if self._next is None else self._next
+        while instant + self._reach(instants) < min(heads):
+            known = all(queue.frames or queue.ended for queue in self._queues.values())
+            overdue = 0 < self._deadline_ns < self._newest - instant
+            if not (known or overdue or final):
+                return None
+            instant = max(instants.after(instant), instants.nearest(min(heads)))
+        if self._next is None and not (
+            final or self._deadline_ns or all(q.frames or q.ended for q in self._queues.values())
+        ):
+            return None
+        return instant
+
+    def _reach(self, instants: Instants) -> float:
+        return self._window_ns or REACH * instants.period
+
+    def _bracketed(self, instant: int) -> bool:
+        """Whether every camera has a frame at or after the instant, or has ended."""
+        return all(
+            q.ended or any(f.stamp >= instant for f in q.frames) for q in self._queues.values()
+        )
+
+    def _close(
+        self, instants: Instants, instant: int, choices: dict[str, Choice],
+        sets: list[DetectionSet], notices: list[Notice],
+    ) -> None:  # fmt: skip
+        """Take the chosen frames out of the queues and make a set of them."""
+        chosen = {name: choice.frame for name, choice in choices.items() if choice.frame is not None}
+        settled = instants.settle(instant, {name: frame.stamp for name, frame in chosen.items()})
+        stamp = self._stamp_of(instants, settled, [frame.stamp for frame in chosen.values()])
+        stamp = max(stamp, self._stamp + 1)
+        views: list[ViewDetections] = []
+        for name, choice in choices.items():
+            queue = self._queues[name]
+            for view in choice.surplus:
+                why = "another frame of its camera is nearer to the set"
+                notices.append(_dropped("sync.surplus_frame", view, why, "info"))
+            if choice.frame is not None:
+                views.append(self._view_of(queue, choice, stamp))
+            queue.take(choice)
+        if isinstance(instants, CameraInstants) and instants.master in chosen:
+            instants.period = chosen[instants.master].period or instants.period
+        self._closed, self._next = settled, instants.after(settled)
+        if not views:
+            return
+        if len(views) < self._config.minimum_views:
+            notices.append(_dropped("sync.few_views", views[0], f"{len(views)} views only"))
+            return
+        self._stamp = stamp
+        sets.append(DetectionSet(self._index, self._stamp, self._skeleton_hash, tuple(views)))
+        self._index += 1
+
+    def _view_of(self, queue: CameraQueue, choice: Choice, stamp: int) -> ViewDetections:
+        """The chosen frame as it is, or moved to the set's stamp."""
+        assert choice.frame is not None
+        chosen = choice.frame
+        if not self._interpolates:
+            return chosen.view
+        rest = [frame for frame in queue.frames if frame.stamp > chosen.stamp]
+        surplus = len(choice.surplus)
+        before = queue.frames[surplus - 1] if surplus else queue.last_given
+        camera = self._rig.camera(chosen.view.camera)
+        return interpolate(View(before, chosen, rest[0] if rest else None, camera), stamp)
+
+    def _stamp_of(self, instants: Instants, instant: int, stamps: list[int]) -> int:
+        """The instant; of cameras with one trigger the middle stamp, which is one of theirs."""
+        if not stamps or isinstance(instants, Grid):
+            return instant
+        middle = sorted(stamps)[(len(stamps) - 1) // 2]
+        farthest = max(abs(other - instant) for other in (min(stamps), middle, max(stamps)))
+        return middle if farthest <= ALIKE * instants.period else instant
 
 
-def _notice(code: str, view: ViewDetections, why: str) -> Notice:
+def _dropped(code: str, view: ViewDetections, why: str, severity: str = "warning") -> Notice:
     text = f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: {why}"
-    return Notice(code, "warning", text, {"camera": view.camera, "stamp_ns": view.stamp_ns})
+    return Notice(code, severity, text, {"camera": view.camera, "stamp_ns": view.stamp_ns})  # type: ignore[arg-type]

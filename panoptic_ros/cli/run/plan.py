@@ -202,8 +202,8 @@ def _rate_of(bag: BagReader, topic: str | None) -> float:
 
 
 def _rate_defaults(rate: float) -> dict[str, dict[str, Any]]:
-    """Parameters that follow from the fastest camera's frame rate."""
-    return {"sync": {"window_s": 0.5 / rate}}
+    """Parameters that follow from the fastest camera's frame rate: none, as sync measures rates itself."""
+    return {"sync": {}}
 
 
 def _pairs(texts: list[str], option: str) -> dict[str, str]:

@@ -1,0 +1,159 @@
+"""From the stamps of cameras to the master time line: clock models, delays, and clocks that jump."""
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from panoptic_ros.domain import ClockModel, ViewDetections
+from panoptic_ros.params import named_numbers, named_words, of_name
+from panoptic_ros.params.named import ALL
+from panoptic_ros.stage import Notice
+from panoptic_ros.sync.config import SyncConfig
+
+SECOND = 1_000_000_000
+FOREVER = 2**63 - 1  # a model that needs no observations to stay true
+HELD = 64  # frames of a camera that wait for a clock
+GAP_S = 0.3  # a longer step between frames may hide a jump of the clock
+ODD_STEP = 0.2  # of a period, from whole periods
+PATIENCE_S = 2.0  # of frames, for a clock to be heard again after a gap
+RECENT = 9  # frame steps that tell a camera's period
+
+
+@dataclass
+class _Camera:
+    """One camera's clock.
+
+    Args:
+        model: the line that its frames are on; following: the next one, after a jump of the clock.
+        held: frames that came after something odd and wait for a model that knows of it.
+    """
+
+    model: ClockModel | None = None
+    following: ClockModel | None = None
+    held: deque[ViewDetections] = field(default_factory=deque)
+    newest: int | None = None  # stamp of its newest frame that is not held
+    steps: deque[int] = field(default_factory=lambda: deque(maxlen=RECENT))
+    told: bool = False
+
+
+class StampCorrection:
+    """Moves the stamps of views to master time.
+
+    A camera whose clock is observed (a model with `until_ns`) can jump. Its own frames show that at once:
+    they go back, or their step is no whole number of periods, or longer than a third of a second. From there
+    on its frames wait for a model that has heard something since; so no frame is given a wrong time.
+    """
+
+    def __init__(self, cameras: Sequence[str], config: SyncConfig):
+        self._device = named_words("SyncConfig.clocks", config.clocks)
+        self._delays = named_numbers("SyncConfig.delays_ms", config.delays_ms)
+        self._cameras = {name: _Camera() for name in cameras}
+
+    def device_of(self, camera: str) -> str:
+        """Whose clock stamps the frames of a camera."""
+        return self._device.get(camera, self._device.get(ALL, camera))
+
+    def clock(self, model: ClockModel) -> list[ViewDetections]:
+        """Take a model; gives the frames that waited for it, in master time."""
+        released: list[ViewDetections] = []
+        for name, camera in self._cameras.items():
+            if self.device_of(name) != model.device:
+                continue
+            if camera.model is None or camera.model.segment == model.segment:
+                camera.model = model
+            else:
+                camera.following = model
+            released += self._release(name, camera)
+        return released
+
+    def view(self, view: ViewDetections) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
+        """Take a frame; gives the frames that are on the master time line now.
+
+        Raises:
+            DataError: if the master time of a stamp is negative.
+        """
+        camera = self._cameras[view.camera]
+        required = view.camera in self._device or ALL in self._device
+        if camera.model is None and not required:
+            return [self._moved(view, None)], ()
+        if camera.held or camera.model is None or self._odd(camera, view.stamp_ns):
+            notices = self._hold(camera, view)
+            return self._release(view.camera, camera), notices
+        self._switch(camera, view.stamp_ns)
+        moved = self._moved(view, camera.model)
+        self._follow(camera, view.stamp_ns)
+        return [moved], ()
+
+    # ------------------------------------------------------------------ what is odd
+
+    def _odd(self, camera: _Camera, stamp_ns: int) -> bool:
+        """Whether the clock may have jumped since the camera's last frame."""
+        assert camera.model is not None
+        if camera.model.until_ns == FOREVER or camera.newest is None:
+            return False
+        step = stamp_ns - camera.newest
+        if step <= 0 or step > GAP_S * SECOND:
+            return True
+        if len(camera.steps) < RECENT:
+            return False
+        ratio = step / float(np.median(camera.steps))
+        return abs(ratio - max(1, round(ratio))) > ODD_STEP
+
+    def _hold(self, camera: _Camera, view: ViewDetections) -> tuple[Notice, ...]:
+        notices = []
+        back = (camera.newest - view.stamp_ns) / SECOND if camera.newest is not None else 0.0
+        if back > 0.0 and not camera.held and not camera.told:
+            text = f"stamps of camera {view.camera} went back by {back:.4g} s; frames wait for its model"
+            notices.append(Notice("sync.clock_jump", "warning", text, {"camera": view.camera}))
+            camera.told = True
+        camera.held.append(view)
+        if len(camera.held) > HELD:
+            lost = camera.held.popleft()
+            text = f"frame {lost.frame_number} of camera {lost.camera} dropped: no clock model"
+            notices.append(Notice("sync.no_clock", "warning", text, {"camera": lost.camera}))
+        return tuple(notices)
+
+    def _release(self, name: str, camera: _Camera) -> list[ViewDetections]:
+        """The held frames, if a model knows their time."""
+        if not camera.held or camera.model is None:
+            return []
+        first, last = camera.held[0].stamp_ns, camera.held[-1].stamp_ns
+        forward = camera.newest is None or first > camera.newest
+        following = camera.following
+        if following is not None and following.from_ns <= last and following.until_ns >= first:
+            camera.model, camera.following = following, None
+        elif camera.newest is not None:
+            heard = camera.model.until_ns >= first
+            waited = last - first > PATIENCE_S * SECOND
+            if not (forward and (heard or waited)):
+                return []
+        released = [self._moved(view, camera.model) for view in camera.held]
+        for view in camera.held:
+            self._follow(camera, view.stamp_ns)
+        camera.held.clear()
+        camera.told = False
+        return released
+
+    # ------------------------------------------------------------------ what is regular
+
+    def _switch(self, camera: _Camera, stamp_ns: int) -> None:
+        """A new line that no odd step announced: take it once the old one is over."""
+        old, new = camera.model, camera.following
+        if old is None or new is None or stamp_ns < new.from_ns:
+            return
+        if stamp_ns > old.until_ns + SECOND or new.from_ns > old.until_ns:
+            camera.model, camera.following = new, None
+
+    def _follow(self, camera: _Camera, stamp_ns: int) -> None:
+        if camera.newest is not None and 0 < stamp_ns - camera.newest < GAP_S * SECOND:
+            camera.steps.append(stamp_ns - camera.newest)
+        camera.newest = stamp_ns
+
+    def _moved(self, view: ViewDetections, model: ClockModel | None) -> ViewDetections:
+        delay = round(1e6 * of_name(self._delays, view.camera))
+        if model is None:
+            return replace(view, stamp_ns=view.stamp_ns + delay) if delay else view
+        return replace(view, stamp_ns=model.master_from_device(view.stamp_ns)[0] + delay)

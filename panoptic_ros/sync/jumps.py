@@ -1,0 +1,148 @@
+"""Clocks that jump where no clock model tells: cameras against each other."""
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from panoptic_ros.domain import ViewDetections
+from panoptic_ros.stage import Notice
+
+SECOND = 1_000_000_000
+SMALL_NS = SECOND // 10  # stamps that go back by less are frames out of order
+SURE = 3  # frames after a jump that make it certain
+HELD = 64
+AHEAD_NS = SECOND
+
+
+@dataclass
+class _Camera:
+    newest: int | None = None
+    others: int = -1  # the newest stamp of the others when this camera's newest frame came
+    period: int = 0
+    back: deque[ViewDetections] = field(default_factory=lambda: deque(maxlen=HELD))
+    early: list[ViewDetections] = field(default_factory=list)  # after a step of seconds
+    ahead: bool = False
+    told: bool = False
+
+
+class JumpGuard:
+    """Keeps frames with impossible stamps from being grouped.
+
+    Back: frames whose stamps go back are held. When those of all cameras do, a clock that they share was set
+    back: master time runs on, so that sets never go back. Ahead (live only): a camera whose stamps step
+    on by seconds while the others go on as before is left out until they have caught up; after a pause its
+    stamps would be those of the others.
+
+    Args:
+        live: whether frames of all cameras arrive about when they were taken.
+    """
+
+    def __init__(self, cameras: Sequence[str], live: bool):
+        self._cameras = {name: _Camera() for name in cameras}
+        self._live = live
+        self._shift = 0
+
+    def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+        """The frames that may be grouped, on a time line that never goes back."""
+        if self._shift:
+            view = replace(view, stamp_ns=view.stamp_ns + self._shift)
+        camera = self._cameras[view.camera]
+        if camera.newest is not None and view.stamp_ns < camera.newest - SMALL_NS:
+            return self._hold(camera, view)
+        camera.back.clear()
+        if self._live and self._steps_ahead(camera, view):
+            return self._wait(camera, view)
+        self._accept(camera, view.stamp_ns)
+        return [view], self._expose(camera)
+
+    def _accept(self, camera: _Camera, stamp_ns: int) -> None:
+        if camera.newest is not None and stamp_ns > camera.newest:
+            camera.period = stamp_ns - camera.newest
+        camera.newest = stamp_ns
+        camera.others = self._newest_but(camera)
+        camera.ahead = camera.told = False
+
+    def _newest_but(self, own: _Camera) -> int:
+        return max((c.newest or -1 for c in self._cameras.values() if c is not own), default=-1)
+
+    # ------------------------------------------------------------------ ahead
+
+    def _steps_ahead(self, camera: _Camera, view: ViewDetections) -> bool:
+        """Whether it is seconds further on from its last frame than the others are from theirs of then."""
+        if camera.newest is None or camera.others < 0:
+            return False
+        others = self._newest_but(camera)
+        if camera.ahead:
+            return view.stamp_ns - others > AHEAD_NS
+        step = view.stamp_ns - camera.newest
+        return step > AHEAD_NS and step - (others - camera.others) > AHEAD_NS
+
+    def _wait(self, camera: _Camera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+        """Either the clock jumped, or all had a pause: then another one steps on as well, or none goes on."""
+        if camera.ahead:
+            return [], self._tell(camera, view, "ahead of the other cameras")
+        camera.early.append(view)
+        paused = [
+            c for c in self._cameras.values()
+            if c.early and abs(c.early[-1].stamp_ns - view.stamp_ns) < AHEAD_NS
+        ]  # fmt: skip
+        if len(paused) < 2 and len(camera.early) <= SURE:
+            return [], []
+        views = sorted((v for c in paused for v in c.early), key=lambda v: v.stamp_ns)
+        for each in paused:
+            each.early = []
+        for released in views:
+            self._accept(self._cameras[released.camera], released.stamp_ns)
+        return views, []
+
+    def _expose(self, going_on: _Camera) -> list[Notice]:
+        """A camera goes on as before, so those that stepped on have a clock that jumped."""
+        notices: list[Notice] = []
+        for camera in self._cameras.values():
+            if camera is not going_on and camera.early:
+                camera.ahead = True
+                for view in camera.early:
+                    notices += self._tell(camera, view, "ahead of the other cameras")
+                camera.early = []
+        return notices
+
+    # ------------------------------------------------------------------ back
+
+    def _hold(self, camera: _Camera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+        if camera.back and view.stamp_ns <= camera.back[-1].stamp_ns:
+            camera.back.clear()
+        camera.back.append(view)
+        living = self._living()
+        if not all(len(c.back) >= SURE for c in living):
+            return [], self._tell(camera, view, "earlier than its frames before")
+        jumps = sorted((c.newest or 0) + c.period - c.back[0].stamp_ns for c in living)
+        jump = jumps[len(jumps) // 2]
+        self._shift += jump
+        views = [replace(v, stamp_ns=v.stamp_ns + jump) for c in living for v in c.back]
+        for each in living:
+            each.back.clear()
+        views.sort(key=lambda v: v.stamp_ns)
+        for released in views:
+            own = self._cameras[released.camera]
+            self._accept(own, max(released.stamp_ns, own.newest or 0))
+        text = f"the clock of all cameras was set back by {jump / SECOND:.4g} s; the sets' times run on"
+        return views, [Notice("sync.clock_set_back", "warning", text, {"step_s": -jump / SECOND})]
+
+    def _living(self) -> list[_Camera]:
+        """Cameras that have given a frame within the last two seconds of the newest."""
+        newest = max((c.newest or -1 for c in self._cameras.values()), default=-1)
+        return [
+            c for c in self._cameras.values()
+            if c.back or (c.newest is not None and newest - c.newest < 2 * SECOND)
+        ]  # fmt: skip
+
+    def _tell(self, camera: _Camera, view: ViewDetections, how: str) -> list[Notice]:
+        """Warn once a jump; its other frames are counted."""
+        values = {"camera": view.camera, "stamp_ns": view.stamp_ns}
+        text = f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns waits: it is {how}"
+        if camera.told:
+            return [Notice("sync.out_of_time", "info", text, values)]
+        camera.told = True
+        text = f"the clock of camera {view.camera} jumped: its frames are {how}, and are left out"
+        return [Notice("sync.clock_jump", "warning", text, values)]

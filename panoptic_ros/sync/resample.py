@@ -1,0 +1,77 @@
+"""2D people moved to the instant of a set, between two frames of their camera."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from panoptic_ros.domain import Camera, ViewDetections
+from panoptic_ros.sync.links import link_people, person_sizes
+from panoptic_ros.sync.queue import Waiting
+
+Array = np.ndarray
+FARTHEST = 0.25  # of a person's size, that a joint may move between two frames
+LONGEST = 1.6  # of a period, between two frames with a line between them
+SPEED = 1.0  # m/s: how fast a joint may be of which nothing is known
+DEPTH = 5.0  # m
+NOISE_PX = 2.0  # of a joint of score 1
+
+
+@dataclass(frozen=True)
+class View:
+    """A chosen frame of a camera with its neighbours."""
+
+    before: Waiting | None
+    chosen: Waiting
+    after: Waiting | None
+    camera: Camera
+
+
+def interpolate(view: View, instant: int) -> ViewDetections:
+    """The chosen frame's people at the instant, with its stamp; score maps are left out.
+
+    Joints that both frames around the instant have, of people who are linked, lie on the line between; its
+    variance is (1-a)^2 + a^2 of one frame's, so it is smaller, and the mean of the scores stands for it.
+    Other joints stay where the chosen frame has them; the way that they may have gone meanwhile (1 m/s)
+    counts as noise and lowers their scores.
+    """
+    chosen = view.chosen.view
+    if chosen.stamp_ns == instant:
+        return chosen
+    scores = chosen.scores * _trust(chosen, instant, view.camera)[None, None]
+    points = np.array(chosen.points)
+    pair = _around(view, instant)
+    if pair is not None:
+        first, second = pair
+        share = (instant - first.stamp_ns) / (second.stamp_ns - first.stamp_ns)
+        sizes = person_sizes(chosen)
+        for i, j in link_people(first, second):
+            own = i if first is chosen else j
+            seen = (first.scores[i] > 0.0) & (second.scores[j] > 0.0)
+            way = np.linalg.norm(second.points[j] - first.points[i], axis=-1)
+            seen &= np.where(seen, way, np.inf) <= FARTHEST * sizes[own]
+            mixed = (1.0 - share) * first.points[i] + share * second.points[j]
+            mixed_scores = (1.0 - share) * first.scores[i] + share * second.scores[j]
+            points[own] = np.where(seen[:, None], mixed, points[own])
+            scores[own] = np.where(seen, mixed_scores, scores[own])
+    return replace(chosen, stamp_ns=instant, points=points, scores=np.clip(scores, 0.0, 1.0), maps=None)
+
+
+def _around(view: View, instant: int) -> tuple[ViewDetections, ViewDetections] | None:
+    """The frames before and after the instant, if they follow on each other."""
+    chosen = view.chosen
+    pair = (chosen, view.after) if chosen.stamp < instant else (view.before, chosen)
+    first, second = pair
+    if first is None or second is None or not first.stamp <= instant <= second.stamp:
+        return None
+    period = second.period or float(second.stamp - first.stamp)
+    if second.stamp - first.stamp > LONGEST * period:
+        return None
+    return first.view, second.view
+
+
+def _trust(view: ViewDetections, instant: int, camera: Camera) -> Array:
+    """By how much a joint that may have moved since loses of its score."""
+    seconds = abs(instant - view.stamp_ns) * 1e-9
+    moved = SPEED * seconds * camera.intrinsics.matrix[0, 0] / DEPTH
+    return np.asarray(NOISE_PX**2 / (NOISE_PX**2 + moved**2))

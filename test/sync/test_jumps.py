@@ -1,0 +1,144 @@
+"""Clocks of cameras that jump: nothing is grouped wrongly, told once, over within two seconds."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import ClockModel
+
+SECOND = 10**9
+RATE = 30.0
+
+
+def groups(bench, sync, items):
+    """Frame numbers of every set, the sets' stamps, and codes of warnings."""
+    results = [sync.step(item) for item in items] + [sync.flush()]
+    sets = [s for r in results for s in r.outputs]
+    warnings = [n.code for r in results for n in r.notices if n.severity != "info"]
+    return [{v.camera: v.frame_number for v in s.views} for s in sets], [s.stamp_ns for s in sets], warnings
+
+
+def capture(bench, seconds, stamp, cameras="abc"):
+    """Triggered frames; `stamp(camera, true_ns)` is what the camera's clock says."""
+    return [
+        bench.view(c, stamp(c, round(SECOND * (10 + k / RATE))), k)
+        for k in range(int(seconds * RATE)) for c in cameras
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("live", [0.0, 0.3])
+@pytest.mark.parametrize("step", [-5.0, -0.5, -3600.0])
+def test_a_clock_of_all_cameras_that_is_set_back(bench, live, step):
+    start = 7200 * SECOND
+    items = capture(
+        bench, 6, lambda c, t: start + t + (round(step * SECOND) if t > 12 * SECOND else 0)
+    )
+    frames, stamps, warnings = groups(bench, bench.stage(deadline_s=live), items)
+    assert all(len(set(f.values())) == 1 for f in frames)
+    assert sum(len(f) for f in frames) >= len(items) - 3
+    assert (np.diff(stamps) > 0.9 * SECOND / RATE).all() and np.diff(stamps).max() < 2.1 * SECOND / RATE
+    assert warnings.count("sync.clock_set_back") == 1
+
+
+@pytest.mark.parametrize("step", [5.0, -5.0, 3600.0])
+def test_a_single_camera_that_jumps_without_a_clock_model_is_left_out_live(bench, step):
+    start = 7200 * SECOND
+    items = capture(
+        bench, 8,
+        lambda c, t: start + t + (round(step * SECOND) if c == "b" and 12 * SECOND < t < 15 * SECOND else 0),
+    )  # fmt: skip
+    frames, _, warnings = groups(bench, bench.stage(deadline_s=0.3), items)
+    assert all(len(set(f.values())) == 1 for f in frames)
+    assert len(frames) == 240
+    assert sum("b" in f for f in frames) >= 240 - 95 and frames[-1].keys() == {"a", "b", "c"}
+    assert warnings.count("sync.clock_jump") == 1
+
+
+def models_of(offset_of, until_ns, seconds=0.25):
+    """Clock models as a clocks stage gives them, a quarter of a second after the fact."""
+    return [ClockModel(c, 0, offset_of(c), 0.0, np.zeros((2, 2)), 0.0, 0, until_ns(c)) for c in "abc"]
+
+
+@pytest.mark.parametrize("live", [0.0, 1.0])
+@pytest.mark.parametrize("step", [0.25, -0.4, 7.0, -7.0, -3600.0])
+def test_a_camera_whose_clock_jumps_waits_for_its_next_line(bench, live, step):
+    """Its frames are held from the odd one on, and given the right time when the model comes."""
+    offsets = {"a": 0, "b": 3 * SECOND, "c": -2 * SECOND}
+    base = 7200 * SECOND
+    jump_at, told_at = 12 * SECOND, 12 * SECOND + 300_000_000
+    step_ns = round(step * SECOND) + 9_000_000
+
+    def clock(c, t):
+        return base + t - offsets[c] + (step_ns if c == "b" and t > jump_at else 0)
+
+    items, next_model, segment = [], 0, 0
+    for view in capture(bench, 6, clock):
+        true_ns = round(SECOND * (10 + view.frame_number / RATE))
+        if true_ns >= next_model:
+            next_model = true_ns + SECOND
+            items += [_model(c, offsets[c], clock(c, true_ns), 0) for c in "abc" if c != "b" or not segment]
+        if true_ns >= told_at and not segment:
+            segment = 1
+            model = _model("b", offsets["b"] - step_ns, clock("b", true_ns), 1)
+            items.append(replace(model, from_ns=clock("b", jump_at + 1)))
+        items.append(view)
+    sync = bench.stage(deadline_s=live, clocks=("a=a", "b=b", "c=c"))
+    frames, _, warnings = groups(bench, sync, items)
+    assert all(len(set(f.values())) == 1 for f in frames)
+    assert len(frames) == 180 and sum("b" in f for f in frames) == 180
+    assert warnings == (["sync.clock_jump"] if step < 0 else [])
+
+
+def _model(camera, offset, until, segment):
+    return ClockModel(camera, 0, offset, 0.0, np.zeros((2, 2)), 0.0, 0, until, 5e-7, segment)
+
+
+def test_a_gap_of_a_camera_is_no_jump_once_its_clock_is_heard_again(bench):
+    items = []
+    for view in capture(bench, 6, lambda c, t: t):
+        true_s = view.stamp_ns / SECOND
+        if view.camera == "a" and abs(true_s * 4 - round(true_s * 4)) < 1e-3:
+            items += [_model(c, 0, view.stamp_ns, 0) for c in "abc"]
+        if not (view.camera == "b" and 11.9 < true_s < 13.1):
+            items.append(view)
+    frames, _, warnings = groups(bench, bench.stage(clocks=("*=a", "b=b", "c=c")), items)
+    assert warnings == [] and len(frames) == 180
+    assert all(len(set(f.values())) == 1 for f in frames)
+    assert sum("b" in f for f in frames) == 180 - 35
+
+
+def test_a_gap_while_nothing_is_heard_is_trusted_after_two_seconds(bench):
+    items = [_model(c, 0, 11 * SECOND, 0) for c in "abc"]
+    items += [
+        v for v in capture(bench, 8, lambda c, t: t)
+        if not (v.camera == "b" and 12 * SECOND < v.stamp_ns < 13 * SECOND)
+    ]  # fmt: skip
+    frames, _, warnings = groups(bench, bench.stage(clocks=("a=a", "b=b", "c=c")), items)
+    assert warnings == [] and len(frames) == 240 and sum("b" in f for f in frames) == 240 - 29
+    assert all(len(set(f.values())) == 1 for f in frames)
+
+
+def test_a_swap_of_two_cameras(bench):
+    """Names swap with the clocks: both are held until their new lines are known."""
+    offsets = {"a": 0, "b": 500 * SECOND, "c": -20 * SECOND}
+    swapped = {"a": "b", "b": "a", "c": "c"}
+    base = 7200 * SECOND
+    items, told = [], False
+    for k in range(180):
+        true_ns = base + round(SECOND * k / RATE)
+        after = k >= 60
+        if k % 30 == 0 and not after:
+            items += [_model(c, -offsets[c], true_ns + offsets[c], 0) for c in "abc"]
+        if k >= 70 and not told:
+            told = True
+            for c in "ab":
+                own = offsets[swapped[c]]
+                model = _model(c, -own, true_ns + own, 1)
+                items.append(replace(model, from_ns=base + 2 * SECOND + own))
+        for c in "abc":
+            items.append(bench.view(c, true_ns + offsets[swapped[c] if after else c], k))
+    frames, _, warnings = groups(bench, bench.stage(clocks=("a=a", "b=b", "c=c")), items)
+    assert all(len(set(f.values())) == 1 for f in frames) and sum(len(f) for f in frames) == 540
+    assert warnings.count("sync.clock_jump") <= 1
