@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from panoptic_ros.cli.offsets import add_offset_options, correct
 from panoptic_ros.cli.options import add_parameter_options, read_parameters, with_defaults
 from panoptic_ros.domain import TrackedPoseSet
 from panoptic_ros.errors import UsageError
@@ -31,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--quiet", action="store_true", help="no summary")
+    add_offset_options(parser)
     add_parameter_options(parser)
 
 
@@ -47,6 +49,8 @@ def run(args: argparse.Namespace) -> int:
     configs = with_defaults(parameters, {})
     table = configs["assembly"].bias_table  # type: ignore[attr-defined]
     context = StageContext(rig, skeleton, bias_extras(table, skeleton))
+    sets = list(detections.sets(rig, joint_map, skeleton.hash, known=everything.names))
+    sets = correct(sets, context, configs, args)
     results: list[TrackedPoseSet] = []
     notices: list[Notice] = []
     spent: dict[str, list[int]] = {}
@@ -57,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),
         clock=time.perf_counter_ns,
     )  # fmt: skip
-    for item in detections.sets(rig, joint_map, skeleton.hash, known=everything.names):
+    for item in sets:
         pipeline.push(item)
     pipeline.flush()
     names = _own_names(detections, skeleton.joint_names, args.skeleton)

@@ -5,7 +5,7 @@ import ast
 from pathlib import Path
 
 STAGES = (
-    "detection", "timecode", "clocks", "sync", "voting", "assembly", "tracking", "refinement",
+    "detection", "timecode", "clocks", "sync", "offsets", "voting", "assembly", "tracking", "refinement",
     "simulation", "evaluation",
 )  # fmt: skip
 RANKS: dict[str, int] = {

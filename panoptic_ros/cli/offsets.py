@@ -1,0 +1,119 @@
+"""Clocks of cameras from the motion of people, for the verbs that solve recorded captures."""
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.domain import DetectionSet, TrackedPoseSet
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.io.files import write_json
+from panoptic_ros.offsets import CameraClocks, Corrected, correct_from_motion
+from panoptic_ros.params import Config
+from panoptic_ros.stage import StageContext
+
+FORMAT = "panoptic-offsets-1"
+
+
+def add_offset_options(parser: argparse.ArgumentParser) -> None:
+    """The options."""
+    parser.add_argument(
+        "--offsets-from-motion", action="store_true",
+        help="find the cameras' clock offsets and drifts from the motion of people, and correct the stamps",
+    )  # fmt: skip
+    parser.add_argument(
+        "--offsets-out", type=Path, metavar="FILE",
+        help="write the offsets, with standard deviations, as JSON",
+    )  # fmt: skip
+    parser.add_argument(
+        "--trusted-camera", default="", metavar="NAME",
+        help="its stamps are right; default: those of most cameras if they agree, else offsets have mean 0",
+    )  # fmt: skip
+
+
+def correct(
+    sets: Sequence[DetectionSet], context: StageContext, configs: Mapping[str, Config], args: Any
+) -> list[DetectionSet]:
+    """The sets with corrected stamps, if that is asked for; prints and writes what was found.
+
+    Raises:
+        UsageError: on options without --offsets-from-motion.
+    """
+    if not args.offsets_from_motion:
+        if args.offsets_out or args.trusted_camera:
+            raise UsageError("--offsets-out and --trusted-camera need --offsets-from-motion")
+        return list(sets)
+    found = find_clocks(sets, context, configs, args.trusted_camera)
+    if not args.quiet:
+        print("\n".join(clock_lines(found.clocks)))
+    if args.offsets_out:
+        write_json(args.offsets_out, clocks_document(found.clocks))
+    return found.sets
+
+
+def find_clocks(
+    sets: Sequence[DetectionSet], context: StageContext, configs: Mapping[str, Config], trusted: str = ""
+) -> Corrected:
+    """See `offsets.correct_from_motion`; solves with the stages up to tracking."""
+
+    def solve(items: Sequence[DetectionSet]) -> list[TrackedPoseSet]:
+        tracked: list[TrackedPoseSet] = []
+        pipeline = Pipeline(
+            configs, context, FUSION[: FUSION.index("tracking") + 1],
+            on_record=lambda topic, record: tracked.append(record) if topic == "skeletons_raw" else None,
+        )  # fmt: skip
+        for item in items:
+            pipeline.push(item)
+        pipeline.flush()
+        return tracked
+
+    return correct_from_motion(sets, context.rig, context.skeleton, solve, trusted)
+
+
+def clock_lines(clocks: CameraClocks) -> list[str]:
+    """What was found, in words."""
+    width = max(len(name) for name in clocks.cameras)
+    lines = ["clocks from motion (to be added to the stamps):"]
+    for c, name in enumerate(clocks.cameras):
+        offset, deviation = 1e3 * clocks.offsets[c], 1e3 * clocks.deviations[c]
+        drift, wobble = 1e6 * clocks.drifts[c], 1e6 * clocks.drift_deviations[c]
+        if not clocks.known[c]:
+            text = f"not known (within {deviation:.0f} ms at best): too little moves in its view; stamps kept"
+        elif clocks.applied[c]:
+            text = f"{offset:+8.2f} ms +- {deviation:.2f}   drift {drift:+4.0f} ppm +- {wobble:.0f}"
+        else:
+            text = f"{offset:+8.2f} ms +- {deviation:.2f}   no more than chance; stamps kept"
+        lines.append(f"  {name:<{width}}  {text}")
+    if not clocks.known.any():
+        lines.append("  nothing moves enough to compare the clocks; let somebody walk about for 5 s")
+    if clocks.bias > 0.0:
+        bias = f"{1e3 * clocks.bias:.0f} mm"
+        lines.append(f"  2D joints are {bias} off for seconds on end; the deviations allow for it")
+    if not clocks.converged:
+        lines.append(f"  the estimate still moved after {clocks.iterations} iterations; trust it less")
+    return lines
+
+
+def clocks_document(clocks: CameraClocks) -> dict[str, Any]:
+    """The clocks as JSON, SI units."""
+    cameras = [
+        {
+            "name": name,
+            "offset_s": float(clocks.offsets[c]),
+            "offset_std_s": float(clocks.deviations[c]),
+            "drift": float(clocks.drifts[c]),
+            "drift_std": float(clocks.drift_deviations[c]),
+            "known": bool(clocks.known[c]),
+            "applied": bool(clocks.applied[c]),
+            "joint_speed_m_per_s": float(clocks.speed[c]),
+            "rays": int(clocks.rays[c]),
+        }
+        for c, name in enumerate(clocks.cameras)
+    ]
+    return {
+        "format": FORMAT, "reference_ns": clocks.reference_ns, "detector_bias_m": clocks.bias,
+        "iterations": clocks.iterations, "converged": clocks.converged, "cameras": cameras,
+    }  # fmt: skip

@@ -1,0 +1,110 @@
+"""Which 2D joint of which frame belongs to which joint of which tracked person."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.consensus.agreement import agreement_with_people
+from panoptic_ros.consensus.evidence import RigArrays
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.offsets.frames import CameraFrame
+from panoptic_ros.offsets.tracks import Tracks
+
+Array = np.ndarray
+LEAST_AGREEMENT = 0.25  # mean over joints, of a 2D person with a track
+MIRROR_MARGIN = 1.15  # exchanged sides must agree this much better
+LEAST_COMMON = 4  # joints
+GATE = 3.0  # scales between a joint and its track
+MIN_DEPTH = 0.05  # m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """Joints as seen, N of them.
+
+    Args:
+        track: (N,) row of `Tracks.ids`. joint, camera: (N,).
+        stamp: (N,) s from the reference, the camera's own. scores: (N,).
+        rows (N, 2, 3), rights (N, 2): the ray, rows @ X = rights, in m at the joint's depth.
+        depth: (N,) m, roughly.
+    """
+
+    track: Array
+    joint: Array
+    camera: Array
+    stamp: Array
+    scores: Array
+    rows: Array
+    rights: Array
+    depth: Array
+
+
+def associate(
+    frames: Sequence[CameraFrame], times: Array, stamps: Array, tracks: Tracks, arrays: RigArrays,
+    skeleton: SkeletonModel, scale: float,
+) -> Observations:  # fmt: skip
+    """Give the 2D people of every frame to the tracks, best agreement first, one each.
+
+    Args:
+        times: (F,) s from the reference, of the frames as corrected so far; stamps: (F,) s, uncorrected.
+        scale: m, of the agreement: wide while clocks are far off.
+    """
+    mirror = np.array(skeleton.mirror)
+    parts: list[tuple[Array, ...]] = []
+    for frame, time, stamp in zip(frames, times, stamps):
+        rows, places = tracks.at(float(time))
+        if len(rows) and len(frame.plane):
+            for row, person, mirrored in _pairs(frame, places, arrays, mirror, scale):
+                part = _joints(frame, places[row], person, mirror if mirrored else None, arrays, scale)
+                parts.append((np.full(len(part[0]), rows[row]), *part, np.full(len(part[0]), stamp)))
+    if not parts:
+        empty = np.empty(0)
+        none = np.empty(0, np.int64)
+        return Observations(
+            none, none, none, empty, empty, np.empty((0, 2, 3)), np.empty((0, 2)), empty
+        )
+    track, joint, camera, plane, scores, depth, stamp = (np.concatenate(c) for c in zip(*parts))
+    rotations, translations = arrays.rotations[camera], arrays.translations[camera]
+    sight = plane[..., None] * rotations[:, None, 2] - rotations[:, :2]
+    rights = translations[:, :2] - plane * translations[:, 2:]
+    return Observations(track, joint, camera, stamp, scores, sight, rights, depth)
+
+
+def _pairs(
+    frame: CameraFrame, places: Array, arrays: RigArrays, mirror: Array, scale: float
+) -> list[tuple[int, int, bool]]:
+    """(track, 2D person, sides exchanged) of one frame."""
+    c = frame.camera
+    people = len(frame.plane)
+    straight, mirrored, common = agreement_with_people(
+        places, np.zeros_like(places), frame.plane, (frame.scores > 0.0).astype(np.float64),
+        np.zeros(people, np.int64),
+        (arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1)), mirror, scale,
+    )  # fmt: skip
+    flipped = mirrored > MIRROR_MARGIN * straight
+    value = np.where(common >= LEAST_COMMON, np.where(flipped, mirrored, straight), 0.0)
+    found = []
+    while value.size and value.max() >= LEAST_AGREEMENT:
+        p, d = np.unravel_index(int(value.argmax()), value.shape)
+        found.append((int(p), int(d), bool(flipped[p, d])))
+        value[p], value[:, d] = 0.0, 0.0
+    return found
+
+
+def _joints(
+    frame: CameraFrame, place: Array, person: int, exchange: Array | None, arrays: RigArrays, scale: float
+) -> tuple[Array, ...]:
+    """Joint, camera, point, score and depth of what lies near the track."""
+    plane, scores = frame.plane[person], frame.scores[person]
+    if exchange is not None:
+        plane, scores = plane[exchange], scores[exchange]
+    c = frame.camera
+    local = place @ arrays.rotations[c].T + arrays.translations[c]
+    depth = local[:, 2]
+    front = depth > MIN_DEPTH
+    miss = local[:, :2] - plane * depth[:, None]
+    near = (scores > 0.0) & front & (np.hypot(miss[:, 0], miss[:, 1]) < GATE * scale)
+    joints = np.flatnonzero(near)
+    return joints, np.full(len(joints), c), plane[near], scores[near], depth[near]

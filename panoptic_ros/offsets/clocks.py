@@ -1,0 +1,135 @@
+"""The estimate as clocks of cameras by name."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain import ClockModel, DetectionSet
+from panoptic_ros.offsets.estimate import Fit, centred
+from panoptic_ros.offsets.uncertainty import common_shift, covariance_of, detector_bias
+
+Array = np.ndarray
+KNOWN = 0.012  # s, standard deviation up to which an offset counts as known
+SURE = 3.0  # standard deviations from which on a known offset is more than chance
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraClocks:
+    """What is known about the clocks of C cameras; corrected = stamp + offset + drift * (stamp - reference).
+
+    Args:
+        offsets (C,) s at the reference, drifts (C,); deviations, drift_deviations: (C,) theirs.
+        known: (C,) enough moved before this camera to tell.
+        bias: m, systematic error of the 2D joints as far as it shows, part of the deviations.
+        speed: (C,) m/s, rms speed of the joints across the camera's rays.
+        rays: (C,) 2D joints used. iterations, converged: of the estimate.
+    """
+
+    cameras: tuple[str, ...]
+    reference_ns: int
+    offsets: Array
+    drifts: Array
+    covariance: Array
+    known: Array
+    bias: float
+    speed: Array
+    rays: Array
+    iterations: int
+    converged: bool
+
+    @classmethod
+    def unknown(cls, cameras: Iterable[str], reference_ns: int) -> CameraClocks:
+        """Nothing is known."""
+        names = tuple(cameras)
+        zero = np.zeros(len(names))
+        return cls(
+            names, reference_ns, zero, zero, np.diag(np.repeat([0.1**2, 1e-4**2], len(names))),
+            np.zeros(len(names), bool), 0.0, zero, np.zeros(len(names), np.int64), 0, True,
+        )  # fmt: skip
+
+    @classmethod
+    def of(
+        cls, fit: Fit, cameras: Iterable[str], reference_ns: int, prior: Array, trusted: str = ""
+    ) -> CameraClocks:
+        """The clocks of a fit.
+
+        Args:
+            trusted: the camera whose stamps are right; "": see `uncertainty.common_shift`.
+        """
+        names = tuple(cameras)
+        count = len(names)
+        covariance = covariance_of(fit, prior)
+        deviations = np.sqrt(np.diag(covariance)[:count])
+        known = deviations <= KNOWN
+        offsets, drifts = fit.offsets.copy(), fit.drifts.copy()
+        if trusted:
+            offsets -= offsets[names.index(trusted)]
+            drifts -= drifts[names.index(trusted)]
+            gauge = np.eye(count)
+            gauge[:, names.index(trusted)] -= 1.0
+            covariance = np.kron(np.eye(2), gauge) @ covariance @ np.kron(np.eye(2), gauge.T)
+            deviations = np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0))
+            known = deviations <= KNOWN
+        elif known.any():
+            offsets -= common_shift(offsets[known], deviations[known])
+            drifts = centred(np.concatenate([offsets, drifts]), count)[count:]
+        speed = np.array(
+            [np.sqrt(_mean((fit.across[fit.seen.camera == c] ** 2).sum(axis=1))) for c in range(count)]
+        )
+        rays = np.bincount(fit.seen.camera, minlength=count)
+        return cls(
+            names, reference_ns, offsets, drifts, covariance, known, detector_bias(fit), speed, rays,
+            fit.iterations, fit.converged,
+        )  # fmt: skip
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations (C,) s of the offsets."""
+        return np.sqrt(np.maximum(np.diag(self.covariance)[: len(self.cameras)], 0.0))
+
+    @property
+    def drift_deviations(self) -> Array:
+        """Standard deviations (C,) of the drifts."""
+        return np.sqrt(np.maximum(np.diag(self.covariance)[len(self.cameras) :], 0.0))
+
+    @property
+    def applied(self) -> Array:
+        """Which offsets (C,) are known and more than chance, and so worth correcting."""
+        return self.known & (np.abs(self.offsets) > SURE * self.deviations)
+
+    def corrections(self, sets: Iterable[DetectionSet], every: bool = False) -> dict[str, Array]:
+        """Per camera what to add (K,) ns to the stamps of its frames, in the order of the sets.
+
+        Args:
+            every: also of cameras whose offset is not `applied`.
+        """
+        table: dict[str, list[float]] = {name: [] for name in self.cameras}
+        use = np.ones(len(self.cameras), bool) if every else self.applied
+        for item in sets:
+            for view in item.views:
+                c = self.cameras.index(view.camera)
+                since = view.stamp_ns - self.reference_ns
+                shift = 1e9 * self.offsets[c] + self.drifts[c] * since
+                table[view.camera].append(shift if use[c] else 0.0)
+        return {name: np.array(values) for name, values in table.items()}
+
+    def models(self) -> list[ClockModel]:
+        """The corrections as clock models, one per camera; no correction where none is worth it."""
+        count, models = len(self.cameras), []
+        for c, name in enumerate(self.cameras):
+            pick = np.ix_([c, count + c], [c, count + c])
+            use = self.applied[c]
+            models.append(
+                ClockModel(
+                    name, self.reference_ns, 1e9 * self.offsets[c] if use else 0.0,
+                    self.drifts[c] if use else 0.0, self.covariance[pick],
+                )
+            )  # fmt: skip
+        return models
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if len(values) else 0.0

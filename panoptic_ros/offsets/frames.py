@@ -1,0 +1,45 @@
+"""The 2D people of every camera frame, undistorted once, each at its own stamp."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.consensus.evidence import RigArrays, gather
+from panoptic_ros.domain import DetectionSet, SkeletonModel
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFrame:
+    """One image's 2D people.
+
+    Args:
+        camera: index into the rig. stamp_ns: the camera's own.
+        plane: (D, J, 2) undistorted normalised points. scores: (D, J), 0 where missing.
+    """
+
+    camera: int
+    stamp_ns: int
+    plane: Array
+    scores: Array
+
+
+def camera_frames(
+    sets: Iterable[DetectionSet], arrays: RigArrays, skeleton: SkeletonModel
+) -> list[CameraFrame]:
+    """All frames of detection sets, in the order of the sets and of the rig.
+
+    Raises:
+        DataError: as `consensus.evidence.gather`.
+    """
+    frames = []
+    for item in sets:
+        evidence = gather(item, arrays, skeleton, skeleton.hash, 0.0)
+        for v, camera in enumerate(evidence.cameras):
+            rows = slice(evidence.starts[v], evidence.starts[v + 1])
+            stamp = item.views[evidence.slots[v]].stamp_ns
+            frames.append(CameraFrame(int(camera), stamp, evidence.plane[rows], evidence.scores[rows]))
+    return frames

@@ -1,0 +1,82 @@
+"""Clocks of a recorded capture: solve, estimate, correct, again; what `panoptic solve` does."""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.consensus.evidence import RigArrays
+from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, TrackedPoseSet
+from panoptic_ros.errors import UsageError
+from panoptic_ros.offsets.association import associate
+from panoptic_ros.offsets.clocks import CameraClocks
+from panoptic_ros.offsets.estimate import fit_clocks
+from panoptic_ros.offsets.frames import CameraFrame, camera_frames
+from panoptic_ros.offsets.regroup import regroup
+from panoptic_ros.offsets.tracks import Tracks
+
+Array = np.ndarray
+Solver = Callable[[Sequence[DetectionSet]], Sequence[TrackedPoseSet]]
+SCALES = (0.15, 0.10)  # m, agreement of 2D people with tracks: wide while clocks are far off
+PRIOR_OFFSET = 0.1  # s
+PRIOR_DRIFT = 5e-5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corrected:
+    """The clocks, and the sets that they give."""
+
+    clocks: CameraClocks
+    sets: list[DetectionSet]
+
+
+def clocks_from_motion(
+    frames: Sequence[CameraFrame], tracked: Sequence[TrackedPoseSet], start: CameraClocks, rig: Rig,
+    skeleton: SkeletonModel, scale: float, trusted: str = "", arrays: RigArrays | None = None,
+) -> CameraClocks:  # fmt: skip
+    """One estimate.
+
+    Args:
+        frames: with the cameras' own stamps. tracked: people on the time line of `start`.
+        start: clocks to begin with. scale: see `SCALES`. trusted: see `CameraClocks.of`.
+    """
+    count = len(rig)
+    stamps = np.array([1e-9 * (frame.stamp_ns - start.reference_ns) for frame in frames])
+    cameras = np.array([frame.camera for frame in frames], np.int64)
+    times = stamps + start.offsets[cameras] + start.drifts[cameras] * stamps
+    tracks = Tracks(tracked, start.reference_ns)
+    seen = associate(frames, times, stamps, tracks, arrays or RigArrays.of(rig), skeleton, scale)
+    prior = np.repeat([PRIOR_OFFSET, PRIOR_DRIFT], count)
+    fit = fit_clocks(seen, count, start.offsets, start.drifts, prior)
+    return CameraClocks.of(fit, rig.names, start.reference_ns, prior, trusted)
+
+
+def correct_from_motion(
+    sets: Sequence[DetectionSet], rig: Rig, skeleton: SkeletonModel, solve: Solver, trusted: str = ""
+) -> Corrected:
+    """Find the cameras' clocks from the people in a recorded capture, and group its frames by them.
+
+    Pass 1 solves with the stamps as they are. With cameras 60 ms apart the rays of somebody who runs miss
+    each other by 20 cm, so some views of fast people are lost to it; the estimate uses every frame at its own
+    stamp all the same, and pass 2 repeats with the corrected ones.
+
+    Args:
+        solve: tracked people of sets.
+        trusted: a camera whose stamps are right; "": the offsets' mean is 0 unless most cameras agree.
+
+    Raises:
+        UsageError: if the rig lacks the trusted camera, or has one camera.
+    """
+    if trusted and trusted not in rig.names:
+        raise UsageError(f"the trusted camera {trusted!r} is not in the rig; it has {', '.join(rig.names)}")
+    if not sets:
+        return Corrected(CameraClocks.unknown(rig.names, 0), [])
+    arrays = RigArrays.of(rig)
+    frames = camera_frames(sets, arrays, skeleton)
+    clocks = CameraClocks.unknown(rig.names, sets[len(sets) // 2].stamp_ns)
+    current = list(sets)
+    for scale in SCALES:
+        clocks = clocks_from_motion(frames, solve(current), clocks, rig, skeleton, scale, trusted, arrays)
+        current = regroup(sets, clocks.corrections(sets))
+    return Corrected(clocks, current)

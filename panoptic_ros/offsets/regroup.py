@@ -1,0 +1,45 @@
+"""Detection sets anew, after their frames' stamps have been corrected."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.domain import DetectionSet, ViewDetections
+
+Array = np.ndarray
+
+
+def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> list[DetectionSet]:
+    """The same instants with the frames that are nearest to them by corrected stamps.
+
+    Every frame is used at most once, and only within half of the sets' median period; of two frames that
+    are nearest to one instant the nearer is taken.
+
+    Args:
+        sets: in the order of time.
+        corrections: per camera (K,) ns to add to the stamps of its frames, in the order of the sets.
+    """
+    instants = np.array([item.stamp_ns for item in sets], np.int64)
+    chosen: list[dict[str, ViewDetections]] = [{} for _ in sets]
+    half = 0.5 * float(np.median(np.diff(instants))) if len(instants) > 1 else np.inf
+    seen: dict[str, int] = {}
+    distance: dict[tuple[int, str], float] = {}
+    for item in sets:
+        for view in item.views:
+            k = seen.get(view.camera, 0)
+            seen[view.camera] = k + 1
+            stamp = max(0, view.stamp_ns + round(float(corrections[view.camera][k])))
+            after = int(np.searchsorted(instants, stamp))
+            near = min((i for i in (after - 1, after) if 0 <= i < len(sets)),
+                       key=lambda i: abs(int(instants[i]) - stamp))  # fmt: skip
+            miss = abs(int(instants[near]) - stamp)
+            if miss <= half and miss < distance.get((near, view.camera), np.inf):
+                distance[near, view.camera] = miss
+                chosen[near][view.camera] = replace(view, stamp_ns=stamp)
+    order = list(dict.fromkeys(view.camera for item in sets for view in item.views))
+    return [
+        replace(item, views=tuple(views[name] for name in order if name in views))
+        for item, views in zip(sets, chosen)
+    ]

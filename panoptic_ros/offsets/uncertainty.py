@@ -1,0 +1,110 @@
+"""How sure the clocks are, and which instant all cameras count from."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.offsets.estimate import Fit
+
+Array = np.ndarray
+INFLATION = 1.25  # of standard deviations: motion is no white acceleration; measured on simulated people
+STAMP_JITTER = 5e-4  # s, of single stamps; all joints of a frame share it
+LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s over which means of residuals are taken
+LEAST_BLOCK = 5  # rays
+FEW_BLOCKS = 20
+EXCESS = 1.5  # from which ratio of variances on means of residuals betray a bias
+NORMAL_MEDIAN = 0.6745  # of |x|
+FEW_RAYS_MEDIAN = 1.15  # how much larger the median of F(1, 4 to 8) is than that of F(1, infinity)
+AGREE = 3e-3  # s, offsets that differ less are the same
+
+
+def covariance_of(fit: Fit, prior: Array) -> Array:
+    """Covariance (2C, 2C) of (offsets, drifts) about their means over the cameras.
+
+    The estimate's own, inflated, the more so if noise stays the same for several frames; the stamps' jitter;
+    and what biases of the detector do: a joint that is seen 25 mm ahead of a person who walks by at 1 m/s
+    looks like a clock that is 25 ms off.
+    """
+    cameras = len(fit.offsets)
+    correlated = _excess(*_block_means(fit, SHORT_BLOCK))
+    covariance = INFLATION**2 * correlated * np.linalg.inv(fit.information + np.diag(prior**-2.0))
+    frames = np.array(
+        [len(np.unique(fit.seen.stamp[fit.seen.camera == c])) for c in range(cameras)], np.float64
+    )
+    extra = STAMP_JITTER**2 / np.maximum(frames, 1.0) + _bias_variance(fit, detector_bias(fit))
+    covariance[np.arange(cameras), np.arange(cameras)] += np.minimum(extra, prior[:cameras] ** 2)
+    gauge = np.eye(2 * cameras)
+    gauge[:cameras, :cameras] -= 1.0 / cameras
+    gauge[cameras:, cameras:] -= 1.0 / cameras
+    return gauge @ covariance @ gauge.T
+
+
+def detector_bias(fit: Fit) -> float:
+    """How far (m) joints are seen beside where the rays of all cameras meet, for a second at a time.
+
+    Taken across the motion, as clocks cannot change that; 0 if means over blocks of residuals are as small as
+    independent noise makes them.
+    """
+    means, expected = _block_means(fit, LONG_BLOCK)
+    if _excess(means, expected) < EXCESS:
+        return 0.0
+    whole = (np.median(np.abs(means)) / NORMAL_MEDIAN) ** 2
+    return float(np.sqrt(max(whole - np.median(expected), 0.0)))
+
+
+def _block_means(fit: Fit, length: float) -> tuple[Array, Array]:
+    """Mean residuals (B,) m of a joint, camera and `length` s, and their variances (B,) if independent."""
+    seen = fit.seen
+    if not len(seen.stamp):
+        return np.empty(0), np.empty(0)
+    speed = np.linalg.norm(fit.across, axis=1)
+    normal = np.stack([-fit.across[:, 1], fit.across[:, 0]], axis=1) / np.maximum(speed, 1e-9)[:, None]
+    normal *= np.where(normal[:, :1] < 0.0, -1.0, 1.0)  # to and fro have one normal
+    miss = (normal * fit.misses).sum(axis=1)
+    block = np.floor(seen.stamp / length).astype(np.int64)
+    keys = np.stack([seen.track, seen.joint, seen.camera, block], axis=1)
+    _, group, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    group = group.reshape(-1)
+    means = np.bincount(group, miss) / counts
+    scatter = np.bincount(group, (miss - means[group]) ** 2) / np.maximum(counts - 1, 1)
+    enough = counts >= LEAST_BLOCK
+    return means[enough], scatter[enough] / counts[enough]
+
+
+def _excess(means: Array, expected: Array) -> float:
+    """How many times larger the variance of means is than independent noise would make it, at least 1."""
+    if len(means) < FEW_BLOCKS:
+        return 1.0
+    ratio = float(np.median(means**2 / np.maximum(expected, 1e-18))) / NORMAL_MEDIAN**2 / FEW_RAYS_MEDIAN
+    return max(1.0, ratio)
+
+
+def _bias_variance(fit: Fit, bias: float) -> Array:
+    """Variance (C,) s^2 that a bias of `bias` m gives the offsets.
+
+    People who move another way have another bias; one way of one person counts as one bias however many
+    joints and frames it has.
+    """
+    cameras = len(fit.offsets)
+    if bias == 0.0:
+        return np.zeros(cameras)
+    speed = np.linalg.norm(fit.across, axis=1)
+    way = 2 * (fit.across[:, 0] > 0.0) + (fit.across[:, 1] > 0.0)
+    keys = np.stack([fit.seen.camera, fit.seen.track, way], axis=1)
+    groups, group = np.unique(keys, axis=0, return_inverse=True)
+    pull = np.bincount(group.reshape(-1), fit.precision * speed)
+    pulls = np.bincount(groups[:, 0], pull**2, cameras)
+    strength = np.bincount(fit.seen.camera, fit.precision * speed**2, cameras)
+    return bias**2 * pulls / np.maximum(strength, 1e-12) ** 2
+
+
+def common_shift(offsets: Array, deviations: Array) -> float:
+    """What all offsets (C,) have in common and cannot be seen, s, to be taken off.
+
+    If most cameras agree with each other they keep their stamps; otherwise the mean stays 0.
+    """
+    best = np.zeros(len(offsets), bool)
+    for offset, deviation in zip(offsets, deviations):
+        near = np.abs(offsets - offset) <= max(AGREE, deviation)
+        if near.sum() > best.sum():
+            best = near
+    return float(offsets[best].mean()) if 2 * best.sum() > len(offsets) else float(offsets.mean())

@@ -1,0 +1,102 @@
+"""Clocks of simulated captures."""
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import DetectionSet
+from panoptic_ros.errors import UsageError
+from panoptic_ros.offsets import CameraClocks, correct_from_motion
+
+
+def found(capture, trusted=""):
+    return correct_from_motion(
+        capture.sets, capture.rig, capture.skeleton, lambda sets: capture.tracked, trusted
+    )
+
+
+@pytest.fixture(scope="module")
+def moving(make_capture):
+    capture = make_capture()
+    return capture, found(capture)
+
+
+def test_offsets_of_tens_of_milliseconds_are_found_within_a_millisecond(moving):
+    capture, result = moving
+    clocks = result.clocks
+    error = clocks.offsets - capture.offsets
+    assert clocks.converged and clocks.known.all()
+    assert np.abs(error - error.mean()).max() < 1e-3
+    assert (np.abs(error - error.mean()) < 4.0 * clocks.deviations).all()
+
+
+def test_corrected_frames_stand_where_they_belong(moving):
+    capture, result = moving
+    middle = result.sets[len(result.sets) // 2]
+    assert len(middle.views) == len(capture.rig)
+    for view in middle.views:
+        c = capture.rig.index(view.camera)
+        taken = int(capture.ticks[view.frame_number]) + 1e9 * (capture.offsets[c])
+        assert abs(view.stamp_ns - taken) < 2e6
+        assert abs(view.stamp_ns - middle.stamp_ns) <= 0.5e9 / 30.0 + 2e6
+
+
+def test_two_cameras_off_leave_the_others_alone(make_capture):
+    capture = make_capture(offsets=np.array([0.0, 0.08, 0.0, 0.0, -0.04]))
+    clocks = found(capture).clocks
+    np.testing.assert_allclose(clocks.offsets, capture.offsets, atol=1.5e-3)
+
+
+def test_a_trusted_camera_keeps_its_stamps(make_capture):
+    capture = make_capture()
+    clocks = found(capture, capture.rig.names[0]).clocks
+    assert clocks.offsets[0] == 0.0 and not clocks.applied[0]
+    np.testing.assert_allclose(clocks.offsets, capture.offsets - capture.offsets[0], atol=1e-3)
+
+
+def test_where_nothing_moves_nothing_is_known_and_stamps_stay(make_capture):
+    capture = make_capture(motion=0.0, offsets=np.zeros(5))
+    result = found(capture)
+    assert not result.clocks.known.any() and not result.clocks.applied.any()
+    for item, before in zip(result.sets, capture.sets):
+        assert [v.stamp_ns for v in item.views] == [v.stamp_ns for v in before.views]
+
+
+def test_without_people_nothing_is_known(make_capture):
+    capture = make_capture(seconds=0.5)
+    result = correct_from_motion(capture.sets, capture.rig, capture.skeleton, lambda sets: [])
+    assert not result.clocks.known.any() and len(result.sets) == len(capture.sets)
+    empty = correct_from_motion([], capture.rig, capture.skeleton, lambda sets: [])
+    assert empty.sets == [] and not empty.clocks.known.any()
+
+
+def test_views_that_are_missing_do_no_harm(make_capture):
+    capture = make_capture()
+    rng = np.random.default_rng(0)
+    sets = [
+        DetectionSet(s.index, s.stamp_ns, s.skeleton_hash, tuple(v for v in s.views if rng.random() < 0.7))
+        for s in capture.sets
+    ]
+    clocks = correct_from_motion(sets, capture.rig, capture.skeleton, lambda _: capture.tracked).clocks
+    error = clocks.offsets - capture.offsets
+    assert np.abs(error - error.mean()).max() < 1.5e-3
+
+
+def test_a_trusted_camera_that_the_rig_lacks_is_refused(make_capture):
+    capture = make_capture(seconds=0.2)
+    with pytest.raises(UsageError, match="nobody"):
+        found(capture, "nobody")
+
+
+def test_models_say_what_is_applied(moving):
+    capture, result = moving
+    clocks = result.clocks
+    for c, model in enumerate(clocks.models()):
+        assert model.device == capture.rig.names[c]
+        shift = model.offset_ns + model.residual_ns
+        assert shift == pytest.approx(1e9 * clocks.offsets[c] if clocks.applied[c] else 0.0, abs=1e-3)
+        assert np.sqrt(model.covariance[0, 0]) == pytest.approx(clocks.deviations[c])
+
+
+def test_unknown_clocks_correct_nothing(make_capture):
+    capture = make_capture(seconds=0.2)
+    clocks = CameraClocks.unknown(capture.rig.names, int(capture.ticks[0]))
+    assert all((v == 0.0).all() for v in clocks.corrections(capture.sets).values())

@@ -1,0 +1,21 @@
+"""The common shift, and biases of the detector."""
+import numpy as np
+import pytest
+
+from panoptic_ros.offsets.uncertainty import common_shift
+
+
+def test_most_cameras_that_agree_keep_their_stamps():
+    offsets = np.array([-0.06, -0.06, -0.0605, 0.1, 0.08])
+    assert common_shift(offsets, np.full(5, 1e-4)) == pytest.approx(-0.06017, abs=1e-5)
+
+
+def test_otherwise_the_mean_is_zero():
+    offsets = np.array([-0.05, -0.02, 0.01, 0.04, 0.07])
+    assert common_shift(offsets, np.full(5, 1e-4)) == pytest.approx(offsets.mean())
+
+
+def test_what_counts_as_agreement_grows_with_the_deviations():
+    offsets = np.array([0.0, 0.006, -0.004, 0.1, -0.1])
+    assert common_shift(offsets, np.full(5, 1e-4)) == pytest.approx(offsets.mean())
+    assert common_shift(offsets, np.full(5, 0.008)) == pytest.approx(0.002 / 3.0)
