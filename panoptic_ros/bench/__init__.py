@@ -7,5 +7,6 @@ inputs already in arrays, first call excluded. Benches only measure: tests never
 from __future__ import annotations
 
 BENCHES: dict[str, str] = {
+    "clocks": "stamps corrected by timecode against the truth: an hour of mixed rates, and what clocks do",
     "stage1": "voting, assembly, tracking and refinement beside named baselines: time, memory, accuracy",
 }

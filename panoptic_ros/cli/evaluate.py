@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.cli.evaluate_study import add_study_arguments, run_study
 from panoptic_ros.errors import DataError, UsageError, UserError
 from panoptic_ros.evaluation import (
     PCP_RULES,
@@ -28,8 +29,9 @@ from panoptic_ros.io.plain_formats import read_skeletons
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.add_argument("truth", type=Path, help="true skeletons (.json or .json.gz), or an annotation")
-    parser.add_argument("result", type=Path, help="estimated skeletons")
+    truth = "true skeletons (.json or .json.gz), or an annotation"
+    parser.add_argument("truth", type=Path, nargs="?", help=truth)
+    parser.add_argument("result", type=Path, nargs="?", help="estimated skeletons")
     parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="also draw the plots into DIR")
     parser.add_argument("--skip", type=int, default=0, metavar="N", help="leave out the first N truth frames")
@@ -46,10 +48,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             flag, action="append", default=[], metavar="SCORE=NUMBER",
             help=f"exit with 2 unless the score (as named by --json) is at {word} this; repeatable",
         )  # fmt: skip
+    add_study_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the scores; raises UserError (exit code 2) on bad input and on missed bars."""
+    if args.study is not None:
+        if args.truth is not None:
+            raise UsageError(f"--study {args.study} simulates its own truth; leave out {args.truth}")
+        return run_study(args)
+    if args.result is None:
+        raise UsageError("name the truth and the result: panoptic evaluate TRUTH RESULT, or --study NAME")
     if args.skip < 0:
         raise UsageError(f"--skip {args.skip} is negative")
     limits = [parse_limit(text) for text in args.minimum]

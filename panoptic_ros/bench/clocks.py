@@ -1,0 +1,246 @@
+"""How far corrected stamps are from the truth, over an hour and over what clocks do."""
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.clocks import ClocksConfig, ClocksStage
+from panoptic_ros.clocks.timeline import day_ns
+from panoptic_ros.domain import (
+    AudioBlock,
+    Camera,
+    DetectionSet,
+    FrameRate,
+    Rig,
+    SkeletonModel,
+    Timecode,
+    TimecodeReading,
+    ViewDetections,
+)
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.simulation.clocks import (
+    CameraFrame,
+    ClockWorld,
+    HearingDevice,
+    SimulatedCamera,
+    SimulatedClock,
+)
+from panoptic_ros.simulation.ltc_signal import encode_ltc
+from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.sync import SyncConfig, SyncStage
+from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+
+SECOND = 1_000_000_000
+PAL = FrameRate(25, Fraction(25))
+NTSC = FrameRate(30, Fraction(30000, 1001))
+SKELETON = SkeletonModel("dot", ("a", "b"), 0, ((0, 1),), 0)
+WRONG_S = 1e-3  # a stamp that is farther off counts as wrong
+
+
+@dataclass
+class Outcome:
+    """What the stages made of a world.
+
+    Args:
+        errors_s: of every view in a set: its stamp less its true master time.
+        ages_s: true time of these views.
+        sets: number of them; twice: frames that were used more than once.
+    """
+
+    errors_s: list[float] = field(default_factory=list)
+    ages_s: list[float] = field(default_factory=list)
+    cameras: list[str] = field(default_factory=list)
+    sets: int = 0
+    twice: int = 0
+    frames: int = 0
+    notices: list[Notice] = field(default_factory=list)
+
+
+def run_world(world: ClockWorld, deadline_s: float = 1.5) -> Outcome:
+    """Readings through clocks, models and frames through sync."""
+    outcome = Outcome()
+    truth: dict[tuple[str, int], int] = {}
+    used: set[tuple[str, int]] = set()
+    names = [camera.name for camera in world.cameras]
+    entries = tuple(f"{camera.name}={camera.device}" for camera in world.cameras)
+    clocks = ClocksStage(ClocksConfig())
+    sync = SyncStage(SyncConfig(deadline_s=deadline_s, clocks=entries), _context(names))
+
+    def keep(result: StepResult[DetectionSet]) -> None:
+        outcome.notices += result.notices
+        for item in result.outputs:
+            outcome.sets += 1
+            for view in item.views:
+                key = (view.camera, view.frame_number)
+                outcome.twice += key in used
+                used.add(key)
+                true_ns = truth.pop(key, None)
+                if true_ns is not None:
+                    outcome.errors_s.append((view.stamp_ns - world.master_ns(true_ns)) / SECOND)
+                    outcome.ages_s.append(true_ns / SECOND)
+                    outcome.cameras.append(view.camera)
+
+    for event in world.events():
+        if isinstance(event, CameraFrame):
+            outcome.frames += 1
+            truth[(event.camera, event.number)] = event.true_ns
+            keep(sync.step(_view(event)))
+            continue
+        result = clocks.step(event)
+        outcome.notices += result.notices
+        for model in result.outputs:
+            keep(sync.step(model))
+    keep(sync.flush())
+    return outcome
+
+
+def _context(names: list[str]) -> StageContext:
+    intrinsics = Intrinsics(np.array([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]]), np.zeros(5))
+    rig = Rig(tuple(Camera(name, (100, 100), intrinsics, Rigid.identity()) for name in names))
+    return StageContext(rig, SKELETON)
+
+
+def _view(frame: CameraFrame) -> ViewDetections:
+    return ViewDetections(
+        frame.camera, frame.stamp_ns, frame.number, (100, 100), SKELETON.hash,
+        np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros(0),
+    )  # fmt: skip
+
+
+def mixed_world(seconds: float, seed: int = 0) -> ClockWorld:
+    """Two 25 fps cameras on one host, two of 29.97 fps on clocks of their own, +-50 ppm."""
+    def clock(offset: int, drift: float) -> SimulatedClock:
+        return SimulatedClock(offset, drift, wander=1e-6)
+
+    devices = (
+        HearingDevice("host", clock(1_700_000_000 * SECOND, 50e-6), PAL),
+        HearingDevice("kinect1", clock(200_000 * SECOND, -50e-6), NTSC),
+        HearingDevice("kinect2", clock(77_000 * SECOND, 20e-6), NTSC, sample_rate=16_000.0, noise_s=1e-6),
+    )
+    cameras = (
+        SimulatedCamera("vga1", "host", Fraction(25), 0.003, 0.01),
+        SimulatedCamera("vga2", "host", Fraction(25), 0.003, 0.01),
+        SimulatedCamera("kinect1", "kinect1", Fraction(30000, 1001), 0.011, 0.01),
+        SimulatedCamera("kinect2", "kinect2", Fraction(30000, 1001), 0.027, 0.02),
+    )
+    return ClockWorld(devices, cameras, seconds, seed=seed)
+
+
+def events() -> dict[str, ClockWorld]:
+    """What clocks do, each at 20 s of a minute, in the mixed rig."""
+    calm = mixed_world(40.0)
+    host, one, two = calm.devices
+    midnight = replace(calm, first_s=86_400 - 20, devices=[replace(d, rate=PAL) for d in calm.devices])
+
+    def stepped(step: float) -> ClockWorld:
+        changed = replace(one, clock=replace(one.clock, steps=((20.0, step),)))
+        return replace(calm, devices=(host, changed, two))
+
+    swapped = {"kinect1": "kinect2", "kinect2": "kinect1"}
+    off = ((20.0, 26.0),)
+    return {
+        "nothing": calm,
+        "clock forward 0.41 s": stepped(0.41),
+        "clock back 0.41 s": stepped(-0.41),
+        "clock forward 1 h": stepped(3600.0),
+        "clock back 1 day": stepped(-86_400.0),
+        "device stops and resumes": replace(
+            calm, devices=(host, replace(one, silent=off), two),
+            cameras=[replace(c, off=off) if c.name == "kinect1" else c for c in calm.cameras],
+        ),
+        "timecode jumps by 10 s": replace(calm, jumps=((20.0, Fraction(10)),)),
+        "timecode jumps by -2 s": replace(calm, jumps=((20.0, Fraction(-2)),)),
+        "midnight": midnight,
+        "re-jam by 3 frames at midnight": replace(midnight, jumps=((20.0, Fraction(3, 25)),)),
+        "two devices swap": replace(calm, swap=(20.0, swapped)),
+        "0.1 s of audio lost": replace(calm, devices=(host, replace(one, silent=((20.0, 20.1),)), two)),
+    }  # fmt: skip
+
+
+def audio_error_s(seconds: float = 20.0) -> dict[str, float]:
+    """Real audio through the decoder: 25 and 29.97 fps at 20 dB, largest error of the models, s."""
+    worst: dict[str, float] = {}
+    for name, rate, ppm in (("25", PAL, 50.0), ("29.97", NTSC, -50.0)):
+        start = Timecode.from_frame_count(100_000, rate)
+        signal = encode_ltc(start, int(seconds * rate.exact), 48_000, lead=333.3)
+        rng = np.random.default_rng(1)
+        level = 0.1 * float(np.sqrt(np.mean(np.square(signal.samples))))
+        samples = (signal.samples + level * rng.standard_normal(len(signal.samples))).astype(np.float32)
+        timecode, clocks = TimecodeStage(TimecodeConfig()), ClocksStage(ClocksConfig())
+        errors = []
+        for first in range(0, len(samples), 1024):
+            stamp = SECOND + round(SECOND * first / 48_000 * (1 + 1e-6 * ppm))
+            block = AudioBlock("mic", stamp, first, 48_000, samples[first : first + 1024])
+            for reading in timecode.step(block).outputs:
+                for model in clocks.step(reading).outputs:
+                    at = model.until_ns
+                    sample = (at - SECOND) / SECOND * 48_000 / (1 + 1e-6 * ppm)
+                    true_s = (sample - 333.3) / 48_000
+                    master = model.master_from_device(at)[0] - day_ns(start)
+                    errors.append(master / SECOND - true_s)
+        worst[name] = float(np.abs(errors).max()) if errors else float("nan")
+    return worst
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the bench."""
+    parser.add_argument("--minutes", type=float, default=60.0, help="length of the long capture (default 60)")
+    parser.add_argument("--seed", type=int, default=0)
+
+
+def measure(args: argparse.Namespace) -> dict[str, Any]:
+    """An hour of mixed rates, all events, and real audio."""
+    return {
+        "minutes": args.minutes,
+        "mixed_rates": _row(run_world(mixed_world(60.0 * args.minutes, args.seed))),
+        "events": {name: _row(run_world(world)) for name, world in events().items()},
+        "audio_error_us": {rate: 1e6 * error for rate, error in audio_error_s().items()},
+    }
+
+
+def _row(outcome: Outcome) -> dict[str, Any]:
+    errors = np.abs(outcome.errors_s)
+    codes = [notice.code for notice in outcome.notices if notice.severity == "warning"]
+    told = {code: codes.count(code) for code in sorted(set(codes))}
+    return {
+        "sets": outcome.sets,
+        "frames": outcome.frames,
+        "used": len(errors),
+        "twice": outcome.twice,
+        "wrong": int((errors > WRONG_S).sum()),
+        "error_max_us": 1e6 * float(errors.max()),
+        "error_rms_us": 1e6 * float(np.sqrt(np.mean(np.square(errors)))),
+        "recovered_s": recovery_s(outcome),
+        "told": told,
+    }
+
+
+def recovery_s(outcome: Outcome, event_s: float = 20.0) -> float:
+    """From the event to where no camera has a gap of more than half a second any more, s."""
+    longest = 0.0
+    ages, cameras = np.array(outcome.ages_s), np.array(outcome.cameras)
+    for camera in set(outcome.cameras):
+        own = np.sort(ages[cameras == camera])
+        gaps = own[1:][(np.diff(own) > 0.5) & (own[1:] > event_s)]
+        longest = max(longest, float(gaps.max()) - event_s if len(gaps) else 0.0)
+    return longest
+
+
+def lines(result: dict[str, Any]) -> list[str]:
+    """The table."""
+    head = f"{'':32} {'sets':>7} {'frames':>7} {'unused':>7} {'twice':>5} {'wrong':>5} {'max us':>8} {'rms us':>8}"
+    rows = {f"25 and 29.97 fps, {result['minutes']:g} min": result["mixed_rates"], **result["events"]}
+    out = [head + "  told"]
+    for name, row in rows.items():
+        told = ", ".join(f"{code} {count}" for code, count in row["told"].items())
+        out.append(
+            f"{name:32} {row['sets']:7} {row['frames']:7} {row['frames'] - row['used']:7} {row['twice']:5} "
+            f"{row['wrong']:5} {row['error_max_us']:8.2f} {row['error_rms_us']:8.2f}  {told}"
+        )
+    for rate, error in result["audio_error_us"].items():
+        out.append(f"real audio, {rate} fps, 20 dB: largest error of the clock models {error:.2f} us")
+    return out

@@ -1,0 +1,150 @@
+"""`panoptic evaluate --study NAME`: how accuracy depends on the number and kind of cameras of a rig."""
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.cli.options import read_parameters
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation.studies.score import THRESHOLDS
+from panoptic_ros.io.files import write_json
+from panoptic_ros.io.rigs import read_rig
+
+STUDIES = ("cameras", "nodes", "resolution")
+EVERY = 10_000  # cameras: all
+MODEL = "movenet-multipose"
+
+
+def add_study_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options that only studies have."""
+    group = parser.add_argument_group("studies, in place of TRUTH and RESULT")
+    group.add_argument(
+        "--study", choices=STUDIES,
+        help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
+        "VGA and QVGA images",
+    )  # fmt: skip
+    group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
+    group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
+    group.add_argument("--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5)")
+    group.add_argument(
+        "--cameras", default="480,240,160,80,40,20,10", metavar="N,N", help="default 480,240,...,10"
+    )
+    group.add_argument(
+        "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution: 5)"
+    )
+    group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
+    group.add_argument(
+        "--noise", type=float, default=0.012, metavar="SHARE",
+        help="standard deviation of 2D joints, a share of the diagonal of the person's box (default 0.012)",
+    )  # fmt: skip
+    group.add_argument(
+        "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
+        help="a parameter of voting or assembly",
+    )  # fmt: skip
+
+
+def run_study(args: argparse.Namespace) -> int:
+    """Simulate, solve, score, print a table, write the plot and the numbers."""
+    if args.rig is None or args.out is None:
+        raise UsageError(f"--study {args.study} needs --rig FILE and --out DIR")
+    if not 0.0 < args.noise < 0.1:
+        raise UsageError(f"--noise {args.noise} is no share of a person's size; write e.g. 0.012")
+    args.config = None
+    settings = read_parameters(args)
+    result = _resolution(args, settings) if args.study == "resolution" else _cameras(args, settings)
+    _tell("")
+    path = args.out / f"{args.study}.json"
+    write_json(path, result)
+    _plot(args.out / f"{args.study}.png", result)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(table(result["rows"])))
+    if not args.json:
+        print(f"\n{path} and {args.study}.png were written")
+    return 0
+
+
+def _cameras(args: argparse.Namespace, settings: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    from panoptic_ros.bench.studies.cameras import study_cameras
+
+    nodes = args.study == "nodes"
+    counts = (EVERY,) if nodes else _numbers(args.cameras, "--cameras")
+    people = _numbers(args.people or "2,3,4,5,6,7", "--people")
+    result = study_cameras(
+        _of_type(args.rig, "vga"), people, counts, args.frames or 12, args.seed, args.noise, settings, _tell
+    )
+    return result | {"study": args.study}
+
+
+def _resolution(args: argparse.Namespace, settings: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    from panoptic_ros.bench.studies.resolution import study_resolution
+
+    hd, vga = read_rig(args.rig, types=("hd",)), read_rig(args.rig, types=("vga",))
+    cameras = 19 if args.cameras.startswith("480") else _numbers(args.cameras, "--cameras")[0]
+    people = _numbers(args.people or "2,5", "--people")
+    return study_resolution(hd, vga, cameras, people, args.frames or 5, args.seed, MODEL, settings, _tell)
+
+
+def _of_type(path: Path, kind: str) -> Rig:
+    """The cameras of a type, for files that know types; else all."""
+    try:
+        return read_rig(path, types=(kind,))
+    except UsageError:
+        return read_rig(path)
+
+
+def table(rows: list[dict[str, Any]]) -> list[str]:
+    """One line per number of people and kind of cameras; at the end all people together."""
+    out = [
+        "people  cameras          nodes  outliers  missed  ghosts  node acc.  skel. acc.  median mm"
+        "  PCK 1 cm   2 cm   5 cm"
+    ]
+    for row in rows:
+        curve = [row["pck"][int((THRESHOLDS < limit - 1e-9).sum())] for limit in (0.01, 0.02, 0.05)]
+        kind = "" if row["kind"] == "given" else row["kind"]
+        out.append(
+            f"{row['people']:>6}  {row['cameras']:>7} {kind:<4} {row['nodes']:>9}  {row['outlier_nodes']:>8}"
+            f"  {row['missed_nodes']:>6}  {row['ghosts']:>6}  {100 * row['node_accuracy']:>7.2f} %"
+            f"  {100 * row['skeleton_accuracy']:>8.2f} %  {row['median_mm']:>9.1f}"
+            f"  {curve[0]:>8.3f}  {curve[1]:.3f}  {curve[2]:.3f}"
+        )
+    kinds = list(dict.fromkeys((row["cameras"], row["kind"]) for row in rows))
+    if len({row["people"] for row in rows}) > 1:
+        out.append("")
+        for kind in kinds:
+            mine = [row for row in rows if (row["cameras"], row["kind"]) == kind]
+            nodes, skeletons = (sum(row[key] for row in mine) for key in ("nodes", "skeletons"))
+            wrong = sum(row["outlier_nodes"] + row["missed_nodes"] for row in mine)
+            right = sum(row["skeletons"] * row["skeleton_accuracy"] for row in mine)
+            name = f"{kind[0]} {'cameras' if kind[1] == 'given' else kind[1]}"
+            out.append(
+                f"{name:>16}: {skeletons} skeletons, {nodes} nodes, {wrong} outliers or missed: accuracy of "
+                f"nodes {100 * (1 - wrong / nodes):.2f} %, of skeletons {100 * right / skeletons:.2f} %"
+            )
+    return out
+
+
+def _plot(path: Path, result: dict[str, Any]) -> None:
+    from panoptic_ros.view.study_plots import write_study_plot  # matplotlib is slow to load
+
+    what = "rendered images, default detector" if result["study"] == "resolution" else (
+        f"simulated detector, noise {100 * result['noise_share']:g} % of the person's size"
+    )
+    write_study_plot(path, result["rows"], f"PCK, {what}")
+
+
+def _tell(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+
+
+def _numbers(text: str, option: str) -> tuple[int, ...]:
+    try:
+        numbers = tuple(int(word) for word in text.split(","))
+    except ValueError:
+        numbers = (0,)
+    if min(numbers) < 1:
+        raise UsageError(f"{option} {text!r} is no list of whole numbers from 1, e.g. 2,5,7")
+    return numbers

@@ -1,0 +1,75 @@
+"""PCK over all joints of all people, and the accuracy of nodes and skeletons."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.evaluation.joint_scores import ratio
+from panoptic_ros.evaluation.pairing import FramePair
+
+Array = np.ndarray
+THRESHOLDS = np.linspace(0.0, 0.10, 101)  # m, of the curve
+OUTLIER = 0.05  # m, from which on a node is an outlier: about the radius of a limb
+
+
+@dataclass(frozen=True)
+class StudyScore:
+    """Accuracy of one set of cameras.
+
+    Args:
+        skeletons, nodes: true people and joints of all frames.
+        outlier_nodes: farther than `outlier_m` from the truth; missed_nodes: not there at all.
+        ghosts: people of the result who are nobody's.
+        node_accuracy: share of the nodes that are neither outliers nor missed (Table 3 counts both).
+        skeleton_accuracy: share of the people without any such node.
+        median_mm: error of the nodes that are there.
+        pck: share of all nodes within each of `THRESHOLDS`.
+    """
+
+    skeletons: int
+    nodes: int
+    outlier_nodes: int
+    missed_nodes: int
+    ghosts: int
+    node_accuracy: float
+    skeleton_accuracy: float
+    median_mm: float
+    pck: tuple[float, ...]
+    outlier_m: float = OUTLIER
+
+    def pck_at(self, distance: float) -> float:
+        """PCK at a distance in m, up to the end of the curve."""
+        return float(np.interp(distance, THRESHOLDS, self.pck))
+
+    def to_mapping(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self) | {"pck_thresholds_m": THRESHOLDS.round(4).tolist()}
+
+
+def score_study(
+    pairs: Sequence[FramePair], joints: Sequence[int], outlier_m: float = OUTLIER
+) -> StudyScore:
+    """The score over frames, on some of the joints (column indices)."""
+    columns = list(joints)
+    rows = [np.zeros((0, len(columns)))]
+    ghosts = 0
+    for pair in pairs:
+        errors = np.full((len(pair.truth), pair.truth.shape[1]), np.inf)
+        errors[pair.matches[:, 0]] = np.where(np.isnan(pair.distances), np.inf, pair.distances)
+        rows.append(errors[:, columns])
+        ghosts += len(pair.result) - len(pair.matches)
+    errors = np.concatenate(rows)
+    there = np.isfinite(errors)
+    right = errors <= outlier_m
+    curve = [ratio(int((errors <= limit).sum()), errors.size) for limit in THRESHOLDS]
+    return StudyScore(
+        skeletons=len(errors), nodes=errors.size, outlier_nodes=int((there & ~right).sum()),
+        missed_nodes=int((~there).sum()), ghosts=ghosts,
+        node_accuracy=ratio(int(right.sum()), errors.size),
+        skeleton_accuracy=ratio(int(right.all(axis=1).sum()), len(errors)),
+        median_mm=1e3 * float(np.median(errors[there])) if there.any() else float("nan"),
+        pck=tuple(curve), outlier_m=outlier_m,
+    )  # fmt: skip

@@ -1,0 +1,57 @@
+"""Plots of the studies: PCK against distance, one panel per number of people."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from panoptic_ros.io.files import atomic_path
+
+END_CM = 6.0  # of the curves
+COLUMNS = 3
+DASHES = {"HD": "C3", "VGA": "C0", "QVGA": "C2"}
+
+
+def write_study_plot(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
+    """Draw the PCK curves of all rows as PNG.
+
+    Raises:
+        EnvironmentProblem: if the file cannot be written.
+    """
+    people = sorted({row["people"] for row in rows})
+    columns = min(COLUMNS, len(people))
+    lines = -(-len(people) // columns)
+    figure = Figure(figsize=(0.6 + 3.6 * columns, 0.7 + 3.0 * lines), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.ravel()[len(people) :]:
+        axes.set_axis_off()
+    for number, axes in zip(people, grid.ravel()):
+        _panel(axes, [row for row in rows if row["people"] == number], number)
+    grid[0, 0].legend(fontsize="small", loc="lower right")
+    figure.suptitle(title, fontsize="medium")
+    figure.supxlabel("distance from the truth [cm]", fontsize="medium")
+    figure.supylabel("share of all joints (PCK)", fontsize="medium")
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary)
+
+
+def _panel(axes: Axes, rows: list[Mapping[str, Any]], people: int) -> None:
+    counts = sorted({row["cameras"] for row in rows if row["kind"] == "given"})
+    shades = dict(zip(counts, colormaps["viridis"](np.linspace(0.92, 0.0, max(len(counts), 1)))))
+    for row in rows:
+        given = row["kind"] == "given"
+        axes.plot(
+            100.0 * np.array(row["pck_thresholds_m"]), row["pck"],
+            color=shades[row["cameras"]] if given else DASHES[row["kind"]],
+            linestyle="-" if given else "--",
+            label=f"{row['cameras']} cameras" if given else f"{row['cameras']} {row['kind']}",
+        )  # fmt: skip
+    axes.set(title=f"{people} people", xlim=(0.0, END_CM), ylim=(0.0, 1.02))
+    axes.grid(alpha=0.3)

@@ -1,0 +1,62 @@
+"""The studies run from end to end on a small studio; more cameras are better."""
+import json
+
+import numpy as np
+import pytest
+
+from panoptic_ros.bench.studies.cameras import study_cameras
+from panoptic_ros.bench.studies.solving import SCORED
+from panoptic_ros.cli.evaluate_study import table
+from panoptic_ros.cli.main import main
+from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.simulation import PanelDome
+from panoptic_ros.view.study_plots import write_study_plot
+
+RIG = PanelDome(2).build(np.random.default_rng(0))
+
+
+def test_more_cameras_are_better_and_people_can_be_compared(tmp_path):
+    told = []
+    found = study_cameras(RIG, [2, 3], [500, 8], 4, 0, 0.012, {}, told.append)
+    rows = {(row["people"], row["cameras"]): row for row in found["rows"]}
+    assert set(rows) == {(2, 40), (2, 8), (3, 40), (3, 8)} and told
+    for people in (2, 3):
+        many, few = rows[people, 40], rows[people, 8]
+        assert many["nodes"] == few["nodes"] == 4 * people * len(SCORED)
+        assert many["median_mm"] < few["median_mm"] and many["node_accuracy"] > 0.97
+    text = "\n".join(table(json.loads(json.dumps(found["rows"]))))
+    assert "40 cameras: 20 skeletons, 300 nodes" in text
+    write_study_plot(tmp_path / "plot.png", found["rows"], "title")
+    assert (tmp_path / "plot.png").stat().st_size > 10_000
+
+
+def test_the_command_writes_numbers_and_a_plot(tmp_path, capsys):
+    write_rig(tmp_path / "rig.json", RIG.subset(RIG.names[::4]))
+    options = ["--rig", str(tmp_path / "rig.json"), "--out", str(tmp_path / "out"), "--people", "2"]
+    assert main(["evaluate", "--study", "nodes", *options, "--frames", "2"]) == 0
+    assert "node acc." in capsys.readouterr().out
+    document = json.loads((tmp_path / "out" / "nodes.json").read_text())
+    assert document["study"] == "nodes" and document["rows"][0]["cameras"] == 10
+    assert (tmp_path / "out" / "nodes.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--study", "cameras"], "needs --rig FILE and --out DIR"),
+        (["truth.json", "--study", "cameras"], "leave out truth.json"),
+        (["--study", "cameras", "--rig", "r", "--out", "o", "--noise", "2"], "no share"),
+        ([], "name the truth and the result"),
+        (["--study", "stars"], "invalid choice"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(options, told, capsys):
+    assert main(["evaluate", *options]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_list_that_is_none_is_told(tmp_path, capsys):
+    write_rig(tmp_path / "rig.json", RIG)
+    options = ["--rig", str(tmp_path / "rig.json"), "--out", str(tmp_path), "--people", "0,2"]
+    assert main(["evaluate", "--study", "cameras", *options]) == 2
+    assert "--people '0,2' is no list" in capsys.readouterr().err
