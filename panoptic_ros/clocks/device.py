@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Literal
 
 import numpy as np
@@ -10,13 +11,14 @@ import numpy as np
 from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.clocks.estimate import Point, estimate
 from panoptic_ros.clocks.timeline import SECOND, Timeline
-from panoptic_ros.domain import ClockModel, Timecode, TimecodeReading
+from panoptic_ros.domain import ClockModel, FrameRate, Timecode, TimecodeReading
 from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.stage import Notice
 
 LEAST_TOLERANCE = 2e-4  # s
 NOISE_FACTOR = 8.0
 UNKNOWN_DRIFT = 3e-4  # of a clock that nobody has measured
+FRAME_SHARE = 0.1  # of a frame, at most, between a jump and whole frames
 FEW_POINTS = 20  # too few to tell how much stamps scatter
 NOISY_WORDS = 12  # consecutive readings off the line, on no line of their own
 Cause = Literal["clock", "timecode"]
@@ -50,7 +52,7 @@ class DeviceClock:
         self._noise: float | None = None
         self._usual_noise = 0.0
         self._one_way = config.stamps == "one-way"
-        self._rate: object = None
+        self._rate: FrameRate | None = None
         self._start()
 
     def _start(self, points: list[Point] | None = None) -> None:
@@ -171,7 +173,7 @@ class DeviceClock:
     def _jump(self, strays: list[Point], tolerance: float) -> tuple[Notice, ...]:
         """Several readings agree on another line."""
         misses = sorted(stray.master_ns - (self._expect(stray.device_ns)[0] or 0) for stray in strays)
-        jump = misses[len(misses) // 2]
+        jump = self._whole_frames(misses[len(misses) // 2], tolerance)
         cause = self._cause(strays[0], jump, tolerance)
         values = {"device": self._name, "step_s": jump / SECOND, "cause": cause}
         if cause == "timecode":
@@ -187,6 +189,13 @@ class DeviceClock:
         self._noise = None
         text = f"timecode against the clock of {self._name} jumped by {jump / SECOND:+.4g} s"
         return (Notice("clocks.jump", "warning", text, values),)
+
+    def _whole_frames(self, jump: int, tolerance: float) -> int:
+        """The jump as whole frames, if it is so many: generators are set by frames, devices agree exactly."""
+        rate = self._rate.exact if self._rate is not None else Fraction(1)
+        whole = round(round(Fraction(jump, SECOND) * rate) * SECOND / rate)
+        near = min(tolerance, FRAME_SHARE / float(rate)) * SECOND
+        return whole if abs(whole - jump) <= near else jump
 
     def _cause(self, stray: Point, jump: int, tolerance: float) -> Cause:
         """Samples count on with the stamps: then the labels have jumped."""

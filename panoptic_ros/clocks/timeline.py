@@ -8,7 +8,7 @@ from panoptic_ros.domain import Timecode
 SECOND = 1_000_000_000
 SAME_GENERATOR_NS = 10 * SECOND  # devices whose timecodes are so near are taken to hear the same one
 SILENT_NS = 3 * SECOND
-SAME_JUMP_NS = 5 * SECOND // 1000  # two devices heard the same jump if they agree so well
+SAME_JUMP_NS = 100_000  # two devices heard the same jump if they agree so well
 
 
 def day_ns(timecode: Timecode) -> int:

@@ -107,7 +107,7 @@ class StampCorrection:
         back = (camera.newest - view.stamp_ns) / SECOND if camera.newest is not None else 0.0
         if back > 0.0 and not camera.held and not camera.told:
             text = f"stamps of camera {view.camera} went back by {back:.4g} s; frames wait for its model"
-            notices.append(Notice("sync.clock_jump", "warning", text, {"camera": view.camera}))
+            notices.append(Notice("sync.clock_odd", "info", text, {"camera": view.camera}))
             camera.told = True
         camera.held.append(view)
         if len(camera.held) > HELD:

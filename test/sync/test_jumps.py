@@ -88,7 +88,7 @@ def test_a_camera_whose_clock_jumps_waits_for_its_next_line(bench, live, step):
     frames, _, warnings = groups(bench, sync, items)
     assert all(len(set(f.values())) == 1 for f in frames)
     assert len(frames) == 180 and sum("b" in f for f in frames) == 180
-    assert warnings == (["sync.clock_jump"] if step < 0 else [])
+    assert warnings == []  # the clocks stage tells
 
 
 def _model(camera, offset, until, segment):
@@ -141,4 +141,4 @@ def test_a_swap_of_two_cameras(bench):
             items.append(bench.view(c, true_ns + offsets[swapped[c] if after else c], k))
     frames, _, warnings = groups(bench, bench.stage(clocks=("a=a", "b=b", "c=c")), items)
     assert all(len(set(f.values())) == 1 for f in frames) and sum(len(f) for f in frames) == 540
-    assert warnings.count("sync.clock_jump") <= 1
+    assert warnings == []
