@@ -1,40 +1,92 @@
-"""Joints moved to the votes of the score maps, where the detections carry maps.
+"""Joints at the votes of the score maps, where the detections carry maps.
 
-A pose net's joint is the best cell of one view. The maps hold more: the soft vote of all views about a
-node (voting, `refine_nodes`) weighs every cell, and lies 5 to 15 % closer to the joint. Joints that no
-map shows keep their triangulated position.
+A pose net's joint is the best cell of one view, and that cell may be another person's wrist, or the wrist of
+the other side. The maps hold more: the soft vote of all views about a node (voting, `refine_nodes`) weighs
+every cell and lies 5 to 15 % closer to the joint; and where the views' 2D people disagree, a node with
+many votes close to where the joint should be is the better choice. Joints that no map shows keep their
+triangulated position.
 """
 from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from panoptic_ros.domain import ProposalSet
+from panoptic_ros.domain import ProposalSet, SkeletonModel
 
 Array = np.ndarray
 
+CHOICE_SIGMA = 0.07  # m, by which joints differ from where they should be
+FARTHEST = 0.6  # m, no node beyond is looked at
+WORST_DISTANCE = 3.0  # half squared deviation beyond which distance says no more
+OWN_VOTE = 0.1  # of a triangulated joint without a node
+NODE_VIEWS = 2  # that support a node
+BONE_SIGMA, BONE_SHARE = 0.03, 0.1  # m and share of the length, by which the sides differ
+WORST_BONE = 36.0  # squared deviation beyond which a bone says no more
+_NEVER = 1e3
 
-def moved_to_votes(positions: Array, item: ProposalSet, gate: float) -> Array:
-    """Positions (P, J, 3) m with each joint at its own node, if there is one within the gate.
 
-    A node belongs to one person; the sum of distances is least.
+def chosen_nodes(
+    positions: Array, expected: Array, item: ProposalSet, gate: float, skeleton: SkeletonModel
+) -> Array:
+    """The node (P, J) of each joint, -1 = none: it stays where it was triangulated.
+
+    Votes against distance from where the joint should be (truncated: people move) and against bones that
+    differ from those of the other side: log(vote) - d^2 / (2 sigma^2) - b^2 / 2 is to be most in sum over
+    the people, and a node belongs to one person. Where nothing is expected, the joint should be where it
+    was triangulated.
 
     Args:
-        positions: NaN = missing; these stay missing.
-        gate: m, farthest that a joint is moved.
+        positions: (P, J, 3) m, as triangulated; missing joints (NaN) get no node.
+        expected: (P, J, 3) m, NaN = no idea.
+        gate: m, nodes so near to the triangulated joint need no second view.
     """
-    if not len(item.nodes):
-        return positions
-    mapped = _mapped_joints(item)
-    result = positions.copy()
-    for joint in np.intersect1d(np.unique(item.node_joints), mapped):
-        nodes = item.nodes[item.node_joints == joint]
-        distances = np.linalg.norm(positions[:, joint, None] - nodes[None], axis=-1)  # (P, N)
-        cost = np.where(distances <= gate, distances, 10.0 * gate)  # False for NaN
-        people, chosen = linear_sum_assignment(cost)
-        near = cost[people, chosen] <= gate
-        result[people[near], joint] = nodes[chosen[near]]
-    return result
+    chosen = np.full(positions.shape[:2], -1, np.int64)
+    if not len(item.nodes) or not len(positions):
+        return chosen
+    for joint in np.intersect1d(np.unique(item.node_joints), _mapped_joints(item)):
+        nodes = np.flatnonzero((item.node_joints == joint) & (item.node_scores > 0.0))
+        here, there = positions[:, joint], expected[:, joint]
+        guided = np.isfinite(there[:, 0])
+        there = np.where(guided[:, None], there, here)
+        away = np.linalg.norm(item.nodes[nodes] - there[:, None], axis=-1)  # (P, N)
+        moved = np.linalg.norm(item.nodes[nodes] - here[:, None], axis=-1)
+        places = np.concatenate([np.tile(item.nodes[nodes], (len(here), 1, 1)), here[:, None]], axis=1)
+        strange = bone_differences(places, positions, int(joint), skeleton)
+        cost = _cost(away, item.node_scores[nodes]) + strange[:, :-1]
+        strong = item.node_views[nodes] >= NODE_VIEWS
+        cost[~((moved <= gate) | (strong & (away <= FARTHEST)))] = _NEVER  # NaN are not within
+        own = np.full((len(here), len(here)), _NEVER)
+        np.fill_diagonal(own, _cost(np.nan_to_num(np.linalg.norm(here - there, axis=-1)), OWN_VOTE) + strange[:, -1])
+        people, columns = linear_sum_assignment(np.concatenate([cost, own], axis=1))
+        taken = (columns < len(nodes)) & np.isfinite(here[people, 0])
+        chosen[people[taken], joint] = nodes[columns[taken]]
+    return chosen
+
+
+def bone_differences(places: Array, positions: Array, joint: int, skeleton: SkeletonModel) -> Array:
+    """Half squared deviations (P, N) of the bones of a joint from those of the other side, summed.
+
+    Args:
+        places: (P, N, 3) m, where the joint could be. positions: (P, J, 3) m, all others; NaN = missing.
+    """
+    mirror = skeleton.mirror
+    total = np.zeros(places.shape[:2])
+    for bone in skeleton.bones:
+        if joint not in bone:
+            continue
+        end = bone[1] if bone[0] == joint else bone[0]
+        if mirror[end] == end and mirror[joint] == joint:
+            continue
+        length = np.linalg.norm(places - positions[:, None, end], axis=-1)
+        start = places if mirror[joint] == joint else positions[:, None, mirror[joint]]
+        other = np.linalg.norm(start - positions[:, None, mirror[end]], axis=-1)
+        sigmas = (length - other) / (BONE_SIGMA + BONE_SHARE * np.minimum(length, other))
+        total += 0.5 * np.minimum(np.nan_to_num(sigmas) ** 2, WORST_BONE)
+    return total
+
+
+def _cost(distance: Array, vote: Array | float) -> Array:
+    return np.minimum(0.5 * (distance / CHOICE_SIGMA) ** 2, WORST_DISTANCE) - np.log(vote)
 
 
 def _mapped_joints(item: ProposalSet) -> Array:

@@ -13,7 +13,7 @@ from panoptic_ros.assembly.judgement import (
     possible_people,
     second_skeletons,
 )
-from panoptic_ros.assembly.map_votes import moved_to_votes
+from panoptic_ros.assembly.map_votes import chosen_nodes
 from panoptic_ros.assembly.nodes import has_maps, take_nodes
 from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.consensus.grouping import Scene
@@ -79,7 +79,7 @@ def finish(
     if config.node_distance > 0.0 and has_maps(item):
         _use_nodes(item, expected, positions, covariances, scores, views, config)
     if config.vote_distance > 0.0:
-        positions = moved_to_votes(positions, item, config.vote_distance)
+        _move_to_votes(item, expected, positions, covariances, scores, views, skeleton, config)
     _derive(positions, covariances, scores, views, skeleton)
     possible = possible_people(
         positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest
@@ -123,6 +123,21 @@ def _use_nodes(
     p, j = np.nonzero(chosen >= 0)
     nodes = chosen[p, j]
     positions[p, j], covariances[p, j] = item.nodes[nodes], config.node_sigma**2 * np.eye(3)
+    scores[p, j], views[p, j] = item.node_scores[nodes], item.node_views[nodes]
+
+
+def _move_to_votes(
+    item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
+    skeleton: SkeletonModel, config: AssemblyConfig,
+) -> None:  # fmt: skip
+    """Put joints at the votes of the maps, in place; one that moves far is the node and no more itself."""
+    chosen = chosen_nodes(positions, expected, item, config.vote_distance, skeleton)
+    p, j = np.nonzero(chosen >= 0)
+    nodes = chosen[p, j]
+    far = np.linalg.norm(item.nodes[nodes] - positions[p, j], axis=-1) > config.vote_distance
+    positions[p, j] = item.nodes[nodes]
+    p, j, nodes = p[far], j[far], nodes[far]
+    covariances[p, j] = config.node_sigma**2 * np.eye(3)
     scores[p, j], views[p, j] = item.node_scores[nodes], item.node_views[nodes]
 
 

@@ -11,7 +11,7 @@ from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.evaluation import pair_sequences
 from panoptic_ros.evaluation.bias import Benefit, leave_one_out, matched_people, measure_offsets
 from panoptic_ros.io.biases import torso_of, write_bias_table
-from panoptic_ros.io.skeletons import shared_names
+from panoptic_ros.io.skeletons import in_vocabulary
 
 Array = np.ndarray
 
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     kept = people.rows(~np.isin(people.ids, args.leave_out))
     if not len(kept.ids):
         raise UsageError("--leave-out leaves nobody to measure on")
-    torso, words = torso_of(truth.joint_names, str(args.truth)), shared_names(truth.joint_names)
+    torso, words = torso_of(truth.joint_names, str(args.truth)), in_vocabulary(truth.joint_names)
     mirror = np.array([_other_side(word, words) for word in words])
     offsets = measure_offsets(kept, torso, mirror)
     rows = {w: o for w, o in zip(words, offsets) if not w.startswith("right_") and np.isfinite(o).all()}

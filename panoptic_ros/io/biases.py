@@ -16,7 +16,7 @@ from panoptic_ros.domain import BiasTable, SkeletonModel
 from panoptic_ros.errors import ConfigError
 from panoptic_ros.io.files import read_yaml, write_bytes
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.io.skeletons import shared_names
+from panoptic_ros.io.skeletons import in_vocabulary
 
 Array = np.ndarray
 FORMAT = "panoptic-biases-1"
@@ -50,7 +50,7 @@ def read_bias_table(name_or_path: str, skeleton: SkeletonModel) -> BiasTable:
                 f"unknown bias table {name_or_path!r}; there are {known}, or the path of a YAML file"
             )
     entries = _entries(read_yaml(path), path)
-    words = shared_names(skeleton.joint_names)
+    words = in_vocabulary(skeleton.joint_names)
     offsets = np.array([offset_of(word, entries) for word in words])
     for joint, sources in skeleton.derived:
         offsets[joint] = offsets[list(sources)].mean(axis=0)
@@ -70,7 +70,7 @@ def torso_of(joint_names: Sequence[str], owner: str) -> tuple[int, int, int, int
     Raises:
         ConfigError: if there is one of them missing.
     """
-    words = shared_names(joint_names)
+    words = in_vocabulary(joint_names)
     for word in TORSO:
         if word not in words:
             raise ConfigError(f"{owner} has no {word}, so no torso frame for a bias table")

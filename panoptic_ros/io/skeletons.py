@@ -79,7 +79,7 @@ def skeleton_of(joint_names: Sequence[str]) -> str | None:
     return None
 
 
-def shared_names(joint_names: Sequence[str]) -> tuple[str, ...]:
+def in_vocabulary(joint_names: Sequence[str]) -> tuple[str, ...]:
     """Joint names in the vocabulary that all skeletons share; unknown ones as they are."""
     vocabulary = _vocabulary()
     return tuple(vocabulary.get(joint, joint) for joint in joint_names)
