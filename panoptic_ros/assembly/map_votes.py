@@ -55,8 +55,9 @@ def chosen_nodes(
         cost = _cost(away, item.node_scores[nodes]) + strange[:, :-1]
         strong = item.node_views[nodes] >= NODE_VIEWS
         cost[~((moved <= gate) | (strong & (away <= FARTHEST)))] = _NEVER  # NaN are not within
+        stay = _cost(np.nan_to_num(np.linalg.norm(here - there, axis=-1)), OWN_VOTE) + strange[:, -1]
         own = np.full((len(here), len(here)), _NEVER)
-        np.fill_diagonal(own, _cost(np.nan_to_num(np.linalg.norm(here - there, axis=-1)), OWN_VOTE) + strange[:, -1])
+        np.fill_diagonal(own, stay)
         people, columns = linear_sum_assignment(np.concatenate([cost, own], axis=1))
         taken = (columns < len(nodes)) & np.isfinite(here[people, 0])
         chosen[people[taken], joint] = nodes[columns[taken]]

@@ -1,10 +1,12 @@
-"""Joints go to the votes of maps, one person each, and nowhere else."""
+"""Joints go to the votes of maps, one person each, and to plausible ones only."""
 import numpy as np
 
-from panoptic_ros.assembly.map_votes import moved_to_votes
-from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps, ViewDetections
+from panoptic_ros.assembly.map_votes import bone_differences, chosen_nodes
+from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps, SkeletonModel, ViewDetections
 
 HASH = "cafe0123"
+PAIR = SkeletonModel("pair", ("neck", "nose"), 0, ((0, 1),), 1)
+ARMS = SkeletonModel("arms", ("neck", "left", "right"), 0, ((0, 1), (0, 2)), 0, ((1, 2),))
 
 
 def view(camera, joints):
@@ -15,36 +17,58 @@ def view(camera, joints):
     return ViewDetections(camera, 0, 0, (32, 32), HASH, np.zeros((0, 2, 2)), np.zeros((0, 2)), [], maps)
 
 
-def proposals(nodes, joints, views):
+def proposals(nodes, joints, shown=(0,), votes=None, cameras="ab"):
     count = len(nodes)
+    votes = np.full(count, 0.5) if votes is None else votes
     return ProposalSet(
-        DetectionSet(0, 0, HASH, tuple(views)), np.reshape(nodes, (-1, 3)), joints, np.full(count, 0.5),
-        np.full(count, 2), np.zeros((0, 2)), [], [],
+        DetectionSet(0, 0, HASH, tuple(view(camera, list(shown)) for camera in cameras)),
+        np.reshape(nodes, (-1, 3)), joints, votes, np.full(count, 2), np.zeros((0, 2)), [], [],
     )  # fmt: skip
 
 
-BOTH = [view("a", [0]), view("b", [0])]
+def choose(positions, item, expected=None, skeleton=PAIR):
+    positions = np.array(positions, float)
+    expected = np.full_like(positions, np.nan) if expected is None else np.array(expected, float)
+    return chosen_nodes(positions, expected, item, 0.08, skeleton).tolist()
 
 
-def test_joint_goes_to_the_node_within_the_gate():
-    positions = np.array([[[0.0, 0, 1], [0.5, 0, 1]]])
-    item = proposals([[0.03, 0, 1], [0.53, 0, 1]], [0, 1], BOTH)
-    moved = moved_to_votes(positions, item, 0.08)
-    assert moved[0, 0].tolist() == [0.03, 0, 1]
-    assert moved[0, 1].tolist() == [0.5, 0, 1]  # no map shows joint 1
-    assert positions[0, 0, 0] == 0.0
+def test_joint_goes_to_the_node_beside_it():
+    item = proposals([[0.03, 0, 1], [0.53, 0, 1]], [0, 1])
+    assert choose([[[0.0, 0, 1], [0.5, 0, 1]]], item) == [[0, -1]]  # no map shows joint 1
 
 
 def test_far_nodes_missing_joints_and_single_maps_change_nothing():
-    positions = np.array([[[0.0, 0, 1], [np.nan] * 3]])
-    assert np.array_equal(
-        moved_to_votes(positions, proposals([[0.2, 0, 1]], [0], BOTH), 0.08), positions, equal_nan=True
-    )
-    one = proposals([[0.02, 0, 1]], [0], [view("a", [0]), view("b", [1])])
-    assert np.array_equal(moved_to_votes(positions, one, 0.08), positions, equal_nan=True)
+    people = [[[0.0, 0, 1], [np.nan] * 3]]
+    assert choose(people, proposals([[0.7, 0, 1]], [0])) == [[-1, -1]]
+    assert choose(people, proposals([[0.02, 0, 1]], [0], cameras="a")) == [[-1, -1]]
+    assert choose(people, proposals([[0.02, 0, 1]], [1], shown=[1]), expected=[[[0, 0, 1]] * 2]) == [[-1, -1]]
+    assert choose(np.empty((0, 2, 3)), proposals([[0.02, 0, 1]], [0])) == []
 
 
 def test_one_node_serves_one_person():
-    positions = np.array([[[0.0, 0, 1], [0, 0, 0]], [[0.06, 0, 1], [0, 0, 0]]])
-    moved = moved_to_votes(positions, proposals([[0.05, 0, 1]], [0], BOTH), 0.08)
-    assert moved[:, 0, 0].tolist() == [0.0, 0.05]
+    people = [[[0.0, 0, 1], [0, 0, 0]], [[0.06, 0, 1], [0, 0, 0]]]
+    assert choose(people, proposals([[0.05, 0, 1]], [0])) == [[-1, -1], [0, -1]]
+
+
+def test_the_node_where_the_joint_should_be_beats_the_one_where_views_put_it():
+    people, expected = [[[0.4, 0, 1], [0, 0, 0]]], [[[0.02, 0, 1], [0, 0, 0]]]
+    item = proposals([[0.4, 0, 1], [0.0, 0, 1]], [0, 0], votes=[0.3, 0.5])
+    assert choose(people, item, expected) == [[1, -1]]
+    assert choose(people, item) == [[0, -1]]  # without guidance the views decide
+
+
+def test_a_bone_unlike_that_of_the_other_side_is_not_believed():
+    people = [[[0.0, 0, 1], [0.3, 0, 1], [-0.8, 0, 1]]]  # the right arm is too long
+    item = proposals([[-0.8, 0, 1], [-0.31, 0, 1]], [2, 2], shown=[2], votes=[0.3, 0.3])
+    assert choose(people, item, skeleton=ARMS) == [[-1, -1, 1]]
+
+
+def test_bone_differences_by_hand():
+    positions = np.array([[[0.0, 0, 1], [0.3, 0, 1], [np.nan] * 3]])
+    places = np.array([[[-0.3, 0, 1], [-0.36, 0, 1], [-3.0, 0, 1]]])
+    expected = [[0.0, 0.5 * (0.06 / 0.06) ** 2, 18.0]]
+    assert np.allclose(bone_differences(places, positions, 2, ARMS), expected)
+    uneven = np.array([[[9.0] * 3, [0.3, 0, 1], [-0.4, 0, 1]]])
+    middle = bone_differences(np.array([[[0.0, 0, 1]]]), uneven, 0, ARMS)
+    assert np.allclose(middle, 0.5 * (0.1 / 0.06) ** 2 * 2)
+    assert (bone_differences(places, positions[:, :2], 1, PAIR) == 0.0).all()
