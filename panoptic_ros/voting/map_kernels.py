@@ -35,7 +35,7 @@ def count_map_peaks(map_start, map_data, grid, patch_start, patch_table, thresho
     and rows, in the order of view, joint, patch, row. Equal neighbours: the first one is the peak.
     """
     joints = map_start.shape[1]
-    total = 0
+    total, least = 0, 255.0 * threshold
     for v in range(map_start.shape[0]):
         width, height = grid[v, 0], grid[v, 1]
         for j in range(joints):
@@ -48,11 +48,15 @@ def count_map_peaks(map_start, map_data, grid, patch_start, patch_table, thresho
                 column, row, w, h = patch_table[k, 1:5]
                 for y in range(row, row + h):
                     for x in range(column, column + w):
-                        if map_data[start + y * width + x] <= 255.0 * threshold:
+                        at = start + y * width + x
+                        value = map_data[at]
+                        if value <= least:
                             continue
-                        if _in_earlier_patch(patch_table, first, k, x, y):
-                            continue
+                        if (x > 0 and map_data[at - 1] >= value) or (y > 0 and map_data[at - width] >= value):
+                            continue  # most cells, so before the full test
                         if _is_peak(map_data, start, width, height, x, y):
+                            if _in_earlier_patch(patch_table, first, k, x, y):
+                                continue
                             if total < len(cells):
                                 cells[total, 0], cells[total, 1] = x, y
                             counts[v * joints + j] += 1

@@ -40,14 +40,9 @@ class SeedSearch:
         view_threshold: float,
         enough: int,
         min_views: int,
-        known: Explainer | None = None,
     ) -> Peaks:
-        """Local maxima as `dense_peaks` would find them, those that a seed of `min_views` rays leads to.
-
-        Args:
-            known: what explains peaks that then give no seeds.
-        """
-        joints, points = self.seeds(scene, cameras, view_threshold, min_views, known)
+        """Local maxima as `dense_peaks` would find them, those that a seed of `min_views` rays leads to."""
+        joints, points = self.seeds(scene, cameras, view_threshold, min_views)
         if not len(joints):
             return no_peaks()
         joints, voxels = _promising(scene, joints, points, volume, PROMISE * threshold)

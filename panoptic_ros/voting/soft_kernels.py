@@ -13,6 +13,7 @@ from numba import njit
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
+FAR = 8.0  # a ball that is so many times its size away is seen as by a camera at infinity
 REACH = 3.0  # a ball off the axis of a distorted lens is not larger than this, relative to its size on it
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -29,10 +30,15 @@ def soft_argmax(scene, joints, starts, offsets, softness):
     count = offsets.shape[1]
     votes, scores, u, w = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     middle = count // 2  # the offset 0
+    frame = np.zeros(8)
     for n in range(len(starts)):
         votes[:] = 0.0
         j, covering = joints[n], 0
         for v in range(len(cameras)):
+            if map_start[v, j] >= 0 and _frame(cameras, v, starts[n], offsets[0, -1], frame):
+                covering += 1
+                _add_framed_map(map_data, map_start[v, j], int(cameras[v, 25]), frame, offsets, votes)
+                continue
             reach = REACH * _project_ball(cameras, v, starts[n], offsets, u, w)
             if u[middle] == np.inf:
                 continue
@@ -86,6 +92,74 @@ def _project_ball(cameras, v, start, offsets, u, w):
         w[g] = py if inside else np.inf
     radius = offsets[0, -1]  # of the last point, (radius, 0, 0)
     return radius * max(fx, fy) / z0 if z0 > 4.0 * radius else np.inf
+
+
+@_jit
+def _frame(cameras, v, start, radius, frame):
+    """How a ball lies on the map of view v: cell a, b of its centre, and how a and b change with x, y, z.
+
+    Returns whether the view covers all of it, from far enough for this to be linear (to a hundredth of
+    the ball where it is 12 cm at 3 m).
+    """
+    r00, r01, r02, r10, r11, r12, r20, r21, r22, tx, ty, tz = cameras[v, :12]
+    fx, skew, cx, fy, cy, k1, k2, p1, p2, k3, fold = cameras[v, 12:23]
+    width, height, map_width, map_height, a0, a1, a2, b0, b1, b2 = cameras[v, 23:33]
+    depth = r20 * start[0] + r21 * start[1] + r22 * start[2] + tz
+    if depth < FAR * radius:
+        return False
+    scale = 1.0 / depth
+    x = (r00 * start[0] + r01 * start[1] + r02 * start[2] + tx) * scale
+    y = (r10 * start[0] + r11 * start[1] + r12 * start[2] + ty) * scale
+    r2 = x * x + y * y
+    wide = math.sqrt(r2) + 2.0 * radius * scale
+    if wide * wide >= fold:
+        return False
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
+    dx = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    dy = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    xx = radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
+    xy = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
+    yy = radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
+    px, py = fx * dx + skew * dy + cx, fy * dy + cy
+    ux, uy, wx, wy = fx * xx + skew * xy, fx * xy + skew * yy, fy * xy, fy * yy
+    frame[0], frame[1] = a0 * px + a1 * py + a2, b0 * px + b1 * py + b2
+    ax, ay = (a0 * ux + a1 * wx) * scale, (a0 * uy + a1 * wy) * scale
+    bx, by = (b0 * ux + b1 * wx) * scale, (b0 * uy + b1 * wy) * scale
+    frame[2], frame[3], frame[4] = (
+        ax * (r00 - x * r20) + ay * (r10 - y * r20), ax * (r01 - x * r21) + ay * (r11 - y * r21),
+        ax * (r02 - x * r22) + ay * (r12 - y * r22),
+    )  # fmt: skip
+    frame[5], frame[6], frame[7] = (
+        bx * (r00 - x * r20) + by * (r10 - y * r20), bx * (r01 - x * r21) + by * (r11 - y * r21),
+        bx * (r02 - x * r22) + by * (r12 - y * r22),
+    )  # fmt: skip
+    wide_a = radius * math.sqrt(frame[2] ** 2 + frame[3] ** 2 + frame[4] ** 2)
+    wide_b = radius * math.sqrt(frame[5] ** 2 + frame[6] ** 2 + frame[7] ** 2)
+    det = abs(a0 * b1 - a1 * b0)  # how far the ball reaches in pixels, at most
+    wide_u = (abs(b1) * wide_a + abs(a1) * wide_b) / det
+    wide_w = (abs(b0) * wide_a + abs(a0) * wide_b) / det
+    return (
+        px - wide_u >= -0.5 and px + wide_u <= width - 0.5
+        and py - wide_w >= -0.5 and py + wide_w <= height - 0.5
+        and frame[0] - wide_a > 0.0 and frame[0] + wide_a < map_width - 1.0
+        and frame[1] - wide_b > 0.0 and frame[1] + wide_b < map_height - 1.0
+    )  # fmt: skip
+
+
+@_jit
+def _add_framed_map(data, start, width, frame, offsets, votes):
+    """Add bilinear samples of a map of so many columns that begins at `start`."""
+    a0, b0, ax, ay, az, bx, by, bz = frame
+    for g in range(len(votes)):
+        ox, oy, oz = offsets[0, g], offsets[1, g], offsets[2, g]
+        a, b = a0 + ax * ox + ay * oy + az * oz, b0 + bx * ox + by * oy + bz * oz
+        x, y = int(a), int(b)
+        fx, fy = a - x, b - y
+        at = start + y * width + x
+        left = data[at] + (float(data[at + width]) - data[at]) * fy
+        right = data[at + 1] + (float(data[at + width + 1]) - data[at + 1]) * fy
+        votes[g] += (left + (right - left) * fx) * (1.0 / 255.0)
 
 
 @_jit

@@ -4,7 +4,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.consensus.example import easy_instants
 from panoptic_ros.consensus.rough_people import RoughPeople, RoughSolver
@@ -14,8 +13,9 @@ from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.voting import soft_vote
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.explaining import Explainer, Nodes, nodes_of_people
+from panoptic_ros.voting.explaining import Explainer, nodes_of_people, nodes_of_seeds
 from panoptic_ros.voting.parts import bones_and_skips, score_parts
+from panoptic_ros.voting.proposals import Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.score_volume import Peaks, dense_peaks
 from panoptic_ros.voting.seeds import SeedSearch
@@ -111,24 +111,27 @@ class VotingStage:
         self, scene: VoteScene, cameras: list[Camera], wanted: Demands, people: RoughPeople, delays: Array
     ) -> Nodes:
         """Nodes at the joints of people, and at what they leave unexplained."""
-        known = nodes_of_people(scene, people, self.config.view_threshold)
+        config = self.config
+        known = nodes_of_people(scene, people, config.view_threshold)
         velocities = people.velocities[np.isfinite(people.positions[..., 0])]
-        good = (known.votes > wanted.threshold) & (known.support >= wanted.min_views)
-        good &= self.volume.contains(self.volume.voxels(known.points))
+        good = self._good(known, wanted)
         sure = good & (known.support >= SURE_VIEWS)
         explainer = Explainer(known.rows(sure), velocities[sure], delays)
-        known = known.rows(good)
-        found = self._search_all(scene, cameras, wanted, explainer)
-        return self._distinct(known.joined(found))
+        seeds = self._search.seeds(scene, cameras, config.view_threshold, wanted.min_views, explainer)
+        found = nodes_of_seeds(scene, *seeds, wanted.threshold, config.view_threshold)
+        return self._distinct(known.rows(good).joined(found.rows(self._good(found, wanted))))
 
-    def _search_all(
-        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, known: Explainer | None = None
-    ) -> Nodes:
-        """Nodes at the peaks of all of a scene; without seeds at what is known."""
-        peaks = self._peaks(scene, cameras, wanted, known)
+    def _good(self, nodes: Nodes, wanted: Demands) -> Array:
+        """Which nodes (N,) satisfy the demands and lie in the volume."""
+        good = (nodes.votes > wanted.threshold) & (nodes.support >= wanted.min_views)
+        return good & self.volume.contains(self.volume.voxels(nodes.points))
+
+    def _search_all(self, scene: VoteScene, cameras: list[Camera], wanted: Demands) -> Nodes:
+        """Nodes at the peaks of a scene."""
+        peaks = self._peaks(scene, cameras, wanted)
         peaks = Peaks(*(values[peaks.support >= wanted.min_views] for values in peaks))
         nodes = Nodes(self.volume.centres(peaks.voxels), peaks.joints, peaks.votes, peaks.support)
-        if not self.config.refine_nodes or not len(peaks.joints):
+        if not self.config.refine_nodes:
             return nodes
         points, votes = soft_vote.refine(nodes.points, nodes.joints, scene)
         return self._distinct(nodes._replace(points=points, votes=votes))
@@ -136,9 +139,7 @@ class VotingStage:
     def _distinct(self, nodes: Nodes) -> Nodes:
         return nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, self.config.merge_distance))
 
-    def _peaks(
-        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, known: Explainer | None
-    ) -> Peaks:
+    def _peaks(self, scene: VoteScene, cameras: list[Camera], wanted: Demands) -> Peaks:
         config = self.config
         enough = min(2, wanted.min_views)
         if config.method == "dense":
@@ -150,9 +151,8 @@ class VotingStage:
                 scene, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
             )
         return self._search.peaks(
-            scene, cameras, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views,
-            known,
-        )  # fmt: skip
+            scene, cameras, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
+        )
 
     def _check(self, item: DetectionSet) -> None:
         if item.skeleton_hash != self.skeleton.hash:
@@ -182,25 +182,6 @@ class VotingStage:
 def has_anything(view: ViewDetections) -> bool:
     """Whether a view shows anybody; blind cameras must not raise what a node needs."""
     return len(view.points) > 0 or (view.maps is not None and len(view.maps.joints) > 0)
-
-
-def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Array:
-    """Indices of nodes to keep: of those of one joint within a distance, the one with most votes."""
-    order = np.lexsort([*nodes.T, -votes, joints])
-    return np.sort(order[_unrivalled(nodes[order], joints[order], distance)])
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _unrivalled(nodes, joints, distance):  # type: ignore[no-untyped-def]
-    """Which (N,) nodes, in the order of joint and votes, are not close to a better one that stays."""
-    kept = np.ones(len(nodes), np.bool_)
-    for k in range(len(nodes)):
-        i = k - 1
-        while kept[k] and i >= 0 and joints[i] == joints[k]:
-            x, y, z = nodes[i, 0] - nodes[k, 0], nodes[i, 1] - nodes[k, 1], nodes[i, 2] - nodes[k, 2]
-            kept[k] = not (kept[i] and x * x + y * y + z * z < distance * distance)
-            i -= 1
-    return kept
 
 
 def _proposals(item: DetectionSet, *arrays: Array) -> ProposalSet:

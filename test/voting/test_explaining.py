@@ -6,7 +6,8 @@ from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.explaining import Explainer, Nodes
+from panoptic_ros.voting.explaining import Explainer
+from panoptic_ros.voting.proposals import Nodes
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.seeds import find_peaks
 from panoptic_ros.voting.stage import VotingStage

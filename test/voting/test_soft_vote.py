@@ -34,7 +34,8 @@ def test_it_is_the_soft_vote_of_numpy(scenes, maps):
     points, votes = refine(starts, joints, scene)
     for n, joint in enumerate(joints):
         expected = reference(fields, rig.cameras, int(joint), starts[n])
-        assert points[n] == pytest.approx(expected, abs=1e-5)
+        exact = 1e-5 if maps == "none" else 1e-3  # on maps the ball is projected linearly
+        assert points[n] == pytest.approx(expected, abs=exact)
         vote, _ = vote_reference(fields, rig.cameras, int(joint), points[n : n + 1])
         assert votes[n] == pytest.approx(vote[0], abs=1e-9)
 

@@ -5,7 +5,8 @@ from panoptic_ros.domain import DetectionSet, Rig, ViewDetections
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Stage, StageContext
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.stage import VotingStage, distinct
+from panoptic_ros.voting.proposals import distinct
+from panoptic_ros.voting.stage import VotingStage
 
 BOX = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
 

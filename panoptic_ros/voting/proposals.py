@@ -1,0 +1,45 @@
+"""Node proposals as arrays, and which of them are near duplicates."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+
+
+class Nodes(NamedTuple):
+    """Node proposals: points (N, 3) m, joints (N,), votes (N,), supporting views (N,)."""
+
+    points: Array
+    joints: Array
+    votes: Array
+    support: Array
+
+    def rows(self, which: Array) -> Nodes:
+        """Some of them."""
+        return Nodes(*(values[which] for values in self))
+
+    def joined(self, other: Nodes) -> Nodes:
+        """These and the others."""
+        return Nodes(*(np.concatenate(pair) for pair in zip(self, other)))
+
+
+def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Array:
+    """Indices of nodes to keep: of those of one joint within a distance, the one with most votes."""
+    order = np.lexsort([*nodes.T, -votes, joints])
+    return np.sort(order[_unrivalled(nodes[order], joints[order], distance)])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _unrivalled(nodes, joints, distance):  # type: ignore[no-untyped-def]
+    """Which (N,) nodes, in the order of joint and votes, are not close to a better one that stays."""
+    kept = np.ones(len(nodes), np.bool_)
+    for k in range(len(nodes)):
+        i = k - 1
+        while kept[k] and i >= 0 and joints[i] == joints[k]:
+            x, y, z = nodes[i, 0] - nodes[k, 0], nodes[i, 1] - nodes[k, 1], nodes[i, 2] - nodes[k, 2]
+            kept[k] = not (kept[i] and x * x + y * y + z * z < distance * distance)
+            i -= 1
+    return kept
