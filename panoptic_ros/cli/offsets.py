@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.domain import DetectionSet, TrackedPoseSet
+from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.nodes import FUSION
-from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.clocks_from_motion import find_clocks
 from panoptic_ros.io.files import write_json
-from panoptic_ros.offsets import CameraClocks, Corrected, correct_from_motion
+from panoptic_ros.offsets import CameraClocks
 from panoptic_ros.params import Config
 from panoptic_ros.stage import StageContext
 
@@ -52,25 +51,6 @@ def correct(
     if args.offsets_out:
         write_json(args.offsets_out, clocks_document(found.clocks))
     return found.sets
-
-
-def find_clocks(
-    sets: Sequence[DetectionSet], context: StageContext, configs: Mapping[str, Config], trusted: str = ""
-) -> Corrected:
-    """See `offsets.correct_from_motion`; solves with the stages up to tracking."""
-
-    def solve(items: Sequence[DetectionSet]) -> list[TrackedPoseSet]:
-        tracked: list[TrackedPoseSet] = []
-        pipeline = Pipeline(
-            configs, context, FUSION[: FUSION.index("tracking") + 1],
-            on_record=lambda topic, record: tracked.append(record) if topic == "skeletons_raw" else None,
-        )  # fmt: skip
-        for item in items:
-            pipeline.push(item)
-        pipeline.flush()
-        return tracked
-
-    return correct_from_motion(sets, context.rig, context.skeleton, solve, trusted)
 
 
 def clock_lines(clocks: CameraClocks) -> list[str]:
