@@ -1,0 +1,140 @@
+"""Sync tables of CMU's Panoptic Studio: synctables_<sequence>.json and ksynctables_<sequence>.json.
+
+hd.univ_time[], kinect.color.KINECTNODE<n>.univ_time[] and kinect.depth.KINECTNODE<n>.univ_time[] are times
+in ms of one clock; values of 0 and below are frames that are not there. `index`, where given, is the frame in the
+video file.
+
+Which element of hd.univ_time belongs to image file N is contested. The toolbox's own MATLAB demo takes
+univ_time(N + 2), element N + 1 counted from 0 ("-2 is some weired offset in synctables"); ports take
+N, N + 1 or N + 2. `hd_base` says which; 1 is the demo's. Test it with something that both streams show.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import read_json
+
+Array = np.ndarray
+HD_BASES = (0, 1, 2)
+DEMO_BASE = 1
+COLOR_LATE_MS = 6.25  # color stamps are later than depth's by that, in CMU's demo
+GATE_DEPTH_COLOR_MS, GATE_COLOR_MS, GATE_DEPTH_MS = 6.5, 30.0, 17.0  # beyond them the demo takes no frame
+
+
+@dataclass(frozen=True, eq=False)
+class SyncStream:
+    """The times of one stream.
+
+    Args:
+        times_ms: (N,) NaN where there is no frame.
+        index: (N,) frame in the video file.
+    """
+
+    name: str
+    times_ms: Array
+    index: Array
+
+    def stamps(self) -> tuple[list[int], list[int]]:
+        """Stamps in ns and frame numbers of the frames that are there."""
+        there = np.isfinite(self.times_ms)
+        return [round(1e6 * t) for t in self.times_ms[there]], self.index[there].tolist()
+
+    def nearest(self, time_ms: float) -> int | None:
+        """The element that is nearest in time, None if the stream has no frame."""
+        away = np.abs(self.times_ms - time_ms)
+        return int(np.nanargmin(away)) if np.isfinite(away).any() else None
+
+
+@dataclass(frozen=True)
+class KinectMatch:
+    """Frames of one Kinect that belong to an HD frame, as indices into its video files; None: none is near."""
+
+    color: int | None
+    depth: int | None
+
+
+def read_synctables(*paths: Path) -> dict[str, SyncStream]:
+    """Streams by name: "hd", "vga" if there, "color/KINECTNODE1", "depth/KINECTNODE1", ...
+
+    Raises:
+        DataError: naming the file and the member that is no table of times.
+    """
+    streams: dict[str, SyncStream] = {}
+    for path in paths:
+        document = read_json(path)
+        if not isinstance(document, dict):
+            raise DataError(f"{path} is no sync table: an object with hd or kinect is expected")
+        for system in ("hd", "vga"):
+            if system in document:
+                streams[system] = _stream(system, document[system], path)
+        kinect = document.get("kinect", {})
+        for kind in ("color", "depth"):
+            for node, table in (kinect.get(kind, {}) if isinstance(kinect, dict) else {}).items():
+                streams[f"{kind}/{node}"] = _stream(f"{kind}/{node}", table, path)
+    if not streams:
+        raise DataError(f"{', '.join(map(str, paths))}: no sync table with hd, vga or kinect")
+    return streams
+
+
+def hd_time_ms(streams: Mapping[str, SyncStream], frame: int, hd_base: int = DEMO_BASE) -> float:
+    """The time of HD image file `frame` (counted from 0), ms; NaN if it has none.
+
+    Raises:
+        DataError: for a base other than 0, 1 and 2, a frame beyond the table, or tables without hd.
+    """
+    if hd_base not in HD_BASES:
+        raise DataError(f"the base of HD indices is {hd_base}; it can be 0, 1 (CMU's demo) or 2")
+    if "hd" not in streams:
+        raise DataError("the sync tables have no hd; read synctables_<sequence>.json as well")
+    times = streams["hd"].times_ms
+    if not 0 <= frame + hd_base < len(times):
+        raise DataError(f"HD frame {frame} is beyond the sync table, which has {len(times)} entries")
+    return float(times[frame + hd_base])
+
+
+def match_kinects(
+    streams: Mapping[str, SyncStream], frame: int, hd_base: int = DEMO_BASE
+) -> dict[str, KinectMatch]:
+    """The frames of every Kinect at an HD frame, with the gates of CMU's demo (30, 17 and 6.5 ms).
+
+    Raises:
+        DataError: see `hd_time_ms`.
+    """
+    time = hd_time_ms(streams, frame, hd_base)
+    nodes = sorted({name.partition("/")[2] for name in streams if "/" in name})
+    return {node: _match(streams, node, time) for node in nodes}
+
+
+def _match(streams: Mapping[str, SyncStream], node: str, time: float) -> KinectMatch:
+    color, color_time = _near(streams.get(f"color/{node}"), time, COLOR_LATE_MS, GATE_COLOR_MS)
+    depth, depth_time = _near(streams.get(f"depth/{node}"), time, 0.0, GATE_DEPTH_MS)
+    if color is not None and depth is not None and abs(color_time - depth_time) > GATE_DEPTH_COLOR_MS:
+        return KinectMatch(None, depth) if abs(depth_time - time) <= abs(color_time - time) else (
+            KinectMatch(color, None)
+        )
+    return KinectMatch(color, depth)
+
+
+def _near(stream: SyncStream | None, time: float, late: float, gate: float) -> tuple[int | None, float]:
+    element = None if stream is None or np.isnan(time) else stream.nearest(time + late)
+    if stream is None or element is None or abs(stream.times_ms[element] - late - time) > gate:
+        return None, float("nan")
+    return int(stream.index[element]), float(stream.times_ms[element] - late)
+
+
+def _stream(name: str, table: Any, path: Path) -> SyncStream:
+    values = table.get("univ_time") if isinstance(table, dict) else None
+    try:
+        times = np.array(values, float)
+        index = np.array(table.get("index", range(len(times))), int)
+    except (TypeError, ValueError, AttributeError):
+        raise DataError(f"{path}: {name}.univ_time is no list of numbers") from None
+    if times.ndim != 1 or index.shape != times.shape:
+        raise DataError(f"{path}: {name} has {times.size} times and {index.size} indices")
+    return SyncStream(name, np.where(times > 0.0, times, np.nan), index)
