@@ -22,7 +22,9 @@ def nodes_of_people(scene: VoteScene, people: RoughPeople, view_threshold: float
     return _moved(scene, joints, people.positions[which], view_threshold)
 
 
-def nodes_of_seeds(scene: VoteScene, joints: Array, points: Array, threshold: float, view_threshold: float) -> Nodes:
+def nodes_of_seeds(
+    scene: VoteScene, joints: Array, points: Array, threshold: float, view_threshold: float
+) -> Nodes:
     """Nodes at seeds of joints (S,) and points (S, 3) m, moved to the centre of the votes about them.
 
     Of seeds of one joint that are close to each other only that with most votes is followed.

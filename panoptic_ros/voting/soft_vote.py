@@ -26,7 +26,8 @@ def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array
     """Move points (N, 3) m for the joints (N,) to the centre of the votes about them.
 
     The mean weighted by exp((S - S_max) / 0.05) of the votes S of a ball of 12 cm in steps of 6 cm, then
-    of one of 9 cm in steps of 3 cm, then of one of 4 cm in steps of 2 cm. Points without any vote near them stay where they are.
+    of one of 9 cm in steps of 3 cm, then of one of 4 cm in steps of 2 cm. Points without any vote
+    near them stay where they are.
 
     Returns:
         points (N, 3) m and their votes (N,).
