@@ -17,11 +17,12 @@ class RefinementConfig(Config):
         "not synchronous and this is less than half a frame, results are for the instant of the newest view.",
     )
     process_noise: float = param(
-        0.85, unit="m^2/s^3", ge=1e-3, le=1e4,
-        doc="Spectral density of the acceleration of joints that move with the body: higher follows faster.",
+        0.1, unit="m^2/s^3", ge=1e-3, le=1e4,
+        doc="Spectral density of the acceleration of joints that move with the body: higher follows faster. "
+        "A start; each person's is learnt online, from a tenth to ten times this.",
     )
     limb_noise: float = param(
-        4.2, unit="1/s", ge=0.0, le=1e4,
+        2.0, unit="1/s", ge=0.0, le=1e4,
         doc="How it grows with the squared speed of a joint against the body, the largest lately.",
     )
     cauchy: float = param(

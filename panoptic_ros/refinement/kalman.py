@@ -32,8 +32,10 @@ def predict_states(states, covariances, dt, q):
 
 
 @njit(cache=True, error_model="numpy")
-def update_states(states, covariances, points, noises, cauchy):
+def update_states(states, covariances, points, noises, cauchy, innovations):
     """Take points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
+
+    innovations (N, 3) becomes what was not expected, whitened, where a point is taken.
 
     A surprise of m sigmas multiplies the noise by 1 + (m / cauchy)^2 (the weight of a Cauchy
     likelihood), divided by what that is on average, so that covariances stay honest. The three
@@ -44,7 +46,8 @@ def update_states(states, covariances, points, noises, cauchy):
             continue
         total = covariances[n, :3, :3] + noises[n]
         surprise = points[n] - states[n, :3]
-        squared = squared_length(total, surprise) / 3.0
+        whiten(total, surprise, innovations[n])
+        squared = (innovations[n] ** 2).sum() / 3.0
         noise = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
         lower = cholesky(noise)
         for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
@@ -95,18 +98,14 @@ def cholesky(matrix):
 
 
 @njit(cache=True, error_model="numpy")
-def squared_length(matrix, vector):
-    """vector^T matrix^-1 vector."""
+def whiten(matrix, vector, result):
+    """result = lower^-1 vector with lower lower^T = matrix."""
     lower = cholesky(matrix)
-    total = 0.0
-    solved = np.zeros(len(vector))
     for i in range(len(vector)):
         value = vector[i]
         for m in range(i):
-            value -= lower[i, m] * solved[m]
-        solved[i] = value / lower[i, i]
-        total += solved[i] ** 2
-    return total
+            value -= lower[i, m] * result[m]
+        result[i] = value / lower[i, i]
 
 
 @njit(cache=True, error_model="numpy")

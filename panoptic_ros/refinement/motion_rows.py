@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from panoptic_ros.refinement.kalman import cholesky, squared_length
+from panoptic_ros.refinement.kalman import cholesky, whiten
 
 
 @njit(cache=True, error_model="numpy")
@@ -33,10 +33,10 @@ def start_moving(states, covariances, points, noises, delays, speed):
 
 
 @njit(cache=True, error_model="numpy")
-def update_moving(states, covariances, points, noises, delays, cauchy):
+def update_moving(states, covariances, points, noises, delays, cauchy, innovations):
     """Take X + G V = points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
 
-    Cauchy weights as in `kalman.update_states`, which this is for delays G (N, 3, 3) of 0.
+    Cauchy weights and innovations as in `kalman.update_states`, which this is for delays G (N, 3, 3) of 0.
     """
     row, ahead = np.empty(6), np.empty((3, 6))
     for n in range(len(states)):
@@ -55,7 +55,8 @@ def update_moving(states, covariances, points, noises, delays, cauchy):
                 total[i, k] += ahead[i, k]
                 for m in range(3):
                     total[i, k] += ahead[i, 3 + m] * delays[n, k, m]
-        squared = squared_length(total, surprise) / 3.0
+        whiten(total, surprise, innovations[n])
+        squared = (innovations[n] ** 2).sum() / 3.0
         noise = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
         lower = cholesky(noise)
         for k in range(3):

@@ -14,6 +14,7 @@ from panoptic_ros.refinement.kalman import (
     update_states,
 )
 from panoptic_ros.refinement.motion_rows import start_moving, update_moving, update_velocities
+from panoptic_ros.refinement.tuning import LastingErrors, Tuning
 
 Array = np.ndarray
 
@@ -63,9 +64,10 @@ class Smoothed:
 class PersonMotion:
     """Filter and recent moments of one person."""
 
-    def __init__(self, config: RefinementConfig, joints: int):
+    def __init__(self, config: RefinementConfig, joints: int, lasting: LastingErrors):
         self._config, self._joints = config, joints
         self._moments: list[Moment] = []
+        self._tuning = Tuning(joints, lasting)
         self._still = np.zeros((joints, 3, 3))
         self._speeds = np.zeros(joints)  # m/s, largest lately against the body
 
@@ -93,7 +95,8 @@ class PersonMotion:
         """Spectral density (J,) of acceleration: limbs that swing need more than the trunk."""
         self._speeds *= np.exp(-dt / SPEED_MEMORY)
         raise_speeds(self._speeds, last.states, TOP_SPEED)
-        return self._config.process_noise + self._config.limb_noise * self._speeds**2
+        own = self._config.process_noise + self._config.limb_noise * self._speeds**2
+        return self._tuning.factor * own
 
     def measure(
         self, positions: Array, covariances: Array, scores: Array, views: Array, person_score: float,
@@ -111,13 +114,17 @@ class PersonMotion:
         known = np.isfinite(now.states[:, 0])
         start_moving(now.states, now.covariances, points, covariances, delays, config.start_speed)
         points = np.where(known[:, None], points, np.nan)
+        surprises = np.full((self._joints, 3), np.nan)
         if shift is None:
-            update_states(now.states, now.covariances, points, covariances, config.cauchy)
+            update_states(now.states, now.covariances, points, covariances, config.cauchy, surprises)
         else:
-            update_moving(now.states, now.covariances, points, covariances, delays, config.cauchy)
+            update_moving(
+                now.states, now.covariances, points, covariances, delays, config.cauchy, surprises
+            )
             update_velocities(
                 now.states, now.covariances, shift.velocities[0], shift.information[0], config.cauchy
             )
+        self._tuning.learn(surprises)
         now.measured, now.seen, now.person_score = measured, True, person_score
         now.scores = np.where(measured, scores, now.scores)
         now.views = np.where(measured, views, 0)
@@ -170,7 +177,7 @@ class PersonMotion:
     def _judged(self, target: Moment, states: Array, covariances: Array, again: Array) -> Smoothed:
         """Positions with their states; gaps that are too long or too uncertain are missing."""
         config = self._config
-        spread = covariances[:, :3, :3]
+        spread = self._tuning.scale * covariances[:, :3, :3]
         sigma = np.sqrt(np.trace(spread, axis1=1, axis2=2) / 3.0)
         known = np.isfinite(states[:, 0])
         bridged = known & ~target.measured & (sigma < config.max_sigma)

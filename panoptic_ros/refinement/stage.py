@@ -12,6 +12,7 @@ from panoptic_ros.refinement.bones import BoneLengths
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.lag import Clock
 from panoptic_ros.refinement.person import PersonMotion, Smoothed
+from panoptic_ros.refinement.tuning import LastingErrors
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
 Array = np.ndarray
@@ -40,6 +41,7 @@ class RefinementStage:
         self._lengths: dict[int, BoneLengths] = {}
         self._last_ns: int | None = None
         self._clock = Clock(self._config.lag)
+        self._lasting = LastingErrors()
 
     def flush(self) -> StepResult[RefinedPoseSet]:
         """Hand out all sets that still wait."""
@@ -76,7 +78,7 @@ class RefinementStage:
         self._clock.take(item)
         for number in item.ids.tolist():
             if number not in self._people:
-                self._people[number] = PersonMotion(self._config, len(self._skeleton))
+                self._people[number] = PersonMotion(self._config, len(self._skeleton), self._lasting)
                 self._lengths.setdefault(number, BoneLengths(self._bones))
         rows = {int(number): k for k, number in enumerate(item.ids)}
         for number, motion in self._people.items():

@@ -15,7 +15,7 @@ def filtered(points, noises, dts, q, speed=1.5):
     for point, noise, dt in zip(points[1:], noises[1:], dts):
         ahead, spread = predict_states(states, covariances, dt, np.array([q]))
         states, covariances = ahead.copy(), spread.copy()
-        update_states(states, covariances, point[None], noise[None], FOREVER)
+        update_states(states, covariances, point[None], noise[None], FOREVER, np.empty((1, 3)))
         moments.append((states, covariances, ahead, spread))
     return moments
 
@@ -68,7 +68,7 @@ def test_surprises_count_less():
     moved = []
     for distance in (0.01, 1.0):
         states, spread = np.zeros((1, 6)), covariances.copy()
-        update_states(states, spread, np.array([[distance, 0, 0]]), noise, 3.0)
+        update_states(states, spread, np.array([[distance, 0, 0]]), noise, 3.0, np.empty((1, 3)))
         moved.append(states[0, 0] / distance)
     assert moved[0] > 0.45 and moved[1] < 0.01
 

@@ -28,7 +28,7 @@ def scene(seed):
 def test_a_position_in_motion_is_one_measurement():
     _, state, covariance, point, noise, delays = scene(0)
     states, covariances = state[None].copy(), covariance[None].copy()
-    update_moving(states, covariances, point[None], noise[None], delays[None], FOREVER)
+    update_moving(states, covariances, point[None], noise[None], delays[None], FOREVER, np.empty((1, 3)))
     expected = updated(state, covariance, np.hstack([np.eye(3), delays]), point, noise)
     assert np.allclose(states[0], expected[0]) and np.allclose(covariances[0], expected[1])
 
@@ -39,9 +39,10 @@ def test_without_delays_it_is_a_position():
     for still in (True, False):
         states, covariances = state[None].copy(), covariance[None].copy()
         if still:
-            update_states(states, covariances, point[None], noise[None], 3.0)
+            update_states(states, covariances, point[None], noise[None], 3.0, np.empty((1, 3)))
         else:
-            update_moving(states, covariances, point[None], noise[None], np.zeros((1, 3, 3)), 3.0)
+            now = np.empty((1, 3))
+            update_moving(states, covariances, point[None], noise[None], np.zeros((1, 3, 3)), 3.0, now)
         results.append((states, covariances))
     assert np.allclose(results[0][0], results[1][0]) and np.allclose(results[0][1], results[1][1])
 

@@ -1,0 +1,79 @@
+"""Learning from innovations: motions and noise of known strength."""
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.stage import RefinementStage
+from panoptic_ros.refinement.tuning import LastingErrors, Tuning, innovation_sums
+from panoptic_ros.stage import StageContext
+
+JOINTS, RATE = 30, 30.0
+NAMES = tuple(f"joint {i}" for i in range(JOINTS))
+MODEL = SkeletonModel("cloud", NAMES, 0, tuple((0, i) for i in range(1, JOINTS)), 0)
+
+
+def refined(process, sigma=0.01, stated=None, lasting=0.0, count=150):
+    """Mean squared normalised error and error in sigmas of joints that accelerate at random, after a while.
+
+    process: m^2/s^3. sigma, stated: m, true and stated noise. lasting: correlation from frame to frame.
+    """
+    rng, dt = np.random.default_rng(0), 1.0 / RATE
+    stage = RefinementStage(RefinementConfig(bone_sigma=0.0, few_views_relief=0.0), StageContext(None, MODEL))
+    step = np.linalg.cholesky(process * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
+    places, speeds = np.zeros((JOINTS, 3)), np.zeros((JOINTS, 3))
+    noise = sigma * rng.standard_normal((JOINTS, 3))
+    ones, truth, outputs = np.ones((1, JOINTS)), [], []
+    covariances = np.tile((stated or sigma) ** 2 * np.eye(3), (1, JOINTS, 1, 1))
+    for index in range(count):
+        kick = (step @ rng.standard_normal((2, 3 * JOINTS))).reshape(2, JOINTS, 3)
+        places, speeds = places + dt * speeds + kick[0], 0.98 * speeds + kick[1]
+        fresh = np.sqrt(1.0 - lasting**2) * sigma * rng.standard_normal((JOINTS, 3))
+        noise = lasting * noise + fresh
+        truth.append(places)
+        item = TrackedPoseSet(
+            index, round(1e9 * index * dt), MODEL.hash, (places + noise)[None], covariances, ones, 4 * ones,
+            ones, np.ones(1), ids=[0],
+        )  # fmt: skip
+        outputs += stage.step(item).outputs
+    squares, errors = [], []
+    for output in outputs[80:]:
+        offset = output.positions[0] - truth[output.index]
+        squares.append(np.einsum("ji,jik,jk->j", offset, np.linalg.inv(output.covariances[0]), offset) / 3.0)
+        errors.append(np.linalg.norm(offset, axis=-1) / sigma)
+    return np.mean(squares), np.mean(errors)
+
+
+@pytest.mark.parametrize("process", [0.05, 0.5, 2.0])
+@pytest.mark.parametrize("stated", [0.007, 0.01, 0.02])
+def test_covariances_are_honest_whatever_the_motion_and_the_stated_noise(process, stated):
+    squares, _ = refined(process, stated=stated)
+    assert 0.8 < squares < 1.35
+
+
+def test_quiet_joints_are_smoothed_more():
+    assert refined(0.02)[1] < 0.8 * refined(1.0)[1]
+
+
+def test_errors_that_last_are_noticed():
+    assert refined(0.05, lasting=0.5)[0] < 1.8
+
+
+def test_factor_follows_the_sign_of_the_correlation():
+    for sign in (1.0, -1.0):
+        tuning, rng = Tuning(JOINTS, LastingErrors()), np.random.default_rng(0)
+        value = rng.standard_normal((JOINTS, 3))
+        for _ in range(30):
+            value = 0.5 * sign * value + np.sqrt(0.75) * rng.standard_normal((JOINTS, 3))
+            tuning.learn(value)
+        assert (tuning.factor > 1.3) if sign > 0 else (tuning.factor < 0.75)
+
+
+def test_sums_are_those_of_numpy():
+    rng = np.random.default_rng(0)
+    now, before = 2.0 * rng.standard_normal((8, 3)), 2.0 * rng.standard_normal((3, 8, 3))
+    now[2] = before[0, 4] = before[2, 5] = np.nan
+    count, square, next_sum, late_sum = innovation_sums(now, before)
+    a, b = np.clip(now, -3, 3), np.clip(before, -3, 3)
+    assert count == 7 and np.isclose(square, np.nansum(a**2))
+    assert np.isclose(next_sum, np.nansum(a * b[0])) and np.isclose(late_sum, np.nansum(a * (b[1:])))
