@@ -20,6 +20,7 @@ VERBS: dict[str, str] = {
     "evaluate": "compare skeletons with the truth",
     "ltc": "decode or make LTC timecode",
     "bench": "measure this machine and this code against named baselines",
+    "sync": "what the clocks of a capture do, what is wrong with them, and what to do",
     "rig": "check or convert a calibration",
     "bias": "measure the constant biases of a detector's joints against a reference",
     "models": "list, fetch and check pose models",

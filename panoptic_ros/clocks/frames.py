@@ -94,6 +94,10 @@ def _count(times: Array) -> Array:
     counts = [0]
     expected = float(times[0])
     for time in times[1:]:
+        step = round((time - expected) / period)
+        if step < 1 and len(counts) > 1 and counts[-1] - counts[-2] > 1:  # the last one was late, not dropped
+            counts[-1] -= 1
+            expected -= period
         step = max(1, round((time - expected) / period))
         expected += step * period
         error = float(time) - expected

@@ -1,8 +1,8 @@
 """Sync tables of CMU's Panoptic Studio: synctables_<sequence>.json and ksynctables_<sequence>.json.
 
 hd.univ_time[], kinect.color.KINECTNODE<n>.univ_time[] and kinect.depth.KINECTNODE<n>.univ_time[] are times
-in ms of one clock; values of 0 and below are frames that are not there. `index`, where given, is the frame in the
-video file.
+in ms of one clock; values of 0 and below are frames that are not there. `index`, where given, is the frame
+in the video file.
 
 Which element of hd.univ_time belongs to image file N is contested. The toolbox's own MATLAB demo takes
 univ_time(N + 2), element N + 1 counted from 0 ("-2 is some weired offset in synctables"); ports take
@@ -53,7 +53,7 @@ class SyncStream:
 
 @dataclass(frozen=True)
 class KinectMatch:
-    """Frames of one Kinect that belong to an HD frame, as indices into its video files; None: none is near."""
+    """Frames of one Kinect for an HD frame, as indices into its video files; None: none is near."""
 
     color: int | None
     depth: int | None

@@ -1,0 +1,129 @@
+"""Stamps and timecode of whatever a report is asked for: a bag, a capture folder, or a file."""
+from __future__ import annotations
+
+import struct
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from panoptic_ros.domain import TimecodeReading
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.io.stamps import StampTable, read_stamps
+from panoptic_ros.io.synctables import read_synctables
+from panoptic_ros.io.wav import wav_blocks
+from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+
+FRAMES = {  # types of messages that stand for frames, the best first
+    "panoptic_msgs/msg/ViewDetections": "/detections",
+    "sensor_msgs/msg/Image": "/image_raw",
+    "sensor_msgs/msg/CompressedImage": "/image_raw/compressed",
+    "sensor_msgs/msg/CameraInfo": "/camera_info",
+}
+CHANNELS = 2  # of a WAV file, that are searched for timecode
+
+
+@dataclass
+class Sources:
+    """What was found.
+
+    Args:
+        cameras: stamps by camera.
+        readings: of all devices, in the order of recording.
+        recordings: readings by WAV file and channel, which share their sample index.
+    """
+
+    cameras: dict[str, StampTable] = field(default_factory=dict)
+    readings: list[TimecodeReading] = field(default_factory=list)
+    recordings: dict[str, list[list[TimecodeReading]]] = field(default_factory=dict)
+
+
+def collect(path: Path) -> Sources:
+    """Read a bag (a folder with metadata.yaml, or an MCAP file), a capture folder, or a file.
+
+    Raises:
+        DataError: if nothing in it tells of time.
+    """
+    if not path.exists():
+        raise DataError(f"{path} does not exist")
+    sources = Sources()
+    if (path / "metadata.yaml").exists() or path.suffix == ".mcap":
+        _read_bag(path, sources)
+    else:
+        files = sorted(path.iterdir()) if path.is_dir() else [path]
+        for file in files:
+            _read_file(file, sources, strict=not path.is_dir())
+    if not sources.cameras and not sources.readings:
+        raise DataError(
+            f"{path} has no stamps of frames and no timecode; a report needs timestamps.csv (camera, frame, "
+            "stamp_ns), sync tables, a WAV file with timecode, or a bag with images, detections or audio"
+        )
+    return sources
+
+
+def _read_file(path: Path, sources: Sources, strict: bool) -> None:
+    if path.suffix == ".csv" and (strict or "timestamps" in path.name or "frame_time" in path.name):
+        sources.cameras |= read_stamps(path)
+    elif path.suffix == ".json" and (strict or "synctables" in path.name):
+        for name, stream in read_synctables(path).items():
+            stamps, _ = stream.stamps()
+            if stamps:
+                sources.cameras[name] = StampTable(stamps)
+    elif path.suffix.lower() == ".wav":
+        _read_wav(path, sources)
+    elif strict:
+        raise DataError(f"{path} is no CSV of stamps, sync table, WAV file or bag")
+
+
+def _read_wav(path: Path, sources: Sources) -> None:
+    """Timecode of each channel; the recorder's clock is its count of samples."""
+    channels: list[list[TimecodeReading]] = []
+    for channel in range(CHANNELS):
+        stage = TimecodeStage(TimecodeConfig())
+        found: list[TimecodeReading] = []
+        try:
+            for block in wav_blocks(path, f"{path.stem} channel {channel}", channel):
+                found += stage.step(block).outputs
+        except UsageError:  # there is no such channel
+            if not channel:
+                raise
+            break
+        found += stage.flush().outputs
+        sources.readings += found
+        channels.append(found)
+    sources.recordings[path.name] = channels
+
+
+def _read_bag(path: Path, sources: Sources) -> None:
+    with BagReader(path) as bag:
+        chosen = _frame_topics(bag)
+        timecode = [t for t, kind in bag.topics.items() if kind == "panoptic_msgs/msg/TimecodeReading"]
+        audio = [t for t, kind in bag.topics.items() if kind == "panoptic_msgs/msg/AudioBlock"]
+        stamps: dict[str, list[int]] = defaultdict(list)
+        for topic, _, data, _ in bag.raw(*chosen) if chosen else ():
+            if len(data) >= 12:
+                order = "<" if data[1] else ">"
+                seconds, nanoseconds = struct.unpack_from(order + "iI", data, 4)
+                stamps[chosen[topic]].append(seconds * 1_000_000_000 + nanoseconds)
+        for name in sorted(stamps):
+            sources.cameras[name] = StampTable(stamps[name])
+        if timecode:
+            for _, _, message in bag.messages(*timecode):
+                sources.readings.append(from_message(message, "TimecodeReading"))
+        elif audio:
+            stage = TimecodeStage(TimecodeConfig())
+            for _, _, message in bag.messages(*audio):
+                sources.readings += stage.step(from_message(message, "AudioBlock")).outputs
+            sources.readings += stage.flush().outputs
+
+
+def _frame_topics(bag: BagReader) -> dict[str, str]:
+    """Topic -> camera, one topic of each camera."""
+    chosen: dict[str, str] = {}
+    for kind, suffix in FRAMES.items():
+        for topic, own in sorted(bag.topics.items()):
+            name = topic.removesuffix(suffix).strip("/")
+            if own == kind and bag.counts.get(topic) and name not in chosen.values():
+                chosen[topic] = name
+    return chosen

@@ -1,0 +1,44 @@
+"""Plot of a capture's clocks: every camera's frames against an even clock, and where frames are missing."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from panoptic_ros.clocks.report import CameraClock
+from panoptic_ros.domain import ClockModel
+from panoptic_ros.io.files import atomic_path
+
+
+def write_sync_plot(path: Path, cameras: Sequence[CameraClock], models: Mapping[str, ClockModel]) -> None:
+    """Stamps less the line of their camera over time, one panel a camera; drops are marked, devices listed.
+
+    Raises:
+        EnvironmentProblem: if the file cannot be written.
+    """
+    figure = Figure(figsize=(9.0, 1.0 + 1.7 * max(1, len(cameras))), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(max(1, len(cameras)), 1, squeeze=False, sharex=True)[:, 0]
+    for axes, camera in zip(panels, cameras):
+        timing = camera.timing
+        times = timing.counts / timing.rate_hz
+        axes.plot(times, 1e3 * timing.errors_s, ".", markersize=2)
+        gaps = np.flatnonzero(np.diff(timing.counts) > 1)
+        for gap in gaps[:500]:
+            axes.axvspan(times[gap], times[gap + 1], color="tab:red", alpha=0.25, linewidth=0)
+        axes.set_ylabel("ms")
+        axes.set_title(
+            f"{camera.name}: {timing.rate_hz:.4f} fps, jitter {1e3 * timing.jitter_s:.2f} ms, "
+            f"{timing.lost} lost",
+            fontsize=9, loc="left",
+        )  # fmt: skip
+        axes.grid(alpha=0.3)
+    panels[-1].set_xlabel("s; stamps less those of an even clock, red where frames are missing")
+    rows = [f"{name}: drift {1e6 * model.drift:+.3f} ppm" for name, model in models.items()]
+    if rows:
+        figure.suptitle("timecode: " + ", ".join(rows), fontsize=9)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, format="png")
