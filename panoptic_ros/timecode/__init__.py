@@ -8,15 +8,17 @@ and phase are those that give the largest energy of half-cell integrals, with no
 (`acquisition`). The words of a stretch are then judged together against labels that count on, by a
 two-state Viterbi search over half cells, soft and free of polarity (`labels`), and followed one by one
 against the label that must come next (`following`, `decoder`). A word's start is a least-squares fit of
-the known edge train to the samples (`timing`). A word that clicks or noise contradict is reported only
-between others that do not. Loops are compiled (`kernels`, `fit_kernels`, `click_kernels`); `cells` is
-what they are tested against.
+the known edge train to the samples (`timing`), with the shape of an edge and the droop of a coupling
+capacitor learnt from the words (`edge_shape`) and the speed from the last ones (`pace`). The stated deviation
+is what the scatter of edges and of words says. A word that clicks or noise contradict is reported only
+between others that do not; user bits are the last that were certain, 0 before (`user_bits`). Loops are
+compiled (`kernels`, `fit_kernels`, `click_kernels`); `cells` is what they are tested against.
 
 Limits: 23.976 to 30 fps at 0.78 to 1.27 times their speed, forwards and backwards, 8 to 96 kHz; down to
 -6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speed changes of 3 % at 3 Hz need 15 dB
 or so. Where the speed is so far off that the length of a word fits another rate, the rate (not the
-label) is a guess until the frame count has wrapped once. A filter's delay is part of the start: a coupling
-capacitor of 100 Hz moves it by 7 us.
+label) is a guess until the frame count has wrapped once. A delay that all words share (echoes of a room, a
+lopsided filter) is part of the start and not of its deviation.
 """
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.stage import TimecodeStage

@@ -12,8 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.timecode.cells import even_parity
-from panoptic_ros.timecode.kernels import FREE, best_grid, best_path, half_levels, moved_grid, scan_lengths
-from panoptic_ros.timecode.words import WORD_CELLS, sync_matches
+from panoptic_ros.timecode.kernels import (
+    FREE,
+    best_grid,
+    best_path,
+    half_levels,
+    moved_grid,
+    scan_lengths,
+    sync_means,
+)
+from panoptic_ros.timecode.words import SYNC, SYNC_BACK, WORD_CELLS
 
 Array = np.ndarray
 PHASES = 8
@@ -34,6 +42,7 @@ class Search:
         longer: s, of the sharpening.
         most_bend: relative change of the speed per cell, half of it; 0 looks for constant speeds.
         least_sync: bits of 16, mean over the words.
+        least_share: of the signal's power, in the half cells of the best length.
     """
 
     seconds: float
@@ -41,11 +50,12 @@ class Search:
     longer: tuple[float, ...]
     most_bend: float
     least_sync: float
+    least_share: float = 0.0
 
 
 SHORT = Search(0.22, 0.06, (0.12, 0.22), 0.0, 14.5)  # soon after a signal has begun
 LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), 0.0, 12.0)  # through noise
-CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0)  # wow
+CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0, 0.4)  # wow
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +98,10 @@ def _coarse(
     steps = int(2.0 * span / shortest * np.log(longest / shortest)) + 2
     lengths = shortest * (longest / shortest) ** np.linspace(0.0, 1.0, steps)
     rows = scan_lengths(sums, begin, span, lengths, PHASES)
+    first, last = int(begin), int(begin + span)
+    power = float(np.mean(np.diff(sums[first : last + 1]) ** 2))
+    if rows[:, 0].max() <= search.least_share * power:
+        return
     chosen: list[float] = []
     # Noise favours short cells by the first measure, words of zeros long ones by the second.
     for measure in (rows[:, 0], rows[:, 0] * lengths):
@@ -130,8 +144,7 @@ def _words(sums: Array, begin: float, grid: Array) -> Iterator[Found]:
     if count < WORD_CELLS + 16:
         return
     for reverse in (False, True):
-        matches = sync_matches(bits, reverse)
-        means = np.array([matches[k::WORD_CELLS].mean() for k in range(WORD_CELLS)])
+        means = sync_means(bits, SYNC_BACK if reverse else SYNC, WORD_CELLS)
         best = int(np.argmax(means))
         word = best if reverse else best + 16  # the sync word ends a word
         number = round((0.5 * count - word) / WORD_CELLS - 0.5)

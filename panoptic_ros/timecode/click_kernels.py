@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 Array = np.ndarray
+EVERY = 7  # th sample tells the level; no multiple of a half cell's length
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -28,7 +29,7 @@ def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
 @_jit
 def limit(signal: Array, piece: int, share: float, clip: float, blank: float) -> None:
     """Cut off what is far above the level of its neighbourhood, in place; nought what is farther."""
-    levels = piece_levels(signal, piece, share, 4)
+    levels = piece_levels(signal, piece, share, EVERY)
     for i in range(len(signal)):
         level = levels[min(i // piece, len(levels) - 1)]
         value = abs(signal[i])
@@ -55,7 +56,7 @@ def bridge_clicks(raw: Array, reach: int, piece: int, share: float, most: float,
     for i in range(count):
         low, top = max(0, i - reach), min(count, i + reach + 1)
         high[i] = raw[i] - (sums[top] - sums[low]) / (top - low)
-    levels = piece_levels(high, piece, share, 4)
+    levels = piece_levels(high, piece, share, EVERY)
     clean = raw.copy()
     i = 0
     while i < count:

@@ -14,12 +14,14 @@ from panoptic_ros.domain import Timecode
 from panoptic_ros.timecode.acquisition import CHANGING, LONG, SHORT, Found, Search, acquire
 from panoptic_ros.timecode.conditioning import Conditioner
 from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.edge_shape import EdgeShape
 from panoptic_ros.timecode.following import Follow
 from panoptic_ros.timecode.kernels import best_grid, drawn_grid, half_levels, moved_grid
 from panoptic_ros.timecode.labels import Verdict, judge, solve_labels
+from panoptic_ros.timecode.pace import Pace
 from panoptic_ros.timecode.rates import with_rate
 from panoptic_ros.timecode.timing import fit_word
-from panoptic_ros.timecode.words import SYNC_ONLY, WORD_CELLS, user_number
+from panoptic_ros.timecode.words import SYNC_ONLY, WORD_CELLS
 
 Array = np.ndarray
 HOP_SECONDS = 0.1
@@ -27,6 +29,7 @@ KEPT_SECONDS = 1.0  # of samples: a signal that is found late is read from there
 BUFFER_SECONDS = 4.0
 EARLY = 0.3  # cells that may be missing of the first word of a stream
 FARTHEST = 3  # words before the first that was found, where a changing speed may still be known
+TURNS = ((SHORT, CHANGING), (LONG, CHANGING))  # what is looked for in successive hops
 SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, about the expected middle of a word
 STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative, of the length of a cell
 BENDS = np.linspace(-1e-4, 1e-4, 3)
@@ -123,7 +126,7 @@ class LtcDecoder:
     def _search(self, last: bool) -> bool:
         """Look for a signal: soon after its start, through noise, with changing speed."""
         self._searches += 1
-        kinds = (SHORT, LONG, CHANGING) if last else (SHORT, (CHANGING, LONG)[self._searches % 2])
+        kinds = (SHORT, LONG, CHANGING) if last else TURNS[self._searches % len(TURNS)]
         for search in kinds:
             for found in acquire(self._sums.values, self._rate * self._up, self._config.speed_range, search):
                 if self._believe(found, search):
@@ -149,7 +152,9 @@ class LtcDecoder:
             grid, number = before, number - 1
         while grid[0] - 0.5 * WORD_CELLS * grid[1] < earliest:
             grid, number = moved_grid(grid, float(WORD_CELLS)), number + 1
-        self._follow = follow = Follow(grid, number, found.reverse, bool(search.most_bend), solution)
+        pace = Pace(found.reverse, bool(search.most_bend))
+        shape = EdgeShape(self._rate)
+        self._follow = follow = Follow(grid, number, found.reverse, solution, pace, shape)
         read_until = self._read_until
         while self._follow is not None and self._word_complete():
             self._next_word()
@@ -192,22 +197,24 @@ class LtcDecoder:
         """The word with its exact start."""
         follow = self._follow
         assert follow is not None
-        label, known = follow.label(halves, good)
+        label, known = follow.label(good)
         known = known and (good or follow.started)
         verdict = follow.bits(halves, label, good)
         forward = slice(None, None, -1 if follow.reverse else 1)
         signs = np.ascontiguousarray(verdict.signs[forward])
         grid = drawn_grid(self._sums.values, grid, signs, verdict.level, 3 if follow.bending else 2)
         bits = verdict.bits[forward]
-        fit = fit_word(self._raw.values, self._first, bits, self._raw_grid(grid), self._rate, follow.bending)
+        raw, shape = self._raw.values, follow.shape
+        fit = fit_word(raw, self._first, bits, self._raw_grid(grid), self._rate, shape, follow.bending)
         if fit is None:
             return None
+        if good and follow.learns(verdict.share):
+            fit.teach(shape, self._rate)
         start, std = follow.hit(fit, good)
         if good and known:
             self._read_until = follow.grid[0] - 0.5 * WORD_CELLS * follow.grid[1]
         timecode = with_rate(label, follow.rate(self._rate))
-        user_bits = user_number(verdict.bits)
-        return Word(timecode, start, std, follow.grid[1], follow.reverse, user_bits, known, good)
+        return Word(timecode, start, std, follow.grid[1], follow.reverse, follow.user.value, known, good)
 
 
 class _Buffer:

@@ -1,4 +1,9 @@
-"""The loops of fitting a word's edges to samples, compiled."""
+"""The loops of fitting a word's edges to samples, compiled.
+
+A word's wave is a sum of steps, that is of signs and, near each edge, of a table (2, P + 1, 2 R): what a step
+has more than its sign, and its slope, at R samples to both sides and P places between two samples. Entry
+(p, j) is for a sample that lies j - R + p / P after the edge.
+"""
 from __future__ import annotations
 
 from functools import lru_cache
@@ -8,70 +13,132 @@ from numba import njit
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
+_sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+BATCH = 8  # edges that are judged together: hum moves neighbours against each other
 
 
 @_jit
-def wave_columns(
-    low: int, values: Array, grid: Array, places: Array, sigma: float, table: Array, terms: int
-) -> Array:
-    """A word's wave, that times time, its derivatives by middle, cell and bend, the samples, (N, terms + 1).
+def train_rows(low: int, values: Array, grid: Array, places: Array, shape: Array, terms: int) -> Array:
+    """A word's wave, that times time, its derivatives by middle, cell and bend, the samples, (terms + 1, N).
 
     Args:
         low: index of the first sample.
         values: (N,) samples.
         places: edges in cells from the middle; the wave rises at the first.
-        sigma: samples, of the Gaussian edges.
-        table: error function at 0, 1/100, ... standard deviations, up to 6.
+        shape: (2, P + 1, 2 R) what a step has more than its sign, and its slope.
         terms: 5, or 4 without the bend.
     """
     count = len(values)
-    columns = np.zeros((count, terms + 1))
+    phases, reach = shape.shape[1] - 1, shape.shape[2] // 2
+    rows = np.zeros((terms + 1, count))
     middle, cell, bend = grid
-    sign, edge, edges = 1.0, 0, len(places)
-    here = middle + cell * (places[0] + bend * places[0] ** 2)
-    following = middle + cell * (places[1] + bend * places[1] ** 2)
-    scale = np.sqrt(2.0 / np.pi) / sigma
-    for i in range(count):
-        at = low + i
-        while edge + 1 < edges and at > 0.5 * (here + following):
-            edge += 1
-            sign = -sign
-            here = following
-            if edge + 1 < edges:
-                u = places[edge + 1]
-                following = middle + cell * (u + bend * u * u)
-        distance = (at - here) / sigma
-        size = abs(distance)
-        if size < 5.9:
-            index = int(100.0 * size)
-            part = 100.0 * size - index
-            value = table[index] * (1.0 - part) + table[index + 1] * part
-            wave = sign * value if distance >= 0.0 else -sign * value
-            slope = -sign * scale * np.exp(-0.5 * distance * distance)
-            u = places[edge]
-            columns[i, 2], columns[i, 3] = slope, slope * (u + bend * u * u)
+    sign, begin = -1.0, 0
+    for k in range(len(places)):
+        u = places[k]
+        stretched = u + bend * u * u
+        edge = middle + cell * stretched - low
+        after = int(np.ceil(edge))
+        end = min(max(after, 0), count)
+        for i in range(begin, end):
+            rows[0, i] += sign
+        begin, sign = end, -sign
+        place = (after - edge) * phases
+        below = min(int(place), phases - 1)
+        part = place - below
+        first = after - reach
+        for j in range(max(0, -first), min(2 * reach, count - first)):
+            i = first + j
+            more = shape[0, below, j] * (1.0 - part) + shape[0, below + 1, j] * part
+            slope = -sign * (shape[1, below, j] * (1.0 - part) + shape[1, below + 1, j] * part)
+            rows[0, i] += sign * more
+            rows[2, i] += slope
+            rows[3, i] += slope * stretched
             if terms == 5:
-                columns[i, 4] = slope * cell * u * u
-        else:
-            wave = sign if distance >= 0.0 else -sign
-        columns[i, 0] = wave
-        columns[i, 1] = wave * (2.0 * i / (count - 1.0) - 1.0)
-        columns[i, terms] = values[i]
-    return columns
+                rows[4, i] += slope * cell * u * u
+    for i in range(begin, count):
+        rows[0, i] += sign
+    scale = 2.0 / (count - 1.0)
+    for i in range(count):
+        rows[1, i] = rows[0, i] * (scale * i - 1.0)
+        rows[terms, i] = values[i]
+    return rows
 
 
 @_jit
-def fit_step(columns: Array, baseline: Array) -> tuple[Array, Array, float, Array]:
-    """Least squares of the last column by the others with a free baseline.
+def shape_rows(
+    low: int, count: int, grid: Array, places: Array, splines: Array, knot: float, wide: int
+) -> Array:
+    """How each function of the shape of a step shows in a word, (J, N).
 
     Args:
-        columns: see `wave_columns`.
+        splines: (J, P + 1, 2 R) their tables, see the module.
+        knot: samples by which each begins after the one before; 0 if they all cover everything.
+        wide: how many of them there are at any place.
+    """
+    phases, reach = splines.shape[1] - 1, splines.shape[2] // 2
+    rows = np.zeros((len(splines), count))
+    middle, cell, bend = grid
+    sign = 1.0
+    for k in range(len(places)):
+        u = places[k]
+        edge = middle + cell * (u + bend * u * u) - low
+        after = int(np.ceil(edge))
+        place = (after - edge) * phases
+        below = min(int(place), phases - 1)
+        part = place - below
+        first = after - reach
+        for j in range(max(0, -first), min(2 * reach, count - first)):
+            last = len(splines) - 1
+            if knot > 0.0:
+                last = min(int((j + place / phases) / knot), last)
+            for s in range(max(0, last - wide + 1), last + 1):
+                value = splines[s, below, j] * (1.0 - part) + splines[s, below + 1, j] * part
+                rows[s, first + j] += sign * value
+        sign = -sign
+    return rows
+
+
+@_sum
+def products(one: Array, other: Array) -> Array:
+    """Of the rows of two matrices (I, N), (J, N); too small for a library that starts threads."""
+    out = np.empty((len(one), len(other)))
+    for i in range(len(one)):
+        for j in range(len(other)):
+            total = 0.0
+            for k in range(one.shape[1]):
+                total += one[i, k] * other[j, k]
+            out[i, j] = total
+    return out
+
+
+@_sum
+def gram_without(rows: Array, baseline: Array) -> Array:
+    """Products (I, I) of rows (I, N) without their part in an orthonormal baseline (T, N)."""
+    slow = products(rows, baseline)
+    out = np.empty((len(rows), len(rows)))
+    for i in range(len(rows)):
+        for j in range(i, len(rows)):
+            total = 0.0
+            for k in range(rows.shape[1]):
+                total += rows[i, k] * rows[j, k]
+            for k in range(slow.shape[1]):
+                total -= slow[i, k] * slow[j, k]
+            out[i, j] = out[j, i] = total
+    return out
+
+
+@_jit
+def fit_step(rows: Array, baseline: Array) -> tuple[Array, Array, float, Array]:
+    """Least squares of the last row by the others with a free baseline.
+
+    Args:
+        rows: see `train_rows`.
         baseline: (T, N) orthonormal.
 
     Returns: the solution, the inverse of the normal matrix, the squared error, the baseline's weights.
     """
-    slow = baseline @ columns
-    gram = columns.T @ columns - slow.T @ slow
+    slow = products(rows, baseline)
+    gram = products(rows, rows) - products(slow, slow)
     terms = len(gram) - 1
     normal, right = gram[:terms, :terms].copy(), gram[:terms, terms].copy()
     trace = np.trace(normal)
@@ -79,73 +146,120 @@ def fit_step(columns: Array, baseline: Array) -> tuple[Array, Array, float, Arra
         normal[k, k] += 1e-12 * trace
     inverse = np.linalg.inv(normal)
     solution = inverse @ right
-    weights = slow[:, terms].copy()
+    weights = slow[terms].copy()
     for k in range(terms):
-        weights -= slow[:, k] * solution[k]
+        weights -= slow[k] * solution[k]
     return solution, inverse, max(gram[terms, terms] - (right * solution).sum(), 0.0), weights
 
 
 @_jit
-def left_over(columns: Array, solution: Array, baseline: Array, weights: Array) -> Array:
+def left_over(rows: Array, solution: Array, baseline: Array, weights: Array) -> Array:
     """What the fit does not explain (N,)."""
-    error = columns[:, len(solution)].copy()
+    error = rows[len(solution)].copy()
     for k in range(len(weights)):
+        weight = weights[k]
         for i in range(len(error)):
-            error[i] -= baseline[k, i] * weights[k]
-    for i in range(len(error)):
-        for k in range(len(solution)):
-            error[i] -= columns[i, k] * solution[k]
+            error[i] -= baseline[k, i] * weight
+    for k in range(len(solution)):
+        factor = solution[k]
+        for i in range(len(error)):
+            error[i] -= rows[k, i] * factor
     return error
 
 
 @_jit
-def score_scatter(columns: Array, error: Array, terms: int) -> Array:
-    """Sum over the edges of the outer products of their scores, (terms - 2, terms - 2).
+def score_scatter(low: int, rows: Array, error: Array, grid: Array, places: Array, moves: int) -> Array:
+    """Sum over batches of edges of the outer products of their scores, (moves, moves).
 
     Args:
-        columns: see `wave_columns`; those from the third on are zero away from edges.
+        rows: see `train_rows`; those from the third on are slopes.
         error: (N,) what the fit leaves.
     """
-    first, moves = 2, terms - 2
     scatter, score = np.zeros((moves, moves)), np.zeros(moves)
-    for i in range(len(error)):
-        turning = i > 0 and columns[i, first] == 0.0 and columns[i - 1, first] != 0.0
-        between = i > 0 and columns[i, first] * columns[i - 1, first] < 0.0
-        if turning or between or i == len(error) - 1:
-            for j in range(moves):
-                for k in range(moves):
-                    scatter[j, k] += score[j] * score[k]
-            score[:] = 0.0
+    begin, count = 0, len(error)
+    for k in range(BATCH, len(places) + BATCH, BATCH):
+        end = count
+        if k + BATCH // 2 < len(places):
+            u = 0.5 * (places[k - 1] + places[k])
+            end = min(max(int(grid[0] + grid[1] * (u + grid[2] * u * u)) - low, begin), count)
+        if end <= begin:
+            continue
         for j in range(moves):
-            score[j] += columns[i, first + j] * error[i]
+            score[j] = (rows[2 + j, begin:end] * error[begin:end]).sum()
+        for j in range(moves):
+            for i in range(moves):
+                scatter[j, i] += score[j] * score[i]
+        begin = end
     return scatter
 
 
 @_jit
-def line_fit(numbers: Array, middles: Array, variances: Array) -> tuple[float, float, float, float, float]:
-    """The line through words' middles.
+def fit_train(
+    low: int, values: Array, grid: Array, places: Array, shape: Array, baseline: Array, limits: Array,
+    bending: bool,
+) -> tuple[bool, Array, float, Array, Array, Array]:  # fmt: skip
+    """Fit grid and level of a word with known edges by Gauss and Newton; samples far off are left out.
 
-    Returns: slope, its norm, squared error per degree of freedom, mean variance, and how alike the errors
-    of neighbours are: above 0 if the words lie on a curve.
+    Args:
+        grid: (3,) a guess.
+        limits: see `timing.LIMITS`.
+
+    Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without outliers.
     """
-    x = numbers - numbers.mean()
-    y = middles - middles.mean()
-    norm = (x * x).sum()
-    slope = (x * y).sum() / norm
-    error = y - slope * x
-    square = (error * error).sum()
-    alike = (error[1:] * error[:-1]).sum() / square if square > 0.0 else 0.0
-    return slope, norm, square / (len(x) - 2), variances.mean(), alike
+    terms = 5 if bending else 4
+    steps, settled, lost, outlier, gross, sigma, shaken = limits
+    half = 0.5 * (places[-1] - places[0])
+    grid, clean, cleaned, moved, level = grid.copy(), values, False, np.inf, 0.0
+    nothing = np.zeros((3, 3))
+    rows = np.zeros((1, 1))
+    error = values
+    freedom = max(1, len(values) - len(baseline) - terms)
+    for step in range(int(steps)):
+        rows = train_rows(low, clean, grid, places, shape, terms)
+        solution, inverse, square, weights = fit_step(rows, baseline)
+        level = solution[0]
+        if abs(level) < 1e-9 or not np.isfinite(solution).all():
+            return False, grid, level, nothing, nothing, clean
+        change = solution[2:] / level
+        grid[0] += min(max(change[0], -0.2 * grid[1]), 0.2 * grid[1])
+        grid[1] += min(max(change[1], -0.002 * grid[1]), 0.002 * grid[1])
+        if bending:
+            grid[2] += min(max(change[2], -2e-4), 2e-4)
+        noise = np.sqrt(square / freedom)
+        moved = max(abs(change[0]), half * abs(change[1]))
+        finished = moved <= settled * sigma + 0.1 * noise / abs(level) * np.sqrt(inverse[2, 2])
+        if not finished and step + 1 < int(steps):
+            continue
+        error = left_over(rows, solution, baseline, weights)
+        if cleaned or not finished:
+            break
+        spread = 1.4826 * np.median(np.abs(error[::4]))
+        least = max(outlier * spread, gross * abs(level))
+        outside = False
+        for i in range(len(error)):
+            size = abs(error[i])
+            if size > least and size > least + abs(level) * shaken * abs(rows[2, i]):
+                if not outside:
+                    clean, outside = values.copy(), True
+                clean[i] -= error[i]
+        if not outside:
+            break
+        cleaned = True
+    white, seen = nothing.copy(), nothing.copy()
+    moves = terms - 2
+    corner = np.ascontiguousarray(inverse[2:, 2:])
+    white[:moves, :moves] = corner * (square / freedom / level**2)
+    scatter = score_scatter(low, rows, error, grid, places, moves)
+    seen[:moves, :moves] = corner @ scatter @ corner / level**2
+    return moved <= lost * grid[1], grid, level, white, seen, clean
 
 
 @lru_cache(maxsize=1)
 def compile_fit() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
     values, baseline = np.sin(np.arange(400.0)), np.ones((1, 400)) / 20.0
-    columns = wave_columns(
-        0, values, np.array([200.0, 20.0, 0.0]), np.arange(-4.0, 5.0), 1.0, np.ones(602), 4
-    )
-    solution, _, _, weights = fit_step(columns, baseline)
-    error = left_over(columns, solution, baseline, weights)
-    score_scatter(columns, error, 4)
-    line_fit(np.arange(3.0), np.arange(3.0), np.ones(3))
+    grid, places, shape = np.array([200.0, 20.0, 0.0]), np.arange(-4.0, 5.0), np.ones((2, 3, 4))
+    limits = np.array([2.0, 0.1, 0.1, 4.0, 0.2, 1.0, 1.0])
+    fit_train(0, values, grid, places, shape, baseline, limits, False)
+    gram_without(baseline, baseline)
+    shape_rows(0, 400, grid, places, shape, 1.0, 2)

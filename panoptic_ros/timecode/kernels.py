@@ -41,15 +41,40 @@ def half_levels(sums: Array, middle: float, cell: float, bend: float, first: flo
 
 
 @_jit
+def energy(sums: Array, start: float, half: float, bend: float, count: int) -> float:
+    """Sum of squared integrals over `count` half cells from a place on, each longer than the last by `bend`.
+
+    All that lies outside counts nothing.
+    """
+    step, total, last = half, 0.0, len(sums) - 1.001
+    place, k = start + 0.5, 0
+    while place < 0.0 and k < count:
+        place += step
+        step += bend
+        k += 1
+    if not 0.0 <= place <= last:
+        return 0.0
+    below = int(place)
+    value = sums[below] + (sums[below + 1] - sums[below]) * (place - below)
+    while k < count:
+        place += step
+        step += bend
+        if place > last:
+            break
+        below = int(place)
+        now = sums[below] + (sums[below + 1] - sums[below]) * (place - below)
+        total += (now - value) * (now - value)
+        value = now
+        k += 1
+    return total
+
+
+@_jit
 def grid_energy(sums: Array, middle: float, cell: float, bend: float, first: float, count: int) -> float:
     """Mean square of `half_levels`."""
-    total, value = 0.0, 0.0
-    for k in range(2 * count + 1):
-        u = first + 0.5 * k
-        now = integral(sums, middle + cell * (u + bend * u * u))
-        if k > 0:
-            total += (now - value) ** 2
-        value = now
+    start = middle + cell * (first + bend * first * first)
+    half = cell * (0.5 + bend * (first + 0.25))  # the first one; second differences are constant
+    total = energy(sums, start, half, 0.5 * bend * cell, 2 * count)
     return total * 4.0 / (cell * cell * 2.0 * count)
 
 
@@ -80,15 +105,23 @@ def scan_lengths(sums: Array, begin: float, span: float, halves: Array, phases: 
         rows[i, 0] = -1.0
         for phase in range(phases):
             start = begin + half * phase / phases
-            total, value = 0.0, integral(sums, start)
-            for k in range(1, count + 1):
-                now = integral(sums, start + k * half)
-                total += (now - value) ** 2
-                value = now
-            total /= half * half * count
+            total = energy(sums, start, half, 0.0, count) / (half * half * count)
             if total > rows[i, 0]:
                 rows[i, 0], rows[i, 1] = total, start
     return rows
+
+
+@_jit
+def sync_means(bits: Array, pattern: Array, word: int) -> Array:
+    """Mean number of bits (word,) that agree with a pattern (M,) from each place of the words on."""
+    totals, words = np.zeros(word), np.zeros(word)
+    for i in range(len(bits) - len(pattern) + 1):
+        agreeing = 0
+        for j in range(len(pattern)):
+            agreeing += bits[i + j] == pattern[j]
+        totals[i % word] += agreeing
+        words[i % word] += 1.0
+    return totals / np.maximum(words, 1.0)
 
 
 @_jit
@@ -235,6 +268,7 @@ def compile_kernels() -> None:
     scan_lengths(sums, 0.0, 200.0, np.array([10.0]), 2)
     _, _, signs = best_path(halves, wanted)
     soft_bits(halves, wanted)
+    sync_means(wanted, wanted[:4], 4)
     moved_grid(grid, 1.0)
     drawn_grid(sums, grid, signs, 1.0, 2)
     verdict(halves, wanted, 0.0)

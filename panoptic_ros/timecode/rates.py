@@ -1,10 +1,9 @@
 """Which rate a timecode has, by its way of counting and by the length of its words."""
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from fractions import Fraction
-
-import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.errors import ClockError
@@ -16,13 +15,18 @@ RATES = (
 )  # fmt: skip
 
 
+EXACT = [float(rate.exact) for rate in RATES]
+
+
 def closest_rate(countings: Collection[FrameRate], measured: float) -> FrameRate:
     """The rate among those that count in one of some ways that is closest to words per second."""
     nominals = {rate.nominal for rate in countings if not rate.drop_frame}
-    possible = [rate for rate in RATES if rate.nominal in nominals]
+    possible = [(rate, exact) for rate, exact in zip(RATES, EXACT) if rate.nominal in nominals]
     if any(rate.drop_frame for rate in countings):
-        possible.append(DROP_RATE)
-    return min(possible, key=lambda rate: abs(float(np.log(measured / float(rate.exact)))))
+        possible.append((DROP_RATE, float(DROP_RATE.exact)))
+    if len(possible) == 1:
+        return possible[0][0]
+    return min(possible, key=lambda item: abs(math.log(measured / item[1])))[0]
 
 
 def with_rate(label: Timecode, rate: FrameRate) -> Timecode:

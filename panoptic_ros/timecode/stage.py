@@ -11,6 +11,7 @@ from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder, Word
 from panoptic_ros.timecode.fit_kernels import compile_fit
 from panoptic_ros.timecode.kernels import compile_kernels
+from panoptic_ros.timecode.line_kernels import compile_lines
 from panoptic_ros.timecode.rates import with_rate
 from panoptic_ros.timecode.words import WORD_CELLS
 
@@ -43,6 +44,7 @@ class TimecodeStage:
         compile_kernels()
         compile_fit()
         compile_conditioning()
+        compile_lines()
 
     def step(self, item: AudioBlock) -> StepResult[TimecodeReading]:
         """Readings that the block completes."""
@@ -120,10 +122,7 @@ def _continues(last: Word, word: Word) -> bool:
 
 def _stamp(device: _Device, sample: float) -> int:
     """The instant of a fractional sample on the device's clock, from the block that holds it."""
-    first, stamp = device.stamps[0]
-    for block_first, block_stamp in device.stamps:
-        if block_first <= sample:
-            first, stamp = block_first, block_stamp
+    first, stamp = next((block for block in reversed(device.stamps) if block[0] <= sample), device.stamps[0])
     return max(0, stamp + round((sample - first) / device.sample_rate * 1e9))
 
 

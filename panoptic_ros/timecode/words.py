@@ -11,6 +11,7 @@ from panoptic_ros.timecode.kernels import FREE
 Array = np.ndarray
 WORD_CELLS = 80
 SYNC = np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 1], np.int8)  # bits 64 to 79
+SYNC_BACK = np.ascontiguousarray(SYNC[::-1])
 FIELDS = (  # units and tens: first bit and number of bits of each, number of values
     ("hours", (48, 4), (56, 2), 24),
     ("minutes", (32, 4), (40, 3), 60),
@@ -41,13 +42,6 @@ SYNC_ONLY = np.full(WORD_CELLS, FREE, np.int8)
 SYNC_ONLY[64:] = SYNC
 
 
-def sync_matches(bits: Array, reverse: bool) -> Array:
-    """Number of bits (N - 15,) that agree with the sync word from each place on."""
-    pattern = SYNC[::-1] if reverse else SYNC
-    windows = np.lib.stride_tricks.sliding_window_view(bits, len(pattern))
-    return (windows == pattern).sum(axis=1)
-
-
 def known_bits(label: Timecode) -> Array:
     """The bits (80,) that a label fixes; `FREE` are user bits, flags and parity."""
     bits = SYNC_ONLY.copy()
@@ -55,8 +49,3 @@ def known_bits(label: Timecode) -> Array:
         bits[places] = rows[getattr(label, name)]
     bits[DROP_FRAME_BIT] = label.rate.drop_frame
     return bits
-
-
-def user_number(bits: Array) -> int:
-    """The 32 user bits of a word (80,), group 1 in the lowest four."""
-    return int(USER_WEIGHTS @ bits[USER_BITS])

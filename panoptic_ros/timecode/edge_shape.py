@@ -1,0 +1,202 @@
+"""What a step of the signal looks like in the samples: a guess, and what the words teach.
+
+A generator's edge of 40 us behind a recorder's low pass is a good guess on a short line. Other filters,
+tapes and clipping change it, and with it where a word seems to begin, by an amount that depends on its bits.
+So the words themselves teach a correction (cubic B-splines) and the droop of a coupling capacitor
+(the part of the integral of the samples that gives the plateaus back). All are linear: normal equations are
+summed up over words, each with its own level, place and baseline left free.
+
+Where the origin of a step is, cannot be learnt. The correction must not move the guess, as a least-squares
+fit of the guess would see it: so learning takes the scatter away, and leaves the mean.
+"""
+from __future__ import annotations
+
+from collections import deque
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from panoptic_ros.timecode.fit_kernels import gram_without, shape_rows
+
+Array = np.ndarray
+PHASES = 32  # places between two samples
+REACH = 12  # samples at up to 48 kHz
+KNOT = 0.5  # samples at up to 48 kHz
+BASE_RATE = 48_000
+EDGE_SECONDS = 15.6e-6  # standard deviation of an edge of 40 us rise time
+BAND = 0.465  # cycles per sample that a recorder lets pass
+# What a correction may be beforehand, of the level; even ones come from lopsided filters.
+ODD_SPREAD, EVEN_SPREAD = 0.1, 0.03
+DROOP_SPREAD = 0.1  # per sample
+MEMORY = 300.0  # words; half of them at first, since the first ones were fitted with the guess
+LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond
+SURE = 4.0  # standard deviations from which on droop is believed
+ALIKE_WORDS = 3.0  # that count as one, since hum repeats
+LEAST_NOISE = 0.01  # of the level: what splines cannot say
+
+
+class EdgeShape:
+    """The shape of a step at a sample rate, as `table` for the kernels."""
+
+    def __init__(self, sample_rate: int):
+        scale = max(1, round(sample_rate / BASE_RATE))
+        self.reach = REACH * scale
+        self._knot = KNOT * scale
+        self._least_droop = 2.0 * np.pi * LEAST_DROOP_HZ / sample_rate
+        self._guess, self._splines = _guess(sample_rate, self.reach), _splines(self.reach, self._knot)
+        count = len(self._splines)
+        self._normal = np.zeros((count + 1, count + 1))  # the last unknown is the droop
+        self._right = np.zeros(count + 1)
+        self._along = np.zeros(count + 1)  # scores that the guess would see
+        self._solution = np.zeros(count + 1)
+        self._prior = _prior(count)
+        self._droops: deque[float] = deque(maxlen=64)  # word by word, what the correction leaves
+        self.table = self._guess
+        self.droop = 0.0
+        self.words = 0
+
+    def straighten(self, values: Array) -> Array:
+        """Samples (N,) without droop; a baseline is left."""
+        if self.droop == 0.0:
+            return values
+        return values + self.droop * _integral(values)
+
+    def learn(
+        self, values: Array, low: int, grid: Array, places: Array, level: float, baseline: Array,
+        excess: float,
+    ) -> None:  # fmt: skip
+        """From a word whose fit has settled.
+
+        Args:
+            values: (N,) samples as recorded, without clicks.
+            low: index of the first.
+            grid, places: see `train_rows`.
+            level: of the word, signed.
+            baseline: (T, N) orthonormal.
+            excess: variance of the word's edges over that from white noise.
+        """
+        count = len(values)
+        rows = np.empty((len(self._splines) + 5, count))
+        guess = shape_rows(low, count, grid, places, self._guess, 0.0, 2)
+        square = _square(low, count, grid, places)
+        slope = guess[1]
+        rows[0], rows[1], rows[2] = square + guess[0], slope, slope * (np.arange(low, low + count) - grid[0])
+        rows[3:-2] = shape_rows(low, count, grid, places, self._splines, self._knot, 4)
+        rows[-2] = _integral(values) / -level
+        rows[-1] = values / level
+        gram = gram_without(rows, baseline)
+        own, shared = slice(0, 3), slice(3, -1)
+        gain = np.linalg.solve(gram[own, own] + 1e-12 * np.trace(gram[own, own]) * np.eye(3), gram[own, 3:])
+        reduced = gram[3:, 3:] - gram[3:, own] @ gain
+        known = np.append(self._solution, -1.0)
+        noise = (float(known @ reduced @ known) / count + LEAST_NOISE**2) * max(1.0, excess)
+        keep = 1.0 - 1.0 / min(MEMORY, 0.5 * self.words + 4.0)
+        left = reduced[-2, -1] - reduced[-2, :-2] @ self._solution[:-1]
+        self._droops.append(float(left / reduced[-2, -2]))
+        self._normal = keep * self._normal + reduced[:-1, :-1] / noise
+        self._right = keep * self._right + reduced[:-1, -1] / noise
+        self._along = keep * self._along + gram[1, shared] / noise
+        self.words += 1
+        self._solve()
+
+    def _solve(self) -> None:
+        """The correction and the droop, if there is one."""
+        along = self._along.copy()
+        along[-1] = 0.0
+        solution, inverse = _constrained(self._normal + self._prior, self._right, along)
+        least = max(SURE * np.sqrt(inverse[-1, -1]), self._least_droop)
+        if solution[-1] < least or not self._drooping():
+            without = self._normal[:-1, :-1] + self._prior[:-1, :-1]
+            solution = np.append(_constrained(without, self._right[:-1], along[:-1])[0], 0.0)
+        self._solution = solution
+        self.droop = float(solution[-1])
+        more = np.tensordot(solution[:-1], self._splines, axes=1)
+        self.table = self._guess + np.stack([more, _slope(more)])
+
+
+    def _drooping(self) -> bool:
+        """Whether words agree that there is droop; hum looks like it now and then."""
+        count = len(self._droops) / ALIKE_WORDS
+        if count < 3.0:
+            return False
+        mean, scatter = float(np.mean(self._droops)), float(np.std(self._droops))
+        return mean > SURE * scatter / np.sqrt(count - 1.0)
+
+
+def _constrained(normal: Array, right: Array, along: Array) -> tuple[Array, Array]:
+    """Least squares with along @ x = 0, and the inverse of the normal matrix."""
+    inverse = np.linalg.inv(normal)
+    solution = inverse @ right
+    across = inverse @ along
+    size = float(along @ across)
+    if size > 0.0:
+        solution = solution - across * (float(along @ solution) / size)
+    return solution, inverse
+
+
+def _prior(count: int) -> Array:
+    """Inverse variances of the corrections beforehand and of the droop, (count + 1, count + 1)."""
+    odd, even = ODD_SPREAD**-2, EVEN_SPREAD**-2
+    prior = np.zeros((count + 1, count + 1))
+    prior[:-1, :-1] = 0.5 * (odd + even) * np.eye(count) + 0.5 * (even - odd) * np.eye(count)[::-1]
+    prior[-1, -1] = DROOP_SPREAD**-2
+    return prior
+
+
+def _integral(values: Array) -> Array:
+    """Of samples without their mean, by trapezia."""
+    even = values - values.mean()
+    return np.cumsum(even) - 0.5 * even
+
+
+def _square(low: int, count: int, grid: Array, places: Array) -> Array:
+    """Signs of a word's wave (N,)."""
+    edges = np.ceil(grid[0] + grid[1] * (places + grid[2] * places**2) - low)
+    passed = np.searchsorted(edges, np.arange(count), side="right")
+    return np.where(passed % 2 == 1, 1.0, -1.0)
+
+
+def _places(reach: int) -> Array:
+    """Distances from an edge, (P + 1, 2 R), samples."""
+    return np.arange(-reach, reach) + np.arange(PHASES + 1)[:, None] / PHASES
+
+
+def _slope(table: Array) -> Array:
+    """Derivative of a continuous table (P + 1, 2 R)."""
+    line = np.append(table[:-1].T.ravel(), table[-1, -1])
+    slope = np.gradient(line, 1.0 / PHASES)
+    inner = slope[:-1].reshape(-1, PHASES).T
+    return np.vstack([inner, np.append(inner[0, 1:], slope[-1])])
+
+
+@lru_cache(maxsize=8)
+def _guess(sample_rate: int, reach: int) -> Array:
+    """(2, P + 1, 2 R): a Gaussian edge behind a low pass, less its sign; its slope."""
+    sigma = EDGE_SECONDS * sample_rate * PHASES
+    half = 4 * reach * PHASES
+    at = np.arange(-half, half + 1) / PHASES
+    low_pass = np.sinc(2.0 * BAND * at) * np.kaiser(len(at), 8.0)
+    near = np.arange(-int(6.0 * sigma) - 1, int(6.0 * sigma) + 2)
+    density = np.convolve(low_pass, np.exp(-0.5 * (near / sigma) ** 2), mode="same")
+    level = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    density, level = 2.0 * density * PHASES / level[-1], 2.0 * level / level[-1] - 1.0
+    places = _places(reach)
+    sign = np.where(np.arange(2 * reach) >= reach, 1.0, -1.0)
+    table = np.stack([np.interp(places, at, level) - sign, np.interp(places, at, density)])
+    table.flags.writeable = False
+    return table
+
+
+@lru_cache(maxsize=8)
+def _splines(reach: int, knot: float) -> Array:
+    """(J, P + 1, 2 R): cubic B-splines inside of the reach."""
+    places = _places(reach)
+    knots = np.arange(-reach, reach + 0.5 * knot, knot)
+    out = []
+    for first in range(len(knots) - 4):
+        spline = BSpline.basis_element(knots[first : first + 5], extrapolate=False)
+        out.append(np.nan_to_num(spline(places)))
+    table = np.array(out)
+    table.flags.writeable = False
+    return table

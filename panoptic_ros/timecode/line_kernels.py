@@ -1,0 +1,75 @@
+"""The loops over the middles of words, compiled: lines and curves through them."""
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@_jit
+def _products(rows: Array) -> Array:
+    """Of the rows of a matrix with each other."""
+    out = np.empty((len(rows), len(rows)))
+    for i in range(len(rows)):
+        for j in range(len(rows)):
+            out[i, j] = (rows[i] * rows[j]).sum()
+    return out
+
+
+@_jit
+def line_fit(numbers: Array, middles: Array) -> tuple[float, float, float, float]:
+    """The line through words' middles.
+
+    Returns: slope, its norm, squared error per degree of freedom, and how much more a cubic explains by each
+    of its two terms than it leaves by each degree of freedom (0 for fewer than 6 words).
+    """
+    count = len(numbers)
+    x = numbers - numbers.mean()
+    y = middles - middles.mean()
+    norm = (x * x).sum()
+    slope = (x * y).sum() / norm
+    error = y - slope * x
+    square = (error * error).sum()
+    if count < 6 or square <= 0.0:
+        return slope, norm, square / (count - 2), 0.0
+    x /= np.abs(x).max()
+    powers = np.empty((4, count))
+    for k in range(4):
+        powers[k] = x**k
+    right = (powers * error).sum(axis=1)
+    left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
+    return slope, norm, square / (count - 2), 0.5 * (square - left) / (left / (count - 4))
+
+
+@_jit
+def curve_scatter(words: Array) -> float:
+    """Mean of squared errors about a parabola through words' middles, in their variances.
+
+    Args:
+        words: (3, N) numbers, middles, variances.
+    """
+    count = words.shape[1]
+    x = (words[0] - words[0].mean()) / max(1.0, words[0, -1] - words[0, 0])
+    y = words[1] - words[1].mean()
+    powers = np.empty((3, count))
+    for k in range(3):
+        powers[k] = x**k
+    weights = np.linalg.solve(_products(powers), (powers * y).sum(axis=1))
+    total = 0.0
+    for i in range(count):
+        error = y[i]
+        for k in range(3):
+            error -= weights[k] * powers[k, i]
+        total += error * error / words[2, i]
+    return total / (count - 3)
+
+
+@lru_cache(maxsize=1)
+def compile_lines() -> None:
+    """Compile all of this for the types that it is called with, or take it from numba's cache."""
+    line_fit(np.arange(7.0), np.arange(7.0))
+    curve_scatter(np.arange(21.0).reshape(3, 7) + 1.0)

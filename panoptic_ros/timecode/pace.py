@@ -1,0 +1,160 @@
+"""Where words begin and the next is expected, by the words so far: a tape that keeps its speed, or does not.
+
+At constant speed the length of a cell comes from a line through the last words, and only the middle of a word
+from itself. Where the speed changes, a word begins half-way between two middles on the cubic through
+both with the speeds there. How far words lie off what the ones before foretold tells how exact they are.
+"""
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from panoptic_ros.timecode.kernels import moved_grid
+from panoptic_ros.timecode.line_kernels import curve_scatter, line_fit
+from panoptic_ros.timecode.timing import WordFit
+from panoptic_ros.timecode.words import WORD_CELLS
+
+Array = np.ndarray
+LEAST_STD = 0.0002  # samples; no sampler is better
+BENDING = 0.05  # cells about a line: the speed changes so much that it does so within a word
+FEW_WORDS = 6  # from which a curve is told from scatter
+CURVED = 20.0  # variance ratio of what a cubic explains beyond a line, and of its scatter
+SPREAD = 1e-5  # samples squared, about a line at constant speed
+LINE_WORDS = 10  # through whose middles the line goes that gives the length of a cell
+MOST_TURN = 1e-4  # of the bend from word to word
+HALF = 0.5 * WORD_CELLS
+EDGES_WEIGHT = 6.0  # words that the scatter of edges is worth
+LONG_WORDS, LEAST_LONG = 48, 12  # about a parabola: slow errors are seen only over many words
+HERMITE, BEYOND = 3.0 / 256.0, 1.0 / 3.0  # variance of a start, over that of middles by their neighbours
+
+
+class Pace:
+    """Of one signal.
+
+    Args:
+        line: length of a cell and its deviation if they are known from later words.
+    """
+
+    def __init__(self, reverse: bool, bending: bool, line: tuple[float, float] | None = None):
+        self.bending = bending
+        self._reverse = reverse
+        self._words: list[tuple[int, WordFit]] = []
+        self._early_line = line
+        self._line: tuple[float, float] | None = line
+        self._astray = 0.0  # cells, of the last words about a line
+        self._steady = True
+        self._bend = -10, 0.0  # word and its bend
+        self._edges: deque[float] = deque(maxlen=15)  # variance by batches of edges over that of white noise
+        self._long = np.empty((3, 0))  # numbers, middles and variances of the last words on a line
+        self._turns: deque[float] = deque(maxlen=10)  # squared, samples: middles against their neighbours
+
+    def take(self, number: int, fit: WordFit) -> tuple[float, float, Array]:
+        """A word was read: start of bit 0 and its standard deviation; the grid of the next word."""
+        white = max(fit.covariance[0, 0], 1e-12)
+        self._edges.append(fit.observed[0, 0] / white)
+        self._long = np.column_stack([self._long[:, 1 - LONG_WORDS :], (number, fit.middle, white)])
+        self._words = [*self._words, (number, fit)][-LINE_WORDS:]
+        self._line = self._find_line()
+        if self._line is not None or len(self._words) > 2:
+            self.bending = self._line is None
+        if self._line is None:
+            self._long = self._long[:, :0]
+        scale = self._scale(self._line is not None)
+        side = HALF if self._reverse else -HALF
+        if self._line is not None:
+            cell, cell_std = self._line
+            variance = white * scale + (side * cell_std) ** 2
+            following = moved_grid(np.array([fit.middle, cell, 0.0]), float(WORD_CELLS))
+            return fit.middle + side * cell, _std(variance), following
+        edge, variance = self._between(number, fit, side, scale)
+        return edge, _std(variance), self._advance(number, fit)
+
+    def passed(self, grid: Array, fit: WordFit) -> tuple[float, float]:
+        """The start and its deviation of a word that clicks may have shifted: nothing is learnt from it."""
+        side = HALF if self._reverse else -HALF
+        edge = float(moved_grid(np.array([fit.middle, grid[1], grid[2]]), side)[0])
+        scale = max(1.0, self._scale(not self.bending), fit.observed[0, 0] / max(fit.covariance[0, 0], 1e-12))
+        return edge, _std(scale * (fit.covariance[0, 0] + HALF**2 * fit.covariance[1, 1]))
+
+    def early(self, grid: Array, number: int) -> tuple[Array, tuple[float, float] | None]:
+        """The grid of an earlier word and the line, by the speed that is known by now."""
+        if self._line is None or self.bending or not self._steady:
+            return grid, None
+        last, fit = self._words[-1]
+        back = fit.middle - (last - number) * WORD_CELLS * self._line[0]
+        return np.array([back, self._line[0], 0.0]), self._line
+
+    def _scale(self, straight: bool) -> float:
+        """Variance over that of white noise: by edges, and by words as far as there are some."""
+        edges, count = self._edge_scale, self._long.shape[1]
+        if not straight or count < LEAST_LONG:
+            return edges
+        seen = curve_scatter(self._long)
+        return (EDGES_WEIGHT * edges + (count - 3) * seen) / (EDGES_WEIGHT + count - 3)
+
+    @property
+    def _edge_scale(self) -> float:
+        """Variance by edges over that of white noise: the middle one of the last words."""
+        return sorted(self._edges)[len(self._edges) // 2] if self._edges else 1.0
+
+    def _find_line(self) -> tuple[float, float] | None:
+        """Length of a cell and its deviation by the line through the last words, if they lie on one."""
+        if self._early_line is not None and len(self._words) < LINE_WORDS:
+            return self._early_line
+        if len(self._words) < 3:
+            return None
+        numbers = np.array([one for one, _ in self._words], float)
+        fits = [one for _, one in self._words]
+        middles = np.array([one.middle for one in fits])
+        slope, norm, spread, ratio = line_fit(numbers, middles)
+        self._astray = float(np.sqrt(spread)) / slope * WORD_CELLS
+        expected = max(self._edge_scale * sum(one.covariance[0, 0] for one in fits) / len(fits), 1e-6)
+        curved = len(fits) < FEW_WORDS or ratio > CURVED or self._astray > BENDING
+        if spread > 9.0 * expected + SPREAD and curved:  # the speed changes
+            self._steady = False
+            return None
+        return slope / WORD_CELLS, float(np.sqrt(max(spread, expected) / norm)) / WORD_CELLS
+
+    def _between(self, number: int, fit: WordFit, side: float, scale: float) -> tuple[float, float]:
+        """Start and variance while the speed changes."""
+        words = self._words
+        if len(words) > 2 and words[-2][0] == number - 1 and words[-3][0] == number - 2:
+            away = words[-2][1].middle - _middle_of(words[-3][1], fit, 2.0)
+            self._turns.append(away * away)
+        if not self._reverse and len(words) > 1 and words[-2][0] == number - 1:
+            before = words[-2][1]
+            middles = 0.25 * (before.covariance[0, 0] + fit.covariance[0, 0])
+            cells = (WORD_CELLS / 8.0) ** 2 * (before.covariance[1, 1] + fit.covariance[1, 1])
+            return _middle_of(before, fit, 1.0), scale * (middles + cells) + HERMITE * self._rough
+        gradient = np.array([1.0, side * (1.0 + fit.bend * side), fit.cell * side * side])
+        variance = float(gradient @ fit.covariance @ gradient)
+        return float(moved_grid(fit.grid, side)[0]), scale * variance + BEYOND * self._rough
+
+    @property
+    def _rough(self) -> float:
+        """Mean square of middles against their neighbours."""
+        return sum(self._turns) / len(self._turns) if self._turns else 0.0
+
+    def _advance(self, number: int, fit: WordFit) -> Array:
+        """The grid of the next word while the speed changes; the change is taken to go on changing."""
+        before, bend = self._bend
+        self._bend = number, fit.bend
+        if not self.bending:
+            return moved_grid(np.array([fit.middle, fit.cell, 0.0]), float(WORD_CELLS))
+        turn = fit.bend - bend if before == number - 1 else 0.0
+        cubic = float(np.clip(turn, -MOST_TURN, MOST_TURN)) / (3.0 * WORD_CELLS)
+        u = float(WORD_CELLS)
+        stretch = 1.0 + 2.0 * fit.bend * u + 3.0 * cubic * u * u
+        middle = fit.middle + fit.cell * (u + fit.bend * u * u + cubic * u**3)
+        return np.array([middle, fit.cell * stretch, (fit.bend + 3.0 * cubic * u) / stretch])
+
+
+def _middle_of(before: WordFit, after: WordFit, words: float) -> float:
+    """Half-way between the middles of two words on the cubic through both with their speeds."""
+    turn = words * WORD_CELLS / 8.0 * (before.cell - after.cell)
+    return 0.5 * (before.middle + after.middle) + turn
+
+
+def _std(variance: float) -> float:
+    return float(np.sqrt(variance + LEAST_STD**2))
