@@ -7,7 +7,7 @@ from pathlib import Path
 from setuptools import setup
 
 NODES = (
-    "rig", "camera", "timecode", "clocks", "detection", "sync", "voting", "assembly", "tracking",
+    "rig", "camera", "timecode", "clocks", "detection", "offsets", "sync", "voting", "assembly", "tracking",
     "refinement", "markers",
 )
 

@@ -68,6 +68,8 @@ def start_graph(context):
             if not audio:
                 continue
             own["devices"] = audio
+        if name == "offsets" and not own.get("active"):
+            continue
         if "image" in spec.takes:
             own |= {"compressed": True, "model": given["model"]}
         actions.append(node(name, name, own))

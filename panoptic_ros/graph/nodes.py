@@ -11,7 +11,8 @@ class NodeSpec:
     Args:
         name: of the stage, the node and the section of the parameters.
         stage, config: "module:class".
-        takes, gives: keys of `TOPICS`.
+        takes, gives: keys of `TOPICS`. A node does not need what is latched among the former, and does not
+            wait for its end in replay.
     """
 
     name: str
@@ -39,7 +40,8 @@ NODES: dict[str, NodeSpec] = {
         _spec("timecode", ("audio",), "timecode"),
         _spec("clocks", ("timecode",), "clock_models"),
         _spec("detection", ("image",), "detections"),
-        _spec("sync", ("detections",), "detection_sets"),
+        _spec("offsets", ("detections", "skeletons_raw"), "clock_models"),
+        _spec("sync", ("detections", "clock_models"), "detection_sets"),
         _spec("voting", ("detection_sets",), "proposals"),
         _spec("assembly", ("proposals",), "poses"),
         _spec("tracking", ("poses",), "skeletons_raw"),

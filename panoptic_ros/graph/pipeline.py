@@ -5,9 +5,11 @@ gets before the next one is taken.
 """
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from panoptic_ros.domain import ViewDetections
 from panoptic_ros.graph.build import make_stage
 from panoptic_ros.graph.nodes import FUSION, NODES
 from panoptic_ros.params import Config
@@ -19,7 +21,9 @@ CHAIN = ("detection", "sync", *FUSION)
 
 
 class Pipeline:
-    """A chain of stages.
+    """A chain of stages; where it has sync and `offsets.active` is set, clocks from motion go back to sync.
+
+    What goes back waits until all that follows from the record at hand is done, so the order is fixed.
 
     Args:
         configs: one per stage, see `graph.build.configure`.
@@ -42,6 +46,10 @@ class Pipeline:
         clock: Callable[[], int] | None = None,
     ):
         self._stages = [(name, make_stage(name, configs[name], context)) for name in stages]
+        self._offsets = None
+        if "sync" in stages and getattr(configs["offsets"], "active", False):
+            self._offsets = make_stage("offsets", configs["offsets"], context)
+        self._clock_models: deque[Any] = deque()  # that wait for sync
         self._on_record = on_record or (lambda topic, record: None)
         self._on_notice = on_notice or (lambda stage, notice: None)
         self._on_step = on_step or (lambda stage, duration: None)
@@ -51,6 +59,8 @@ class Pipeline:
         """Hand a record to the first stage, or to the one named `to`."""
         names = [name for name, _ in self._stages]
         self._run(names.index(to) if to else 0, record)
+        while self._clock_models:
+            self._run(names.index("sync"), self._clock_models.popleft())
 
     def flush(self) -> None:
         """End of the stream: every stage hands out what it holds, in order."""
@@ -59,6 +69,8 @@ class Pipeline:
 
     def _run(self, position: int, record: Any) -> None:
         name, stage = self._stages[position]
+        if name == "sync" and isinstance(record, ViewDetections):
+            self._find_offsets(record)
         start = self._clock()
         result = stage.step(record)
         self._on_step(name, self._clock() - start)
@@ -69,5 +81,20 @@ class Pipeline:
             self._on_notice(name, notice)
         for output in result.outputs:
             self._on_record(NODES[name].gives, output)
+            if name == "tracking":
+                self._find_offsets(output)
             if position + 1 < len(self._stages):
                 self._run(position + 1, output)
+
+    def _find_offsets(self, record: Any) -> None:
+        """Hand a view or tracked people to the offsets stage."""
+        if self._offsets is None:
+            return
+        start = self._clock()
+        result = self._offsets.step(record)
+        self._on_step("offsets", self._clock() - start)
+        for notice in result.notices:
+            self._on_notice("offsets", notice)
+        for model in result.outputs:
+            self._on_record(NODES["offsets"].gives, model)
+            self._clock_models.append(model)

@@ -60,6 +60,11 @@ def detection() -> None:
     _stage_main("detection")
 
 
+def offsets() -> None:
+    """Clock models from the motion of people."""
+    _stage_main("offsets")
+
+
 def sync() -> None:
     """Views of one instant together."""
     _stage_main("sync")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import ClockModel, DetectionSet
-from panoptic_ros.offsets.estimate import Fit, centred
+from panoptic_ros.offsets.estimate import Fit
 from panoptic_ros.offsets.uncertainty import common_shift, covariance_of, detector_bias
 
 Array = np.ndarray
@@ -26,6 +26,7 @@ class CameraClocks:
         bias: m, systematic error of the 2D joints as far as it shows, part of the deviations.
         speed: (C,) m/s, rms speed of the joints across the camera's rays.
         rays: (C,) 2D joints used. iterations, converged: of the estimate.
+        held: (C,) corrected before, and so corrected on while known.
     """
 
     cameras: tuple[str, ...]
@@ -39,6 +40,7 @@ class CameraClocks:
     rays: Array
     iterations: int
     converged: bool
+    held: Array
 
     @classmethod
     def unknown(cls, cameras: Iterable[str], reference_ns: int) -> CameraClocks:
@@ -48,6 +50,7 @@ class CameraClocks:
         return cls(
             names, reference_ns, zero, zero, np.diag(np.repeat([0.1**2, 1e-4**2], len(names))),
             np.zeros(len(names), bool), 0.0, zero, np.zeros(len(names), np.int64), 0, True,
+            np.zeros(len(names), bool),
         )  # fmt: skip
 
     @classmethod
@@ -59,30 +62,40 @@ class CameraClocks:
         Args:
             trusted: the camera whose stamps are right; "": see `uncertainty.common_shift`.
         """
+        state = np.concatenate([fit.offsets, fit.drifts])
+        return cls.stated(cameras, reference_ns, state, covariance_of(fit, prior), trusted, fit)
+
+    @classmethod
+    def stated(
+        cls, cameras: Iterable[str], reference_ns: int, state: Array, covariance: Array, trusted: str,
+        fit: Fit, held: Array | None = None,
+    ) -> CameraClocks:  # fmt: skip
+        """The clocks (2C,) with their covariance about the mean, counted from the camera that is right.
+
+        Args:
+            fit: the newest one, for what it rests on. held: (C,) cameras that are corrected already.
+        """
         names = tuple(cameras)
         count = len(names)
-        covariance = covariance_of(fit, prior)
-        deviations = np.sqrt(np.diag(covariance)[:count])
-        known = deviations <= KNOWN
-        offsets, drifts = fit.offsets.copy(), fit.drifts.copy()
+        offsets, drifts = state[:count].copy(), state[count:].copy()
+        known = np.sqrt(np.diag(covariance)[:count]) <= KNOWN
         if trusted:
-            offsets -= offsets[names.index(trusted)]
-            drifts -= drifts[names.index(trusted)]
+            right = names.index(trusted)
+            offsets, drifts = offsets - offsets[right], drifts - drifts[right]
             gauge = np.eye(count)
-            gauge[:, names.index(trusted)] -= 1.0
+            gauge[:, right] -= 1.0
             covariance = np.kron(np.eye(2), gauge) @ covariance @ np.kron(np.eye(2), gauge.T)
-            deviations = np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0))
-            known = deviations <= KNOWN
+            known = np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0)) <= KNOWN
         elif known.any():
+            deviations = np.sqrt(np.diag(covariance)[:count])
             offsets -= common_shift(offsets[known], deviations[known])
-            drifts = centred(np.concatenate([offsets, drifts]), count)[count:]
         speed = np.array(
             [np.sqrt(_mean((fit.across[fit.seen.camera == c] ** 2).sum(axis=1))) for c in range(count)]
         )
         rays = np.bincount(fit.seen.camera, minlength=count)
         return cls(
             names, reference_ns, offsets, drifts, covariance, known, detector_bias(fit), speed, rays,
-            fit.iterations, fit.converged,
+            fit.iterations, fit.converged, np.zeros(count, bool) if held is None else held,
         )  # fmt: skip
 
     @property
@@ -98,7 +111,7 @@ class CameraClocks:
     @property
     def applied(self) -> Array:
         """Which offsets (C,) are known and more than chance, and so worth correcting."""
-        return self.known & (np.abs(self.offsets) > SURE * self.deviations)
+        return self.known & (self.held | (np.abs(self.offsets) > SURE * self.deviations))
 
     def corrections(self, sets: Iterable[DetectionSet], every: bool = False) -> dict[str, Array]:
         """Per camera what to add (K,) ns to the stamps of its frames, in the order of the sets.

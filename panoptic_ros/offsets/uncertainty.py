@@ -25,17 +25,29 @@ def covariance_of(fit: Fit, prior: Array) -> Array:
     looks like a clock that is 25 ms off.
     """
     cameras = len(fit.offsets)
-    correlated = _excess(*_block_means(fit, SHORT_BLOCK))
-    covariance = INFLATION**2 * correlated * np.linalg.inv(fit.information + np.diag(prior**-2.0))
-    frames = np.array(
-        [len(np.unique(fit.seen.stamp[fit.seen.camera == c])) for c in range(cameras)], np.float64
-    )
-    extra = STAMP_JITTER**2 / np.maximum(frames, 1.0) + _bias_variance(fit, detector_bias(fit))
-    covariance[np.arange(cameras), np.arange(cameras)] += np.minimum(extra, prior[:cameras] ** 2)
-    gauge = np.eye(2 * cameras)
-    gauge[:cameras, :cameras] -= 1.0 / cameras
-    gauge[cameras:, cameras:] -= 1.0 / cameras
+    covariance = _inflation(fit) * np.linalg.inv(fit.information + np.diag(prior**-2.0))
+    covariance += np.diag(np.minimum(_floor(fit), prior**2))
+    gauge = np.kron(np.eye(2), np.eye(cameras) - 1.0 / cameras)
     return gauge @ covariance @ gauge.T
+
+
+def honest_information(fit: Fit, prior: Array) -> Array:
+    """Information (2C, 2C) that goes with `covariance_of`, without the prior."""
+    weak = np.diag(1e-3 * prior**-2.0)  # so that it can be inverted
+    covariance = np.linalg.inv(fit.information / _inflation(fit) + weak)
+    return np.linalg.inv(covariance + np.diag(np.minimum(_floor(fit), prior**2))) - 0.99 * weak
+
+
+def _inflation(fit: Fit) -> float:
+    return INFLATION**2 * _excess(*_block_means(fit, SHORT_BLOCK))
+
+
+def _floor(fit: Fit) -> Array:
+    """Variance (2C,) that no number of joints takes away: jitter of stamps, and biases of the detector."""
+    cameras = len(fit.offsets)
+    frames = [len(np.unique(fit.seen.stamp[fit.seen.camera == c])) for c in range(cameras)]
+    jitter = STAMP_JITTER**2 / np.maximum(frames, 1.0)
+    return np.concatenate([jitter + _bias_variance(fit, detector_bias(fit)), np.zeros(cameras)])
 
 
 def detector_bias(fit: Fit) -> float:

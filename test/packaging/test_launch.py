@@ -91,7 +91,8 @@ def test_devices_start_every_stage_and_one_node_per_camera(
 ) -> None:
     devices = "left=/dev/video0 right=rtsp://host/stream?a=b"
     nodes = _nodes(launch_file, rig=str(rig_file), devices=devices, audio="recorder")
-    assert set(nodes) == {"rig", "markers", "camera_left", "camera_right", *NODES}
+    stages = set(NODES) - {"offsets"}  # off unless a parameter says so
+    assert set(nodes) == {"rig", "markers", "camera_left", "camera_right", *stages}
     assert nodes["camera_right"]["device"] == "rtsp://host/stream?a=b"
     assert nodes["camera_right"]["camera"] == "right"
     assert nodes["sync"]["cameras"] == ["left", "right"]
@@ -116,6 +117,9 @@ def test_parameters_of_a_file_reach_their_stage(
     assert nodes["tracking"]["gate"] == 0.4
     assert "gate" not in nodes["voting"]
     assert "timecode" not in nodes  # nobody named an audio device
+    assert "offsets" not in nodes
+    (tmp_path / "parameters.yaml").write_text("offsets: {active: true}\n")
+    assert _nodes(launch_file, rig=str(rig_file), devices="left=0", config=config)["offsets"]["active"]
 
 
 def test_a_capture_folder_is_replayed(launch_file: dict[str, Any], rig_file: Path) -> None:

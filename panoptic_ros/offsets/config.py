@@ -1,0 +1,29 @@
+"""Parameters of the offsets stage."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffsetsConfig(Config):
+    """Clocks of cameras from the motion that they see, while it goes on."""
+
+    active: bool = param(
+        False,
+        doc="Find the cameras' clock offsets from the motion of people, and let sync correct stamps by them.",
+    )
+    block_s: float = param(
+        2.0, unit="s", ge=0.5, le=30.0,
+        doc="Time whose motion is taken together; one estimate, and new clock models, per block.",
+    )  # fmt: skip
+    memory_s: float = param(
+        60.0, unit="s", ge=2.0, le=3600.0,
+        doc="Time after which what was seen counts 1/e; longer is more precise, shorter follows crystals.",
+    )  # fmt: skip
+    trusted_camera: str = param(
+        "",
+        doc="A camera whose stamps are right; empty: those of most cameras if they agree, else offsets "
+        "have mean 0.",
+    )

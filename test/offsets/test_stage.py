@@ -1,0 +1,77 @@
+"""Clocks while the motion goes on."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import ClockModel
+from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.offsets.stage import OffsetsStage
+
+
+def run(capture, stage):
+    """All views and tracked people in the order of their stamps; the models that come out, and notices."""
+    models, notices = [], []
+    for item, tracked in zip(capture.sets, capture.tracked):
+        for record in (*item.views, tracked):
+            result = stage.step(record)
+            models += result.outputs
+            notices += result.notices
+    return models, notices
+
+
+@pytest.fixture(scope="module")
+def capture(make_capture):
+    return make_capture(seconds=5.0, drift=4e-5)
+
+
+def shift(model: ClockModel, stamp_ns: int) -> float:
+    """What a model adds to a stamp, s."""
+    return 1e-9 * (model.master_from_device(stamp_ns)[0] - stamp_ns)
+
+
+def test_models_come_near_the_truth_block_by_block(capture):
+    stage = OffsetsStage(OffsetsConfig(active=True, block_s=1.0), capture.context)
+    models, notices = run(capture, stage)
+    assert [n.code for n in notices] == ["offsets.corrected"]
+    last = {model.device: model for model in models}
+    assert len(models) > len(last) >= 4
+    end = int(capture.ticks[-1])
+    for name, model in last.items():
+        c = capture.rig.index(name)
+        true = capture.offsets[c] + 4e-5 * (c - 2) * (1e-9 * (end - capture.ticks[0]) - 1.5)
+        assert shift(model, end) == pytest.approx(true, abs=2e-3)
+        assert np.sqrt(model.covariance[0, 0]) < 1.5e-3
+
+
+def test_same_input_same_models_and_reset_is_as_new(capture):
+    stage = OffsetsStage(OffsetsConfig(active=True), capture.context)
+    first, _ = run(capture, stage)
+    stage.reset()
+    again, _ = run(capture, stage)
+    other, _ = run(capture, OffsetsStage(OffsetsConfig(active=True), capture.context))
+    assert first
+    for a, b, c in zip(first, again, other):
+        assert a.device == b.device == c.device and shift(a, 10**10) == shift(b, 10**10) == shift(c, 10**10)
+
+
+def test_off_by_default(capture):
+    models, notices = run(capture, OffsetsStage(OffsetsConfig(), capture.context))
+    assert models == notices == []
+
+
+def test_resting_people_give_no_models(make_capture):
+    still = make_capture(motion=0.0, offsets=np.zeros(5))
+    models, notices = run(still, OffsetsStage(OffsetsConfig(active=True), still.context))
+    assert models == notices == []
+
+
+def test_bad_input_is_refused(capture):
+    stage = OffsetsStage(OffsetsConfig(active=True), capture.context)
+    with pytest.raises(DataError):
+        stage.step(replace(capture.tracked[0], skeleton_hash="00000000"))
+    with pytest.raises(DataError):
+        stage.step(replace(capture.sets[0].views[0], camera="elsewhere"))
+    with pytest.raises(ConfigError, match="nobody"):
+        OffsetsStage(OffsetsConfig(trusted_camera="nobody"), capture.context)
