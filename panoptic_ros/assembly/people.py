@@ -6,7 +6,9 @@ from functools import cache
 
 import numpy as np
 
+from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.assembly.disputed import place_disputed
 from panoptic_ros.assembly.judgement import (
     drop_long_bones,
     judge_joints,
@@ -58,15 +60,16 @@ class People:
 
 
 def finish(
-    scene: Scene, item: ProposalSet, solved: Solved, expected: Array, observed: Array,
+    scene: Scene, item: ProposalSet, solved: Solved, found: Candidates, observed: Array,
     skeleton: SkeletonModel, config: AssemblyConfig,
 ) -> People:  # fmt: skip
     """Covariances and scores, derived joints, and only those skeletons that can be people.
 
     Args:
-        expected: (P, J, 3) m, where joints should be, NaN = no idea; a place to look for nodes.
+        found: the people that were solved; where they expect joints, nodes are looked for.
         observed: (P, J) number of views whose 2D person shows each joint.
     """
+    expected = found.guide.positions
     covariances, worst, scores, views = judge_joints(
         solved.positions, solved.normals, solved.residuals, solved.picks, scene.evidence.scores,
         cauchy_correction(config.cauchy), config.covariance_inflation,
@@ -80,6 +83,9 @@ def finish(
         _use_nodes(item, expected, positions, covariances, scores, views, config)
     if config.vote_distance > 0.0:
         _move_to_votes(item, expected, positions, covariances, scores, views, skeleton, config)
+    place_disputed(
+        scene, found.grouping, found.source, expected, positions, covariances, scores, views, skeleton
+    )
     _derive(positions, covariances, scores, views, skeleton)
     possible = possible_people(
         positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest

@@ -78,7 +78,7 @@ class AssemblyStage:
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
         observed = observed_views(scene, found.grouping, found.source)
         people = finish(
-            scene, item, solved, found.guide.positions, observed.sum(axis=1), self._skeleton, self._config
+            scene, item, solved, found, observed.sum(axis=1), self._skeleton, self._config
         )
         supporting = (found.grouping.member[people.kept] >= 0).sum(axis=1)
         people = people.rows(

@@ -114,8 +114,9 @@ class TrackingStage:
     def _convinces(self, item: PoseSet, k: int) -> bool:
         """Whether a skeleton rests on enough views and joints to be believed at once."""
         measured = np.isfinite(item.positions[k, :, 0])
+        agreed = measured & (item.views[k] >= 2)  # others were placed with the help of these
         wanted = min(self._config.confirm_views, float(item.views.max()))
-        enough = item.views[k][measured].mean() >= wanted
+        enough = agreed.any() and item.views[k][agreed].mean() >= wanted
         return bool(enough and measured.mean() >= self._config.confirm_joints)
 
     def _is_duplicate(self, item: PoseSet, k: int, owners: list[Track | None]) -> bool:
