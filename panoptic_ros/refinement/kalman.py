@@ -41,66 +41,77 @@ def update_states(states, covariances, points, noises, cauchy, innovations):
     likelihood), divided by what that is on average, so that covariances stay honest. The three
     coordinates are taken one after another after whitening the noise.
     """
+    total, lower = np.empty((3, 3)), np.empty((3, 3))
+    surprise, row, gain = np.empty(3), np.empty(3), np.empty(6)
+    softness = 1.0 / (cauchy * cauchy)
     for n in range(len(states)):
         if not np.isfinite(points[n, 0]):
             continue
-        total = covariances[n, :3, :3] + noises[n]
-        surprise = points[n] - states[n, :3]
-        whiten(total, surprise, innovations[n])
-        squared = (innovations[n] ** 2).sum() / 3.0
-        noise = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
-        lower = cholesky(noise)
+        for i in range(3):
+            surprise[i] = points[n, i] - states[n, i]
+            for k in range(3):
+                total[i, k] = covariances[n, i, k] + noises[n, i, k]
+        whiten(total, surprise, lower, innovations[n])
+        squared = 0.0
+        for i in range(3):
+            squared += innovations[n, i] ** 2 / 3.0
+        weight = (1.0 + squared * softness) / (1.0 + softness)
+        for i in range(3):
+            for k in range(3):
+                total[i, k] = noises[n, i, k] * weight
+        cholesky(total, lower)
         for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
-            row = np.zeros(3)
-            row[k] = 1.0
-            for i in range(k, -1, -1):  # solve lower^T r = e_k
-                value = row[i]
-                for m in range(i + 1, k + 1):
-                    value -= lower[m, i] * row[m]
-                row[i] = value / lower[i, i]
-            _scalar_update(states[n], covariances[n], row, points[n])
+            whitened_row(lower, k, row)
+            value = spread = 0.0
+            for i in range(3):
+                value += row[i] * (points[n, i] - states[n, i])
+            for i in range(6):
+                gain[i] = 0.0
+                for m in range(3):
+                    gain[i] += covariances[n, i, m] * row[m]
+            for i in range(3):
+                spread += row[i] * gain[i]
+            take(states[n], covariances[n], gain, value, spread + 1.0)
 
 
 @njit(cache=True, error_model="numpy")
-def _scalar_update(state, covariance, row, point):
-    """One measurement row . position = row . point of noise 1."""
-    gain = np.zeros(6)
-    spread, surprise = 1.0, 0.0
+def whitened_row(lower, k, row):
+    """row = row k of lower^-1, the solution r of lower^T r = e_k."""
+    for i in range(len(row)):
+        row[i] = 1.0 if i == k else 0.0
+    for i in range(k, -1, -1):
+        value = row[i]
+        for m in range(i + 1, k + 1):
+            value -= lower[m, i] * row[m]
+        row[i] = value / lower[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def take(state, covariance, gain, surprise, spread):
+    """One scalar measurement: gain is the covariance times its row, spread the variance of the surprise."""
+    scaled = surprise / spread
     for i in range(6):
-        for k in range(3):
-            gain[i] += covariance[i, k] * row[k]
-    for k in range(3):
-        spread += row[k] * gain[k]
-        surprise += row[k] * (point[k] - state[k])
-    for i in range(6):
-        state[i] += gain[i] * surprise / spread
-    for i in range(6):
+        state[i] += gain[i] * scaled
         for k in range(i + 1):
             covariance[i, k] -= gain[i] * gain[k] / spread
             covariance[k, i] = covariance[i, k]
 
 
 @njit(cache=True, error_model="numpy")
-def cholesky(matrix):
-    """Lower factor of a symmetric positive matrix, with a floor on the pivots."""
-    size = len(matrix)
-    lower = np.zeros((size, size))
-    for i in range(size):
+def cholesky(matrix, lower):
+    """lower lower^T = matrix, positive, with a floor on the pivots; nothing is written above the diagonal."""
+    for i in range(len(matrix)):
         for k in range(i + 1):
             value = matrix[i, k]
             for m in range(k):
                 value -= lower[i, m] * lower[k, m]
-            if i == k:
-                lower[i, i] = np.sqrt(max(value, 1e-16))
-            else:
-                lower[i, k] = value / lower[k, k]
-    return lower
+            lower[i, k] = np.sqrt(max(value, 1e-16)) if i == k else value / lower[k, k]
 
 
 @njit(cache=True, error_model="numpy")
-def whiten(matrix, vector, result):
+def whiten(matrix, vector, lower, result):
     """result = lower^-1 vector with lower lower^T = matrix."""
-    lower = cholesky(matrix)
+    cholesky(matrix, lower)
     for i in range(len(vector)):
         value = vector[i]
         for m in range(i):
@@ -119,47 +130,57 @@ def smooth_states(states, covariances, dt, predicted, predicted_covariances, lat
     """
     count = len(states)
     smoothed, tightened = states.copy(), covariances.copy()
+    lower, gain, half = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
     for n in range(count):
         if not np.isfinite(later[n, 0] + states[n, 0] + predicted[n, 0]):
             continue  # unknown here or later, or started anew in between
-        lower = cholesky(predicted_covariances[n])
-        cross = covariances[n].copy()  # P F^T
-        for i in range(6):
+        _factorise(predicted_covariances[n], lower)
+        for i in range(6):  # gain = P F^T (predicted covariance)^-1, row by row
+            for k in range(6):
+                gain[i, k] = covariances[n, i, k]
             for k in range(3):
-                cross[i, k] += dt * covariances[n, i, 3 + k]
-        gain = np.empty((6, 6))
-        for i in range(6):
-            gain[i] = _solve(lower, cross[i])
-        change = later_covariances[n] - predicted_covariances[n]
+                gain[i, k] += dt * covariances[n, i, 3 + k]
+            _solve(lower, gain[i])
         for i in range(6):
             for k in range(6):
                 smoothed[n, i] += gain[i, k] * (later[n, k] - predicted[n, k])
-        half = np.zeros((6, 6))
+                half[i, k] = 0.0
+            for m in range(6):
+                for k in range(6):
+                    half[i, k] += gain[i, m] * (later_covariances[n, m, k] - predicted_covariances[n, m, k])
         for i in range(6):
-            for k in range(6):
+            for k in range(i + 1):
+                value = 0.0
                 for m in range(6):
-                    half[i, k] += gain[i, m] * change[m, k]
-        for i in range(6):
-            for k in range(6):
-                for m in range(6):
-                    tightened[n, i, k] += half[i, m] * gain[k, m]
+                    value += half[i, m] * gain[k, m]
+                tightened[n, i, k] += value
+                tightened[n, k, i] = tightened[n, i, k]
     return smoothed, tightened
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(lower, right):
-    """Solution of lower lower^T x = right."""
-    size = len(right)
-    x = right.copy()
+def _solve(lower, x):
+    """x becomes the solution of lower lower^T y = x; the diagonal of lower is inverted."""
+    size = len(x)
     for i in range(size):
         for m in range(i):
             x[i] -= lower[i, m] * x[m]
-        x[i] /= lower[i, i]
+        x[i] *= lower[i, i]
     for i in range(size - 1, -1, -1):
         for m in range(i + 1, size):
             x[i] -= lower[m, i] * x[m]
-        x[i] /= lower[i, i]
-    return x
+        x[i] *= lower[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _factorise(matrix, lower):
+    """Like `cholesky`, in place, with the diagonal inverted."""
+    for i in range(len(matrix)):
+        for k in range(i + 1):
+            value = matrix[i, k]
+            for m in range(k):
+                value -= lower[i, m] * lower[k, m]
+            lower[i, k] = 1.0 / np.sqrt(max(value, 1e-16)) if i == k else value * lower[k, k]
 
 
 @njit(cache=True, error_model="numpy")

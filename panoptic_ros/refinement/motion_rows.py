@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from panoptic_ros.refinement.kalman import cholesky, whiten
+from panoptic_ros.refinement.kalman import cholesky, take, whiten, whitened_row
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,7 +38,8 @@ def update_moving(states, covariances, points, noises, delays, cauchy, innovatio
 
     Cauchy weights and innovations as in `kalman.update_states`, which this is for delays G (N, 3, 3) of 0.
     """
-    row, ahead = np.empty(6), np.empty((3, 6))
+    row, ahead, gain = np.empty(6), np.empty((3, 6)), np.empty(6)
+    total, lower, surprise = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for n in range(len(states)):
         if not np.isfinite(points[n, 0]):
             continue
@@ -47,7 +48,7 @@ def update_moving(states, covariances, points, noises, delays, cauchy, innovatio
                 ahead[i, k] = covariances[n, i, k]
                 for m in range(3):
                     ahead[i, k] += delays[n, i, m] * covariances[n, 3 + m, k]
-        total, surprise = noises[n].copy(), np.empty(3)
+        total[:] = noises[n]
         for i in range(3):
             surprise[i] = points[n, i] - states[n, i]
             for k in range(3):
@@ -55,24 +56,19 @@ def update_moving(states, covariances, points, noises, delays, cauchy, innovatio
                 total[i, k] += ahead[i, k]
                 for m in range(3):
                     total[i, k] += ahead[i, 3 + m] * delays[n, k, m]
-        whiten(total, surprise, innovations[n])
+        whiten(total, surprise, lower, innovations[n])
         squared = (innovations[n] ** 2).sum() / 3.0
-        noise = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
-        lower = cholesky(noise)
+        total[:] = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
+        cholesky(total, lower)
         for k in range(3):
-            row[:] = 0.0
-            row[k] = 1.0
-            for i in range(k, -1, -1):  # solve lower^T r = e_k, see update_states
-                value = row[i]
-                for m in range(i + 1, k + 1):
-                    value -= lower[m, i] * row[m]
-                row[i] = value / lower[i, i]
+            whitened_row(lower, k, row[:3])
+            row[3:] = 0.0
             value = 0.0
             for i in range(3):
                 value += row[i] * points[n, i]
                 for m in range(3):
                     row[3 + m] += row[i] * delays[n, i, m]
-            _take_row(states[n], covariances[n], row, value, np.inf)
+            _take_row(states[n], covariances[n], row, value, np.inf, gain)
 
 
 @njit(cache=True, error_model="numpy")
@@ -81,36 +77,32 @@ def update_velocities(states, covariances, velocities, information, cauchy):
 
     Unknown states and information of 0 change nothing.
     """
-    row = np.zeros(6)
+    row, gain, lower = np.zeros(6), np.empty(6), np.empty((3, 3))
     for n in range(len(states)):
         scale = information[n, 0, 0] + information[n, 1, 1] + information[n, 2, 2]
         if not (np.isfinite(states[n, 0]) and scale > 0.0):
             continue
-        lower = cholesky(information[n])
+        cholesky(information[n], lower)
+        lower[0, 1] = lower[0, 2] = lower[1, 2] = 0.0
         for k in range(3):
             value = 0.0
             for i in range(3):
                 row[3 + i] = lower[i, k]
                 value += lower[i, k] * velocities[n, i]
-            _take_row(states[n], covariances[n], row, value, cauchy)
+            _take_row(states[n], covariances[n], row, value, cauchy, gain)
 
 
 @njit(cache=True, error_model="numpy")
-def _take_row(state, covariance, row, value, cauchy):
-    """One measurement row . state = value of noise 1, in place, with a Cauchy weight."""
-    gain = np.zeros(6)
+def _take_row(state, covariance, row, value, cauchy, gain):
+    """One measurement row . state = value of noise 1, in place, with a Cauchy weight; gain is to work in."""
     expected, surprise = 0.0, value
     for i in range(6):
+        gain[i] = 0.0
         for k in range(6):
             gain[i] += covariance[i, k] * row[k]
     for k in range(6):
         expected += row[k] * gain[k]
         surprise -= row[k] * state[k]
     weight = 1.0 / (cauchy * cauchy)
-    spread = expected + (1.0 + weight * surprise**2 / (expected + 1.0)) / (1.0 + weight)
-    for i in range(6):
-        state[i] += gain[i] * surprise / spread
-    for i in range(6):
-        for k in range(i + 1):
-            covariance[i, k] -= gain[i] * gain[k] / spread
-            covariance[k, i] = covariance[i, k]
+    noise = (1.0 + weight * surprise**2 / (expected + 1.0)) / (1.0 + weight)
+    take(state, covariance, gain, surprise, expected + noise)
