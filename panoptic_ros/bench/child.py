@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import panoptic_ros
-from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.errors import EnvironmentProblem, UserError
 
 ONE_THREAD = {
     name: "1"
@@ -24,6 +24,7 @@ def run_child(module: str, request: dict[str, Any]) -> dict[str, Any]:
     """What `module` prints as JSON when it is run with the request as JSON on its standard input.
 
     Raises:
+        UserError: if it answers with an "error".
         EnvironmentProblem: if it fails.
     """
     package = str(Path(panoptic_ros.__file__).parents[1])
@@ -32,7 +33,10 @@ def run_child(module: str, request: dict[str, Any]) -> dict[str, Any]:
         [sys.executable, "-m", module], input=json.dumps(request), text=True, capture_output=True,
         env={**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(paths)}, check=False,
     )  # fmt: skip
-    return json.loads(answer_of(done, module))
+    answer: dict[str, Any] = json.loads(answer_of(done, module))
+    if "error" in answer:
+        raise UserError(answer["error"])
+    return answer
 
 
 def answer_of(done: subprocess.CompletedProcess[str], name: str) -> str:

@@ -32,7 +32,7 @@ def greedy_rows(rows: Rows) -> None:
         return item.stamp_ns, *baseline.step(item)
 
     rows.run(
-        "2D people to ids", "greedy grouping, DLT, nearest id (baseline)", step, rows.world.sets,
+        "2D people to ids", "greedy, DLT, nearest id (baseline)", step, rows.world.sets,
         lambda result: of_points(*result),
     )  # fmt: skip
 

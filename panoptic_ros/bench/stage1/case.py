@@ -9,6 +9,7 @@ from panoptic_ros.bench.stage1.baselines import given_rows, greedy_rows
 from panoptic_ros.bench.stage1.chain import mapped_rows, people_rows, voting_rows
 from panoptic_ros.bench.stage1.rows import Rows
 from panoptic_ros.bench.stage1.world import World, make_world
+from panoptic_ros.errors import UserError
 
 PARTS = ("people", "maps", "voting", "dense", "baselines", "joints")
 
@@ -64,5 +65,14 @@ def _grid(world: World) -> list[int] | None:
     return None
 
 
+def main() -> None:
+    """Answer the request on standard input; what the user can mend is part of the answer."""
+    try:
+        answer = measure(json.load(sys.stdin))
+    except UserError as error:
+        answer = {"error": str(error)}
+    print(json.dumps(answer))
+
+
 if __name__ == "__main__":
-    print(json.dumps(measure(json.load(sys.stdin))))
+    main()

@@ -50,6 +50,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
 
     Raises:
         UsageError: on cases that make no sense.
+        UserError: if a recording cannot be read.
         EnvironmentProblem: if a case fails.
     """
     if min((*args.people, *args.views), default=0) < 1 or args.frames < 2:

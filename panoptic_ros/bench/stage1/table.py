@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 Row = dict[str, Any]
-WIDTH = 46  # of the names of methods
+WIDTH = 54  # of the names of methods
 CELL = 17
 
 
