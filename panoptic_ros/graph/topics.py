@@ -48,6 +48,8 @@ TOPICS: dict[str, Topic] = {
         Topic("timecode", "{device}/timecode", "TimecodeReading",
               "panoptic_msgs/msg/TimecodeReading", "device"),
         Topic("clock_models", "clock_models", "ClockModel", "panoptic_msgs/msg/ClockModel", latched=True),
+        Topic("time_reference", "{device}/time_reference", "ClockModel",
+              "sensor_msgs/msg/TimeReference", "device"),
         Topic("rig", "rig", "Rig", "panoptic_msgs/msg/Rig", latched=True),
         Topic("skeleton_model", "skeleton_model", "SkeletonModel",
               "panoptic_msgs/msg/SkeletonModel", latched=True),

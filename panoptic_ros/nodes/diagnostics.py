@@ -1,6 +1,9 @@
 """A node's statistics on /diagnostics."""
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from rclpy.node import Node
 
 from panoptic_ros.graph.counters import StageStatistics
@@ -19,6 +22,7 @@ class Diagnostics:
         self._publisher = node.create_publisher(kind, "/diagnostics", 10)
         self._timer = node.create_timer(1.0, self.publish)
         self.finished = False
+        self.more: Callable[[], list[Any]] = list  # further statuses
 
     def publish(self) -> None:
         """Publish the state of now."""
@@ -36,5 +40,5 @@ class Diagnostics:
         )
         header = family.header(self._node.get_clock().now().nanoseconds, "")
         self._publisher.publish(
-            family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
+            family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status, *self.more()])
         )

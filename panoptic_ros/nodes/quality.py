@@ -11,6 +11,12 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+CLOCKS = QoSProfile(  # latched for as many devices
+    history=HistoryPolicy.KEEP_LAST,
+    depth=64,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 END_OF_STREAM = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1000,

@@ -9,19 +9,22 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from panoptic_ros.domain import EndOfStream, Rig, SkeletonModel
+from panoptic_ros.domain import ClockModel, EndOfStream, Rig, SkeletonModel
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import make_stage, resolve
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.queues import InOrder, NewestInstant, Waiting
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of, to_message
+from panoptic_ros.nodes.audio_common import TOPIC as AUDIO_COMMON_TOPIC
+from panoptic_ros.nodes.audio_common import AudioDataReader, audio_common_class
+from panoptic_ros.nodes.clock_reports import ClockReports
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.parameters import declare_config
-from panoptic_ros.nodes.quality import LATCHED, data_quality
+from panoptic_ros.nodes.quality import CLOCKS, LATCHED, data_quality
 from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.worker import Worker
 from panoptic_ros.stage import Notice, StageContext
@@ -39,6 +42,7 @@ class _Input:
     count: int = 0
     last_number: int | None = None
     over: bool = False
+    optional: bool = False  # latched: may never come, and has no end
 
 
 class StageNode(Node):
@@ -48,7 +52,8 @@ class StageNode(Node):
     counted, reported on /diagnostics and dropped; any other error ends the node (see `fault`).
 
     Parameters: those of the stage's configuration; `flow` (live or replay), `window` (see
-    `graph.flow`), `cameras` (only these; empty: all of the rig), `devices` (audio devices).
+    `graph.flow`), `cameras` (only these; empty: all of the rig), `devices` (audio devices),
+    `audio_rate` and `audio_channels` (of audio_common_msgs, which do not tell).
     """
 
     def __init__(
@@ -73,6 +78,14 @@ class StageNode(Node):
         self._config = declare_config(self, resolve(self._spec.config))
         self._statistics = StageStatistics()
         self._diagnostics = Diagnostics(self, self._statistics)
+        self._clocks = ClockReports(self) if "clock_models" in self._spec.takes else None
+        if self._clocks is not None:
+            self._diagnostics.more = self._clocks.statuses
+        self._audio: dict[str, AudioDataReader] = {}
+        if "audio" in self._spec.takes:
+            rate = self.declare_parameter("audio_rate", 16000).value
+            channels = self.declare_parameter("audio_channels", 1).value
+            self._audio = {device: AudioDataReader(device, rate, channels) for device in self._devices}
         self._stage: Any = None
         self._rig: Rig | None = None
         self._skeleton: SkeletonModel | None = None
@@ -131,7 +144,7 @@ class StageNode(Node):
             self._outputs[scope] = self.create_publisher(
                 message_class(gives.message),
                 gives.of(scope),
-                LATCHED if gives.latched else quality,
+                CLOCKS if gives.latched else quality,
             )
         for key in self._spec.takes:
             topic = TOPICS["compressed_image" if key == "image" and self._compressed else key]
@@ -141,12 +154,23 @@ class StageNode(Node):
                     message_class(topic.message),
                     name,
                     self._receiver(scope, topic.record),
-                    data_quality(self._flow, images=key == "image"),
+                    CLOCKS if topic.latched else data_quality(self._flow, images=key == "image"),
                 )
                 full = subscription.topic_name
-                self._inputs[full] = _Input(full, scope, topic.record)
-                self._ends.watch(full)
+                self._inputs[full] = _Input(full, scope, topic.record, optional=topic.latched)
+                if not topic.latched:
+                    self._ends.watch(full)
+                if key == "audio":
+                    self._listen_to_audio_common(scope)
         self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
+
+    def _listen_to_audio_common(self, device: str) -> None:
+        """The other message that carries sound, where its package is installed."""
+        kind = audio_common_class()
+        if kind is not None:
+            quality = data_quality(self._flow)
+            topic = AUDIO_COMMON_TOPIC.format(device=ros_name(device))
+            self.create_subscription(kind, topic, self._receiver(device, "AudioBlock"), quality)
 
     def _queue(self, rig: Rig) -> Waiting:
         """Live images wait as instants; everything else in order."""
@@ -160,8 +184,11 @@ class StageNode(Node):
     # --------------------------------------------------------------- work
 
     def _receiver(self, scope: str, record: str) -> Callable[[Any], None]:
+        """Enqueues; what comes of many devices on one topic does not push each other out."""
+
         def receive(message: Any) -> None:
-            self._worker.put(scope, stamp_of(message.header), (scope, message))
+            key = f"{record} of {message.header.frame_id}" if record == "ClockModel" else scope
+            self._worker.put(key, stamp_of(message.header), (scope, message))
 
         return receive
 
@@ -178,6 +205,8 @@ class StageNode(Node):
         start = time.perf_counter_ns()
         try:
             record = self._record(source, message)
+            if self._clocks is not None and isinstance(record, ClockModel):
+                self._clocks.take(record)
             self._count_gap(source, record)
             result = self._stage.step(record)
         except DataError as error:
@@ -194,6 +223,8 @@ class StageNode(Node):
     def _record(self, source: _Input, message: Any) -> Any:
         if source.record == "ViewFrame":
             return frame_from_message(message, source.scope, source.count)
+        if hasattr(message, "audio"):
+            return self._audio[source.scope].block(message)
         return from_message(message, source.record)
 
     def _count_gap(self, source: _Input, record: Any) -> None:
@@ -230,7 +261,7 @@ class StageNode(Node):
             self._publish(self._stage.step(EndOfStream(source.scope)))
         if source.scope in self._outputs and source.scope:
             self._announce(source.scope)
-        if all(entry.over for entry in self._inputs.values()):
+        if all(entry.over for entry in self._inputs.values() if not entry.optional):
             self._publish(self._stage.flush())
             if "" in self._outputs:
                 self._announce("")
