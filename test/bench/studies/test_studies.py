@@ -1,15 +1,19 @@
 """The studies run from end to end on a small studio; more cameras are better."""
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from panoptic_ros.bench.studies import resolution
 from panoptic_ros.bench.studies.cameras import study_cameras
 from panoptic_ros.bench.studies.solving import SCORED
 from panoptic_ros.cli.evaluate_study import table
 from panoptic_ros.cli.main import main
+from panoptic_ros.domain import Rig
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.simulation import PanelDome
+from panoptic_ros.simulation import CLEAN, Lens, PanelDome, Ring, simulate
+from panoptic_ros.simulation.studio import study_scene
 from panoptic_ros.view.study_plots import write_study_plot
 
 RIG = PanelDome(2).build(np.random.default_rng(0))
@@ -60,3 +64,20 @@ def test_a_list_that_is_none_is_told(tmp_path, capsys):
     options = ["--rig", str(tmp_path / "rig.json"), "--out", str(tmp_path), "--people", "0,2"]
     assert main(["evaluate", "--study", "cameras", *options]) == 2
     assert "--people '0,2' is no list" in capsys.readouterr().err
+
+
+def test_resolutions_are_the_same_scene_in_other_pixels():
+    hd, vga = (Ring(3, lens=Lens(size, focal)).build(np.random.default_rng(1))
+               for size, focal in (((192, 108), (110.0, 140.0)), ((64, 48), (44.0, 52.0))))  # fmt: skip
+    vga = Rig(tuple(replace(camera, name=f"low_{camera.name}") for camera in vga.cameras))
+    take = simulate(study_scene(Rig((*hd.cameras, *vga.cameras)), 1, 1.0, CLEAN), 0, 1)
+    images = resolution._render(take, lambda text: None, 1)
+    kinds = resolution._kinds(take, set(hd.names), images)
+    assert [(kind, len(rig), rig.cameras[0].image_size) for kind, rig, _ in kinds] == [
+        ("HD", 3, (192, 108)), ("VGA", 3, (64, 48)), ("QVGA", 3, (32, 24)),
+    ]  # fmt: skip
+    for _, rig, views in kinds:
+        width, height = rig.cameras[0].image_size
+        assert all(views[name][0].shape == (height, width, 3) for name in rig.names)
+    low, lowest = kinds[1][2]["low_cam00"][0], kinds[2][2]["low_cam00"][0]
+    assert lowest.mean() == pytest.approx(low.mean(), abs=1.0)
