@@ -6,14 +6,14 @@ import numpy as np
 from panoptic_ros.offsets.estimate import Fit
 
 Array = np.ndarray
-INFLATION = 1.25  # of standard deviations: motion is no white acceleration; measured on simulated people
+INFLATION = 1.15  # of standard deviations: motion is no white acceleration; measured on simulated people
 STAMP_JITTER = 5e-4  # s, of single stamps; all joints of a frame share it
 LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s over which means of residuals are taken
 LEAST_BLOCK = 5  # rays
 FEW_BLOCKS = 20
 EXCESS = 1.5  # from which ratio of variances on means of residuals betray a bias
 NORMAL_MEDIAN = 0.6745  # of |x|
-FEW_RAYS_MEDIAN = 1.15  # how much larger the median of F(1, 4 to 8) is than that of F(1, infinity)
+MIXED_NOISE = 1.38  # this ratio for independent noise: few rays in a block, and some much noisier than others
 AGREE = 3e-3  # s, offsets that differ less are the same
 
 
@@ -39,7 +39,8 @@ def honest_information(fit: Fit, prior: Array) -> Array:
 
 
 def _inflation(fit: Fit) -> float:
-    return INFLATION**2 * _excess(*_block_means(fit, SHORT_BLOCK))
+    """Of the variances. Squared excess, as what lasts for a short block usually outlasts it."""
+    return (INFLATION * _excess(*_block_means(fit, SHORT_BLOCK))) ** 2
 
 
 def _floor(fit: Fit) -> Array:
@@ -86,7 +87,7 @@ def _excess(means: Array, expected: Array) -> float:
     """How many times larger the variance of means is than independent noise would make it, at least 1."""
     if len(means) < FEW_BLOCKS:
         return 1.0
-    ratio = float(np.median(means**2 / np.maximum(expected, 1e-18))) / NORMAL_MEDIAN**2 / FEW_RAYS_MEDIAN
+    ratio = float(np.median(means**2 / np.maximum(expected, 1e-18))) / NORMAL_MEDIAN**2 / MIXED_NOISE
     return max(1.0, ratio)
 
 

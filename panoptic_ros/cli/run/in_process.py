@@ -24,13 +24,14 @@ from panoptic_ros.stage import Notice, StageContext
 def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageStatistics]:
     """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
     stages = CHAIN[CHAIN.index(plan.stage) :]
-    statistics = {name: StageStatistics() for name in stages}
+    beside = ("offsets",) if plan.configs["offsets"].active else ()  # type: ignore[attr-defined]
+    statistics = {name: StageStatistics() for name in (*stages, *beside)}
 
     def note(stage: str, notice: Notice) -> None:
         statistics[stage].notices[notice.code] += 1
 
     def record(key: str, item: Any) -> None:
-        name = next(name for name in stages if NODES[name].gives == key)
+        name = next(name for name in statistics if NODES[name].gives == key)
         statistics[name].given += 1
         results.take(key, item)
 

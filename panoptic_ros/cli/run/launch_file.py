@@ -41,6 +41,8 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
             node = stage("detection", cameras=cameras, compressed=compressed)
             processes[f"detection-{k}"] = [{**node, "name": f"detection_{k}"}]
+    if plan.configs["offsets"].active:  # type: ignore[attr-defined]
+        processes["offsets"] = [stage("offsets")]
     fusion = [stage(name) for name in ("sync", *FUSION)]
     processes["fusion"] = [*fusion, {"kind": "markers", "parameters": {"flow": flow}}]
     path = folder / "launch.json"

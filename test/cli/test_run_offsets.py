@@ -1,0 +1,57 @@
+"""Clocks from motion while a bag is run."""
+from dataclasses import replace
+
+from recordings import write_bag
+
+from panoptic_ros.cli.main import main
+from panoptic_ros.io.files import read_json
+from panoptic_ros.io.plain_formats import write_detections
+from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.simulation import simulate
+from panoptic_ros.simulation.scenes import scene
+from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
+
+LATE_S = 0.04  # of the second camera
+
+
+def take():
+    """Walkers and runners for 1.5 s; the second camera's stamps are early."""
+    simulation = simulate(scene("unsync-5v"), 3, 45)
+    name = simulation.rig.names[1]
+    sets = [
+        replace(
+            item,
+            views=tuple(
+                replace(v, stamp_ns=v.stamp_ns - round(1e9 * LATE_S)) if v.camera == name else v
+                for v in item.views
+            ),
+        )
+        for item in simulation.detection_sets()
+    ]
+    return simulation.rig, sets
+
+
+def test_run_takes_offsets_beside_the_chain(tmp_path):
+    rig, sets = take()
+    views = sorted((v for item in sets for v in item.views), key=lambda v: v.stamp_ns)
+    bag = write_bag(tmp_path / "bag", views, rig, SKELETON)
+    arguments = ["run", "--bag", str(bag), "--out", str(tmp_path / "out"), "--in-process"]
+    settings = ["--set", "offsets.active=true", "--set", "offsets.block_s=0.7"]
+    assert main([*arguments, *settings]) == 0
+    assert read_json(tmp_path / "out" / "skeletons.json.gz")["frames"]
+
+
+def test_solve_prints_and_writes_the_offsets(tmp_path, capsys):
+    rig, sets = take()
+    write_rig(tmp_path / "rig.json", rig)
+    write_detections(tmp_path / "detections.json.gz", JOINTS, sets)
+    files = ["--rig", str(tmp_path / "rig.json"), "--detections", str(tmp_path / "detections.json.gz")]
+    out = ["--out", str(tmp_path / "s.json.gz"), "--offsets-out", str(tmp_path / "offsets.json")]
+    assert main(["solve", *files, *out]) == 2
+    assert "--offsets-from-motion" in capsys.readouterr().err
+    assert main(["solve", *files, *out, "--offsets-from-motion"]) == 0
+    assert "clocks from motion" in capsys.readouterr().out
+    cameras = read_json(tmp_path / "offsets.json")["cameras"]
+    found = [camera["offset_s"] for camera in cameras]
+    assert abs(found[1] - LATE_S) < 2e-3 and cameras[1]["applied"]
+    assert max(abs(offset) for i, offset in enumerate(found) if i != 1) < 2e-3
