@@ -42,6 +42,7 @@ class JumpGuard:
         self._cameras = {name: _Camera() for name in cameras}
         self._live = live
         self._shift = 0
+        self._anybody_early = False
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         """The frames that may be grouped, on a time line that never goes back."""
@@ -54,13 +55,13 @@ class JumpGuard:
         if self._live and self._steps_ahead(camera, view):
             return self._wait(camera, view)
         self._accept(camera, view.stamp_ns)
-        return [view], self._expose(camera)
+        return [view], self._expose(camera) if self._anybody_early else []
 
     def _accept(self, camera: _Camera, stamp_ns: int) -> None:
         if camera.newest is not None and stamp_ns > camera.newest:
             camera.period = stamp_ns - camera.newest
         camera.newest = stamp_ns
-        camera.others = self._newest_but(camera)
+        camera.others = self._newest_but(camera) if self._live else -1
         camera.ahead = camera.told = False
 
     def _newest_but(self, own: _Camera) -> int:
@@ -83,6 +84,7 @@ class JumpGuard:
         if camera.ahead:
             return [], self._tell(camera, view, "ahead of the other cameras")
         camera.early.append(view)
+        self._anybody_early = True
         paused = [
             c for c in self._cameras.values()
             if c.early and abs(c.early[-1].stamp_ns - view.stamp_ns) < AHEAD_NS
@@ -105,6 +107,7 @@ class JumpGuard:
                 for view in camera.early:
                     notices += self._tell(camera, view, "ahead of the other cameras")
                 camera.early = []
+        self._anybody_early = False
         return notices
 
     # ------------------------------------------------------------------ back

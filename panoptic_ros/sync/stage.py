@@ -47,6 +47,9 @@ class SyncStage:
         self._correction = StampCorrection(self._rig.names, self._config)
         self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
         self._queues = {name: CameraQueue() for name in self._rig.names}
+        self._in_order = list(self._queues.values())
+        self._current: int | None = None  # the instant that waits for its frames
+        self._decided = 0  # of the queues in order have their choice for it
         self._instants: Instants | None = Grid(self._config) if self._config.rate_hz > 0.0 else None
         self._next: int | None = None  # instant
         self._closed: int | None = None  # the newest instant whose set was given or left out
@@ -121,24 +124,32 @@ class SyncStage:
 
     def _give(self, notices: list[Notice], final: bool) -> StepResult[DetectionSet]:
         sets: list[DetectionSet] = []
-        while any(queue.frames for queue in self._queues.values()):
+        while self._current is not None or any(queue.frames for queue in self._queues.values()):
             instants = self._instants or self._begin(final)
             if instants is None:
                 break
-            instant = self._upcoming(instants, final)
-            if instant is None:
+            if self._current is None:
+                self._current, self._decided = self._upcoming(instants, final), 0
+            if self._current is None:
                 break
+            instant = self._current
             over = final or 0 < self._deadline_ns < self._newest - instant
-            reach = self._reach(instants)
-            choices = {
-                name: queue.choose(instant, reach, instants.period, over)
-                for name, queue in self._queues.items()
-            }
-            undecided = not all(choice.decided for choice in choices.values())
-            if undecided or (self._interpolates and not over and not self._bracketed(instant)):
+            if not self._all_decided(instants, instant, over):
                 break
-            self._close(instants, instant, choices, sets, notices)
+            if self._interpolates and not over and not self._bracketed(instant):
+                break
+            self._current = None
+            self._close(instants, instant, over, sets, notices)
         return StepResult(tuple(sets), tuple(notices))
+
+    def _all_decided(self, instants: Instants, instant: int, over: bool) -> bool:
+        """Whether every camera has its choice. What is decided stays so, so nobody is asked twice."""
+        reach, queues = self._reach(instants), self._in_order
+        while self._decided < len(queues):
+            if not queues[self._decided].choose(instant, reach, instants.period, over).decided:
+                return False
+            self._decided += 1
+        return True
 
     def _begin(self, final: bool) -> Instants | None:
         """The instants, once all cameras show their rates."""
@@ -188,10 +199,13 @@ class SyncStage:
         )
 
     def _close(
-        self, instants: Instants, instant: int, choices: dict[str, Choice],
-        sets: list[DetectionSet], notices: list[Notice],
-    ) -> None:  # fmt: skip
+        self, instants: Instants, instant: int, over: bool, sets: list[DetectionSet], notices: list[Notice]
+    ) -> None:
         """Take the chosen frames out of the queues and make a set of them."""
+        reach = self._reach(instants)
+        choices = {
+            name: queue.choose(instant, reach, instants.period, over) for name, queue in self._queues.items()
+        }
         chosen = {name: choice.frame for name, choice in choices.items() if choice.frame is not None}
         settled = instants.settle(instant, {name: frame.stamp for name, frame in chosen.items()})
         stamp = self._stamp_of(instants, settled, [frame.stamp for frame in chosen.values()])
