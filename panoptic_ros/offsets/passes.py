@@ -19,6 +19,7 @@ from panoptic_ros.offsets.tracks import Tracks
 Array = np.ndarray
 Solver = Callable[[Sequence[DetectionSet]], Sequence[TrackedPoseSet]]
 SCALES = (0.15, 0.10)  # m, agreement of 2D people with tracks: wide while clocks are far off
+WINDOWS, WINDOW_S = 12, 6.0  # of a long capture: so many windows of so many seconds tell the clocks
 PRIOR_OFFSET = 0.1  # s
 PRIOR_DRIFT = 5e-5
 
@@ -73,10 +74,35 @@ def correct_from_motion(
     if not sets:
         return Corrected(CameraClocks.unknown(rig.names, 0), [])
     arrays = RigArrays.of(rig)
-    frames = camera_frames(sets, arrays, skeleton)
+    part = telling_part(sets)
+    frames = camera_frames(part, arrays, skeleton)
     clocks = CameraClocks.unknown(rig.names, sets[len(sets) // 2].stamp_ns)
-    current = list(sets)
+    current = part
     for scale in SCALES:
         clocks = clocks_from_motion(frames, solve(current), clocks, rig, skeleton, scale, trusted, arrays)
-        current = regroup(sets, clocks.corrections(sets))
-    return Corrected(clocks, current)
+        current = regroup(part, clocks.corrections(part))
+    return Corrected(clocks, regroup(sets, clocks.corrections(sets)))
+
+
+def telling_part(sets: Sequence[DetectionSet]) -> list[DetectionSet]:
+    """What the clocks are estimated from: all of a short capture, of a long one some windows spread over it.
+
+    Of each share of the capture the window in which most 2D people are seen.
+    """
+    stamps = np.array([item.stamp_ns for item in sets], np.int64)
+    if 1e-9 * (stamps[-1] - stamps[0]) <= WINDOWS * WINDOW_S:
+        return list(sets)
+    people = np.array([sum(len(view.points) for view in item.views) for item in sets])
+    total = np.concatenate([[0], np.cumsum(people)])
+    ends = np.searchsorted(stamps, stamps + round(1e9 * WINDOW_S))
+    seen = total[ends] - total[np.arange(len(sets))]
+    borders = np.linspace(stamps[0], stamps[-1], WINDOWS + 1)
+    chosen: list[DetectionSet] = []
+    first = 0
+    for border in borders[1:]:
+        last = int(np.searchsorted(stamps, border - 1e9 * WINDOW_S))
+        if last > first:
+            best = first + int(seen[first:last].argmax())
+            chosen += sets[best : int(ends[best])]
+        first = int(np.searchsorted(stamps, border))
+    return chosen

@@ -15,7 +15,7 @@ OFFSETS = np.array([0.05, -0.02, 0.0, -0.045, 0.015])  # s, mean 0
 class Capture:
     """A ring of five cameras and the truth of two people, moving as much as `motion` says."""
 
-    def __init__(self, motion=1.0, noise_px=1.0, seconds=3.0, offsets=OFFSETS, drift=0.0):
+    def __init__(self, motion=1.0, noise_px=1.0, seconds=3.0, offsets=OFFSETS, drift=0.0, bias_px=0.0):
         take = simulate(scene("clean-4p5v"), 1, 2)
         self.rig, self.skeleton = take.rig, SKELETON
         self.context = StageContext(self.rig, SKELETON)
@@ -25,6 +25,7 @@ class Capture:
         frames = int(seconds * RATE)
         self.ticks = START + (np.arange(frames) * 1e9 / RATE).astype(np.int64)
         rng = np.random.default_rng(3)
+        self._bias = bias_px * np.random.default_rng(8).standard_normal((len(self.rig), 2, 19, 2))
         self.sets = [self._set(i, tick, noise_px, drift, rng) for i, tick in enumerate(self.ticks)]
         self.tracked = [self._poses(i, tick) for i, tick in enumerate(self.ticks)]
 
@@ -40,7 +41,7 @@ class Capture:
             true = 1e-9 * (tick - START) + self.offsets[c]  # its stamp says `tick`
             true += drift * (c - 2) * (1e-9 * (tick - START) - 1.5)
             points, seen = camera.project(self.joints(true))
-            points = points + noise_px * rng.standard_normal(points.shape)
+            points = points + self._bias[c] + noise_px * rng.standard_normal(points.shape)
             usable = seen & camera.contains(points)
             scores = np.where(usable, 0.8, 0.0)
             points = np.where(usable[..., None], points, np.nan)

@@ -5,6 +5,7 @@ import pytest
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.offsets import CameraClocks, correct_from_motion
+from panoptic_ros.offsets.passes import WINDOW_S, WINDOWS, telling_part
 
 
 def found(capture, trusted=""):
@@ -100,3 +101,26 @@ def test_unknown_clocks_correct_nothing(make_capture):
     capture = make_capture(seconds=0.2)
     clocks = CameraClocks.unknown(capture.rig.names, int(capture.ticks[0]))
     assert all((v == 0.0).all() for v in clocks.corrections(capture.sets).values())
+
+
+def test_of_an_hour_some_windows_with_people_tell(make_capture):
+    few = make_capture(seconds=0.2).sets
+    second = 1_000_000_000
+    hour = [
+        DetectionSet(i, i * second, few[0].skeleton_hash, few[0].views if i % 300 >= 200 else ())
+        for i in range(3600)
+    ]
+    part = telling_part(hour)
+    assert len(part) == WINDOWS * WINDOW_S and all(item.views for item in part)
+    stamps = [item.stamp_ns for item in part]
+    assert stamps == sorted(set(stamps)) and stamps[-1] - stamps[0] > 3000 * second
+    assert telling_part(hour[:40]) == hour[:40]
+
+
+def test_biased_joints_make_the_deviations_larger(make_capture):
+    plain, biased = make_capture(), make_capture(bias_px=8.0)
+    exact, loose = found(plain).clocks, found(biased).clocks
+    assert exact.bias == 0.0 and loose.bias > 0.005
+    assert (loose.deviations > 3.0 * exact.deviations).all()
+    error = loose.offsets - biased.offsets
+    assert np.sqrt(np.mean((error - error.mean()) ** 2)) < 3.0 * np.sqrt(np.mean(loose.deviations**2))
