@@ -7,6 +7,8 @@ are refined by minimising the reprojection error. Two methods lead to the same f
   people are found where pairs of 2D people agree and further views support them.
 * `dynamic_programming`: the paper's; 3D parts of a `ProposalSet` are joined along the tree.
 
+With either, people whom only the score maps show are added from voted nodes that nobody explains.
+
 The final solve chooses the observations of each joint by truncated cost, exchanges left and right of
 whole limbs where the images ask for it, refines with Cauchy weights, and states a covariance. The
 noise of 2D joints is learnt online from residuals. Guidance enters choices only; positions are functions

@@ -17,7 +17,8 @@ Array = np.ndarray
 
 CHOICE_SIGMA = 0.07  # m, by which joints differ from where they should be
 FARTHEST = 0.6  # m, no node beyond is looked at
-WORST_DISTANCE = 3.0  # half squared deviation beyond which distance says no more
+WORST_DISTANCE = 3.0  # half squared deviation beyond which it says no more, from where it should be
+WORST_MOVE = 2.0  # and from where it was triangulated
 OWN_VOTE = 0.1  # of a triangulated joint without a node
 NODE_VIEWS = 2  # that support a node
 BONE_SIGMA, BONE_SHARE = 0.03, 0.1  # m and share of the length, by which the sides differ
@@ -30,13 +31,13 @@ def chosen_nodes(
 ) -> Array:
     """The node (P, J) of each joint, -1 = none: it stays where it was triangulated.
 
-    Votes against distance from where the joint should be (truncated: people move) and against bones that
-    differ from those of the other side: log(vote) - d^2 / (2 sigma^2) - b^2 / 2 is to be most in sum over
-    the people, and a node belongs to one person. Where nothing is expected, the joint should be where it
-    was triangulated.
+    Votes against distance from where the joint should be and from where it was triangulated (truncated:
+    people move, views err) and against bones that differ from those of the other side: log(vote) less half of
+    the squared deviations is to be most in sum over the people, and a node belongs to one person. Where
+    nothing is expected, the joint should be where it was triangulated.
 
     Args:
-        positions: (P, J, 3) m, as triangulated; missing joints (NaN) get no node.
+        positions: (P, J, 3) m, as triangulated; NaN = missing.
         expected: (P, J, 3) m, NaN = no idea.
         gate: m, nodes so near to the triangulated joint need no second view.
     """
@@ -53,13 +54,14 @@ def chosen_nodes(
         places = np.concatenate([np.tile(item.nodes[nodes], (len(here), 1, 1)), here[:, None]], axis=1)
         strange = bone_differences(places, positions, int(joint), skeleton)
         cost = _cost(away, item.node_scores[nodes]) + strange[:, :-1]
+        cost += np.nan_to_num(np.minimum(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE))
         strong = item.node_views[nodes] >= NODE_VIEWS
         cost[~((moved <= gate) | (strong & (away <= FARTHEST)))] = _NEVER  # NaN are not within
         stay = _cost(np.nan_to_num(np.linalg.norm(here - there, axis=-1)), OWN_VOTE) + strange[:, -1]
         own = np.full((len(here), len(here)), _NEVER)
         np.fill_diagonal(own, stay)
         people, columns = linear_sum_assignment(np.concatenate([cost, own], axis=1))
-        taken = (columns < len(nodes)) & np.isfinite(here[people, 0])
+        taken = (columns < len(nodes)) & (cost[people, np.minimum(columns, len(nodes) - 1)] < _NEVER)
         chosen[people[taken], joint] = nodes[columns[taken]]
     return chosen
 

@@ -87,6 +87,8 @@ def finish(
         scene, found.grouping, found.source, expected, positions, covariances, scores, views, skeleton
     )
     _derive(positions, covariances, scores, views, skeleton)
+    lost = (found.grouping.member < 0).all(axis=1)  # they have nodes and nothing else
+    good |= lost[:, None] & np.isfinite(positions[..., 0])
     possible = possible_people(
         positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest
     )
@@ -140,7 +142,7 @@ def _move_to_votes(
     chosen = chosen_nodes(positions, expected, item, config.vote_distance, skeleton)
     p, j = np.nonzero(chosen >= 0)
     nodes = chosen[p, j]
-    far = np.linalg.norm(item.nodes[nodes] - positions[p, j], axis=-1) > config.vote_distance
+    far = ~(np.linalg.norm(item.nodes[nodes] - positions[p, j], axis=-1) <= config.vote_distance)
     positions[p, j] = item.nodes[nodes]
     p, j, nodes = p[far], j[far], nodes[far]
     covariances[p, j] = config.node_sigma**2 * np.eye(3)

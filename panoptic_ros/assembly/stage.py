@@ -11,10 +11,12 @@ from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.dynamic_programming import assemble
 from panoptic_ros.assembly.lessons import residuals_to_learn
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
+from panoptic_ros.assembly.lost_people import with_lost_people
+from panoptic_ros.assembly.nodes import has_maps
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
-from panoptic_ros.assembly.time_shift import solve_in_motion, time_shift
+from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.consensus.evidence import Evidence, RigArrays, gather
 from panoptic_ros.consensus.grouping import Scene
@@ -76,6 +78,8 @@ class AssemblyStage:
         prediction = self._guidance.predict(dt)
         found = self._candidates(scene, item, prediction)
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
+        if has_maps(item):
+            found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(scene, found.grouping, found.source)
         people = finish(
             scene, item, solved, found, observed.sum(axis=1), self._skeleton, self._config
@@ -117,6 +121,19 @@ class AssemblyStage:
         free = known.free
         fresh = new_people(scene, free, self._sides, self._config)
         return known.joined(fresh)
+
+    def _with_lost(
+        self, scene: Scene, item: ProposalSet, people: tuple[Candidates, Solved, Motion | None],
+        prediction: Prediction,
+    ) -> tuple[Candidates, Solved, Motion | None]:  # fmt: skip
+        """The people solved, and those whom only the maps show."""
+        found, solved, motion = people
+        more, solved = with_lost_people(
+            scene, item, found, solved, prediction, self._skeleton, self._config.max_bone
+        )
+        if motion is not None and more is not found:
+            motion = motion_of(scene, solved, more.guide.shifts, self._config.cauchy)
+        return more, solved, motion
 
     def _learn(self, scene: Scene, solved: Solved, shifts: Array, kept: Array) -> None:
         """Update the noise table from this instant's residuals."""

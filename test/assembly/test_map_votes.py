@@ -37,12 +37,18 @@ def test_joint_goes_to_the_node_beside_it():
     assert choose([[[0.0, 0, 1], [0.5, 0, 1]]], item) == [[0, -1]]  # no map shows joint 1
 
 
-def test_far_nodes_missing_joints_and_single_maps_change_nothing():
+def test_far_nodes_and_single_maps_change_nothing():
     people = [[[0.0, 0, 1], [np.nan] * 3]]
     assert choose(people, proposals([[0.7, 0, 1]], [0])) == [[-1, -1]]
     assert choose(people, proposals([[0.02, 0, 1]], [0], cameras="a")) == [[-1, -1]]
-    assert choose(people, proposals([[0.02, 0, 1]], [1], shown=[1]), expected=[[[0, 0, 1]] * 2]) == [[-1, -1]]
     assert choose(np.empty((0, 2, 3)), proposals([[0.02, 0, 1]], [0])) == []
+
+
+def test_a_missing_joint_gets_a_node_where_it_should_be():
+    people, item = [[[0.0, 0, 1], [np.nan] * 3]], proposals([[0.02, 0, 1]], [1], shown=[1])
+    assert choose(people, item) == [[-1, -1]]
+    assert choose(people, item, expected=[[[0, 0, 1]] * 2]) == [[-1, 0]]
+    assert choose(people, item, expected=[[[0, 0, 1], [0.4, 0, 1]]]) == [[-1, -1]]
 
 
 def test_one_node_serves_one_person():

@@ -1,0 +1,153 @@
+"""People whom no list of 2D people has, from voted nodes that nobody explains.
+
+A detector's person head can fail where its score maps still show every joint (large people, people in a
+heap). Such a person is a set of nodes, seen by three and more views, that hang together by bones of human
+length; they are joined by the dynamic program of the paper (5.3), with votes in place of part scores, as
+parts need 2D people. The final solve has no 2D joints for them: they stay at their nodes.
+"""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.assembly.candidates import Candidates
+from panoptic_ros.assembly.dynamic_programming import PartTree
+from panoptic_ros.assembly.solve import Guide, Solved, sources
+from panoptic_ros.consensus.grouping import Grouping, Scene
+from panoptic_ros.consensus.guidance import Prediction
+from panoptic_ros.domain import ProposalSet, SkeletonModel
+
+Array = np.ndarray
+
+MIN_VIEWS = 3  # of a node; two views of an empty place can agree by chance
+MIN_SHARE = 0.5  # of the joints that nodes show
+MIN_VOTE = 0.2  # mean over the joints
+EXPLAINED = 0.15  # m, nodes so near to a joint of somebody known, or its mirror image, are explained
+LENGTH_SHARE = 0.25  # by which bones of people differ
+SKIP_WEIGHT = 0.5  # of a part that skips a joint
+SAME_PERSON = 0.3  # m, mean joint distance from where somebody should be
+SPREAD = 0.03  # m, as for people who are guided
+
+
+def with_lost_people(
+    scene: Scene, item: ProposalSet, found: Candidates, solved: Solved, prediction: Prediction,
+    skeleton: SkeletonModel, max_bone: float,
+) -> tuple[Candidates, Solved]:  # fmt: skip
+    """The candidates and their solution, and lost people after them: without 2D people, at their nodes."""
+    places = lost_people(item, solved.positions, skeleton, max_bone)
+    if not len(places):
+        return found, solved
+    count, joints = places.shape[:2]
+    views = found.grouping.member.shape[1]
+    grouping = Grouping.empty(count, views)
+    guide = Guide(places, np.full((count, joints), SPREAD), np.zeros((count, joints, 3)))
+    who = _known_before(places, prediction, found.who)
+    lost = Candidates(grouping, sources(grouping.mirrored, scene.mirror), guide, who, found.free)
+    nothing = Solved(
+        np.full((count, joints, 3), np.nan), np.zeros((count, joints, 3, 3)),
+        np.full((count, joints, views), -1.0), np.full((count, joints, views, 2), -1, np.int64),
+        np.full((count, joints), np.inf),
+    )  # fmt: skip
+    both = (np.concatenate([getattr(solved, n), getattr(nothing, n)]) for n in Solved.__dataclass_fields__)
+    return found.joined(lost), Solved(*both)
+
+
+def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bone: float) -> Array:
+    """Joints (P, J, 3) m of people among the nodes that the known people (K, J, 3) do not explain."""
+    free = (item.node_views >= MIN_VIEWS) & ~explained(item.nodes, item.node_joints, known, skeleton)
+    needed = MIN_SHARE * (len(skeleton) - len(skeleton.derived))
+    bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
+    lengths = np.linalg.norm(known[:, bones[:, 0]] - known[:, bones[:, 1]], axis=-1)
+    typical = np.array([np.median(row[row >= 0.0]) if (row >= 0.0).any() else np.nan for row in lengths.T])
+    people: list[Array] = []
+    while len(np.unique(item.node_joints[free])) >= needed:
+        nodes = _with_derived(item, np.flatnonzero(free), skeleton, max_bone)
+        parts = _with_parts(nodes, skeleton, typical, max_bone)
+        _, chosen = PartTree(parts, skeleton, SKIP_WEIGHT).best()
+        place = np.where((chosen >= 0)[:, None], parts.nodes[chosen], np.nan)
+        own = np.ones(len(chosen), bool)
+        own[[joint for joint, _ in skeleton.derived]] = False
+        own &= chosen >= 0
+        if own.sum() < needed or parts.node_scores[chosen[own]].mean() < MIN_VOTE:
+            break
+        people.append(place)
+        free &= ~explained(item.nodes, item.node_joints, place[None], skeleton)
+    return np.stack(people) if people else np.empty((0, len(skeleton), 3))
+
+
+def explained(nodes: Array, joints: Array, known: Array, skeleton: SkeletonModel) -> Array:
+    """Which nodes (N, 3) m of the joints (N,) lie at that joint of somebody, or at the other side's."""
+    near = np.zeros(len(nodes), bool)
+    for side in (np.arange(len(skeleton)), np.array(skeleton.mirror)):
+        gaps = np.linalg.norm(known[:, side[joints]] - nodes[None], axis=-1)
+        near |= (gaps < EXPLAINED).any(axis=0)  # False for NaN
+    return near
+
+
+def _with_derived(item: ProposalSet, rows: Array, skeleton: SkeletonModel, max_bone: float) -> ProposalSet:
+    """Nodes `rows` without those of derived joints, and the means that could be these joints; no parts."""
+    kept = rows[~np.isin(item.node_joints[rows], [joint for joint, _ in skeleton.derived])]
+    nodes, joints = [item.nodes[kept]], [item.node_joints[kept]]
+    votes, views = [item.node_scores[kept]], [item.node_views[kept]]
+    for joint, parts in skeleton.derived:
+        if len(parts) != 2:
+            continue
+        a, b = (kept[item.node_joints[kept] == part] for part in parts)
+        a, b = np.repeat(a, len(b)), np.tile(b, len(a))
+        close = np.linalg.norm(item.nodes[a] - item.nodes[b], axis=1) <= max_bone
+        a, b = a[close], b[close]
+        nodes.append(0.5 * (item.nodes[a] + item.nodes[b]))
+        joints.append(np.full(len(a), joint, item.node_joints.dtype))
+        votes.append(np.minimum(item.node_scores[a], item.node_scores[b]))
+        views.append(np.minimum(item.node_views[a], item.node_views[b]))
+    return replace(
+        item, nodes=np.concatenate(nodes), node_joints=np.concatenate(joints),
+        node_scores=np.concatenate(votes), node_views=np.concatenate(views), parts=np.zeros((0, 2)),
+        part_bones=[], part_scores=[],
+    )  # fmt: skip
+
+
+def _with_parts(item: ProposalSet, skeleton: SkeletonModel, typical: Array, max_bone: float) -> ProposalSet:
+    """The nodes with parts between all that may be bones, scored by votes and by length.
+
+    Args:
+        typical: (B,) m, lengths of the bones of people known, NaN = unknown.
+    """
+    parents = skeleton.parents
+    kinds = [(a, b, k, typical[k]) for k, (a, b) in enumerate(skeleton.bones)]
+    kinds += [(parents[a], b, -1, np.nan) for a, b in skeleton.bones if parents[a] >= 0]
+    top = [child for parent, child in skeleton.bones if parent == skeleton.root]
+    kinds += [(a, b, -1, np.nan) for k, a in enumerate(top) for b in top[k + 1 :]]
+    parts, bones, scores = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
+    for first, second, bone, length in kinds:
+        a, b = (np.flatnonzero(item.node_joints == joint) for joint in (first, second))
+        a, b = np.repeat(a, len(b)), np.tile(b, len(a))
+        gaps = np.linalg.norm(item.nodes[a] - item.nodes[b], axis=1)
+        likely = np.ones(len(a))
+        if np.isfinite(length):
+            likely = np.exp(-0.5 * ((gaps - length) / (LENGTH_SHARE * length + 0.02)) ** 2)
+        value = 0.5 * (item.node_scores[a] + item.node_scores[b]) * likely
+        good = (gaps <= max_bone) & (value > 0.01)
+        parts.append(np.stack([a[good], b[good]], axis=1))
+        bones.append(np.full(good.sum(), bone))
+        scores.append(value[good])
+    return replace(
+        item, parts=np.concatenate(parts), part_bones=np.concatenate(bones),
+        part_scores=np.concatenate(scores),
+    )  # fmt: skip
+
+
+def _known_before(places: Array, prediction: Prediction, taken: Array) -> Array:
+    """The prediction (P,) that each of the people fits, -1 = none; each once, and none of those taken."""
+    who = np.full(len(places), -1, np.int64)
+    for p, place in enumerate(places):
+        gaps = np.linalg.norm(prediction.positions - place, axis=-1)
+        known = np.isfinite(gaps)
+        mean = np.where(known, gaps, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+        mean[(known.sum(axis=1) < 3)] = np.inf
+        mean[taken[taken >= 0]] = np.inf
+        mean[who[who >= 0]] = np.inf
+        if len(mean) and mean.min() < SAME_PERSON:
+            who[p] = int(mean.argmin())
+    return who
