@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -56,9 +56,10 @@ class StampCorrection:
         """Whose clock stamps the frames of a camera."""
         return self._device.get(camera, self._device.get(ALL, camera))
 
-    def clock(self, model: ClockModel) -> list[ViewDetections]:
+    def clock(self, model: ClockModel) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
         """Take a model; gives the frames that waited for it, in master time."""
         released: list[ViewDetections] = []
+        notices: list[Notice] = []
         for name, camera in self._cameras.items():
             if self.device_of(name) != model.device:
                 continue
@@ -66,26 +67,22 @@ class StampCorrection:
                 camera.model = model
             else:
                 camera.following = model
-            released += self._release(name, camera)
-        return released
+            released += self._release(camera, notices)
+        return released, tuple(notices)
 
     def view(self, view: ViewDetections) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
-        """Take a frame; gives the frames that are on the master time line now.
-
-        Raises:
-            DataError: if the master time of a stamp is negative.
-        """
+        """Take a frame; gives the frames that are on the master time line now."""
+        notices: list[Notice] = []
         camera = self._cameras[view.camera]
         required = view.camera in self._device or ALL in self._device
         if camera.model is None and not required:
-            return [self._moved(view, None)], ()
+            return self._moved([view], None, notices), tuple(notices)
         if camera.held or camera.model is None or self._odd(camera, view.stamp_ns):
-            notices = self._hold(camera, view)
-            return self._release(view.camera, camera), notices
+            notices += self._hold(camera, view)
+            return self._release(camera, notices), tuple(notices)
         self._switch(camera, view.stamp_ns)
-        moved = self._moved(view, camera.model)
         self._follow(camera, view.stamp_ns)
-        return [moved], ()
+        return self._moved([view], camera.model, notices), tuple(notices)
 
     # ------------------------------------------------------------------ what is odd
 
@@ -111,12 +108,10 @@ class StampCorrection:
             camera.told = True
         camera.held.append(view)
         if len(camera.held) > HELD:
-            lost = camera.held.popleft()
-            text = f"frame {lost.frame_number} of camera {lost.camera} dropped: no clock model"
-            notices.append(Notice("sync.no_clock", "warning", text, {"camera": lost.camera}))
+            notices.append(_lost(camera.held.popleft(), "no clock model knows of its time"))
         return tuple(notices)
 
-    def _release(self, name: str, camera: _Camera) -> list[ViewDetections]:
+    def _release(self, camera: _Camera, notices: list[Notice]) -> list[ViewDetections]:
         """The held frames, if a model knows their time."""
         if not camera.held or camera.model is None:
             return []
@@ -130,12 +125,12 @@ class StampCorrection:
             waited = last - first > PATIENCE_S * SECOND
             if not (forward and (heard or waited)):
                 return []
-        released = [self._moved(view, camera.model) for view in camera.held]
-        for view in camera.held:
+        views = list(camera.held)
+        for view in views:
             self._follow(camera, view.stamp_ns)
         camera.held.clear()
         camera.told = False
-        return released
+        return self._moved(views, camera.model, notices)
 
     # ------------------------------------------------------------------ what is regular
 
@@ -152,8 +147,22 @@ class StampCorrection:
             camera.steps.append(stamp_ns - camera.newest)
         camera.newest = stamp_ns
 
-    def _moved(self, view: ViewDetections, model: ClockModel | None) -> ViewDetections:
-        delay = round(1e6 * of_name(self._delays, view.camera))
-        if model is None:
-            return replace(view, stamp_ns=view.stamp_ns + delay) if delay else view
-        return replace(view, stamp_ns=model.master_from_device(view.stamp_ns)[0] + delay)
+    def _moved(
+        self, views: Iterable[ViewDetections], model: ClockModel | None, notices: list[Notice]
+    ) -> list[ViewDetections]:
+        """Frames in master time; those that would come before its beginning have a wrong model."""
+        moved = []
+        for view in views:
+            delay = round(1e6 * of_name(self._delays, view.camera))
+            stamp = view.stamp_ns if model is None else model.master_from_device(view.stamp_ns)[0]
+            if stamp + delay < 0:
+                notices.append(_lost(view, "its clock model puts it before the beginning of time"))
+            else:
+                same = stamp + delay == view.stamp_ns
+                moved.append(view if same else replace(view, stamp_ns=stamp + delay))
+        return moved
+
+
+def _lost(view: ViewDetections, why: str) -> Notice:
+    text = f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: {why}"
+    return Notice("sync.no_clock", "warning", text, {"camera": view.camera})

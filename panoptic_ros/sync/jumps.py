@@ -13,6 +13,7 @@ SMALL_NS = SECOND // 10  # stamps that go back by less are frames out of order
 SURE = 3  # frames after a jump that make it certain
 HELD = 64
 AHEAD_NS = SECOND
+ALONE = 30  # frames of one camera while no other gives any: then there is nothing to be held against
 
 
 @dataclass
@@ -24,6 +25,7 @@ class _Camera:
     early: list[ViewDetections] = field(default_factory=list)  # after a step of seconds
     ahead: bool = False
     told: bool = False
+    goes_on: bool = False  # it gave a good frame since others went back
 
 
 class JumpGuard:
@@ -43,6 +45,7 @@ class JumpGuard:
         self._live = live
         self._shift = 0
         self._anybody_early = False
+        self._refused = 0  # frames since the last good one of any camera
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         """The frames that may be grouped, on a time line that never goes back."""
@@ -63,6 +66,8 @@ class JumpGuard:
         camera.newest = stamp_ns
         camera.others = self._newest_but(camera) if self._live else -1
         camera.ahead = camera.told = False
+        camera.goes_on = True
+        self._refused = 0
 
     def _newest_but(self, own: _Camera) -> int:
         return max((c.newest or -1 for c in self._cameras.values() if c is not own), default=-1)
@@ -75,13 +80,14 @@ class JumpGuard:
             return False
         others = self._newest_but(camera)
         if camera.ahead:
-            return view.stamp_ns - others > AHEAD_NS
+            return view.stamp_ns - others > AHEAD_NS and self._refused < ALONE
         step = view.stamp_ns - camera.newest
         return step > AHEAD_NS and step - (others - camera.others) > AHEAD_NS
 
     def _wait(self, camera: _Camera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         """Either the clock jumped, or all had a pause: then another one steps on as well, or none goes on."""
         if camera.ahead:
+            self._refused += 1
             return [], self._tell(camera, view, "ahead of the other cameras")
         camera.early.append(view)
         self._anybody_early = True
@@ -115,8 +121,13 @@ class JumpGuard:
     def _hold(self, camera: _Camera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         if camera.back and view.stamp_ns <= camera.back[-1].stamp_ns:
             camera.back.clear()
+        if not any(c.back for c in self._cameras.values()):
+            for each in self._cameras.values():
+                each.goes_on = False
         camera.back.append(view)
         living = self._living()
+        if len(camera.back) >= ALONE and not any(c.goes_on for c in self._cameras.values()):
+            living = [c for c in living if c.back]  # the others have ended
         if not all(len(c.back) >= SURE for c in living):
             return [], self._tell(camera, view, "earlier than its frames before")
         jumps = sorted((c.newest or 0) + c.period - c.back[0].stamp_ns for c in living)

@@ -61,11 +61,13 @@ class SyncStage:
         """Take the view of one camera, the news that no more will come from it, or its clock model.
 
         Raises:
-            DataError: if the rig lacks the camera, the skeleton is another, or a time comes out negative.
+            DataError: if the rig lacks the camera, or the skeleton is another.
         """
         notices: list[Notice] = []
         if isinstance(item, ClockModel):
-            self._take(self._correction.clock(item), notices)
+            views, told = self._correction.clock(item)
+            notices += told
+            self._take(views, notices)
             return self._give(notices, final=False)
         if item.camera not in self._queues:
             raise DataError(

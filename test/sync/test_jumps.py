@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from panoptic_ros.domain import ClockModel
 
@@ -142,3 +144,62 @@ def test_a_swap_of_two_cameras(bench):
     frames, _, warnings = groups(bench, bench.stage(clocks=("a=a", "b=b", "c=c")), items)
     assert all(len(set(f.values())) == 1 for f in frames) and sum(len(f) for f in frames) == 540
     assert warnings == []
+
+
+def test_a_model_that_cannot_be_right_costs_frames_and_nothing_else(bench):
+    items = [_model("b", -7200 * SECOND, 10 * SECOND, 0)]
+    items += capture(bench, 3, lambda c, t: t)
+    items.insert(1 + 3 * 45, _model("b", 0, 12 * SECOND, 1))
+    sync = bench.stage(clocks=("b=b",), deadline_s=0.5)
+    frames, _, warnings = groups(bench, sync, items)
+    assert set(warnings) == {"sync.no_clock"} and len(frames) == 90
+    assert all(len(set(f.values())) == 1 for f in frames) and sum("b" in f for f in frames) >= 40
+
+
+@pytest.mark.parametrize("live", [0.0, 0.3])
+def test_a_clock_set_back_just_after_a_camera_has_ended(bench, live):
+    start = 7200 * SECOND
+    items = capture(bench, 8, lambda c, t: start + t - (5 * SECOND if t > 12 * SECOND else 0))
+    items = [v for v in items if v.camera != "c" or v.frame_number < 58]
+    frames, stamps, warnings = groups(bench, bench.stage(deadline_s=live), items)
+    assert "sync.clock_set_back" in warnings and all(len(set(f.values())) == 1 for f in frames)
+    assert len(frames) >= 230 and (np.diff(stamps) > 0).all()
+
+
+def test_a_camera_whose_clock_jumped_goes_on_alone_when_the_others_have_ended(bench):
+    start = 7200 * SECOND
+    items = capture(bench, 8, lambda c, t: start + t + (50 * SECOND if c == "b" and t > 12 * SECOND else 0))
+    items = [v for v in items if v.camera == "b" or v.frame_number < 120]
+    frames, _, _ = groups(bench, bench.stage(deadline_s=0.3), items)
+    assert all(len(set(f.values())) == 1 for f in frames)
+    assert sum(set(f) == {"b"} for f in frames) >= 120 - 35
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    steps=st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 150), st.floats(-20, 20)), max_size=6),
+    live=st.sampled_from([0.0, 0.2]), clocks=st.booleans(),
+    resampling=st.sampled_from(["nearest", "interpolate"]),
+)  # fmt: skip
+def test_whatever_clocks_do_frames_are_used_once_and_sets_never_go_back(steps, live, clocks, resampling):
+    own = globals()["_bench"]
+
+    def clock(c, t):
+        jumps = [s for name, k, s in steps if name == c and t > (10 + k / RATE) * SECOND]
+        return 7200 * SECOND + t + round(SECOND * sum(jumps))
+
+    items = capture(own, 6, clock)
+    if clocks:
+        items = [_model(c, 0, 7300 * SECOND, 0) for c in "abc"] + items
+    sync = own.stage(deadline_s=live, resampling=resampling)
+    results = [sync.step(item) for item in items] + [sync.flush()]
+    sets = [s for r in results for s in r.outputs]
+    assert (np.diff([s.stamp_ns for s in sets]) > 0).all()
+    assert [s.index for s in sets] == list(range(len(sets)))
+    used = [(v.camera, v.frame_number) for s in sets for v in s.views]
+    assert len(used) == len(set(used))
+
+
+@pytest.fixture(autouse=True)
+def _for_properties(bench):
+    globals()["_bench"] = bench
