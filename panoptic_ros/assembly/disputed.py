@@ -1,6 +1,6 @@
 """Joints of people whom few views show, where these views disagree or only one of them has the joint.
 
-With many views, a joint on which no two agree is better left out. With two, each error of one of them would
+With many cameras, a joint on which no two agree is better left out. With two, each error of one of them would
 cost the joint, and with a shoulder the torso. So a joint that two views see is placed between their rays
 if these pass each other within reach, and a joint that one view sees is placed on its ray where the bone
 to a neighbour is as long as that of the other side. Covariances say how little that is worth.
@@ -19,6 +19,7 @@ Array = np.ndarray
 
 WIDEST_GAP = 0.25  # m, between two rays
 FEW_VIEWS = 2  # people of more views do without
+FEW_CAMERAS = 3  # and rigs of more cameras, where a person of two views may be none
 PIXEL_SIGMA = 0.03  # m, across a ray
 LENGTH_SIGMA = 0.05  # m, along a ray, by which a bone differs from that of the other side
 CLOSE = 0.15  # m, between the joints of a head
@@ -45,6 +46,8 @@ def place_disputed(
         source: (P, V, J) which joint of its 2D person stands for joint j.
         expected: (P, J, 3) m, NaN = no idea.
     """
+    if scene.evidence.views > FEW_CAMERAS:
+        return
     for p in np.flatnonzero((grouping.member >= 0).sum(axis=1) <= FEW_VIEWS):
         missing = np.flatnonzero(np.isnan(positions[p, :, 0]))
         rays = {int(j): _rays(scene, grouping.member[p], source[p], j) for j in missing}
