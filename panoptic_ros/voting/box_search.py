@@ -21,8 +21,8 @@ class BoxScene(NamedTuple):
 
     views: (V, 550) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
         (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m, the lens bounds.
-    layers: (V, L, 3) first cell, width, height; values (N, 32) uint8 and bits (N,) int64: pyramids.
-    people: (V, J, P, 5) pixel, 1 / (2 width^2), score, exponent above which it does not support.
+    layers: (V, L, 3) first cell, width, height; values (N, 32) uint8: pyramids.
+    people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN where missing.
     reach: (V, P, 4) least and largest u, least and largest w that a person's keypoints reach.
     pointed: (V,) mask of the joints that have keypoints instead of maps.
     """
@@ -30,7 +30,6 @@ class BoxScene(NamedTuple):
     views: Array
     layers: Array
     values: Array
-    bits: Array
     people: Array
     reach: Array
     pointed: Array
@@ -53,16 +52,19 @@ class BoxSearch:
     ) -> Peaks:
         """The local maxima of `dense_peaks` that at least `min_views` (not below `enough`) support."""
         views = self._views(scene)
+        supporting = max(int(np.ceil(255.0 * view_threshold - 1e-6)), 1)  # value of a cell
         found = [(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0), np.zeros(0, np.int64))]
         for first in range(0, scene.map_start.shape[1], GROUP):
-            boxes = box_scene(scene, views, first, view_threshold)
+            boxes = box_scene(scene, views, first)
             space = (np.array(volume.lower), np.array(volume.shape), volume.side)
             joints = min(GROUP, scene.map_start.shape[1] - first)
             every = np.arange(len(views), dtype=np.int32)
             small = (np.array([[0, 0, 0, (1 << joints) - 1, 0]]), np.array([0, len(views)]), every)
             for level in range(max(max(volume.shape) - 1, 1).bit_length() - 1, 0, -1):
-                small = box_kernels.split(boxes, *small, level, *space, threshold, min_views)
-            rows, votes = voxel_kernels.visit(boxes, *small, *space, threshold, view_threshold, min_views)
+                small = box_kernels.split(boxes, *small, level, *space, threshold, supporting, min_views)
+            rows, votes = voxel_kernels.visit(
+                boxes, *small, *space, threshold, view_threshold, supporting, min_views
+            )
             found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
         every = Peaks(*(np.concatenate(parts) for parts in zip(*found)))
         top = peak_kernels.highest(every.joints, every.voxels - volume.lower + 1, every.votes)
@@ -107,33 +109,34 @@ class BoxSearch:
         return (rank[:, :half] < own).all(axis=1) & (rank[:, half:] <= own).all(axis=1)
 
 
-def box_scene(
-    scene: VoteScene, views: Array, first: int, view_threshold: float
-) -> BoxScene:
+def box_scene(scene: VoteScene, views: Array, first: int) -> BoxScene:
     """The arrays of the joints first, first + 1, ..., at most 32."""
     joint_count = scene.map_start.shape[1]
     count = min(GROUP, joint_count - first)
     layers, cells = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
-    values, bits = np.zeros((cells, GROUP), np.uint8), np.zeros(cells, np.int64)
-    least = max(int(np.ceil(255.0 * view_threshold - 1e-6)), 1)
+    values, filled = _aligned(cells), np.zeros(cells, np.bool_)
     pyramid_kernels.paint_pyramids(
-        layers, values, bits, scene.patch_start, scene.patch_table, scene.patch_data,
-        joint_count, first, least,
-    )  # fmt: skip
+        layers, values, filled, scene.patch_start, scene.patch_table, scene.patch_data, joint_count, first
+    )
     mine = slice(first, first + count)
-    people = np.full((*scene.people[:, mine].shape[:3], 5), np.nan)
-    people[..., :4] = scene.people[:, mine]
+    people = scene.people[:, mine].copy()
     people[scene.map_start[:, mine] >= 0] = np.nan
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.sqrt(GAUSSIAN_END / people[..., 2])
-        people[..., 4] = np.minimum(np.log(people[..., 3] / view_threshold) + 1e-9, GAUSSIAN_END)
     known = people[..., 3] > 0.0
     people[~known] = np.nan
     u, w = people[..., 0], people[..., 1]
     boxes = np.stack([u - reach, -u - reach, w - reach, -w - reach], axis=-1)
     boxes = np.where(known[..., None], boxes, np.inf).min(axis=1, initial=np.inf) * (1.0, -1.0, 1.0, -1.0)
     pointed = (known.any(axis=2) * (1 << np.arange(count))).sum(axis=1)
-    return BoxScene(views, layers, values, bits, people, np.ascontiguousarray(boxes), pointed)
+    return BoxScene(views, layers, values, people, np.ascontiguousarray(boxes), pointed)
+
+
+def _aligned(cells: int) -> Array:
+    """Zeros (cells, 32) uint8 none of whose rows lies across two lines of the cache."""
+    buffer = np.zeros(cells * GROUP + 63, np.uint8)
+    skip = -buffer.ctypes.data % 64
+    return buffer[skip : skip + cells * GROUP].reshape(cells, GROUP)
 
 
 def pyramid_layers(grid: Array) -> tuple[Array, int]:

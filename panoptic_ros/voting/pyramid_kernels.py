@@ -1,8 +1,6 @@
 """Compiled kernels that build max pyramids of the score maps of all views.
 
-A pyramid holds the joints of a cell next to each other, 32 at a time, and 64 bits: one for each joint that
-has anything there, and one for each that has enough for the view to support it. They call nothing outside
-of this file.
+A pyramid holds the joints of a cell next to each other, 32 at a time. They call nothing outside of this file.
 """
 from __future__ import annotations
 
@@ -15,20 +13,18 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @_jit
-def paint_pyramids(layers, values, bits, patch_start, patch_table, patch_data, joints, first, least):
+def paint_pyramids(layers, values, filled, patch_start, patch_table, patch_data, joints, first):
     """Fill empty pyramids with the merged maps of the joints first, first + 1, ...
 
     Args:
         layers: (V, L, 3) first cell, width and height of each layer of each view; width 0 = no more.
-        values: (N, 32) uint8; bits (N,) int64.
+        values: (N, 32) uint8; filled: (N,) bool, whether there is anything.
         patch_start, patch_table, patch_data: as in `VoteScene`, which has so many `joints`.
-        least: smallest value that supports.
     """
     last = min(first + GROUP, joints)
     for v in range(len(layers)):
         start, width = layers[v, 0, 0], layers[v, 0, 1]
         for j in range(first, last):
-            some, much = np.int64(1) << (j - first), np.int64(1) << (j - first + GROUP)
             for k in range(patch_start[v * joints + j], patch_start[v * joints + j + 1]):
                 column, row, w, h, at = patch_table[k, 1:]
                 for y in range(h):
@@ -37,25 +33,23 @@ def paint_pyramids(layers, values, bits, patch_start, patch_table, patch_data, j
                         if value > 0:
                             cell = start + (row + y) * width + column + x
                             values[cell, j - first] = max(values[cell, j - first], value)
-                            bits[cell] |= some
-                            if value >= least:
-                                bits[cell] |= much
+                            filled[cell] = True
         for layer in range(1, layers.shape[1]):
             if layers[v, layer, 1] > 0:
-                _halve(layers, values, bits, v, layer)
+                _halve(layers, values, filled, v, layer)
 
 
 @_jit
-def _halve(layers, values, bits, v, layer):
+def _halve(layers, values, filled, v, layer):
     """A layer from the one below it; each cell holds what up to 2 x 2 cells there hold."""
     below, wide, high = layers[v, layer - 1]
     start, width, _ = layers[v, layer]
     for y in range(high):
         for x in range(wide):
             source = below + y * wide + x
-            if bits[source] == 0:
+            if not filled[source]:
                 continue
             target = start + (y >> 1) * width + (x >> 1)
-            bits[target] |= bits[source]
+            filled[target] = True
             for j in range(GROUP):
                 values[target, j] = max(values[target, j], values[source, j])

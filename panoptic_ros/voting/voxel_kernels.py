@@ -1,6 +1,8 @@
 """Compiled kernels of the exact search: eq. 1 at the voxels of boxes.
 
-They call nothing outside of this file.
+The eight voxels of a box are projected side by side. What a view can give a joint is bounded by the four
+cells about a voxel, for 32 joints at once; only where the sum of that is enough the score is computed, with
+the very operations of `kernels.vote`.
 """
 from __future__ import annotations
 
@@ -9,167 +11,177 @@ import math
 import numpy as np
 from numba import njit
 
+from panoptic_ros.voting.box_kernels import CAP, GROUP, SLACK
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
-GROUP = 32  # joints of a search
+COVERED, U, W, A, B = range(0, 40, 8)  # in `lanes` (40,): whether a view covers a voxel, pixel, cell
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 
 
 @_jit
-def visit(scene, boxes, start, lists, lower, shape, side, threshold, view_threshold, least):
+def visit(
+    scene, boxes, start, lists, lower, shape, side, threshold, view_threshold, supporting, least
+):
     """All voxels of the boxes with votes above the threshold that at least `least` views support.
 
     Args:
-        scene: `BoxScene`; boxes, start, lists: of `box_kernels.split`, level 1.
+        scene: `BoxScene`; boxes, start, lists, supporting: of `box_kernels.split`, level 1.
 
     Returns:
         found (N, 5) joints, voxels, supporting views; votes (N,), those of `kernels.vote`.
     """
-    views, layers, values, bits, people, _, pointed = scene
-    table, looks = np.zeros((len(views), 6), np.int64), np.zeros((len(views), 4))
-    found, votes, total = np.zeros((1024, 5), np.int64), np.zeros(1024), 0
+    views, layers, values, people, _, pointed = scene
+    joints, total, limit = people.shape[1], 0, 255.0 * threshold * (1.0 - 1e-6)
+    lanes, most, wanted = np.zeros(40), np.zeros(GROUP, np.uint8), np.zeros(GROUP, np.uint8)
+    sums, support = np.zeros((8, GROUP), np.float32), np.zeros((8, GROUP), np.uint8)
+    words, enough = most.view(np.int64), np.uint8(supporting)
+    tally = np.zeros((2, 8), np.int64)  # views that cover a voxel, and of these the ones with anything
+    table, looks = np.zeros((8, len(views), 4), np.int64), np.zeros((8, len(views), 4))
+    found, votes = np.zeros((1024, 5), np.int64), np.zeros(1024)
     for n in range(len(boxes)):
+        mask = boxes[n, 3]
+        for j in range(GROUP):
+            wanted[j] = 255 if mask >> j & 1 else 0
+        sums[:], support[:], tally[0], tally[1] = 0.0, 0, boxes[n, 4], 0
+        i, j, k = 2 * boxes[n, 0] + lower[0], 2 * boxes[n, 1] + lower[1], 2 * boxes[n, 2] + lower[2]
+        for at in range(start[n], start[n + 1]):
+            v = lists[at]
+            _project(views, v, i, j, k, side, lanes)
+            first, width = layers[v, 0, 0], layers[v, 0, 1]
+            for c in range(8):
+                if lanes[COVERED + c] == 0.0:
+                    continue
+                tally[0, c] += 1
+                m, some = tally[1, c], 0
+                if width > 0:
+                    x, right, looks[c, m, 0] = _corner(lanes[A + c], views[v, 25])
+                    y, below, looks[c, m, 1] = _corner(lanes[B + c], views[v, 26])
+                    cell = first + y * width + x
+                    table[c, m, 0], table[c, m, 1], table[c, m, 2] = cell, right, below * width
+                    _look(values, cell, right, below * width, wanted, enough, most, sums, support, c)
+                    some = words[0] | words[1] | words[2] | words[3]
+                looks[c, m, 2], looks[c, m, 3] = lanes[U + c], lanes[W + c]
+                if pointed[v] & mask:
+                    some |= _add_keypoints(
+                        people, v, pointed[v] & mask, lanes[U + c], lanes[W + c], enough, sums, support, c
+                    )
+                if some:
+                    table[c, m, 3] = v
+                    tally[1, c] += 1
         if total + 8 * GROUP > len(votes):
             found = np.concatenate((found, np.zeros_like(found)))
             votes = np.concatenate((votes, np.zeros_like(votes)))
-        for child in range(8):
-            i, j = 2 * boxes[n, 0] + (child >> 2), 2 * boxes[n, 1] + (child >> 1 & 1)
-            k = 2 * boxes[n, 2] + (child & 1)
-            if i < shape[0] and j < shape[1] and k < shape[2]:
-                total = _visit(
-                    views, layers, values, bits, people, pointed, i + lower[0], j + lower[1], k + lower[2],
-                    side, threshold, view_threshold, least, lists, start[n],
-                    start[n + 1], boxes[n, 3], boxes[n, 4], table, looks, found, votes, total,
-                )  # fmt: skip
+        for c in range(8):
+            a, b, d = i + (c >> 2), j + (c >> 1 & 1), k + (c & 1)
+            if a >= lower[0] + shape[0] or b >= lower[1] + shape[1] or d >= lower[2] + shape[2]:
+                continue
+            bound = limit * tally[0, c] - SLACK * (len(views) + 1)
+            for joint in range(joints):
+                if not (mask >> joint & 1 and sums[c, joint] > bound and support[c, joint] >= min(least, CAP)):
+                    continue
+                vote, supports = _sum(
+                    values, people, pointed, joint, tally[1, c], table, looks, c, view_threshold
+                )
+                vote = vote / tally[0, c] if tally[0, c] else 0.0
+                if vote > threshold and supports >= least:
+                    found[total, 0], found[total, 4], votes[total] = joint, supports, vote
+                    found[total, 1], found[total, 2], found[total, 3] = a, b, d
+                    total += 1
     return found[:total], votes[:total]
 
 
 @_inline
-def _visit(
-    views, layers, values, bits, people, pointed, i, j, k, side,
-    threshold, view_threshold, least, lists, begin, end, mask, empty,
-    table, looks, found, votes, total,
-):  # fmt: skip
-    """Eq. 1 at a voxel for the joints of a mask, as `kernels.vote` does it; appends what is good enough."""
-    joints = people.shape[1]
-    x, y, z = (i + 0.5) * side, (j + 0.5) * side, (k + 0.5) * side
-    covering, count, ones, twos, threes = empty, 0, 0, 0, 0
-    for n in range(begin, end):
-        v = lists[n]
-        if not _look(views, layers, v, x, y, z, looks, table, count):
-            continue
-        covering += 1
-        some, much = 0, 0
-        if views[v, 25] > 0.0:
-            every = (
-                bits[table[count, 0]] | bits[table[count, 1]] | bits[table[count, 2]] | bits[table[count, 3]]
-            )
-            some, much = every, every >> GROUP
-        if pointed[v] & mask:
-            more, most = _pointed(people, v, joints, pointed[v] & mask, looks[count, 2], looks[count, 3])
-            some, much = some | more, much | most
-        some, much = some & mask, much & mask
-        if some == 0:
-            continue
-        table[count, 4], table[count, 5] = some, v
-        count += 1
-        threes |= twos & much
-        twos |= ones & much
-        ones |= much
-    if least >= 1:
-        mask &= ones if least == 1 else twos if least == 2 else threes
-    for joint in range(joints):
-        if mask >> joint & 1:
-            vote, support = _sum(values, people, pointed, joint, count, table, looks, view_threshold)
-            vote = vote / covering if covering else 0.0
-            if vote > threshold and support >= least:
-                found[total, 0], found[total, 4], votes[total] = joint, support, vote
-                found[total, 1], found[total, 2], found[total, 3] = i, j, k
-                total += 1
-    return total
-
-
-@_inline
-def _pointed(people, v, joints, wanted, u, w):
-    """Joints of a mask that a keypoint of view v gives anything at a pixel, and enough to support."""
-    some, much = 0, 0
-    for p in range(people.shape[2]):
-        for j in range(joints):
-            if wanted >> j & 1:
-                dx, dy = people[v, j, p, 0] - u, people[v, j, p, 1] - w
-                exponent = (dx * dx + dy * dy) * people[v, j, p, 2]
-                if exponent < GAUSSIAN_END:
-                    some |= 1 << j
-                if exponent < people[v, j, p, 4]:
-                    much |= 1 << j
-    return some, much
-
-
-@_inline
-def _sum(values, people, pointed, joint, count, table, looks, view_threshold):
-    """Sum of the scores of a joint in the views looked at, in order, and how many support it."""
-    total, support = 0.0, 0
-    for n in range(count):
-        if not table[n, 4] >> joint & 1:
-            continue
-        v = table[n, 5]
-        score = 0.0
-        if pointed[v] >> joint & 1:
-            for p in range(people.shape[2]):
-                dx, dy = people[v, joint, p, 0] - looks[n, 2], people[v, joint, p, 1] - looks[n, 3]
-                exponent = (dx * dx + dy * dy) * people[v, joint, p, 2]
-                if exponent < GAUSSIAN_END:
-                    score = max(score, people[v, joint, p, 3] * math.exp(-exponent))
-        else:
-            fx, fy = looks[n, 0], looks[n, 1]
-            top = values[table[n, 0], joint] * (1.0 - fx) + values[table[n, 1], joint] * fx
-            bottom = values[table[n, 2], joint] * (1.0 - fx) + values[table[n, 3], joint] * fx
-            score = (top * (1.0 - fy) + bottom * fy) / 255.0
-        total += score
-        support += score > view_threshold
-    return total, support
-
-
-@_inline
-def _look(views, layers, v, x, y, z, looks, table, n):
-    """Whether view v covers a point; weights and pixel, four cells. Step by step as in `kernels`."""
-    covered = False
-    depth = views[v, 6] * x + views[v, 7] * y + views[v, 8] * z + views[v, 11]
-    if depth > MIN_DEPTH:
-        px = (views[v, 0] * x + views[v, 1] * y + views[v, 2] * z + views[v, 9]) / depth
-        py = (views[v, 3] * x + views[v, 4] * y + views[v, 5] * z + views[v, 10]) / depth
+def _project(views, v, i, j, k, side, lanes):
+    """Where view v sees the eight voxels from i, j, k on. Step by step as in `kernels`."""
+    r00, r01, r02, r10, r11, r12 = views[v, 0], views[v, 1], views[v, 2], views[v, 3], views[v, 4], views[v, 5]
+    r20, r21, r22, tx, ty, tz = views[v, 6], views[v, 7], views[v, 8], views[v, 9], views[v, 10], views[v, 11]
+    fx, skew, mx, fy, my = views[v, 12], views[v, 13], views[v, 14], views[v, 15], views[v, 16]
+    k1, k2, p1, p2, k3, fold = (
+        views[v, 17], views[v, 18], views[v, 19], views[v, 20], views[v, 21], views[v, 22]
+    )  # fmt: skip
+    right, bottom, map_right, map_bottom = views[v, 23] - 0.5, views[v, 24] - 0.5, views[v, 25], views[v, 26]
+    m0, m1, m2, m3, m4, m5 = views[v, 27], views[v, 28], views[v, 29], views[v, 30], views[v, 31], views[v, 32]
+    bare = map_right == 0.0  # no maps, no borders of theirs
+    for c in range(8):
+        x, y, z = (i + (c >> 2) + 0.5) * side, (j + (c >> 1 & 1) + 0.5) * side, (k + (c & 1) + 0.5) * side
+        depth = r20 * x + r21 * y + r22 * z + tz
+        px = (r00 * x + r01 * y + r02 * z + tx) / depth
+        py = (r10 * x + r11 * y + r12 * z + ty) / depth
         r2 = px * px + py * py
-        if views[v, 35] > 0.0:
-            covered = r2 < views[v, 22]
-            p1, p2 = views[v, 19], views[v, 20]
-            radial = 1.0 + r2 * (views[v, 17] + r2 * (views[v, 18] + r2 * views[v, 21]))
-            dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
-            dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
-            px, py = dx, dy
-        else:
-            covered = True
-        u = views[v, 12] * px + views[v, 13] * py + views[v, 14]
-        w = views[v, 15] * py + views[v, 16]
-        covered &= -0.5 <= u <= views[v, 23] - 0.5 and -0.5 <= w <= views[v, 24] - 0.5
-        looks[n, 2], looks[n, 3] = u, w
-        if covered and views[v, 25] > 0.0:
-            a = views[v, 27] * u + views[v, 28] * w + views[v, 29]
-            b = views[v, 30] * u + views[v, 31] * w + views[v, 32]
-            covered = -0.5 <= a <= views[v, 25] - 0.5 and -0.5 <= b <= views[v, 26] - 0.5
-            x0, x1, looks[n, 0] = _corner(a, views[v, 25])
-            y0, y1, looks[n, 1] = _corner(b, views[v, 26])
-            start, width = layers[v, 0, 0], layers[v, 0, 1]
-            table[n, 0], table[n, 1] = start + y0 * width + x0, start + y0 * width + x1
-            table[n, 2], table[n, 3] = start + y1 * width + x0, start + y1 * width + x1
-    return covered
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
+        dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
+        u = fx * dx + skew * dy + mx
+        w = fy * dy + my
+        a = m0 * u + m1 * w + m2
+        b = m3 * u + m4 * w + m5
+        covered = (depth > MIN_DEPTH) & (r2 < fold) & (-0.5 <= u) & (u <= right) & (-0.5 <= w) & (w <= bottom)
+        mapped = (-0.5 <= a) & (a <= map_right - 0.5) & (-0.5 <= b) & (b <= map_bottom - 0.5)
+        lanes[COVERED + c] = 1.0 if covered & (mapped | bare) else 0.0
+        lanes[U + c], lanes[W + c], lanes[A + c], lanes[B + c] = u, w, a, b
 
 
 @_inline
 def _corner(at, size):
-    """Lower and upper cell, and the upper one's weight, for a bilinear sample clamped to the grid."""
+    """Lower cell, how far it is to the upper one, and the weight of that, clamped to the grid."""
     at = min(max(at, 0.0), size - 1.0)
     low = min(int(at), max(int(size) - 2, 0))
-    return low, min(low + 1, int(size) - 1), at - low
+    return low, min(low + 1, int(size) - 1) - low, at - low
+
+
+@_inline
+def _look(values, at, right, below, wanted, enough, most, sums, support, c):
+    """As `box_kernels.look`, for the four cells about a voxel."""
+    cap = np.uint8(CAP)
+    for j in range(GROUP):
+        upper = max(values[at, j], values[at + right, j])
+        lower = max(values[at + below, j], values[at + below + right, j])
+        most[j] = wanted[j] & max(upper, lower)
+    for j in range(GROUP):
+        sums[c, j] += np.float32(most[j])
+    for j in range(GROUP):
+        support[c, j] += np.uint8((most[j] >= enough) & (support[c, j] < cap))
+
+
+@_inline
+def _add_keypoints(people, v, wanted, u, w, enough, sums, support, c):
+    """As `_look`, for the keypoints of the joints of a mask at a pixel; whether there are any."""
+    found = 0
+    for j in range(people.shape[1]):
+        most = 0
+        for p in range(people.shape[2] if wanted >> j & 1 else 0):
+            dx, dy = people[v, j, p, 0] - u, people[v, j, p, 1] - w
+            exponent = (dx * dx + dy * dy) * people[v, j, p, 2]
+            if exponent < GAUSSIAN_END:
+                most = max(most, min(int(255.0 * people[v, j, p, 3] * math.exp(-exponent)) + 1, 255))
+        if most > 0:
+            found = 1
+            sums[c, j] += np.float32(most)
+            support[c, j] = min(support[c, j] + (most >= enough), CAP)
+    return found
+
+
+@_inline
+def _sum(values, people, pointed, joint, count, table, looks, c, view_threshold):
+    """Sum of the scores of a joint at voxel c in the views looked at, in order, and how many support it."""
+    total, support = 0.0, 0
+    for n in range(count):
+        v, score = table[c, n, 3], 0.0
+        if pointed[v] >> joint & 1:
+            for p in range(people.shape[2]):
+                dx, dy = people[v, joint, p, 0] - looks[c, n, 2], people[v, joint, p, 1] - looks[c, n, 3]
+                exponent = (dx * dx + dy * dy) * people[v, joint, p, 2]
+                if exponent < GAUSSIAN_END:
+                    score = max(score, people[v, joint, p, 3] * math.exp(-exponent))
+        else:
+            fx, fy, at = looks[c, n, 0], looks[c, n, 1], table[c, n, 0]
+            right, below = table[c, n, 1], table[c, n, 2]
+            top = values[at, joint] * (1.0 - fx) + values[at + right, joint] * fx
+            bottom = values[at + below, joint] * (1.0 - fx) + values[at + below + right, joint] * fx
+            score = (top * (1.0 - fy) + bottom * fy) / 255.0
+        total += score
+        support += score > view_threshold
+    return total, support
