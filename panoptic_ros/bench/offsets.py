@@ -5,10 +5,12 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from panoptic_ros.bench.shifted_cameras import measure_shifts, shift_lines
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
@@ -65,6 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", default="0,1,2", help="numbers separated by commas")
     parser.add_argument("--frames", type=int, default=150, help="instants of each capture")
     parser.add_argument("--poses", action="store_true", help="also solve, for MPJPE before and after")
+    parser.add_argument("--rig", type=Path, help="with --detections: a recording in place of simulated ones")
+    parser.add_argument("--detections", type=Path, help="a recording, two of whose cameras are shifted")
 
 
 def measure(args: argparse.Namespace) -> dict[str, Any]:
@@ -73,6 +77,10 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     Raises:
         UsageError: on unknown cases.
     """
+    if (args.rig is None) != (args.detections is None):
+        raise UsageError("--rig and --detections belong together")
+    if args.detections is not None:
+        return measure_shifts(args)
     unknown = [name for name in args.cases.split(",") if name not in CASES]
     if unknown:
         raise UsageError(f"there is no case {unknown[0]!r}; there are {', '.join(CASES)}")
@@ -85,6 +93,8 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
 
 def lines(result: dict[str, Any]) -> list[str]:
     """The table."""
+    if "shifts" in result:
+        return shift_lines(result)
     head = "case          known   rms ms  worst ms  stated ms    z2   drift ppm      s"
     rows = [head + "   MPJPE mm: off, corrected, right"]
     for name, row in result.items():
