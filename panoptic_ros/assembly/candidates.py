@@ -26,6 +26,7 @@ class Candidates:
         grouping: the 2D person of each view. source: (P, V, J) which of its joints stands for joint j.
         guide: what is expected of them. who: (P,) index of the prediction, -1 = new.
         free: (D,) 2D people that belong to nobody yet.
+        places: (P, J, 3) m, roughly where their joints are, NaN = unknown.
     """
 
     grouping: Grouping
@@ -33,17 +34,19 @@ class Candidates:
     guide: Guide
     who: Array
     free: Array
+    places: Array
 
     def joined(self, other: Candidates) -> Candidates:
         """These people and the others."""
-        guides = (getattr(self.guide, n) for n in ("positions", "spreads", "shifts"))
-        others = (getattr(other.guide, n) for n in ("positions", "spreads", "shifts"))
+        names = ("positions", "spreads", "shifts", "firm")
+        pairs = ((getattr(self.guide, name), getattr(other.guide, name)) for name in names)
         return Candidates(
             self.grouping.joined(other.grouping),
             np.concatenate([self.source, other.source]),
-            Guide(*(np.concatenate(pair) for pair in zip(guides, others))),
+            Guide(*(np.concatenate(pair) for pair in pairs)),
             np.concatenate([self.who, other.who]),
             other.free,
+            np.concatenate([self.places, other.places]),
         )
 
 
@@ -58,10 +61,10 @@ def guided_people(scene: Scene, prediction: Prediction, config: AssemblyConfig) 
     grouping = Grouping(grouping.member[seen], grouping.mirrored[seen])
     guide = Guide(
         prediction.positions[seen], CHOICE_SPREAD + CHOICE_SPEED * prediction.ages[seen],
-        prediction.velocities[seen],
+        prediction.velocities[seen], prediction.firm[seen],
     )  # fmt: skip
     source = sources(grouping.mirrored, scene.mirror)
-    return Candidates(grouping, source, guide, np.flatnonzero(seen), free)
+    return Candidates(grouping, source, guide, np.flatnonzero(seen), free, guide.positions)
 
 
 def new_people(scene: Scene, free: Array, sides: Sides, config: AssemblyConfig) -> Candidates:
@@ -74,7 +77,8 @@ def new_people(scene: Scene, free: Array, sides: Sides, config: AssemblyConfig) 
     left = free.copy()
     left[taken] = False
     source = sources(grouping.mirrored, scene.mirror)
-    return Candidates(grouping, source, _no_guide(len(places), scene), np.full(len(places), -1), left)
+    guide = _no_guide(len(places), scene)
+    return Candidates(grouping, source, guide, np.full(len(places), -1), left, places)
 
 
 def from_hypotheses(scene: Scene, people: list[Hypothesis]) -> Candidates:
@@ -97,10 +101,11 @@ def from_hypotheses(scene: Scene, people: list[Hypothesis]) -> Candidates:
             meant = person.claimed_joints[:, slot]
             source[p, v] = np.where((claims == index) & (meant >= 0), meant, np.arange(joints))
     free = np.ones(len(evidence.view), bool)
-    return Candidates(grouping, source, guide, np.full(len(people), -1), free)
+    return Candidates(grouping, source, guide, np.full(len(people), -1), free, guide.positions.copy())
 
 
 def _no_guide(count: int, scene: Scene) -> Guide:
     """Nothing is expected of so many people."""
     shape = (count, len(scene.mirror), 3)
-    return Guide(np.full(shape, np.nan), np.full(shape[:2], CHOICE_SPREAD), np.zeros(shape))
+    spreads, firm = np.full(shape[:2], CHOICE_SPREAD), np.zeros(shape[:2], bool)
+    return Guide(np.full(shape, np.nan), spreads, np.zeros(shape), firm)

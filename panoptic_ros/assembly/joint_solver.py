@@ -5,7 +5,9 @@ a penalty, the same joint of other 2D people (detectors mix people up where they
 points are the prediction and intersections of pairs of views; the one with the lowest truncated
 cost wins. From there Gauss-Newton with Cauchy weights on the reprojection error (the objective of
 Joo et al. 2017, 5.3, made robust), gated in the last steps. A prediction enters the choice of the
-start, never the estimate. `geometry.triangulate_robust` is the numpy reference of the last step.
+start, never the estimate; but a joint that two views place far from where three agreed a moment ago is
+missing, as one of the two must be wrong. `geometry.triangulate_robust` is the numpy reference of the
+last step.
 """
 from __future__ import annotations
 
@@ -15,6 +17,7 @@ from numba import njit
 from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, refine_point
 
 GOOD_COST = 3.0  # truncated cost per view (2 is ideal) up to which the prediction has no rivals
+DENIED = 2.0  # spreads from a firm prediction, at which two views are not believed
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
 
 
@@ -161,12 +164,13 @@ def _prior_cost(x, prediction, spread, limit):
 
 
 @njit(cache=True, error_model="numpy")
-def solve_joints(todo, predictions, spreads, shifts, member, source, owner, plane, precision, starts,
+def solve_joints(todo, predictions, spreads, shifts, firm, member, source, owner, plane, precision, starts,
                  cams, centres, rules):  # fmt: skip
     """Solve the joints `todo` (P, J) of all people.
 
     Args:
         predictions: (P, J, 3) m, NaN = none; spreads: (P, J) m; shifts: (P, J, 3) m/s, velocities.
+        firm: (P, J) whether the prediction can deny what two views say.
         member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) joint of that person.
         owner: (D, J) person that has claimed an observation, -1 = free; others may not use it.
         cams: rotations (V, 3, 3), translations (V, 3), delays (V,) s. centres: (V, 3).
@@ -202,6 +206,11 @@ def solve_joints(todo, predictions, spreads, shifts, member, source, owner, plan
                                             cams, rules, pick)  # fmt: skip
             count = refine_point(x, shift, pick, plane, precision, cams, rules, 6, True, normals[p, j],
                                  residuals[p, j], table)  # fmt: skip
+            if count == 2 and firm[p, j]:
+                away = _prior_cost(x, predictions[p, j], spreads[p, j], np.inf)
+                if away > DENIED * DENIED:
+                    residuals[p, j] = -1.0
+                    continue
             if count >= 2:
                 positions[p, j] = x
     return positions, normals, residuals, picks, costs

@@ -78,13 +78,13 @@ class Sides:
             self._pairs.append((group, left, right))
         limbs = [pair for pair in self._pairs if (groups == pair[0]).sum() >= 6]
         limbs.sort(key=lambda pair: _distance(skeleton, pair[1], skeleton.head))
-        self._torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None  # shoulders, hips
+        self.torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None  # shoulders, hips
 
     def right_way(self, positions: Array) -> Array:
         """(P, G) in -1..1 for skeletons (P, J, 3): 1 = as anatomy has it, -1 = exchanged, 0 = cannot say."""
-        if self._torso is None:
+        if self.torso is None:
             return np.zeros((len(positions), len(self._pairs)))
-        return sides_of_nose(positions, np.array(self._pairs), np.array(self._torso), self._head)
+        return sides_of_nose(positions, np.array(self._pairs), np.array(self.torso), self._head)
 
     def of_body(self, positions: Array) -> Array:
         """Mean (P,) of `right_way` over the limbs."""

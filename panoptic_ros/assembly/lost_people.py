@@ -41,9 +41,11 @@ def with_lost_people(
     count, joints = places.shape[:2]
     views = found.grouping.member.shape[1]
     grouping = Grouping.empty(count, views)
-    guide = Guide(places, np.full((count, joints), SPREAD), np.zeros((count, joints, 3)))
+    spreads, firm = np.full((count, joints), SPREAD), np.zeros((count, joints), bool)
+    guide = Guide(places, spreads, np.zeros((count, joints, 3)), firm)
     who = _known_before(places, prediction, found.who)
-    lost = Candidates(grouping, sources(grouping.mirrored, scene.mirror), guide, who, found.free)
+    source = sources(grouping.mirrored, scene.mirror)
+    lost = Candidates(grouping, source, guide, who, found.free, places)
     nothing = Solved(
         np.full((count, joints, 3), np.nan), np.zeros((count, joints, 3, 3)),
         np.full((count, joints, views), -1.0), np.full((count, joints, views, 2), -1, np.int64),

@@ -1,4 +1,4 @@
-"""How noisy 2D joints are, learnt online from residuals: by score, and by view."""
+"""How noisy 2D joints are, learnt online from residuals: by score, by being hidden, and by view."""
 from __future__ import annotations
 
 import numpy as np
@@ -7,17 +7,19 @@ from numba import njit
 Array = np.ndarray
 
 SCORE_BINS = 10
+KINDS = 3  # of joints: visible, perhaps hidden, hidden (see `occlusion`)
 LEVELS = 64  # of the histogram over the logarithm of residuals
 LEVEL_RANGE = (0.02, 50.0)  # residual / initial sigma
 RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
 PRIOR_COUNT = 40.0  # residuals that the initial values are worth
+HIDDEN_PRIOR_COUNT = 5.0  # the same for joints that are hidden or may be, which are few
 VIEW_PRIOR_COUNT = 200.0
 
 
 class NoiseTable:
     """Standard deviations of 2D joints as a share of the image's diagonal.
 
-    sigma = share[score bin] * factor[camera]. Both are medians of residuals (with leverage taken
+    sigma = share[kind, score bin] * factor[camera]. Both are medians of residuals (with leverage taken
     out), so they adapt to calibration errors of whole views however wrong the start was, and
     outliers do not matter. Deterministic: a function of the residuals in their order.
     """
@@ -26,12 +28,13 @@ class NoiseTable:
         self._initial, self._memory = initial, memory
         self._low, high = np.log(LEVEL_RANGE[0]), np.log(LEVEL_RANGE[1])
         self._width = (high - self._low) / LEVELS
-        self._scores = np.zeros((SCORE_BINS, LEVELS))
+        self._scores = np.zeros((KINDS * SCORE_BINS, LEVELS))
         self._views = np.zeros((cameras, LEVELS))
         middle = self._level(np.array(RAYLEIGH_MEDIAN))
-        self._scores[:, middle] = PRIOR_COUNT
+        self._scores[:, middle] = HIDDEN_PRIOR_COUNT
+        self._scores[:SCORE_BINS, middle] = PRIOR_COUNT
         self._views[:, middle] = VIEW_PRIOR_COUNT
-        self.shares = np.full(SCORE_BINS, initial)
+        self.shares = np.full(KINDS * SCORE_BINS, initial)
         self.factors = np.ones(cameras)
 
     def _level(self, ratios: Array) -> Array:
@@ -39,16 +42,18 @@ class NoiseTable:
         logs = np.log(np.maximum(ratios, 1e-9))
         return np.clip((logs - self._low) / self._width, 0, LEVELS - 1).astype(np.int64)
 
-    def sigmas(self, scores: Array, cameras: Array, diagonals: Array) -> Array:
-        """Standard deviations (D, J) px of joints with scores (D, J) in images of cameras (D,)."""
-        share = self.shares[_score_bin(scores)]
+    def sigmas(self, scores: Array, kinds: Array, cameras: Array, diagonals: Array) -> Array:
+        """Standard deviations (D, J) px of joints of scores and kinds (D, J) in images of cameras (D,)."""
+        share = self.shares[_bin(scores, kinds)]
         return share * (self.factors * diagonals)[cameras][:, None]
 
-    def learn(self, scores: Array, cameras: Array, pixels: Array, diagonals: Array) -> None:
-        """Take residuals (N,) px, leverage removed, of joints with scores (N,) in cameras (N,)."""
+    def learn(
+        self, scores: Array, kinds: Array, cameras: Array, pixels: Array, diagonals: Array
+    ) -> None:
+        """Take residuals (N,) px, leverage removed, of joints of scores and kinds (N,) in cameras (N,)."""
         if not len(pixels):
             return
-        bins = _score_bin(scores)
+        bins = _bin(scores, kinds)
         share = pixels / diagonals[cameras]
         levels = self._level(share / self.factors[cameras] / self._initial)
         _add(self._scores, bins, levels, self._memory)
@@ -62,9 +67,9 @@ class NoiseTable:
         return np.exp(self._low + self._width * median_levels(table))
 
 
-def _score_bin(scores: Array) -> Array:
-    """Bin of scores in 0..1."""
-    return np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1)
+def _bin(scores: Array, kinds: Array) -> Array:
+    """Bin of scores in 0..1 and kinds."""
+    return SCORE_BINS * kinds + np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1)
 
 
 def _add(table: Array, rows: Array, levels: Array, memory: float) -> None:

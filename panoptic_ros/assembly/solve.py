@@ -19,15 +19,17 @@ class Guide:
     """What is expected of P people: enters choices, never positions.
 
     positions: (P, J, 3) m, NaN = nothing. spreads: (P, J) m. shifts: (P, J, 3) m/s, velocities.
+    firm: (P, J) whether the position is sure enough to deny what two views say.
     """
 
     positions: Array
     spreads: Array
     shifts: Array
+    firm: Array
 
     def rows(self, which: Array) -> Guide:
         """Some of the people."""
-        return Guide(self.positions[which], self.spreads[which], self.shifts[which])
+        return Guide(self.positions[which], self.spreads[which], self.shifts[which], self.firm[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,8 +88,9 @@ class Solver:
         evidence = scene.evidence
         return Solved(
             *solve_joints(
-                todo, guide.positions, guide.spreads, guide.shifts, grouping.member, source, owner,
-                evidence.plane, scene.precision, evidence.starts, scene.cams, evidence.centres, self._rules,
+                todo, guide.positions, guide.spreads, guide.shifts, guide.firm, grouping.member, source,
+                owner, evidence.plane, scene.precision, evidence.starts, scene.cams, evidence.centres,
+                self._rules,
             )
         )  # fmt: skip
 

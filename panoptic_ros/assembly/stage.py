@@ -14,6 +14,7 @@ from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, l
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.nodes import has_maps
 from panoptic_ros.assembly.noise import NoiseTable
+from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
@@ -43,6 +44,7 @@ class AssemblyStage:
         self._needed_views = needed_views(config.capture_views, len(context.rig))
         self._solver = Solver(config, self._groups, count)
         self._sides = Sides(context.skeleton, self._groups)
+        self._bones = body_bones(context.skeleton, self._sides.torso)
         self.reset()
         for example in example_sets(context.rig, context.skeleton):
             self.step(example)
@@ -77,6 +79,8 @@ class AssemblyStage:
         scene = self._scene(evidence)
         prediction = self._guidance.predict(dt)
         found = self._candidates(scene, item, prediction)
+        kinds = self._kinds(scene, found)
+        scene = replace(scene, precision=self._precision(evidence, kinds))
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
         if has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
@@ -89,11 +93,13 @@ class AssemblyStage:
             in_capture_space(people.positions, supporting, self._context.rig.cameras, self._needed_views)
         )
         if self._config.learn_noise:
-            self._learn(scene, solved, found.guide.shifts, people.kept)
+            self._learn(scene, solved, found.guide.shifts, kinds, people.kept)
         if self._config.temporal_guidance:
             exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
             exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
-            self._guidance.update(found.who[people.kept], people.positions, people.covariances, exchanged)
+            self._guidance.update(
+                found.who[people.kept], people.positions, people.covariances, exchanged, people.views
+            )
         shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
         return StepResult((self._without_biases(people).pose_set(item, self._hash, shift),))
 
@@ -104,13 +110,23 @@ class AssemblyStage:
         return replace(people, positions=self._biases.corrected(people.positions))
 
     def _scene(self, evidence: Evidence) -> Scene:
-        """Evidence with the noise that is known by now."""
-        cameras = evidence.cameras[evidence.view]
-        sigmas = self._noise.sigmas(evidence.scores, cameras, self._rig.diagonals)
-        precision = np.where(evidence.scores > 0.0, self._rig.focals[cameras][:, None] / sigmas, 0.0)
+        """Evidence with the noise that is known by now, as if all joints were visible."""
+        precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64))
         delays = evidence.delays if self._config.compensate_stamps else np.zeros_like(evidence.delays)
         cams = (evidence.rotations, evidence.translations, delays)
         return Scene(evidence, precision, self._mirror, cams)
+
+    def _precision(self, evidence: Evidence, kinds: Array) -> Array:
+        """1 / standard deviation (D, J) on the normalised plane of 2D joints of these kinds, 0 = missing."""
+        cameras = evidence.cameras[evidence.view]
+        sigmas = self._noise.sigmas(evidence.scores, kinds, cameras, self._rig.diagonals)
+        return np.where(evidence.scores > 0.0, self._rig.focals[cameras][:, None] / sigmas, 0.0)
+
+    def _kinds(self, scene: Scene, found: Candidates) -> Array:
+        """Which 2D joints (D, J) show hidden joints, from roughly where the people are."""
+        places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
+        hidden = hidden_joints(places, found.guide.shifts, *self._bones, scene.cams)
+        return hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
 
     def _candidates(self, scene: Scene, item: ProposalSet, prediction: Prediction) -> Candidates:
         """People before the final solve, by the method that was asked for."""
@@ -135,7 +151,7 @@ class AssemblyStage:
             motion = motion_of(scene, solved, more.guide.shifts, self._config.cauchy)
         return more, solved, motion
 
-    def _learn(self, scene: Scene, solved: Solved, shifts: Array, kept: Array) -> None:
+    def _learn(self, scene: Scene, solved: Solved, shifts: Array, kinds: Array, kept: Array) -> None:
         """Update the noise table from this instant's residuals."""
         evidence = scene.evidence
         rows, joints, pixels = residuals_to_learn(
@@ -143,7 +159,8 @@ class AssemblyStage:
             scene.precision, scene.cams, evidence.focals,
         )  # fmt: skip
         cameras = evidence.cameras[evidence.view[rows]]
-        self._noise.learn(evidence.scores[rows, joints], cameras, pixels, self._rig.diagonals)
+        scores, kinds = evidence.scores[rows, joints], kinds[rows, joints]
+        self._noise.learn(scores, kinds, cameras, pixels, self._rig.diagonals)
 
 
 def _bias_table(config: AssemblyConfig, context: StageContext) -> BiasTable | None:

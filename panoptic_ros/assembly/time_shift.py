@@ -17,7 +17,7 @@ from numba import njit
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.people import People
-from panoptic_ros.assembly.solve import Guide, Solved, Solver
+from panoptic_ros.assembly.solve import Solved, Solver
 from panoptic_ros.consensus.gauss_newton import MIN_DEPTH
 from panoptic_ros.consensus.grouping import Scene
 from panoptic_ros.consensus.guidance import Prediction
@@ -55,7 +55,7 @@ def solve_in_motion(
     motion = motion_of(scene, solved, found.guide.shifts, cauchy)
     if (found.who >= 0).any():
         shifts = likelier_velocities(found, solved, motion, prediction)
-        found = replace(found, guide=Guide(found.guide.positions, found.guide.spreads, shifts))
+        found = replace(found, guide=replace(found.guide, shifts=shifts))
         solved = solver.solve(scene, found.grouping, found.source, found.guide)
         motion = motion_of(scene, solved, shifts, cauchy)
     return found, solved, motion

@@ -26,7 +26,7 @@ def test_final_step_equals_the_reference(scenes):
         nothing = np.full((1, joints, 3), np.nan)
         positions, normals, *_ = solve_joints(
             np.ones((1, joints), bool), nothing, np.ones((1, joints)), np.zeros((1, joints, 3)),
-            np.arange(views)[None], np.tile(np.arange(joints), (1, views, 1)),
+            np.zeros((1, joints), bool), np.arange(views)[None], np.tile(np.arange(joints), (1, views, 1)),
             np.full((views, joints), -1), plane, np.full((views, joints), 1000.0 / 2.0),
             np.arange(views + 1), (stack.rotations, stack.translations, np.zeros(views)), stack.centres,
             np.array([4.0, 3.0, 5.0, 4.0, 45.0]),
@@ -38,6 +38,26 @@ def test_final_step_equals_the_reference(scenes):
         lower = np.tril(normals[0])
         full = lower + np.swapaxes(np.tril(normals[0], -1), 1, 2)
         assert np.allclose(np.linalg.inv(full), reference.covariances, rtol=0.05, atol=1e-7)
+
+
+def test_two_views_that_deny_a_firm_place_are_not_believed(scenes):
+    rig, truth = scenes.ring(2), scenes.person()
+    stack, joints = rig.stack(), len(truth)
+    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
+
+    def solved(expected, firm):
+        return solve_joints(
+            np.ones((1, joints), bool), expected[None], np.full((1, joints), 0.05), np.zeros((1, joints, 3)),
+            np.full((1, joints), firm), np.arange(2)[None], np.tile(np.arange(joints), (1, 2, 1)),
+            np.full((2, joints), -1), plane, np.full((2, joints), 500.0), np.arange(3),
+            (stack.rotations, stack.translations, np.zeros(2)), stack.centres,
+            np.array([4.0, 3.0, 4.0, 4.0, 45.0]),
+        )[0][0]  # fmt: skip
+
+    away = truth + [0.0, 0.0, 0.3]
+    assert np.abs(solved(truth, True) - truth).max() < 1e-6
+    assert np.isnan(solved(away, True)).all()
+    assert np.abs(solved(away, False) - truth).max() < 1e-6  # what is expected does not pull
 
 
 def test_undistortion_equals_the_camera_model(scenes):
