@@ -29,6 +29,7 @@ from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.worker import Worker
 from panoptic_ros.stage import Notice, StageContext
 
+PATIENT_QUEUE = 256  # messages per topic
 Extras = Callable[[Node, SkeletonModel], Mapping[str, Any]]  # what a stage needs beyond the context
 
 
@@ -176,6 +177,8 @@ class StageNode(Node):
         """Live images wait as instants; everything else in order."""
         if self._flow.queue_limit is not None and "image" in self._spec.takes:
             return NewestInstant(rig.names)
+        if self._flow.queue_limit is not None and self._spec.name == "offsets":
+            return InOrder(PATIENT_QUEUE)  # busy for a second after every block, and nobody waits for it
         return InOrder(self._flow.queue_limit)
 
     def _scopes(self, scope: str, rig: Rig) -> list[str]:
