@@ -25,7 +25,8 @@ def lines(result: dict[str, Any]) -> list[str]:
         mine = [c for c in cases if c["request"]["kind"] == kind]
         if mine:
             out += _block(title, mine, [_head(c) for c in mine])
-    return out + _growth(result["growth"])
+    spent = sum(case["cpu_s"] for case in cases)
+    return [*out, *_growth(result["growth"]), "", f"{spent:.0f} s of processor time in all"]
 
 
 def _head(case: dict[str, Any]) -> str:
