@@ -8,7 +8,10 @@ triangulated position.
 """
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+from numba import njit
 from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import ProposalSet, SkeletonModel
@@ -51,12 +54,16 @@ def chosen_nodes(
         there = np.where(guided[:, None], there, here)
         away = np.linalg.norm(item.nodes[nodes] - there[:, None], axis=-1)  # (P, N)
         moved = np.linalg.norm(item.nodes[nodes] - here[:, None], axis=-1)
+        strong = item.node_views[nodes] >= NODE_VIEWS
+        allowed = (moved <= gate) | (strong & (away <= FARTHEST))  # False for NaN
+        if _is_clear(allowed, moved <= gate, item.node_scores[nodes]):
+            chosen[:, joint] = nodes[allowed.argmax(axis=1)]
+            continue
         places = np.concatenate([np.tile(item.nodes[nodes], (len(here), 1, 1)), here[:, None]], axis=1)
         strange = bone_differences(places, positions, int(joint), skeleton)
         cost = _cost(away, item.node_scores[nodes]) + strange[:, :-1]
         cost += np.nan_to_num(np.minimum(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE))
-        strong = item.node_views[nodes] >= NODE_VIEWS
-        cost[~((moved <= gate) | (strong & (away <= FARTHEST)))] = _NEVER  # NaN are not within
+        cost[~allowed] = _NEVER
         stay = _cost(np.nan_to_num(np.linalg.norm(here - there, axis=-1)), OWN_VOTE) + strange[:, -1]
         own = np.full((len(here), len(here)), _NEVER)
         np.fill_diagonal(own, stay)
@@ -66,25 +73,47 @@ def chosen_nodes(
     return chosen
 
 
+def _is_clear(allowed: Array, near: Array, votes: Array) -> bool:
+    """Whether everybody has one node that is allowed (P, N), at hand, with votes, and nobody else's."""
+    alone = (allowed.sum(axis=1) == 1).all() and (allowed.sum(axis=0) <= 1).all()
+    return bool(alone and (allowed & near & (votes > OWN_VOTE)).any(axis=1).all())
+
+
 def bone_differences(places: Array, positions: Array, joint: int, skeleton: SkeletonModel) -> Array:
     """Half squared deviations (P, N) of the bones of a joint from those of the other side, summed.
 
     Args:
         places: (P, N, 3) m, where the joint could be. positions: (P, J, 3) m, all others; NaN = missing.
     """
-    mirror = skeleton.mirror
-    total = np.zeros(places.shape[:2])
-    for bone in skeleton.bones:
-        if joint not in bone:
-            continue
-        end = bone[1] if bone[0] == joint else bone[0]
-        if mirror[end] == end and mirror[joint] == joint:
-            continue
-        length = np.linalg.norm(places - positions[:, None, end], axis=-1)
-        start = places if mirror[joint] == joint else positions[:, None, mirror[joint]]
-        other = np.linalg.norm(start - positions[:, None, mirror[end]], axis=-1)
-        sigmas = (length - other) / (BONE_SIGMA + BONE_SHARE * np.minimum(length, other))
-        total += 0.5 * np.minimum(np.nan_to_num(sigmas) ** 2, WORST_BONE)
+    ends, mirror = _neighbours(skeleton, joint)
+    return sum_differences(np.ascontiguousarray(places), np.ascontiguousarray(positions), joint, ends, mirror)
+
+
+@lru_cache(maxsize=1024)
+def _neighbours(skeleton: SkeletonModel, joint: int) -> tuple[Array, Array]:
+    """Joints that bones connect with a joint and whose bones have another side, and the mirror (J,)."""
+    mirror = np.array(skeleton.mirror, np.int64)
+    ends = [b if a == joint else a for a, b in skeleton.bones if joint in (a, b)]
+    return np.array([e for e in ends if mirror[e] != e or mirror[joint] != joint], np.int64), mirror
+
+
+@njit(cache=True, error_model="numpy")
+def sum_differences(places, positions, joint, ends, mirror):  # type: ignore[no-untyped-def]
+    """The loops of `bone_differences`, over the bones to the joints `ends`."""
+    people, count = places.shape[:2]
+    total = np.zeros((people, count))
+    for p in range(people):
+        for n in range(count):
+            for end in ends:
+                start = places[p, n] if mirror[joint] == joint else positions[p, mirror[joint]]
+                length = other = 0.0
+                for i in range(3):
+                    length += (places[p, n, i] - positions[p, end, i]) ** 2
+                    other += (start[i] - positions[p, mirror[end], i]) ** 2
+                length, other = np.sqrt(length), np.sqrt(other)
+                square = ((length - other) / (BONE_SIGMA + BONE_SHARE * min(length, other))) ** 2
+                if np.isfinite(square):
+                    total[p, n] += 0.5 * min(square, WORST_BONE)
     return total
 
 
