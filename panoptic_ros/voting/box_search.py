@@ -5,7 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.voting import box_kernels, kernels, peak_kernels, pyramid_kernels, voxel_kernels
+from panoptic_ros.voting import (
+    box_kernels,
+    kernels,
+    peak_kernels,
+    pyramid_kernels,
+    rectangle_kernels,
+    voxel_kernels,
+)
 from panoptic_ros.voting.lens_bounds import BINS, slope_bounds
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.score_field import GAUSSIAN_END
@@ -13,7 +20,7 @@ from panoptic_ros.voting.score_volume import ENOUGH, Peaks, sorted_peaks
 from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
-GROUP = box_kernels.GROUP
+GROUP = rectangle_kernels.GROUP
 
 
 class BoxScene(NamedTuple):
@@ -76,7 +83,7 @@ class BoxSearch:
 
     def _views(self, scene: VoteScene) -> Array:
         count = len(scene.cameras)
-        views = np.zeros((count, box_kernels.BEND + 2 * BINS))
+        views = np.zeros((count, rectangle_kernels.BEND + 2 * BINS))
         views[:, :34] = scene.cameras
         views[:, 34] = np.abs(scene.cameras[:, 6:9]).sum(axis=1)
         for v, row in enumerate(scene.cameras):
@@ -85,7 +92,7 @@ class BoxSearch:
                 if key not in self._lenses:
                     self._lenses[key] = slope_bounds(row[17:22], float(np.sqrt(row[22])))
                 bounds, views[v, 35] = self._lenses[key]
-                views[v, box_kernels.BEND :] = bounds.ravel()
+                views[v, rectangle_kernels.BEND :] = bounds.ravel()
                 views[v, 36:38] = np.sqrt(row[22])
             else:
                 y = (np.array([-0.5, row[24] - 0.5]) - row[16]) / row[15]

@@ -4,7 +4,6 @@ A pyramid holds the joints of a cell next to each other, 32 at a time. They call
 """
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 GROUP = 32  # joints in a pyramid

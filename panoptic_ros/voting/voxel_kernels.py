@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
-from panoptic_ros.voting.box_kernels import CAP, GROUP, SLACK
+from panoptic_ros.voting.box_kernels import CAP, SLACK
+from panoptic_ros.voting.rectangle_kernels import GROUP
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
@@ -37,7 +38,7 @@ def visit(
     joints, total, limit = people.shape[1], 0, 255.0 * threshold * (1.0 - 1e-6)
     lanes, most, wanted = np.zeros(40), np.zeros(GROUP, np.uint8), np.zeros(GROUP, np.uint8)
     sums, support = np.zeros((8, GROUP), np.float32), np.zeros((8, GROUP), np.uint8)
-    words, enough = most.view(np.int64), np.uint8(supporting)
+    words, enough, few = most.view(np.int64), np.uint8(supporting), min(least, CAP)
     tally = np.zeros((2, 8), np.int64)  # views that cover a voxel, and of these the ones with anything
     table, looks = np.zeros((8, len(views), 4), np.int64), np.zeros((8, len(views), 4))
     found, votes = np.zeros((1024, 5), np.int64), np.zeros(1024)
@@ -51,6 +52,7 @@ def visit(
             v = lists[at]
             _project(views, v, i, j, k, side, lanes)
             first, width = layers[v, 0, 0], layers[v, 0, 1]
+            nothing = views[v, 33]  # 0; compilers that know so do not vectorise the sums
             for c in range(8):
                 if lanes[COVERED + c] == 0.0:
                     continue
@@ -61,7 +63,7 @@ def visit(
                     y, below, looks[c, m, 1] = _corner(lanes[B + c], views[v, 26])
                     cell = first + y * width + x
                     table[c, m, 0], table[c, m, 1], table[c, m, 2] = cell, right, below * width
-                    _look(values, cell, right, below * width, wanted, enough, most, sums, support, c)
+                    _look(values, cell, right, below * width, wanted, nothing, enough, most, sums, support, c)
                     some = words[0] | words[1] | words[2] | words[3]
                 looks[c, m, 2], looks[c, m, 3] = lanes[U + c], lanes[W + c]
                 if pointed[v] & mask:
@@ -80,7 +82,7 @@ def visit(
                 continue
             bound = limit * tally[0, c] - SLACK * (len(views) + 1)
             for joint in range(joints):
-                if not (mask >> joint & 1 and sums[c, joint] > bound and support[c, joint] >= min(least, CAP)):
+                if not (mask >> joint & 1 and sums[c, joint] > bound and support[c, joint] >= few):
                     continue
                 vote, supports = _sum(
                     values, people, pointed, joint, tally[1, c], table, looks, c, view_threshold
@@ -96,14 +98,17 @@ def visit(
 @_inline
 def _project(views, v, i, j, k, side, lanes):
     """Where view v sees the eight voxels from i, j, k on. Step by step as in `kernels`."""
-    r00, r01, r02, r10, r11, r12 = views[v, 0], views[v, 1], views[v, 2], views[v, 3], views[v, 4], views[v, 5]
-    r20, r21, r22, tx, ty, tz = views[v, 6], views[v, 7], views[v, 8], views[v, 9], views[v, 10], views[v, 11]
+    r00, r01, r02 = views[v, 0], views[v, 1], views[v, 2]
+    r10, r11, r12 = views[v, 3], views[v, 4], views[v, 5]
+    r20, r21, r22 = views[v, 6], views[v, 7], views[v, 8]
+    tx, ty, tz = views[v, 9], views[v, 10], views[v, 11]
     fx, skew, mx, fy, my = views[v, 12], views[v, 13], views[v, 14], views[v, 15], views[v, 16]
     k1, k2, p1, p2, k3, fold = (
         views[v, 17], views[v, 18], views[v, 19], views[v, 20], views[v, 21], views[v, 22]
     )  # fmt: skip
     right, bottom, map_right, map_bottom = views[v, 23] - 0.5, views[v, 24] - 0.5, views[v, 25], views[v, 26]
-    m0, m1, m2, m3, m4, m5 = views[v, 27], views[v, 28], views[v, 29], views[v, 30], views[v, 31], views[v, 32]
+    m0, m1, m2 = views[v, 27], views[v, 28], views[v, 29]
+    m3, m4, m5 = views[v, 30], views[v, 31], views[v, 32]
     bare = map_right == 0.0  # no maps, no borders of theirs
     for c in range(8):
         x, y, z = (i + (c >> 2) + 0.5) * side, (j + (c >> 1 & 1) + 0.5) * side, (k + (c & 1) + 0.5) * side
@@ -133,15 +138,15 @@ def _corner(at, size):
 
 
 @_inline
-def _look(values, at, right, below, wanted, enough, most, sums, support, c):
+def _look(values, at, right, below, wanted, less, enough, most, sums, support, c):
     """As `box_kernels.look`, for the four cells about a voxel."""
-    cap = np.uint8(CAP)
+    cap, zero, low = np.uint8(CAP), np.float32(0.0), np.float32(less)
     for j in range(GROUP):
         upper = max(values[at, j], values[at + right, j])
         lower = max(values[at + below, j], values[at + below + right, j])
         most[j] = wanted[j] & max(upper, lower)
     for j in range(GROUP):
-        sums[c, j] += np.float32(most[j])
+        sums[c, j] += max(np.float32(most[j]) - low, zero)
     for j in range(GROUP):
         support[c, j] += np.uint8((most[j] >= enough) & (support[c, j] < cap))
 
