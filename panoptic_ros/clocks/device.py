@@ -16,9 +16,11 @@ from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.stage import Notice
 
 LEAST_TOLERANCE = 2e-4  # s
+LARGEST_GROWTH = 0.25  # s, of the tolerance after a gap: a stamp that is years on is no gap
 NOISE_FACTOR = 8.0
 UNKNOWN_DRIFT = 3e-4  # of a clock that nobody has measured
 FRAME_SHARE = 0.1  # of a frame, at most, between a jump and whole frames
+MORE_WORDS = 6  # where samples tell nothing: time for other devices to tell of a jump of the timecode
 FEW_POINTS = 20  # too few to tell how much stamps scatter
 NOISY_WORDS = 12  # consecutive readings off the line, on no line of their own
 Cause = Literal["clock", "timecode"]
@@ -133,12 +135,13 @@ class DeviceClock:
             ahead = sorted(point.master_ns - point.device_ns for point in recent)[len(recent) // 2]
             drift = model.drift if model is not None else 0.0
             return stamp + ahead + round(drift * (stamp - last.device_ns)), (
-                self._config.jump_s + UNKNOWN_DRIFT * gap
+                self._config.jump_s + min(UNKNOWN_DRIFT * gap, LARGEST_GROWTH)
             )
         noise = self._config.jump_s if self._noise is None else NOISE_FACTOR * self._noise
         base = min(max(noise, LEAST_TOLERANCE), self._config.jump_s)
         drift_error = 3.0 * float(np.sqrt(model.covariance[1, 1])) + 4e-6 * self._config.wander_ppm
-        return model.master_from_device(stamp)[0], base + min(drift_error, UNKNOWN_DRIFT) * gap
+        growth = min(min(drift_error, UNKNOWN_DRIFT) * gap, LARGEST_GROWTH)
+        return model.master_from_device(stamp)[0], base + growth
 
     def _add(self, point: Point) -> None:
         self._follow_samples(self._points[0] if self._points else point, point)
@@ -165,16 +168,18 @@ class DeviceClock:
                 break
             agreeing += 1
         if agreeing >= self._config.jump_words:
-            return self._jump(self._strays[-agreeing:], tolerance)
+            strays = self._strays[-agreeing:]
+            misses = sorted(stray.master_ns - (self._expect(stray.device_ns)[0] or 0) for stray in strays)
+            jump = self._whole_frames(misses[len(misses) // 2], tolerance)
+            cause = self._cause(strays[0], jump, tolerance)
+            if cause is not None or agreeing >= self._config.jump_words + MORE_WORDS:
+                return self._jump(strays, jump, cause or "clock")
         if len(self._strays) == NOISY_WORDS:
             return self._noisier()
         return ()
 
-    def _jump(self, strays: list[Point], tolerance: float) -> tuple[Notice, ...]:
+    def _jump(self, strays: list[Point], jump: int, cause: Cause) -> tuple[Notice, ...]:
         """Several readings agree on another line."""
-        misses = sorted(stray.master_ns - (self._expect(stray.device_ns)[0] or 0) for stray in strays)
-        jump = self._whole_frames(misses[len(misses) // 2], tolerance)
-        cause = self._cause(strays[0], jump, tolerance)
         values = {"device": self._name, "step_s": jump / SECOND, "cause": cause}
         if cause == "timecode":
             self._timeline.jumped(self._name, jump)
@@ -184,6 +189,8 @@ class DeviceClock:
             text = f"the timecode of {self._name} jumped by {jump / SECOND:+.4g} s; master time runs on"
             return (Notice("clocks.timecode_jump", "info", text, values),)
         self._prior = self._model
+        missed = self._timeline.rejoin(self._name, strays[-1].master_ns)
+        strays = [replace(stray, master_ns=stray.master_ns + missed) for stray in strays]
         self._start(strays)
         self._timeline.heard(self._name, strays[-1].master_ns)
         self._noise = None
@@ -197,17 +204,19 @@ class DeviceClock:
         near = min(tolerance, FRAME_SHARE / float(rate)) * SECOND
         return whole if abs(whole - jump) <= near else jump
 
-    def _cause(self, stray: Point, jump: int, tolerance: float) -> Cause:
-        """Samples count on with the stamps: then the labels have jumped."""
+    def _cause(self, stray: Point, jump: int, tolerance: float) -> Cause | None:
+        """Samples count on with the stamps: then labels have jumped; or with the labels. None: neither."""
         if self._timeline.known_jump(self._name, jump):
             return "timecode"
         last, samples = self._points[-1], self._samples
         if samples.period == 0.0 or stray.sample <= last.sample:
-            return "clock"
+            return None
         by_samples = (stray.sample - last.sample) * samples.period
         miss = (stray.master_ns - last.master_ns) / SECOND - by_samples
-        allowed = max(tolerance, 1e-3) + UNKNOWN_DRIFT * by_samples
-        return "timecode" if abs(miss - jump / SECOND) <= allowed else "clock"
+        allowed = max(tolerance, 1e-3) + min(UNKNOWN_DRIFT * by_samples, LARGEST_GROWTH)
+        causes: dict[Cause, float] = {"timecode": abs(miss - jump / SECOND), "clock": abs(miss)}
+        likely = min(causes, key=lambda cause: causes[cause])
+        return likely if causes[likely] <= allowed else None
 
     def _noisier(self) -> tuple[Notice, ...]:
         """Stamps scatter more than they did: take the readings as they are, about the line or a new one."""

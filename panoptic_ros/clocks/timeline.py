@@ -78,6 +78,26 @@ class Timeline:
         shift = self._shifts[place.jumps] - jump_ns
         return any(abs(s - shift) <= SAME_JUMP_NS for s in self._shifts[place.jumps + 1 :])
 
+    def rejoin(self, device: str, master_ns: int) -> int:
+        """A device whose clock jumped may have missed jumps of the timecode: follow the nearest other's.
+
+        Args:
+            master_ns: of its newest label.
+
+        Returns:
+            What is to be added to its times, ns.
+        """
+        own = self._places[device]
+        change, distance = 0, SAME_GENERATOR_NS
+        for name, place in self._places.items():
+            shift = self._shifts[place.jumps] - self._shifts[own.jumps]
+            away = abs(master_ns + shift - place.newest_ns)
+            if name != device and away < distance:
+                change, distance, jumps = shift, away, place.jumps
+        if distance < SAME_GENERATOR_NS:
+            own.jumps = jumps
+        return change
+
     def forget(self, device: str) -> None:
         """The device begins anew, as one that joins."""
         self._places.pop(device, None)

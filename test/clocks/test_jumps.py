@@ -231,3 +231,45 @@ def test_models_state_where_they_were_observed():
     assert isinstance(model, ClockModel) and model.from_ns == EPOCH and model.wander == pytest.approx(5e-7)
     assert EPOCH + 2 * SECOND <= model.until_ns <= EPOCH + 3 * SECOND
     assert replace(model, wander=0.0).master_from_device(model.until_ns)[1] < 1e3
+
+
+def test_a_device_that_was_off_while_both_its_clock_and_the_timecode_jumped():
+    world = World()
+    for name in "ab":
+        world.device(name, drift=2e-5)
+    world.hear_all("ab", 0, 5)
+    world.label_shift = -1500
+    world.hear_all("a", 5, 8)
+    world.clock["b"][0] += 40_000 * SECOND
+    world.hear_all("ab", 8, 10)
+    assert abs(world.error("a", 10)) < 2e-6 and abs(world.error("b", 10)) < 2e-6
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_whatever_happens_every_device_has_a_right_line_again_soon(seed):
+    rng = np.random.default_rng(seed)
+    world = World([PAL, DROP][seed % 2], first=int(rng.integers(0, DAY[[PAL, DROP][seed % 2]])))
+    for name in "ab":
+        world.device(name, int(rng.integers(10**14, EPOCH)), rng.uniform(-5e-5, 5e-5), rng.uniform(0, 1e6))
+    world.hear_all("ab", 0, 3)
+    now = 3.0
+    for _ in range(3):
+        event, name = rng.integers(0, 5), "ab"[rng.integers(2)]
+        if event == 0:
+            step = rng.choice([0.05, -0.05, 1.0, -1.0, 100, -100, 40_000, -40_000])
+            world.clock[name][0] += round(SECOND * step)
+        elif event == 1:
+            world.label_shift += int(rng.integers(-5000, 5000))
+        elif event == 2:
+            world.clock[name][2] -= rng.uniform(0, 3e5)
+        elif event == 3:
+            world.clock["a"], world.clock["b"] = world.clock["b"], world.clock["a"]
+        else:
+            now = round(now + rng.uniform(0, 100), 1)
+        world.hear_all("ab", now, now + 2)
+        now += 2
+    for name in "ab":
+        model = world.models[name]
+        assert world.stamp(name, round(now * SECOND)) - model.until_ns < 1.1 * SECOND
+        assert abs(model.drift + world.clock[name][1]) < 3e-6
+    assert abs(world.error("a", now) - world.error("b", now)) < 1e-5
