@@ -8,6 +8,7 @@ from __future__ import annotations
 
 BENCHES: dict[str, str] = {
     "clocks": "stamps corrected by timecode against the truth: an hour of mixed rates, and what clocks do",
+    "ltc": "timecode decoding: recall, wrong labels, exactness, latency and speed, beside a user's libltc",
     "offsets": "clocks from motion against the truth: errors, stated deviations, poses before and after",
     "stage1": "voting, assembly, tracking and refinement beside named baselines: time, memory, accuracy",
 }

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import re
 import sys
@@ -11,9 +12,10 @@ from typing import Any
 from panoptic_ros.domain import FrameRate, Timecode, TimecodeReading
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_json
-from panoptic_ros.io.wav import wav_blocks, write_wav
+from panoptic_ros.io.user_bits import date_of
+from panoptic_ros.io.wav import read_wav, write_wav
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+from panoptic_ros.timecode import TimecodeConfig, decode_recording
 
 FORMAT = "panoptic-ltc-1"
 RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")
@@ -60,13 +62,8 @@ def _decode(args: argparse.Namespace) -> int:
 
 def _readings(path: Path, channel: int) -> tuple[int, list[TimecodeReading]]:
     """Sample rate and all readings of a file."""
-    stage = TimecodeStage(TimecodeConfig())
-    sample_rate = 0
-    readings: list[TimecodeReading] = []
-    for block in wav_blocks(path, path.stem, channel):
-        sample_rate = block.sample_rate
-        readings += stage.step(block).outputs
-    return sample_rate, [*readings, *stage.flush().outputs]
+    sample_rate, samples = read_wav(path, channel)
+    return sample_rate, decode_recording(TimecodeConfig(), path.stem, sample_rate, samples)
 
 
 def _document(sample_rate: int, readings: list[TimecodeReading]) -> dict[str, Any]:
@@ -90,7 +87,16 @@ def _table(sample_rate: int, readings: list[TimecodeReading]) -> str:
     rate = readings[-1].timecode.rate
     drop = " drop-frame" if rate.drop_frame else ""
     lines.append(f"{len(readings)} words at {float(rate.exact):.5g} Hz{drop}")
+    found = date_of(readings[-1].user_bits)
+    if found is not None:
+        zone = "" if found.zone is None else f", zone {_zone(found.zone)}"
+        lines.append(f"as a date (SMPTE ST 309) the user bits say {found.date.isoformat()}{zone}")
     return "\n".join(lines)
+
+
+def _zone(zone: datetime.timedelta) -> str:
+    minutes = round(zone.total_seconds() / 60.0)
+    return f"{'-' if minutes < 0 else '+'}{abs(minutes) // 60:02d}:{abs(minutes) % 60:02d}"
 
 
 def _encode(args: argparse.Namespace) -> int:

@@ -55,6 +55,7 @@ class TimecodeRow:
         twice: reported again.
         bias_us, std_us: mean and standard deviation of the errors of the starts.
         consistency: root mean square of errors over stated deviations; 1 = honest.
+        scatter: the same without what the errors of each signal have in common.
     """
 
     condition: str
@@ -65,6 +66,7 @@ class TimecodeRow:
     bias_us: float
     std_us: float
     consistency: float
+    scatter: float
 
     @property
     def recall(self) -> float:
@@ -105,12 +107,15 @@ def _row(condition: str, decoder: Decoder, signals: Sequence[TimedSignal]) -> Ti
     counts = np.zeros(3, np.int64)
     errors: list[float] = []
     ratios: list[float] = []
+    centred: list[float] = []
     for signal in signals:
         right, wrong, twice = _score(signal, decoder(signal.samples, signal.sample_rate))
         counts += (len(right), wrong, twice)
         scale = 1e6 / signal.sample_rate
         errors += [scale * error for error, _ in right]
         ratios += [error / std for error, std in right if std > 0.0]
+        middle = float(np.mean([error for error, _ in right])) if right else 0.0
+        centred += [(error - middle) / std for error, std in right if std > 0.0]
     return TimecodeRow(
         condition=condition,
         words=words,
@@ -119,8 +124,13 @@ def _row(condition: str, decoder: Decoder, signals: Sequence[TimedSignal]) -> Ti
         twice=int(counts[2]),
         bias_us=float(np.mean(errors)) if errors else float("nan"),
         std_us=float(np.std(errors)) if errors else float("nan"),
-        consistency=float(np.sqrt(np.mean(np.square(ratios)))) if ratios else float("nan"),
+        consistency=_rms(ratios),
+        scatter=_rms(centred),
     )
+
+
+def _rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else float("nan")
 
 
 def _score(

@@ -32,6 +32,8 @@ def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
             sample_rate, samples = wavfile.read(io.BytesIO(data))
     except (ValueError, EOFError, LookupError, TypeError, ArithmeticError, struct.error) as error:
         raise DataError(f"{path} is no WAV file that can be read: {error}") from None
+    except NameError:  # the reader's own, where a file has no data chunk
+        raise DataError(f"{path} is no WAV file that can be read: it has no samples") from None
     table = samples[:, None] if samples.ndim == 1 else samples
     if not 0 <= channel < table.shape[1]:
         raise UsageError(f"{path} has {table.shape[1]} channels, counted from 0; there is no {channel}")

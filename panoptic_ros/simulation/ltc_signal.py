@@ -89,25 +89,29 @@ def encode_ltc(
     """
     if words < 1 or sample_rate < 1000 or speed <= 0.0:
         raise UsageError(f"cannot encode {words} words at {sample_rate} Hz and speed {speed}")
-    step = -1 if reverse else 1
-    labels = [Timecode.from_frame_count(start.frame_count + step * i, start.rate) for i in range(words)]
     cell = sample_rate / (float(start.rate.exact) * speed * BITS)
-    edges = []
-    for i, label in enumerate(labels):
-        bits = word_bits(label, user_bits, balanced)
-        for k, bit in enumerate(bits[::-1] if reverse else bits):
-            first = lead + (BITS * i + k) * cell
-            edges += [first, first + 0.5 * cell] if bit else [first]
-    edges.append(lead + BITS * words * cell)  # the edge that ends the last bit
+    labels, places = word_edges(start, words, user_bits=user_bits, reverse=reverse, balanced=balanced)
+    edges = lead + cell * places
     count = int(np.ceil(edges[-1] + 0.5 * cell + tail)) + 1
     sigma = max(RISE_SECONDS * sample_rate / 2.563, BAND_LIMIT)
-    samples = _square_wave(np.array(edges), count, sigma, cell)
+    samples = square_wave(edges, count, sigma, cell)
     starts = lead + BITS * cell * (np.arange(words) + (1.0 if reverse else 0.0))
     sign = -amplitude if inverted else amplitude
     return LtcSignal((sign * samples).astype(np.float32), sample_rate, tuple(labels), starts)
 
 
-def _square_wave(edges: Array, count: int, sigma: float, cell: float) -> Array:
+def word_edges(
+    start: Timecode, words: int, *, user_bits: int = 0, reverse: bool = False, balanced: bool = True
+) -> tuple[list[Timecode], Array]:
+    """Labels of consecutive words, and where their edges are, in cells; the last ends the last bit."""
+    step = -1 if reverse else 1
+    labels = [Timecode.from_frame_count(start.frame_count + step * i, start.rate) for i in range(words)]
+    bits = np.array([word_bits(label, user_bits, balanced)[::step] for label in labels]).ravel()
+    both = np.column_stack([np.ones_like(bits), bits]).ravel()
+    return labels, np.append(np.flatnonzero(both) * 0.5, float(len(bits)))
+
+
+def square_wave(edges: Array, count: int, sigma: float, cell: float) -> Array:
     """A wave of +-1 that changes at the edges; silence before the first and half a cell after the last."""
     at = np.arange(count, dtype=np.float64)
     wave = np.zeros(count)

@@ -22,5 +22,6 @@ lopsided filter) is part of the start and not of its deviation.
 """
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.stage import TimecodeStage
+from panoptic_ros.timecode.whole_file import decode_recording
 
-__all__ = ["TimecodeConfig", "TimecodeStage"]
+__all__ = ["TimecodeConfig", "TimecodeStage", "decode_recording"]

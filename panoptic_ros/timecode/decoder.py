@@ -12,6 +12,7 @@ import numpy as np
 
 from panoptic_ros.domain import Timecode
 from panoptic_ros.timecode.acquisition import CHANGING, LONG, SHORT, Found, Search, acquire
+from panoptic_ros.timecode.buffer import Buffer
 from panoptic_ros.timecode.conditioning import Conditioner
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.edge_shape import EdgeShape
@@ -46,6 +47,10 @@ class Word:
         cell: length of a cell, samples.
         known: whether no other label is about as likely.
         sure: whether the word is good; if not, a good one must follow.
+        number: of the word in its signal.
+        bits, grid: (80,) in the order of the stream; (3,) as fitted.
+        bending: whether the speed changes.
+        shape: of a step, as learnt from the signal so far.
     """
 
     timecode: Timecode
@@ -56,6 +61,11 @@ class Word:
     user_bits: int
     known: bool
     sure: bool
+    number: int
+    bits: Array
+    grid: Array
+    bending: bool
+    shape: EdgeShape
 
 
 class LtcDecoder:
@@ -69,8 +79,8 @@ class LtcDecoder:
         self._up = self._conditioner.up  # conditioned samples per raw one
         self._pending: list[Array] = []
         self._pending_count = 0
-        self._raw = _Buffer(int(BUFFER_SECONDS * sample_rate))
-        self._sums = _Buffer(int(BUFFER_SECONDS * sample_rate) * self._up)
+        self._raw = Buffer(int(BUFFER_SECONDS * sample_rate))
+        self._sums = Buffer(int(BUFFER_SECONDS * sample_rate) * self._up)
         self._sums.append(np.zeros(1))
         self._first = 0  # index of the first kept sample
         self._follow: Follow | None = None
@@ -210,40 +220,16 @@ class LtcDecoder:
             return None
         if good and follow.learns(verdict.share):
             fit.teach(shape, self._rate)
+        number, bending = follow.number, follow.bending
         start, std = follow.hit(fit, good)
         if good and known:
             self._read_until = follow.grid[0] - 0.5 * WORD_CELLS * follow.grid[1]
         timecode = with_rate(label, follow.rate(self._rate))
-        return Word(timecode, start, std, follow.grid[1], follow.reverse, follow.user.value, known, good)
-
-
-class _Buffer:
-    """The newest values of a stream, in one piece."""
-
-    def __init__(self, capacity: int):
-        self._store = np.empty(capacity)
-        self._begin = self._end = 0
-
-    @property
-    def values(self) -> Array:
-        """Those that are kept."""
-        return self._store[self._begin : self._end]
-
-    def append(self, values: Array) -> None:
-        """Add at the end."""
-        count = self._end - self._begin
-        if self._end + len(values) > len(self._store):
-            kept = self.values.copy()
-            if count + len(values) > len(self._store):
-                self._store = np.empty(2 * (count + len(values)))
-            self._store[:count] = kept
-            self._begin, self._end = 0, count
-        self._store[self._end : self._end + len(values)] = values
-        self._end += len(values)
-
-    def drop(self, count: int) -> None:
-        """Forget the oldest."""
-        self._begin += count
+        user_bits = follow.user.value
+        return Word(
+            timecode, start, std, follow.grid[1], follow.reverse, user_bits, known, good, number, bits,
+            fit.grid, bending, shape,
+        )  # fmt: skip
 
 
 def _halves(sums: Array, grid: Array, reverse: bool) -> Array:

@@ -27,7 +27,7 @@ BASE_RATE = 48_000
 EDGE_SECONDS = 15.6e-6  # standard deviation of an edge of 40 us rise time
 BAND = 0.465  # cycles per sample that a recorder lets pass
 # What a correction may be beforehand, of the level; even ones come from lopsided filters.
-ODD_SPREAD, EVEN_SPREAD = 0.1, 0.03
+ODD_SPREAD, EVEN_SPREAD = 0.1, 0.005
 DROOP_SPREAD = 0.1  # per sample
 MEMORY = 300.0  # words; half of them at first, since the first ones were fitted with the guess
 LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond

@@ -1,10 +1,14 @@
 """WAV files of several kinds, and what is none."""
 from __future__ import annotations
 
+import struct
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.io import wavfile
 
 from panoptic_ros.errors import DataError, UsageError
@@ -37,6 +41,39 @@ def test_channels_and_blocks(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         np.concatenate([block.samples for block in blocks]), read_wav(tmp_path / "a.wav")[1]
     )
+
+
+@pytest.mark.parametrize("extensible", [False, True])
+def test_24_bits_and_the_extensible_header(tmp_path: Path, extensible: bool) -> None:
+    levels = np.round(np.stack([TONE, -TONE], axis=1) * 8388607).astype(np.int32)
+    data = levels.astype("<i4").reshape(-1, 1).view(np.uint8)[:, :3].tobytes()
+    form = struct.pack("<HHIIHH", 0xFFFE if extensible else 1, 2, 48000, 288000, 6, 24)
+    if extensible:
+        pcm = bytes.fromhex("0100000000001000800000aa00389b71")
+        form += struct.pack("<HHI", 22, 24, 3) + pcm
+    body = b"WAVE" + b"fmt " + struct.pack("<I", len(form)) + form
+    body += b"LIST" + struct.pack("<I", 4) + b"INFO" + b"data" + struct.pack("<I", len(data)) + data
+    (tmp_path / "a.wav").write_bytes(b"RIFF" + struct.pack("<I", len(body)) + body)
+    rate, samples = read_wav(tmp_path / "a.wav", 1)
+    assert rate == 48000
+    np.testing.assert_allclose(samples, -TONE, atol=1e-6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 60), st.integers(0, 255), st.integers(0, 400))
+def test_broken_headers_say_one_line(place: int, value: int, cut: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.wav"
+        write_wav(path, 48000, TONE)
+        content = bytearray(path.read_bytes())
+        content[place] = value
+        path.write_bytes(bytes(content[: len(content) - cut]))
+        try:
+            rate, samples = read_wav(path)
+        except DataError as error:
+            assert "\n" not in str(error)
+        else:
+            assert rate >= 0 and samples.dtype == np.float32
 
 
 def test_loud_samples_are_clipped(tmp_path: Path) -> None:

@@ -1,0 +1,113 @@
+"""The clips of the timecode bench: noise, and everything that lines, tapes and rooms do."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import Timecode
+from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_signal import AudioFaults, LtcSignal, timecode_rate
+
+FAULTS = set(AudioFaults.__dataclass_fields__)
+QUIET_DB = 50.0  # noise under the impairments
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A row of the table.
+
+    Args:
+        changes: fields of `Channel` and `AudioFaults`.
+    """
+
+    name: str
+    sample_rate: int
+    changes: dict[str, Any] = field(default_factory=dict)
+    rate: str = "30"
+    reverse: bool = False
+
+
+def clip(condition: Condition, seed: int, words: int) -> LtcSignal:
+    """A clip: labels, user bits, phase and a drift of some 40 ppm differ by the seed."""
+    rng = np.random.default_rng([seed, condition.sample_rate])
+    changes = {"snr_db": QUIET_DB, **condition.changes}
+    faults = {key: value for key, value in changes.items() if key in FAULTS}
+    rest = {key: value for key, value in changes.items() if key not in FAULTS}
+    speed = rest.pop("speed", 1.0) * (1.0 + 4e-5 * rng.uniform(-1.0, 1.0))
+    channel = Channel(speed=speed, seed=seed, faults=AudioFaults(seed=seed, **faults), **rest)
+    rate = timecode_rate(condition.rate)
+    start = Timecode.from_frame_count(int(rng.integers(0, 2_000_000)), rate)
+    lead = 0.5 + rng.uniform(0.0, 1.0) / condition.sample_rate
+    user = int(rng.integers(0, 2**32))
+    return play_ltc(
+        start, words, condition.sample_rate, channel, lead=lead, user_bits=user, reverse=condition.reverse
+    )
+
+
+def noise_bound_us(condition: Condition) -> float:
+    """Standard deviation of a word's start by Cramer and Rao where white noise is all there is, else nan."""
+    if set(condition.changes) != {"snr_db"}:
+        return float("nan")
+    rate = condition.sample_rate
+    start = Timecode.from_frame_count(1_234_567, timecode_rate(condition.rate))
+    step, words = 0.02, 5
+    early, late = (
+        play_ltc(start, words, rate, Channel(), lead=(9600 + shift) / rate)
+        for shift in (-0.5 * step, 0.5 * step)
+    )
+    count = min(len(late.samples), len(early.samples))
+    slope = (late.samples[:count].astype(float) - early.samples[:count]) / step
+    inside = slice(int(early.starts[0]), int(early.starts[0] + words * (early.starts[1] - early.starts[0])))
+    rms = float(np.sqrt(np.mean(early.samples[inside].astype(float) ** 2)))
+    noise = rms * 10.0 ** (-condition.changes["snr_db"] / 20.0)
+    return 1e6 * noise / rate / float(np.sqrt((slope**2).sum() / words))
+
+
+def _table() -> tuple[Condition, ...]:
+    noise = [
+        Condition(f"{rate // 1000} kHz, noise {snr:+d} dB", rate, {"snr_db": float(snr)})
+        for rate, ratios in ((48000, (30, 20, 10, 0, -3, -6)), (16000, (30, 20, 10, 0, -3))) for snr in ratios
+    ]  # fmt: skip
+    names = ("23.976", "24", "25", "29.97", "29.97df")
+    counting = [Condition(f"{name} frames/s", 48000, {}, rate=name) for name in names]
+    sampling = [Condition(f"{rate} Hz sampling", rate) for rate in (8000, 22050, 44100, 96000)]
+    return (*noise, *counting, *sampling, *(Condition(name, rate, changes, reverse="reverse" in name)
+            for name, rate, changes in IMPAIRMENTS))  # fmt: skip
+
+
+MICROPHONE = {"low_pass_hz": 7000.0, "high_pass_hz": 100.0, "snr_db": 20.0, "echo_s": 0.2, "direct_db": 12.0}
+IMPAIRMENTS: tuple[tuple[str, int, dict[str, Any]], ...] = (
+    ("hum 0 dB", 48000, {"hum_db": 0.0}),
+    ("hum 0 dB, 16 kHz", 16000, {"hum_db": 0.0}),
+    ("clicks 10/s", 48000, {"clicks_per_s": 10.0}),
+    ("clicks 30/s", 48000, {"clicks_per_s": 30.0}),
+    ("clicks 10/s, 16 kHz", 16000, {"clicks_per_s": 10.0}),
+    ("clicks 30/s, 16 kHz", 16000, {"clicks_per_s": 30.0}),
+    ("gain +-10 dB at 0.5 Hz", 48000, {"gain_db": 10.0}),
+    ("gain +-10 dB at 5 Hz", 48000, {"gain_db": 10.0, "gain_hz": 5.0}),
+    ("DC of the peak", 48000, {"dc": 0.25}),
+    ("-60 dBFS in 16 bit", 48000, {"amplitude": 0.001, "bits": 16, "snr_db": 40.0}),
+    ("8 bit", 48000, {"bits": 8}),
+    ("inverted", 48000, {"inverted": True}),
+    ("speed 0.8", 48000, {"speed": 0.8}),
+    ("speed 1.25", 48000, {"speed": 1.25}),
+    ("speed 0.8, 16 kHz", 16000, {"speed": 0.8}),
+    ("speed 1.25, 16 kHz", 16000, {"speed": 1.25}),
+    ("reverb 8 dB", 48000, {"echo_s": 0.3, "direct_db": 8.0}),
+    ("reverb 3 dB", 48000, {"echo_s": 0.5, "direct_db": 3.0}),
+    ("high pass 1 kHz", 48000, {"high_pass_hz": 1000.0}),
+    ("low pass 4 kHz", 48000, {"low_pass_hz": 4000.0}),
+    ("low pass 2.5 kHz", 48000, {"low_pass_hz": 2500.0}),
+    ("clipped at 0.5", 48000, {"clip": 0.5}),
+    ("clipped at 0.2, noise 20 dB", 48000, {"clip": 0.2, "snr_db": 20.0}),
+    ("reverse", 48000, {}),
+    ("reverse, noise 0 dB", 48000, {"snr_db": 0.0}),
+    ("microphone, 16 kHz", 16000, MICROPHONE),
+    ("wow 3 % at 0.5 Hz", 48000, {"wow": 0.03, "wow_hz": 0.5}),
+    ("wow 3 % at 3 Hz", 48000, {"wow": 0.03, "wow_hz": 3.0}),
+    ("ramp 30 %", 48000, {"ramp": 0.3}),
+    ("edge jitter 5 us", 48000, {"jitter_s": 5e-6}),
+)
+CONDITIONS = _table()
