@@ -1,0 +1,63 @@
+"""The robust point refinement against many plain steps, and the 3x3 solution against numpy."""
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from panoptic_ros.consensus.gauss_newton import TABLE, refine_point, solve_symmetric
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 100_000))
+def test_symmetric_solution_equals_numpy(seed):
+    rng = np.random.default_rng(seed)
+    root, right = rng.normal(size=(3, 3)), rng.normal(size=3)
+    a = root @ root.T + 0.05 * np.eye(3)
+    good, *x = solve_symmetric(a[0, 0], a[1, 0], a[1, 1], a[2, 0], a[2, 1], a[2, 2], *right)
+    assert good and np.allclose(x, np.linalg.solve(a, right), rtol=1e-8, atol=1e-10)
+
+
+def test_no_solution_where_the_matrix_is_not_positive():
+    assert not solve_symmetric(1.0, 2.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0)[0]
+
+
+def eyes(count, rng):
+    """Cameras round the origin that look at it: rotations, translations, delays."""
+    rotations = []
+    for i in range(count):
+        forward = np.array([np.cos(2.0 * i), np.sin(2.0 * i), 0.3 * rng.normal()])
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0, 0, 1.0])
+        right /= np.linalg.norm(right)
+        rotations.append([right, np.cross(forward, right), forward])
+    return np.array(rotations), np.tile([0.0, 0.0, 4.0], (count, 1)), np.zeros(count)
+
+
+def minimum(x, plane, precision, cams, cauchy):
+    """Minimum of the Cauchy cost by a downhill search that knows no derivatives."""
+    from scipy.optimize import minimize
+
+    def cost(point):
+        local = cams[0] @ point + cams[1]
+        r2 = ((local[:, :2] / local[:, 2:] - plane) ** 2).sum(axis=1) * precision**2
+        return (cauchy**2 * np.log1p(r2 / cauchy**2)).sum()
+
+    return minimize(cost, x, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).x
+
+
+def test_finds_the_minimum_of_the_cauchy_cost():
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        cams, views = eyes(5, rng), 5
+        truth = rng.uniform(-0.5, 0.5, 3)
+        local = cams[0] @ truth + cams[1]
+        plane = (local[:, :2] / local[:, 2:])[:, None] + 0.002 * rng.normal(size=(views, 1, 2))
+        precision = np.full((views, 1), 500.0)
+        picks = np.stack([np.arange(views), np.zeros(views, int)], axis=1)
+        x, normal, residuals = truth + 0.05, np.empty((3, 3)), np.empty(views)
+        rules = np.array([4.0, 3.0, 4.0, 4.0, 45.0])
+        count = refine_point(
+            x, np.zeros(3), picks, plane, precision, cams, rules, 30, False, normal, residuals,
+            np.empty((views, TABLE)),
+        )  # fmt: skip
+        assert count == views
+        assert np.abs(x - minimum(truth, plane[:, 0], 500.0, cams, 3.0)).max() < 2e-5
