@@ -1,9 +1,9 @@
 """Joints of people whom few views show, where these views disagree or only one of them has the joint.
 
-With many cameras, a joint on which no two agree is better left out. With two, each error of one of them would
-cost the joint, and with a shoulder the torso. So a joint that two views see is placed between their rays
-if these pass each other within reach, and a joint that one view sees is placed on its ray where the bone
-to a neighbour is as long as that of the other side. Covariances say how little that is worth.
+Where many cameras look, a joint on which no two agree is better left out. With two, each error of one of
+them would cost the joint, and with a shoulder the torso. So a joint that two views see is placed between
+their rays if these pass each other within reach, and a joint that one view sees is placed on its ray where
+the bone to a neighbour is as long as that of the other side. Covariances say how little that is worth.
 """
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.consensus.grouping import Grouping, Scene
+from panoptic_ros.consensus.grouping import Grouping, Scene, seeing_views
 from panoptic_ros.domain import SkeletonModel
 
 Array = np.ndarray
 
 WIDEST_GAP = 0.25  # m, between two rays
 FEW_VIEWS = 2  # people of more views do without
-FEW_CAMERAS = 3  # and rigs of more cameras, where a person of two views may be none
+FEW_SEEING = 3  # and where more could see the person, who may then be none
 PIXEL_SIGMA = 0.03  # m, across a ray
 LENGTH_SIGMA = 0.05  # m, along a ray, by which a bone differs from that of the other side
 CLOSE = 0.15  # m, between the joints of a head
@@ -46,9 +46,10 @@ def place_disputed(
         source: (P, V, J) which joint of its 2D person stands for joint j.
         expected: (P, J, 3) m, NaN = no idea.
     """
-    if scene.evidence.views > FEW_CAMERAS:
-        return
-    for p in np.flatnonzero((grouping.member >= 0).sum(axis=1) <= FEW_VIEWS):
+    supporting = (grouping.member >= 0).sum(axis=1)
+    few = np.flatnonzero((supporting >= 1) & (supporting <= FEW_VIEWS))
+    few = few[seeing_views(scene.evidence, positions[few]).sum(axis=1) <= FEW_SEEING]
+    for p in few:
         missing = np.flatnonzero(np.isnan(positions[p, :, 0]))
         rays = {int(j): _rays(scene, grouping.member[p], source[p], j) for j in missing}
         for joint, seen in rays.items():
