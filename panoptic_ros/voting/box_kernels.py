@@ -65,7 +65,7 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
     enough, least = np.uint8(supporting), min(least, CAP)
     seen, tally = np.zeros((8, count), np.int32), np.zeros((3, 8), np.int64)  # listed, empty, all of it
     found, begin = np.zeros((8 * len(boxes), 5), np.int64), np.zeros(8 * len(boxes) + 1, np.int64)
-    kept = np.zeros(8 * len(lists) + count, np.int32)
+    kept = np.empty(8 * start[len(boxes)] + count, np.int32)
     half, limit = 1 << (level - 1), 255.0 * threshold * (1.0 - 1e-6)
     for n in range(len(boxes)):
         mask = boxes[n, 3]
