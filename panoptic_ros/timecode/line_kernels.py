@@ -68,8 +68,23 @@ def curve_scatter(words: Array) -> float:
     return total / (count - 3)
 
 
+@_jit
+def jumps(values: Array, level: float) -> float:
+    """Share of the changes of sign of samples (N,) that lie between two samples of level plateaus."""
+    crossings, sudden = 0, 0
+    for i in range(1, len(values) - 2):
+        if (values[i] > 0.0) == (values[i + 1] > 0.0):
+            continue
+        crossings += 1
+        if abs(values[i + 1] - values[i]) > 1.6 * level:
+            flat = max(abs(values[i] - values[i - 1]), abs(values[i + 2] - values[i + 1]))
+            sudden += int(flat < 0.06 * level)
+    return sudden / max(1, crossings)
+
+
 @lru_cache(maxsize=1)
 def compile_lines() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
     line_fit(np.arange(7.0), np.arange(7.0))
     curve_scatter(np.arange(21.0).reshape(3, 7) + 1.0)
+    jumps(np.ones(7), 1.0)

@@ -64,11 +64,11 @@ class Pace:
         side = HALF if self._reverse else -HALF
         if self._line is not None:
             cell, cell_std = self._line
-            variance = white * scale + (side * cell_std) ** 2
+            variance = white * scale + (side * cell_std) ** 2 + fit.unseen**2
             following = moved_grid(np.array([fit.middle, cell, 0.0]), float(WORD_CELLS))
             return fit.middle + side * cell, _std(variance), following
         edge, variance = self._between(number, fit, side, scale)
-        return edge, _std(variance), self._advance(number, fit)
+        return edge, _std(variance + fit.unseen**2), self._advance(number, fit)
 
     def passed(self, grid: Array, fit: WordFit) -> tuple[float, float]:
         """The start and its deviation of a word that clicks may have shifted: nothing is learnt from it."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from panoptic_ros.timecode.edge_shape import EdgeShape
 from panoptic_ros.timecode.fit_kernels import fit_train
+from panoptic_ros.timecode.line_kernels import jumps
 
 Array = np.ndarray
 BASELINE_HZ = 330.0
@@ -24,6 +25,7 @@ LOST = 0.05  # cells
 OUTLIER = 4.0  # standard deviations
 GROSS = 0.25  # times the level: more than a slightly misplaced edge
 SHAKEN_SECONDS = 40e-6  # by which single edges may be misplaced
+UNSEEN = 0.17  # samples, standard deviation of an edge that jumps from plateau to plateau
 EDGE_SECONDS, EDGE_SAMPLES = 15.6e-6, 0.4  # standard deviation of an edge, at least
 
 
@@ -38,6 +40,7 @@ class WordFit:
         low: index of the first sample of `clean`.
         clean: (N,) the samples without clicks.
         places: edges in cells from the middle.
+        unseen: standard deviation, samples, that clipping hides: all edges may be off alike.
     """
 
     middle: float
@@ -49,6 +52,7 @@ class WordFit:
     low: int
     clean: Array
     places: Array
+    unseen: float
 
     @property
     def grid(self) -> Array:
@@ -106,7 +110,8 @@ def fit_word(
     if straight is not values:
         clean = values - (straight - clean)
     middle, cell, bend = found.tolist()
-    return WordFit(middle, cell, bend, covariance, observed, float(level), low, clean, places)
+    unseen = UNSEEN * jumps(clean, abs(level))
+    return WordFit(middle, cell, bend, covariance, observed, float(level), low, clean, places, unseen)
 
 
 def _edge_places(bits: Array) -> Array:

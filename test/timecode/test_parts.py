@@ -30,6 +30,7 @@ from panoptic_ros.timecode.kernels import (
     soft_bits,
     sync_means,
 )
+from panoptic_ros.timecode.line_kernels import jumps
 from panoptic_ros.timecode.timing import fit_word
 from panoptic_ros.timecode.words import SYNC, SYNC_BACK, USER_BITS, USER_WEIGHTS, known_bits
 
@@ -183,3 +184,9 @@ def test_conditioning_removes_hum_and_keeps_edges_in_place() -> None:
     inner = slice(2000, -2000)
     assert np.corrcoef(clean[inner], signal[inner])[0, 1] > 0.95
     assert np.abs(clean).max() < 0.7
+
+
+def test_clipped_edges_hide_where_they_are() -> None:
+    signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("25")), 3, 48000).samples.astype(float)
+    assert jumps(signal, 0.25) == 0.0
+    assert jumps(np.sign(signal - 0.01), 1.0) > 0.9
