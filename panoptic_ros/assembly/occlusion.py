@@ -54,8 +54,8 @@ def hidden_joints(positions, shifts, bones, radii, cams):
     for v in range(views):
         r = rotations[v]
         for p in range(people):
-            box[p, 0] = box[p, 2] = box[p, 4] = np.inf
-            box[p, 1] = box[p, 3] = -np.inf
+            box[p, 0] = box[p, 2] = np.inf
+            box[p, 1] = box[p, 3] = box[p, 4] = -np.inf
             for j in range(joints):
                 a = positions[p, j, 0] + shifts[p, j, 0] * delays[v]
                 b = positions[p, j, 1] + shifts[p, j, 1] * delays[v]
@@ -69,7 +69,7 @@ def hidden_joints(positions, shifts, bones, radii, cams):
                 local[p, j, 0], local[p, j, 1], local[p, j, 2] = u, w, z
                 box[p, 0], box[p, 1] = min(box[p, 0], u), max(box[p, 1], u)
                 box[p, 2], box[p, 3] = min(box[p, 2], w), max(box[p, 3], w)
-                box[p, 4] = min(box[p, 4], z)
+                box[p, 4] = max(box[p, 4], z)
         for q in range(people):
             for b in range(count):
                 first, second = local[q, bones[b, 0]], local[q, bones[b, 1]]
@@ -82,6 +82,8 @@ def hidden_joints(positions, shifts, bones, radii, cams):
                 du, dw = second[0] - first[0], second[1] - first[1]
                 length = max(du * du + dw * dw, 1e-12)
                 for p in range(people):
+                    if box[p, 4] < nearest + AHEAD:
+                        continue
                     if box[p, 0] > high_u or box[p, 1] < low_u or box[p, 2] > high_w or box[p, 3] < low_w:
                         continue
                     factor = OWN_FACTOR if p == q else 1.0

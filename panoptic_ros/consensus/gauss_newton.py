@@ -6,6 +6,7 @@ from numba import njit
 
 MAX_STEP = 0.5  # m, of one step
 MIN_DEPTH = 0.05  # m
+SETTLED = 1e-5  # m, a step that ends the iteration, or goes over to the gated ones
 FEW = 3  # views; a gate of so many soon leaves none, so it is wider
 FEW_FACTOR = 1.25
 TABLE = 16  # columns of a table of observations
@@ -25,7 +26,9 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
     gate = (rules[2] * (1.0 if used > FEW else FEW_FACTOR)) ** 2
     x0, x1, x2 = x[0], x[1], x[2]
     count = 0
-    for step in range(steps + 1):
+    step = -1
+    while step < steps:
+        step += 1
         n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
         count = 0
         test = gated and step >= steps - 1
@@ -65,6 +68,8 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
             count = 0
             break
         x0, x1, x2 = x0 + s0, x1 + s1, x2 + s2
+        if not test and s0 * s0 + s1 * s1 + s2 * s2 < SETTLED * SETTLED:
+            step = max(step, steps - 2 if gated else steps - 1)
     x[0], x[1], x[2] = x0, x1, x2
     normal[:] = 0.0
     normal[0, 0], normal[1, 0], normal[1, 1] = n00, n10, n11
