@@ -4,7 +4,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-MOST = 1000  # residuals per instant
+MOST = 1000  # residuals per instant, about
+THINNING = 1e7  # the digits of an observation that say whether it is taken
 LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
 TWO_VIEW_LEVERAGE = 0.9
 TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
@@ -16,8 +17,9 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
                        focals):  # fmt: skip
     """Rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
 
-    From joints of three and more views; from those of two only where there are no others. Every n-th
-    where there are too many. A residual that was taken out by the gate still teaches: it is noise.
+    From joints of three and more views; from those of two only where there are no others. Where there are
+    too many, about every n-th, chosen by its digits, so that the order of the views does not matter. A
+    residual that was taken out by the gate still teaches: it is noise.
 
     Args:
         positions, normals, residuals, picks: see `Solved`. shifts: (P, J, 3) m/s, velocities by which
@@ -40,9 +42,9 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
             if support[i, j] >= least:
                 count += (picks[kept[i], j, :, 0] >= 0).sum()
     stride = 1 + count // MOST
-    rows, columns = np.empty(count // stride + 1, np.int64), np.empty(count // stride + 1, np.int64)
-    pixels = np.empty(count // stride + 1)
-    index = taken = 0
+    rows, columns = np.empty(count, np.int64), np.empty(count, np.int64)
+    pixels = np.empty(count)
+    taken = 0
     for i in range(len(kept)):
         p = kept[i]
         for j in range(joints):
@@ -52,8 +54,7 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
                 d, s = picks[p, j, v]
                 if d < 0:
                     continue
-                index += 1
-                if (index - 1) % stride:
+                if stride > 1 and np.int64(THINNING * abs(plane[d, s, 0] + plane[d, s, 1])) % stride:
                     continue
                 for k in range(3):
                     x[k] = positions[p, j, k] + shifts[p, j, k] * delays[v]
