@@ -185,7 +185,7 @@ def lines(result: dict[str, Any]) -> list[str]:
         head += f" | libltc{'recall':>8}{'wrong':>6}{'bias':>9}{'std':>9}"
     out = [head] + [_line(row, width) for row in result["conditions"]]
     if not result["libltc"]:
-        out.append("libltc is not installed (Debian, Ubuntu: libltc11), so there is nothing to compare with")
+        out.append("without libltc (Debian, Ubuntu: package libltc11) there is nothing to compare with")
     for r in result.get("speed", []):
         follow, search = r["following_x"], r["searching_x"]
         out.append(f"{r['rate_hz']} Hz: following {follow:.0f} x, searching {search:.1f} x real time")
