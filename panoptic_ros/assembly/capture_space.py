@@ -1,7 +1,8 @@
 """The space that a rig covers: bystanders beyond it are not reported.
 
-A person in the fields of view of two cameras alone, of four or more, stands outside of what the rig was set
-up for: behind another camera, or at the far wall. (One whom two views see although more could is inside.)
+A person in the fields of view of two cameras alone, where four or more look at one place, stands outside of
+what the rig was set up for: behind another camera, or at the far wall. (One whom two views see although more
+could is inside.)
 """
 from __future__ import annotations
 
@@ -13,13 +14,34 @@ from panoptic_ros.domain import Camera
 
 Array = np.ndarray
 
-FEW_CAMERAS = 3  # rigs up to this size cover whatever two cameras see
+FEW_CAMERAS = 3  # where no more look at one place, the rig covers whatever two cameras see
 INSIDE = 0.5  # share of the joints that must lie in a camera's image
+DEPTHS = np.geomspace(0.5, 16.0, 21)  # m, along optical axes, where places are tried
+ONE_PLACE = 0.05  # m, cameras that are closer together see a person from one side
 
 
-def needed_views(wanted: int, cameras: int) -> int:
-    """Fields of view in which a person must be, for a rig of so many cameras."""
-    return 2 if cameras <= FEW_CAMERAS else max(2, min(wanted, cameras))
+def needed_views(wanted: int, cameras: Sequence[Camera]) -> int:
+    """Fields of view in which a person must be; cameras that look elsewhere do not count."""
+    most = most_overlap(cameras, wanted + FEW_CAMERAS)
+    return 2 if most <= FEW_CAMERAS else max(2, min(wanted, most))
+
+
+def most_overlap(cameras: Sequence[Camera], enough: int) -> int:
+    """How many cameras look at one place from different sides, at most; stops counting at `enough`.
+
+    Places are tried along the optical axes.
+    """
+    centres = np.array([camera.centre for camera in cameras])
+    near = np.linalg.norm(centres[:, None] - centres[None], axis=-1) < ONE_PLACE
+    distinct = [cameras[k] for k in range(len(cameras)) if not near[k, :k].any()]
+    most = 0
+    for camera in distinct:
+        places = camera.centre + DEPTHS[:, None] * camera.cam_from_world.rotation[2]
+        count = sum(other.sees(places).astype(int) for other in distinct)
+        most = max(most, int(count.max()))
+        if most >= enough:
+            break
+    return most
 
 
 def in_capture_space(positions: Array, supporting: Array, cameras: Sequence[Camera], needed: int) -> Array:

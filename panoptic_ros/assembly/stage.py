@@ -41,7 +41,7 @@ class AssemblyStage:
         self._biases = _bias_table(config, context)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._groups, count = limb_groups(context.skeleton)
-        self._needed_views = needed_views(config.capture_views, len(context.rig))
+        self._needed_views = needed_views(config.capture_views, context.rig.cameras)
         self._solver = Solver(config, self._groups, count)
         self._sides = Sides(context.skeleton, self._groups)
         self._bones = body_bones(context.skeleton, self._sides.torso)

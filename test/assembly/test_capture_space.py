@@ -2,14 +2,24 @@
 import captures
 import numpy as np
 
-from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
+from panoptic_ros.assembly.capture_space import in_capture_space, most_overlap, needed_views
+from panoptic_ros.domain import Camera
+from panoptic_ros.geometry import Rigid
 
 CAMERAS = captures.RIG.cameras
 
 
-def test_small_rigs_need_two_fields_of_view():
-    assert [needed_views(3, n) for n in (2, 3, 4, 31)] == [2, 2, 3, 3]
-    assert needed_views(2, 31) == 2
+def test_few_cameras_on_one_place_need_two_fields_of_view():
+    assert [needed_views(3, CAMERAS[:n]) for n in (2, 3, 4)] == [2, 2, 3]
+    assert needed_views(2, CAMERAS) == 2
+
+
+def test_cameras_that_look_elsewhere_or_stand_at_one_place_do_not_count():
+    up = Rigid(np.eye(3), np.array([0.0, 0.0, -9.0]))
+    blind = [Camera(f"up{k}", CAMERAS[0].image_size, CAMERAS[0].intrinsics, up) for k in range(6)]
+    assert needed_views(3, [*CAMERAS[:3], *blind]) == 2
+    assert most_overlap([*CAMERAS[:2], *blind], 100) == 2
+    assert most_overlap(blind, 100) == 1
 
 
 def test_person_in_the_middle_stays_though_two_views_show_it():
