@@ -9,8 +9,9 @@ from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.hypothesis import Hypothesis
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides
 from panoptic_ros.assembly.solve import Guide, sources
-from panoptic_ros.consensus.grouping import Grouping, Scene, assign, find_people
+from panoptic_ros.consensus.grouping import Grouping, Scene, assign
 from panoptic_ros.consensus.guidance import Prediction
+from panoptic_ros.consensus.newcomers import find_people
 
 Array = np.ndarray
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.consensus.grouping import Grouping, Scene, seeing_views
+from panoptic_ros.consensus.grouping import Grouping, Scene
+from panoptic_ros.consensus.newcomers import seeing_views
 from panoptic_ros.domain import SkeletonModel
 
 Array = np.ndarray

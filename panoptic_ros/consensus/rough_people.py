@@ -9,8 +9,9 @@ from numba import njit
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import RigArrays, gather
 from panoptic_ros.consensus.gauss_newton import solve_symmetric
-from panoptic_ros.consensus.grouping import Grouping, Scene, assign, find_people
+from panoptic_ros.consensus.grouping import Grouping, Scene, assign
 from panoptic_ros.consensus.guidance import Guidance
+from panoptic_ros.consensus.newcomers import find_people
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
 
 Array = np.ndarray

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from panoptic_ros.consensus.agreement import agreement_with_people
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
-from panoptic_ros.consensus.grouping import MIN_COMMON, MIRROR_MARGIN, Scene, assign, find_people
+from panoptic_ros.consensus.grouping import MIN_COMMON, MIRROR_MARGIN, Scene, assign
+from panoptic_ros.consensus.newcomers import find_people
 
 JOINTS = 7
 MIRROR = np.array([0, 2, 1, 4, 3, 6, 5])

@@ -1,0 +1,218 @@
+"""New people from pairs of 2D people that agree: one compiled search.
+
+Pairs of free 2D people whose rays meet are triangulated, the support of all views is counted, and the best
+supported is taken, until none is left.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from panoptic_ros.consensus.agreement import agreement_of_pairs
+from panoptic_ros.consensus.config import GroupingConfig
+from panoptic_ros.consensus.evidence import Evidence
+from panoptic_ros.consensus.grouping import MIN_COMMON, Grouping, Scene, hand_out, triangulate_linear
+
+Array = np.ndarray
+
+PAIRS_PER_ROUND = 12  # pairs tried before the best is taken
+MAX_PAIR_VIEWS = 24  # of larger rigs, views spread over the rig serve for pairs
+REPEAT = 2  # how often a new person's views are collected anew
+MIN_DEPTH = 0.05  # m
+
+
+def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grouping, Array]:
+    """New people among the free 2D people (D,).
+
+    Returns:
+        the grouping, and positions (P, J, 3) m of a first estimate.
+    """
+    evidence = scene.evidence
+    rules = (
+        config.agreement, config.person_agreement, config.duplicate_agreement, float(config.min_views),
+        config.view_share, config.few_views_share, config.few_views_agreement,
+    )  # fmt: skip
+    member, mirrored, places = search_people(
+        free, evidence.plane, scene.precision, evidence.view, scene.cams, evidence.centres, evidence.limits,
+        scene.mirror, rules,
+    )  # fmt: skip
+    return Grouping(member, mirrored), places
+
+
+def seeing_views(evidence: Evidence, positions: Array) -> Array:
+    """Which views (P, V) have at least half of the joints (P, J, 3) of a person in the image."""
+    seeing = np.zeros((len(positions), evidence.views), bool)
+    for p in range(len(positions)):
+        seeing[p] = views_that_see(
+            positions[p], evidence.rotations, evidence.translations, evidence.limits
+        )
+    return seeing
+
+
+@njit(cache=True, error_model="numpy")
+def views_that_see(position, rotations, translations, limits):  # type: ignore[no-untyped-def]
+    """The views (V,) of one person (J, 3); see `seeing_views`."""
+    seeing = np.zeros(len(rotations), np.bool_)
+    known = 0
+    for j in range(len(position)):
+        known += np.isfinite(position[j, 0])
+    for v in range(len(rotations)):
+        r, t, limit = rotations[v], translations[v], limits[v]
+        inside = 0
+        for j in range(len(position)):
+            a, b, c = position[j]
+            depth = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
+            if depth > MIN_DEPTH:
+                x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
+                y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
+                inside += limit[0] < x < limit[1] and limit[2] < y < limit[3]
+        seeing[v] = inside >= 0.5 * max(known, 1)
+    return seeing
+
+
+@njit(cache=True, error_model="numpy")
+def search_people(free, plane, precision, view, cams, centres, limits, mirror,
+                  rules):  # type: ignore[no-untyped-def]  # fmt: skip
+    """The loops of `find_people`: member and mirrored (P, V), places (P, J, 3)."""
+    views, joints = len(centres), len(mirror)
+    least = rules[1]
+    chosen, left = _candidates(free, precision, view, centres)
+    members = np.empty((len(free) // 2, views), np.int64)  # a person takes two 2D people at least
+    mirrors = np.empty(members.shape, np.bool_)
+    places = np.empty((len(members), joints, 3))
+    found = 0
+    if len(chosen) >= 2:
+        value, common = agreement_of_pairs(chosen, plane, precision, view, cams, centres, rules[0])
+        value = np.where((common >= MIN_COMMON) & (value >= least), value * np.sqrt(common), 0.0)
+        open_precision = precision.copy()  # 2D people that are taken have no joints any more
+        while found < len(members):
+            for d in range(len(left)):
+                if not left[d]:
+                    open_precision[d] = 0.0
+            pairs = best_pairs(value, left[chosen])
+            if not len(pairs):
+                break
+            good, member, flipped, position, rest = _best_supported(
+                chosen, pairs, left, plane, open_precision, view, cams, centres, limits, mirror, rules
+            )
+            if good:
+                members[found], mirrors[found], places[found] = member, flipped, position
+                left, found = rest, found + 1
+            else:
+                for k in range(len(pairs)):
+                    value[pairs[k, 0], pairs[k, 1]] = 0.0
+    return members[:found].copy(), mirrors[:found].copy(), places[:found].copy()
+
+
+@njit(cache=True, error_model="numpy")
+def _candidates(free, precision, view, centres):  # type: ignore[no-untyped-def]
+    """Rows of the 2D people of which pairs are made, and who is free and has joints (D,)."""
+    used = spread_views(view, centres)
+    left = free.copy()
+    count = 0
+    for d in range(len(free)):
+        left[d] = free[d] and (precision[d] > 0.0).any()
+        count += left[d] and used[view[d]]
+    chosen = np.empty(count, np.int64)
+    count = 0
+    for d in range(len(free)):
+        if left[d] and used[view[d]]:
+            chosen[count] = d
+            count += 1
+    return chosen, left
+
+
+@njit(cache=True, error_model="numpy")
+def spread_views(view, centres):  # type: ignore[no-untyped-def]
+    """Up to MAX_PAIR_VIEWS views (V,) with 2D people, spread over the rig farthest first."""
+    seen = np.zeros(len(centres), np.bool_)
+    for d in range(len(view)):
+        seen[view[d]] = True
+    if seen.sum() <= MAX_PAIR_VIEWS:
+        return seen
+    picked = np.zeros(len(centres), np.bool_)
+    distance = np.where(seen, np.inf, -1.0)
+    for _ in range(MAX_PAIR_VIEWS):
+        last = distance.argmax()
+        picked[last] = True
+        for v in range(len(centres)):
+            square = (
+                (centres[v, 0] - centres[last, 0]) ** 2 + (centres[v, 1] - centres[last, 1]) ** 2
+                + (centres[v, 2] - centres[last, 2]) ** 2
+            )  # fmt: skip
+            distance[v] = min(distance[v], np.sqrt(square))
+    return picked
+
+
+@njit(cache=True, error_model="numpy")
+def best_pairs(rank, left):  # type: ignore[no-untyped-def]
+    """The PAIRS_PER_ROUND highest positive ranks (K, 2) of i < k among those left (N,), best first."""
+    top = np.zeros(PAIRS_PER_ROUND)
+    pairs = np.empty((PAIRS_PER_ROUND, 2), np.int64)
+    count = 0
+    for i in range(len(left)):
+        if not left[i]:
+            continue
+        for k in range(i + 1, len(left)):
+            if not left[k] or rank[i, k] <= 0.0 or (count == len(top) and rank[i, k] <= top[-1]):
+                continue
+            count = min(count + 1, len(top))
+            at = count - 1
+            while at > 0 and top[at - 1] < rank[i, k]:
+                top[at], pairs[at] = top[at - 1], pairs[at - 1]
+                at -= 1
+            top[at], pairs[at, 0], pairs[at, 1] = rank[i, k], i, k
+    return pairs[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, limits, mirror,
+                    rules):  # type: ignore[no-untyped-def]  # fmt: skip
+    """The best supported of the pairs: if any; member and mirrored (V,), place (J, 3), free (D,) left."""
+    views = len(centres)
+    rotations, translations = cams[0], cams[1]
+    best_score, good = 0.0, False
+    best_member, best_flipped = np.full(views, -1, np.int64), np.zeros(views, np.bool_)
+    best_place, best_left = np.empty((len(mirror), 3)), free
+    still = np.zeros((1, len(mirror), 3))
+    for i in range(len(pairs)):
+        member, flipped = np.full(views, -1, np.int64), np.zeros(views, np.bool_)
+        for k in range(2):
+            member[view[chosen[pairs[i, k]]]] = chosen[pairs[i, k]]
+        for _ in range(1 + REPEAT):
+            place = triangulate_linear(member, flipped, plane, precision, rotations, translations, mirror)
+            members, mirrors, left, value, common = hand_out(
+                place.reshape(1, -1, 3), still, plane, precision, view, cams, mirror, rules[0], free,
+                rules[1], rules[2], views,
+            )  # fmt: skip
+            member, flipped = members[0], mirrors[0]
+        score, agreement, supporters = _support(member, value[0], common[0], precision)
+        few, many = _views_needed(place, rotations, translations, limits, rules)
+        if supporters < (many if agreement < rules[6] else min(few, many)):
+            continue
+        if score > best_score:
+            good, best_score = True, score
+            best_member, best_flipped, best_place, best_left = member, flipped, place, left
+    return good, best_member, best_flipped, best_place, best_left
+
+
+@njit(cache=True, error_model="numpy")
+def _support(member, value, common, precision):  # type: ignore[no-untyped-def]
+    """Agreement of the supporting 2D people: sum, each counted by its joints, mean; and their number."""
+    score, agreement, supporters = 0.0, 0.0, 0
+    for d in member:
+        if d >= 0:
+            score += value[d] * np.sqrt(common[d])
+            agreement += value[d] * (common[d] / max((precision[d] > 0.0).sum(), 1))
+            supporters += 1
+    return score, agreement / max(supporters, 1), supporters
+
+
+@njit(cache=True, error_model="numpy")
+def _views_needed(place, rotations, translations, limits, rules):  # type: ignore[no-untyped-def]
+    """Number of views that must support a person at a place (J, 3) m.
+
+    The first where few views can see it and they agree well, the second otherwise.
+    """
+    seeing = views_that_see(place, rotations, translations, limits).sum()
+    return max(2.0, np.ceil(rules[5] * seeing)), max(rules[3], np.ceil(rules[4] * seeing))

@@ -1,0 +1,43 @@
+"""The parts of the search for new people against their numpy forms."""
+import numpy as np
+import pytest
+
+from panoptic_ros.consensus.newcomers import (
+    MAX_PAIR_VIEWS,
+    PAIRS_PER_ROUND,
+    best_pairs,
+    spread_views,
+    views_that_see,
+)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_best_pairs_are_the_first_of_a_stable_sort(seed):
+    rng = np.random.default_rng(seed)
+    rank = np.triu(rng.integers(0, 6, (12, 12)) / 5.0, 1)  # with ties
+    rank[rng.random(rank.shape) < (0.9 if seed % 2 else 0.2)] = 0.0
+    left = rng.random(12) < 0.8
+    there = np.where(left[:, None] & left, rank, 0.0).ravel()
+    order = np.argsort(-there, kind="stable")[:PAIRS_PER_ROUND]
+    expected = [divmod(i, 12) for i in order if there[i] > 0.0]
+    assert [tuple(pair) for pair in best_pairs(rank, left)] == expected
+
+
+def test_few_views_are_all_used_and_many_spread_farthest_first():
+    centres = np.random.default_rng(3).normal(size=(40, 3))
+    view = np.repeat(np.arange(2, 38), 3)
+    few = spread_views(view[: 3 * MAX_PAIR_VIEWS], centres)
+    assert np.flatnonzero(few).tolist() == list(range(2, 2 + MAX_PAIR_VIEWS))
+    seen = np.unique(view)
+    picked = [int(seen[0])]
+    while len(picked) < MAX_PAIR_VIEWS:
+        gaps = np.linalg.norm(centres[seen, None] - centres[picked], axis=-1).min(axis=1)
+        picked.append(int(seen[gaps.argmax()]))
+    assert np.flatnonzero(spread_views(view, centres)).tolist() == sorted(picked)
+
+
+def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
+    rotations, translations = np.eye(3)[None].repeat(3, 0), np.zeros((3, 3))
+    limits = np.array([[-1.0, 1, -1, 1], [-0.1, 0.1, -1, 1], [0.3, 1, -1, 1]])
+    person = np.array([[0.0, 0, 2], [1.0, 0, 2], [np.nan] * 3, [0.0, 0, -2], [1.0, 0.2, 2]])
+    assert views_that_see(person, rotations, translations, limits).tolist() == [True, False, True]
