@@ -28,11 +28,15 @@ def paint_maps(map_start, map_data, grid, patch_start, patch_table, patch_data):
 
 
 @_jit
-def count_map_peaks(map_start, map_data, grid, patch_start, patch_table, threshold, counts, cells):
+def count_map_peaks(
+    map_start, map_data, grid, patch_start, patch_table, patch_data, threshold, counts, cells
+):
     """3x3 local maxima above a threshold of all merged maps.
 
     Writes how many there are into counts (V * J) and, if cells (K, 2) is long enough, their columns
-    and rows, in the order of view, joint, patch, row. Equal neighbours: the first one is the peak.
+    and rows, in the order of view, joint, patch, row. Equal neighbours: the first one is the peak. Of
+    patches that lie on each other the first with the largest value has the peak. Reads the maps only
+    where a patch may have one: patches lie close together in memory, their places in the maps do not.
     """
     joints = map_start.shape[1]
     total, least = 0, 255.0 * threshold
@@ -45,31 +49,40 @@ def count_map_peaks(map_start, map_data, grid, patch_start, patch_table, thresho
                 continue
             first, last = patch_start[v * joints + j], patch_start[v * joints + j + 1]
             for k in range(first, last):
-                column, row, w, h = patch_table[k, 1:5]
-                for y in range(row, row + h):
-                    for x in range(column, column + w):
-                        at = start + y * width + x
-                        value = map_data[at]
-                        if value <= least:
-                            continue
-                        if (x > 0 and map_data[at - 1] >= value) or (y > 0 and map_data[at - width] >= value):
-                            continue  # most cells, so before the full test
-                        if _is_peak(map_data, start, width, height, x, y):
-                            if _in_earlier_patch(patch_table, first, k, x, y):
-                                continue
-                            if total < len(cells):
-                                cells[total, 0], cells[total, 1] = x, y
-                            counts[v * joints + j] += 1
-                            total += 1
+                column, row, w, h, begin = patch_table[k, 1:]
+                for at in range(begin, begin + w * h):
+                    value = patch_data[at]
+                    if value <= least:
+                        continue
+                    y = (at - begin) // w
+                    x = at - begin - y * w
+                    if (x > 0 and patch_data[at - 1] >= value) or (y > 0 and patch_data[at - w] >= value):
+                        continue
+                    if (x < w - 1 and patch_data[at + 1] > value) or (
+                        y < h - 1 and patch_data[at + w] > value
+                    ):
+                        continue
+                    x, y = x + column, y + row
+                    if map_data[start + y * width + x] != value:
+                        continue  # another patch lies higher
+                    if not _is_peak(map_data, start, width, height, x, y):
+                        continue
+                    if _in_earlier_patch(patch_table, patch_data, first, k, x, y, value):
+                        continue
+                    if total < len(cells):
+                        cells[total, 0], cells[total, 1] = x, y
+                    counts[v * joints + j] += 1
+                    total += 1
     return total
 
 
 @_jit
-def _in_earlier_patch(patch_table, first, k, x, y):
+def _in_earlier_patch(patch_table, patch_data, first, k, x, y, value):
     for other in range(first, k):
-        column, row, w, h = patch_table[other, 1:5]
+        column, row, w, h, begin = patch_table[other, 1:]
         if column <= x < column + w and row <= y < row + h:
-            return True
+            if patch_data[begin + (y - row) * w + x - column] == value:
+                return True
     return False
 
 

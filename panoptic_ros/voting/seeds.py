@@ -122,9 +122,9 @@ def find_peaks(scene: VoteScene, threshold: float) -> tuple[Array, Array]:
     """
     views, joint_count, _, _ = scene.people.shape
     maps = (scene.map_start, scene.map_data, scene.cameras[:, 25:27].astype(np.int64))
-    patches = (scene.patch_start, scene.patch_table)
+    patches = (scene.patch_start, scene.patch_table, scene.patch_data)
     counts = np.zeros(views * joint_count, np.int64)
-    cells = np.zeros((1024, 2), np.int64)
+    cells = np.zeros((max(1024, 2 * len(scene.patch_table)), 2), np.int64)
     total = map_kernels.count_map_peaks(*maps, *patches, threshold, counts, cells)
     if total > len(cells):
         cells = np.zeros((total, 2), np.int64)

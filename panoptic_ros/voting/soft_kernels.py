@@ -27,16 +27,18 @@ def soft_argmax(scene, joints, starts, offsets, softness):
     """
     cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
     result = starts.copy()
-    count = offsets.shape[1]
+    count, joint_count = offsets.shape[1], map_start.shape[1]
     votes, scores, u, w = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
     middle = count // 2  # the offset 0
-    frame = np.zeros(8)
+    frame = np.zeros(10)
     for n in range(len(starts)):
         votes[:] = 0.0
         j, covering = joints[n], 0
         for v in range(len(cameras)):
             if map_start[v, j] >= 0 and _frame(cameras, v, starts[n], offsets[0, -1], frame):
                 covering += 1
+                if not _near_patch(scene.patch_start, scene.patch_table, v * joint_count + j, frame):
+                    continue
                 _add_framed_map(map_data, map_start[v, j], int(cameras[v, 25]), frame, offsets, votes)
                 continue
             reach = REACH * _project_ball(cameras, v, starts[n], offsets, u, w)
@@ -96,7 +98,7 @@ def _project_ball(cameras, v, start, offsets, u, w):
 
 @_jit
 def _frame(cameras, v, start, radius, frame):
-    """How a ball lies on the map of view v: cell a, b of its centre, and how a and b change with x, y, z.
+    """How a ball lies on the map of view v: cell a, b of its centre, how a and b change with x, y, z, size.
 
     Returns whether the view covers all of it, from far enough for this to be linear (to a hundredth of
     the ball where it is 12 cm at 3 m).
@@ -136,6 +138,7 @@ def _frame(cameras, v, start, radius, frame):
     )  # fmt: skip
     wide_a = radius * math.sqrt(frame[2] ** 2 + frame[3] ** 2 + frame[4] ** 2)
     wide_b = radius * math.sqrt(frame[5] ** 2 + frame[6] ** 2 + frame[7] ** 2)
+    frame[8], frame[9] = wide_a, wide_b
     det = abs(a0 * b1 - a1 * b0)  # how far the ball reaches in pixels, at most
     wide_u = (abs(b1) * wide_a + abs(a1) * wide_b) / det
     wide_w = (abs(b0) * wide_a + abs(a0) * wide_b) / det
@@ -148,9 +151,21 @@ def _frame(cameras, v, start, radius, frame):
 
 
 @_jit
+def _near_patch(patch_start, patch_table, key, frame):
+    """Whether a patch of a view and joint has a cell that a sample in the ball may read."""
+    low_a, high_a = frame[0] - frame[8] - 1.0, frame[0] + frame[8] + 1.0
+    low_b, high_b = frame[1] - frame[9] - 1.0, frame[1] + frame[9] + 1.0
+    for k in range(patch_start[key], patch_start[key + 1]):
+        column, row, width, height = patch_table[k, 1:5]
+        if low_a < column + width and high_a >= column and low_b < row + height and high_b >= row:
+            return True
+    return False
+
+
+@_jit
 def _add_framed_map(data, start, width, frame, offsets, votes):
     """Add bilinear samples of a map of so many columns that begins at `start`."""
-    a0, b0, ax, ay, az, bx, by, bz = frame
+    a0, b0, ax, ay, az, bx, by, bz = frame[:8]
     for g in range(len(votes)):
         ox, oy, oz = offsets[0, g], offsets[1, g], offsets[2, g]
         a, b = a0 + ax * ox + ay * oy + az * oz, b0 + bx * ox + by * oy + bz * oz

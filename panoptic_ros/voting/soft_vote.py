@@ -8,7 +8,7 @@ from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
 SOFTNESS = 0.05  # vote difference that counts 1/e
-BALLS = ((0.12, 0.06), (0.09, 0.03), (0.04, 0.02))  # radius and step of the points looked at, m
+BALLS = ((0.12, 0.06), (0.08, 0.04), (0.04, 0.02))  # radius and step of the points looked at, m
 
 
 def ball(radius: float, step: float) -> Array:
@@ -26,7 +26,7 @@ def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array
     """Move points (N, 3) m for the joints (N,) to the centre of the votes about them.
 
     The mean weighted by exp((S - S_max) / 0.05) of the votes S of a ball of 12 cm in steps of 6 cm, then
-    of one of 9 cm in steps of 3 cm, then of one of 4 cm in steps of 2 cm. Points without any vote
+    of one of 8 cm in steps of 4 cm, then of one of 4 cm in steps of 2 cm. Points without any vote
     near them stay where they are.
 
     Returns:
