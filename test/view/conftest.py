@@ -50,7 +50,7 @@ def make_poses(skeleton):
             4 * there,
             states,
             np.full(len(positions), 0.9),
-            ids,
+            ids=ids,
         )
 
     return make
