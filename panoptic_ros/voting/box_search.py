@@ -21,6 +21,7 @@ from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
 GROUP = rectangle_kernels.GROUP
+PAD = 6  # cells after each row: rows 4 KB apart would all need the same places in the cache
 
 
 class BoxScene(NamedTuple):
@@ -28,7 +29,7 @@ class BoxScene(NamedTuple):
 
     views: (V, 550) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
         (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m, the lens bounds.
-    layers: (V, L, 3) first cell, width, height; values (N, 32) uint8: pyramids.
+    layers: (V, L, 3) first cell, width in memory, height; values (N, 32) uint8: pyramids.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN where missing.
     reach: (V, P, 4) least and largest u, least and largest w that a person's keypoints reach.
     pointed: (V,) mask of the joints that have keypoints instead of maps.
@@ -147,12 +148,16 @@ def _aligned(cells: int) -> Array:
 
 
 def pyramid_layers(grid: Array) -> tuple[Array, int]:
-    """Layers (V, L, 3) of pyramids on maps of grid (V, 2) cells, up to a single cell, and all cells."""
+    """Layers (V, L, 3) of pyramids on maps of grid (V, 2) cells, up to a single cell, and all cells.
+
+    Widths are those of the rows in memory, which end in empty cells.
+    """
     most = max(int(grid.max(initial=1)) - 1, 0).bit_length() + 1
     size = grid.copy()
     layers = np.zeros((len(grid), most, 3), np.int64)
     for layer in range(most):
         layers[:, layer, 1:] = size
+        layers[:, layer, 1] += np.where(size[:, 0] > PAD, PAD, 0)
         done = (size <= 1).all(axis=1)
         size = np.where(done[:, None], 0, (size + 1) // 2)
     cells = layers[..., 1] * layers[..., 2]
