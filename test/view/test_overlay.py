@@ -66,7 +66,7 @@ def test_bones_that_reach_behind_the_camera_are_clipped(make_camera, make_poses,
     positions = poses.positions.copy()
     positions[0, 1] = [5.0, 0.0, 1.2]  # the head is behind the camera, the hip before it
     behind = type(poses)(0, 0, skeleton.hash, positions, poses.covariances, poses.scores, poses.views,
-                         poses.states, poses.person_scores, [1])  # fmt: skip
+                         poses.states, poses.person_scores, ids=[1])  # fmt: skip
     picture = draw_view(BLACK, camera, behind, skeleton)
     assert _near(picture, camera.project(positions[0, 0])[0], bgr_of(1))
     assert not picture[:, :100].any() and not picture[:, 220:].any()  # nothing is thrown across
