@@ -101,7 +101,7 @@ def summarise_capture(
 
     Args:
         poses: in the order of time.
-        detections: what they were made from; sets are paired with poses of the same stamp.
+        detections: what they were made from; sets are paired with poses of the same index.
     """
     errors = reprojection_errors(rig, skeleton, poses, detections)
     identities = sorted({int(i) for pose in poses for i in pose.ids})
@@ -128,12 +128,12 @@ def reprojection_errors(
     Within a view people and 2D people are matched one to one, so that the sum of mean distances over
     common joints is least. Joints that no detector sees (`SkeletonModel.derived`) do not count.
     """
-    by_stamp = {found.stamp_ns: found for found in detections}
+    by_index = {found.index: found for found in detections}
     counts = np.ones(len(skeleton), bool)
     counts[[joint for joint, _ in skeleton.derived]] = False
     parts: list[tuple[Array, Array, Array, Array]] = []
     for pose in poses:
-        found = by_stamp.get(pose.stamp_ns)
+        found = by_index.get(pose.index)
         if found is None or not len(pose.ids):
             continue
         measured = (pose.states == JointState.MEASURED) & counts

@@ -34,7 +34,8 @@ def write_overlays(
     """Write overlay.mp4 and some stills: all views side by side, with the skeletons of each instant.
 
     The recorded sources are read a second time; every view of a detection set names its frame, and
-    poses belong to the detection set of the same stamp. One picture is in memory at a time.
+    poses belong to the detection set of the same index (their stamp can lie a little later). One picture
+    is in memory at a time.
 
     Args:
         folder: made if it is not there.
@@ -53,7 +54,7 @@ def write_overlays(
     if not detections or not sources:
         return []
     mosaic = Mosaic({source.camera: source.image_size for source in sources}, max_size)
-    by_stamp = {pose.stamp_ns: pose for pose in poses}
+    by_index = {pose.index: pose for pose in poses}
     first, last = detections[0].stamp_ns, detections[-1].stamp_ns
     instants = tuple((last - first) * (i + 0.5) / stills / 1e9 for i in range(stills))
     gallery = Stills(Path(folder), instants, ".jpg")
@@ -64,7 +65,7 @@ def write_overlays(
         path = Path(folder) / "overlay.mp4"
         video = stack.enter_context(OverlayVideo(path, mosaic.size, _rate(detections)))
         for done, found in enumerate(detections, start=1):
-            images = _views(rig, skeleton, mosaic, readers, found, by_stamp, show_detections)
+            images = _views(rig, skeleton, mosaic, readers, found, by_index, show_detections)
             picture = mosaic.compose(images, f"{(found.stamp_ns - first) / 1e9:.2f} s")
             video.write(picture)
             gallery.offer(found.stamp_ns, picture)
@@ -100,7 +101,7 @@ def _views(
     mosaic: Mosaic,
     readers: Mapping[str, _Reader],
     found: DetectionSet,
-    by_stamp: Mapping[int, TrackedPoseSet],
+    by_index: Mapping[int, TrackedPoseSet],
     show_detections: bool,
 ) -> dict[str, Array]:
     images = {}
@@ -110,7 +111,7 @@ def _views(
             images[view.camera] = draw_view(
                 frame.image,
                 rig.camera(view.camera),
-                by_stamp.get(found.stamp_ns),
+                by_index.get(found.index),
                 skeleton,
                 view if show_detections else None,
                 scale=mosaic.scales[view.camera],
