@@ -70,15 +70,18 @@ class BoxSearch:
             small = (np.array([[0, 0, 0, (1 << joints) - 1, 0]]), np.array([0, len(views)]), every)
             for level in range(max(max(volume.shape) - 1, 1).bit_length() - 1, 0, -1):
                 small = box_kernels.split(boxes, *small, level, *space, threshold, supporting, min_views)
-            rows, votes = voxel_kernels.visit(
-                boxes, *small, *space, threshold, view_threshold, supporting, min_views
-            )
-            found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
+            few = (small[0][:, 3:4] >> np.arange(joints) & 1).sum(axis=1) <= voxel_kernels.FEW
+            limits = (*space, threshold, view_threshold)
+            for rows, votes in (
+                voxel_kernels.visit(boxes, np.flatnonzero(~few), *small, *limits, supporting, min_views),
+                voxel_kernels.visit_few(boxes, np.flatnonzero(few), *small, *limits, min_views),
+            ):
+                found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
         every = Peaks(*(np.concatenate(parts) for parts in zip(*found)))
-        top = peak_kernels.highest(every.joints, every.voxels - volume.lower + 1, every.votes)
+        top, unknown = peak_kernels.highest(every.joints, every.voxels - volume.lower + 1, every.votes)
         peaks = Peaks(*(values[top] for values in every))
         if enough < min_views:
-            good = self._unbeaten(scene, volume, peaks, view_threshold, enough)
+            good = self._unbeaten(scene, volume, peaks, unknown, view_threshold, enough)
             peaks = Peaks(*(values[good] for values in peaks))
         return sorted_peaks(peaks)
 
@@ -103,18 +106,16 @@ class BoxSearch:
 
     @staticmethod
     def _unbeaten(
-        scene: VoteScene, volume: Volume, peaks: Peaks, view_threshold: float, enough: int
+        scene: VoteScene, volume: Volume, peaks: Peaks, unknown: Array, view_threshold: float, enough: int
     ) -> Array:
-        """Whether peaks are also above their neighbours that fewer views support, but `enough`."""
-        steps = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)]) - 1
-        near = (peaks.voxels[:, None] + steps).reshape(-1, 3)
-        joints = np.repeat(peaks.joints, len(steps))
-        votes, support = kernels.vote_points(scene, joints, volume.centres(near), view_threshold)
-        rank = (votes + ENOUGH * (support >= enough)).reshape(-1, len(steps))
-        rank[~volume.contains(near).reshape(rank.shape)] = -1.0
-        own = (peaks.votes + ENOUGH)[:, None]
-        half = len(steps) // 2  # neighbours that come before the voxel
-        return (rank[:, :half] < own).all(axis=1) & (rank[:, half:] <= own).all(axis=1)
+        """Whether peaks are also above those unknown neighbours (K, 27) that `enough` views support."""
+        of, step = np.nonzero(unknown)
+        near = peaks.voxels[of] + np.stack([step // 9, step // 3 % 3, step % 3], axis=-1) - 1
+        votes, support = kernels.vote_points(scene, peaks.joints[of], volume.centres(near), view_threshold)
+        rival = (support >= enough) & volume.contains(near)
+        votes, own = votes + ENOUGH, peaks.votes[of] + ENOUGH  # rounded as in `dense_peaks`
+        beaten = rival & ((votes > own) | ((votes == own) & (step < 13)))
+        return np.bincount(of[beaten], minlength=len(unknown)) == 0
 
 
 def box_scene(scene: VoteScene, views: Array, first: int) -> BoxScene:

@@ -18,6 +18,9 @@ def highest(joints, voxels, votes):
 
     Args:
         voxels: (N, 3), each 0 < index < 2^19 - 1.
+
+    Returns:
+        which (N,), and which of the 27 neighbours of each of these (K, 27) are not among the voxels.
     """
     size = 16
     while size < 4 * len(votes):
@@ -27,17 +30,26 @@ def highest(joints, voxels, votes):
     for n in range(len(votes)):
         keys[n] = (((joints[n] << BITS | voxels[n, 0]) << BITS | voxels[n, 1]) << BITS) | voxels[n, 2]
         slots[_slot(keys[n], keys, slots)] = n
-    moves = np.zeros(27, np.int64)
-    for step in range(27):
-        moves[step] = ((step // 9 - 1) * (1 << BITS) + step // 3 % 3 - 1) * (1 << BITS) + step % 3 - 1
-    top = np.ones(len(votes), np.bool_)
+    steps, count = np.zeros(26, np.int64), 0  # those along few axes first: one of them mostly beats
+    for axes in range(1, 4):
+        for step in range(27):
+            if (step // 9 != 1) + (step // 3 % 3 != 1) + (step % 3 != 1) == axes:
+                steps[count] = step
+                count += 1
+    top, unknown, tops = np.ones(len(votes), np.bool_), np.zeros((64, 27), np.bool_), 0
     for n in range(len(votes)):
-        for move in moves:
+        if tops == len(unknown):
+            unknown = np.concatenate((unknown, np.zeros_like(unknown)))
+        unknown[tops] = False
+        for step in steps:
+            move = ((step // 9 - 1) * (1 << BITS) + step // 3 % 3 - 1) * (1 << BITS) + step % 3 - 1
             other = slots[_slot(keys[n] + move, keys, slots)]
+            unknown[tops, step] = other < 0
             if other >= 0 and (votes[other] > votes[n] or (votes[other] == votes[n] and move < 0)):
                 top[n] = False
                 break
-    return top
+        tops += top[n]
+    return top, unknown[:tops]
 
 
 @_jit

@@ -1,8 +1,8 @@
 """Compiled kernels of the exact search: eq. 1 at the voxels of boxes.
 
-The eight voxels of a box are projected side by side. What a view can give a joint is bounded by the four
-cells about a voxel, for 32 joints at once; only where the sum of that is enough the score is computed, with
-the very operations of `kernels.vote`.
+The eight voxels of a box are projected side by side. Where many joints are wanted, what a view can give a
+joint is bounded by the four cells about a voxel, for 32 joints at once; only where the sum of that is enough
+the score is computed, with the very operations of `kernels.vote`. A few joints are computed at once.
 """
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from panoptic_ros.voting.rectangle_kernels import GROUP
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
+FEW = 4  # joints that are computed at once
 COVERED, U, W, A, B = range(0, 40, 8)  # in `lanes` (40,): whether a view covers a voxel, pixel, cell
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -24,12 +25,13 @@ _inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 
 @_jit
 def visit(
-    scene, boxes, start, lists, lower, shape, side, threshold, view_threshold, supporting, least
+    scene, which, boxes, start, lists, lower, shape, side, threshold, view_threshold, supporting, least
 ):
-    """All voxels of the boxes with votes above the threshold that at least `least` views support.
+    """All voxels of boxes with votes above the threshold that at least `least` views support.
 
     Args:
-        scene: `BoxScene`; boxes, start, lists, supporting: of `box_kernels.split`, level 1.
+        scene: `BoxScene`; which: indices of boxes.
+        boxes, start, lists, supporting: of `box_kernels.split`, level 1.
 
     Returns:
         found (N, 5) joints, voxels, supporting views; votes (N,), those of `kernels.vote`.
@@ -42,7 +44,7 @@ def visit(
     tally = np.zeros((2, 8), np.int64)  # views that cover a voxel, and of these the ones with anything
     table, looks = np.zeros((8, len(views), 4), np.int64), np.zeros((8, len(views), 4))
     found, votes = np.zeros((1024, 5), np.int64), np.zeros(1024)
-    for n in range(len(boxes)):
+    for n in which:
         mask = boxes[n, 3]
         for j in range(GROUP):
             wanted[j] = 255 if mask >> j & 1 else 0
@@ -93,6 +95,88 @@ def visit(
                     found[total, 1], found[total, 2], found[total, 3] = a, b, d
                     total += 1
     return found[:total], votes[:total]
+
+
+@_jit
+def visit_few(scene, which, boxes, start, lists, lower, shape, side, threshold, view_threshold, least):
+    """As `visit`, for boxes of at most `FEW` joints: no bounds, eq. 1 at once."""
+    views, layers, values, people, _, pointed = scene
+    lanes, mine, total = np.zeros(40), np.zeros(GROUP, np.int64), 0
+    places, weights, covering = np.zeros((3, 8), np.int64), np.zeros((2, 8)), np.zeros(8)
+    sums, support = np.zeros((FEW, 8)), np.zeros((FEW, 8), np.int64)
+    found, votes = np.zeros((1024, 5), np.int64), np.zeros(1024)
+    for n in which:
+        count = 0
+        for joint in range(people.shape[1]):
+            mine[count] = joint
+            count += boxes[n, 3] >> joint & 1
+        sums[:], support[:], covering[:] = 0.0, 0, boxes[n, 4]
+        i, j, k = 2 * boxes[n, 0] + lower[0], 2 * boxes[n, 1] + lower[1], 2 * boxes[n, 2] + lower[2]
+        for at in range(start[n], start[n + 1]):
+            v = lists[at]
+            _project(views, v, i, j, k, side, lanes)
+            for c in range(8):
+                covering[c] += lanes[COVERED + c]
+            if layers[v, 0, 1] > 0:
+                _places(layers[v, 0, 0], layers[v, 0, 1], views[v, 25], views[v, 26], lanes, places, weights)
+            for m in range(count):
+                if pointed[v] >> mine[m] & 1:
+                    _add_gaussians(people, v, mine[m], m, lanes, view_threshold, sums, support)
+                elif layers[v, 0, 1] > 0:
+                    _add_samples(values, mine[m], m, lanes, places, weights, view_threshold, sums, support)
+        if total + 8 * FEW > len(votes):
+            found = np.concatenate((found, np.zeros_like(found)))
+            votes = np.concatenate((votes, np.zeros_like(votes)))
+        for c in range(8):
+            a, b, d = i + (c >> 2), j + (c >> 1 & 1), k + (c & 1)
+            if a >= lower[0] + shape[0] or b >= lower[1] + shape[1] or d >= lower[2] + shape[2]:
+                continue
+            for m in range(count):
+                vote = sums[m, c] / covering[c] if covering[c] > 0.0 else 0.0
+                if vote > threshold and support[m, c] >= least:
+                    found[total, 0], found[total, 4], votes[total] = mine[m], support[m, c], vote
+                    found[total, 1], found[total, 2], found[total, 3] = a, b, d
+                    total += 1
+    return found[:total], votes[:total]
+
+
+@_inline
+def _places(first, width, columns, rows, lanes, places, weights):
+    """Lower cells, distances to the right and below, and weights of these, for the eight voxels."""
+    for c in range(8):
+        covered = lanes[COVERED + c] > 0.0
+        a = min(max(lanes[A + c] if covered else 0.0, 0.0), columns - 1.0)
+        b = min(max(lanes[B + c] if covered else 0.0, 0.0), rows - 1.0)
+        x, y = min(np.int32(a), max(np.int32(columns) - 2, 0)), min(np.int32(b), max(np.int32(rows) - 2, 0))
+        weights[0, c], weights[1, c] = a - x, b - y
+        places[0, c] = first + y * width + x
+        places[1, c], places[2, c] = 1 if columns > 1.0 else 0, width if rows > 1.0 else 0
+
+
+@_inline
+def _add_samples(values, joint, m, lanes, places, weights, view_threshold, sums, support):
+    """Add what a map shows of a joint at the eight voxels to row m of the sums and of the support."""
+    for c in range(8):
+        fx, fy, at, right, below = weights[0, c], weights[1, c], places[0, c], places[1, c], places[2, c]
+        top = values[at, joint] * (1.0 - fx) + values[at + right, joint] * fx
+        bottom = values[at + below, joint] * (1.0 - fx) + values[at + below + right, joint] * fx
+        score = (top * (1.0 - fy) + bottom * fy) / 255.0 * lanes[COVERED + c]
+        sums[m, c] += score
+        support[m, c] += score > view_threshold
+
+
+@_inline
+def _add_gaussians(people, v, joint, m, lanes, view_threshold, sums, support):
+    """As `_add_samples`, for keypoints."""
+    for c in range(8):
+        score = 0.0
+        for p in range(people.shape[2] if lanes[COVERED + c] > 0.0 else 0):
+            dx, dy = people[v, joint, p, 0] - lanes[U + c], people[v, joint, p, 1] - lanes[W + c]
+            exponent = (dx * dx + dy * dy) * people[v, joint, p, 2]
+            if exponent < GAUSSIAN_END:
+                score = max(score, people[v, joint, p, 3] * math.exp(-exponent))
+        sums[m, c] += score
+        support[m, c] += score > view_threshold
 
 
 @_inline

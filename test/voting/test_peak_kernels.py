@@ -12,5 +12,9 @@ def test_the_highest_of_scattered_voxels(seed, share, levels):
     rank = np.where(rng.random((2, 5, 4, 6)) < share, rng.integers(0, levels, (2, 5, 4, 6)) / 7.0, -1.0)
     at = np.argwhere(rank >= 0.0)
     at = at[rng.permutation(len(at))]
-    top = highest(at[:, 0], at[:, 1:] + 1, rank[tuple(at.T)])
+    top, unknown = highest(at[:, 0], at[:, 1:] + 1, rank[tuple(at.T)])
     assert top.tolist() == _is_maximum(rank, at).tolist()
+    steps = np.array(list(np.ndindex(3, 3, 3))) - 1
+    there = {tuple(row) for row in at}
+    expected = [[(j, *(np.array(v) + step)) not in there for step in steps] for j, *v in at[top]]
+    assert np.array_equal(unknown, np.reshape(expected, (-1, 27)))
