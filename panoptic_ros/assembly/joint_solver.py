@@ -16,6 +16,8 @@ from numba import njit
 
 from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, refine_point
 
+Array = np.ndarray
+
 GOOD_COST = 3.0  # truncated cost per view (2 is ideal) up to which the prediction has no rivals
 DENIED = 2.0  # spreads from a firm prediction, at which two views are not believed
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
@@ -163,9 +165,11 @@ def _prior_cost(x, prediction, spread, limit):
     return min(squared / (spread * spread), limit)
 
 
-@njit(cache=True, error_model="numpy")
-def solve_joints(todo, predictions, spreads, shifts, firm, member, source, owner, plane, precision, starts,
-                 cams, centres, rules):  # fmt: skip
+def solve_joints(
+    todo: Array, predictions: Array, spreads: Array, shifts: Array, firm: Array, member: Array, source: Array,
+    owner: Array, plane: Array, precision: Array, starts: Array, cams: tuple[Array, Array, Array],
+    centres: Array, rules: Array,
+) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
     """Solve the joints `todo` (P, J) of all people.
 
     Args:
@@ -180,19 +184,28 @@ def solve_joints(todo, predictions, spreads, shifts, firm, member, source, owner
         positions (P, J, 3), normals (P, J, 3, 3) 1/m^2, residuals (P, J, V) in sigmas (-1 = unused),
         picks (P, J, V, 2), costs (P, J); NaN positions where fewer than two views agree.
     """
+    shape = (*todo.shape, len(starts) - 1)
+    positions, costs = np.full((*todo.shape, 3), np.nan), np.full(todo.shape, np.inf)
+    normals, residuals = np.zeros((*todo.shape, 3, 3)), np.full(shape, -1.0)
+    picks = np.full((*shape, 2), -1, np.int64)
+    solve_again(todo, predictions, spreads, shifts, firm, member, source, owner, plane, precision, starts,
+                cams, centres, rules, positions, normals, residuals, picks, costs)  # fmt: skip
+    return positions, normals, residuals, picks, costs
+
+
+@njit(cache=True, error_model="numpy")
+def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner, plane, precision, starts,
+                cams, centres, rules, positions, normals, residuals, picks, costs):  # fmt: skip
+    """The same, in place of what was found for the joints `todo` before."""
     people, joints = todo.shape
     views = len(starts) - 1
-    positions = np.full((people, joints, 3), np.nan)
-    normals = np.zeros((people, joints, 3, 3))
-    residuals = np.full((people, joints, views), -1.0)
-    picks = np.full((people, joints, views, 2), -1, np.int64)
-    costs = np.full((people, joints), np.inf)
     x, table = np.empty(3), np.empty((views, TABLE))
     for p in range(people):
         for j in range(joints):
             if not todo[p, j]:
                 continue
             shift, pick = shifts[p, j], picks[p, j]
+            positions[p, j], normals[p, j], residuals[p, j], costs[p, j] = np.nan, 0.0, -1.0, np.inf
             cost = best_start(p, j, predictions[p, j], spreads[p, j], shift, member, source, owner, plane,
                               precision, starts, cams, centres, rules, x, pick, table)  # fmt: skip
             if cost == np.inf:
@@ -213,4 +226,3 @@ def solve_joints(todo, predictions, spreads, shifts, firm, member, source, owner
                     continue
             if count >= 2:
                 positions[p, j] = x
-    return positions, normals, residuals, picks, costs

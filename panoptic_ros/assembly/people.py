@@ -81,7 +81,7 @@ def finish(
     views, scores = np.where(good, views, 0), np.where(good, scores, 0.0)
     if config.node_distance > 0.0 and has_maps(item):
         _use_nodes(item, expected, positions, covariances, scores, views, config)
-    if config.vote_distance > 0.0:
+    if config.vote_distance > 0.0 and len(item.nodes):
         _move_to_votes(item, expected, positions, covariances, scores, views, skeleton, config)
     place_disputed(
         scene, found.grouping, found.source, expected, positions, covariances, scores, views, skeleton

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.joint_solver import solve_joints
+from panoptic_ros.assembly.joint_solver import solve_again, solve_joints
 from panoptic_ros.consensus.agreement import limb_costs
 from panoptic_ros.consensus.grouping import Grouping, Scene
 
@@ -71,28 +71,22 @@ class Solver:
         """
         owner = np.full(scene.precision.shape, -1, np.int64)
         todo = np.ones((len(grouping.member), len(scene.mirror)), bool)
-        solved = self._run(scene, grouping, source, guide, owner, todo)
+        evidence = scene.evidence
+        given = (
+            guide.positions, guide.spreads, guide.shifts, guide.firm, grouping.member, source, owner,
+            evidence.plane, scene.precision, evidence.starts, scene.cams, evidence.centres, self._rules,
+        )  # fmt: skip
+        solved = Solved(*solve_joints(todo, *given))
+        found = (solved.positions, solved.normals, solved.residuals, solved.picks, solved.costs)
         changed = self._exchange(scene, grouping, source, guide, solved)
         if changed.any():
-            solved = _merge(solved, self._run(scene, grouping, source, guide, owner, changed), changed)
+            solve_again(changed, *given, *found)
         losers = settle(
             solved.residuals, solved.picks, owner, grouping.member, self._config.foreign_penalty
         )
         if losers.any():
-            solved = _merge(solved, self._run(scene, grouping, source, guide, owner, losers), losers)
+            solve_again(losers, *given, *found)
         return solved
-
-    def _run(
-        self, scene: Scene, grouping: Grouping, source: Array, guide: Guide, owner: Array, todo: Array
-    ) -> Solved:
-        evidence = scene.evidence
-        return Solved(
-            *solve_joints(
-                todo, guide.positions, guide.spreads, guide.shifts, guide.firm, grouping.member, source,
-                owner, evidence.plane, scene.precision, evidence.starts, scene.cams, evidence.centres,
-                self._rules,
-            )
-        )  # fmt: skip
 
     def _exchange(
         self, scene: Scene, grouping: Grouping, source: Array, guide: Guide, solved: Solved
@@ -123,16 +117,6 @@ def observed_views(scene: Scene, grouping: Grouping, source: Array) -> Array:
         return np.zeros(source.shape, bool)
     rows = np.maximum(grouping.member, 0)[..., None]
     return (grouping.member >= 0)[..., None] & (scene.precision[rows, source] > 0.0)
-
-
-def _merge(old: Solved, new: Solved, where: Array) -> Solved:
-    """The new solution for the joints `where` (P, J), the old one elsewhere."""
-
-    def choose(name: str) -> Array:
-        a, b = getattr(old, name), getattr(new, name)
-        return np.where(where.reshape(where.shape + (1,) * (a.ndim - 2)), b, a)
-
-    return Solved(*(choose(name) for name in ("positions", "normals", "residuals", "picks", "costs")))
 
 
 @njit(cache=True, error_model="numpy")

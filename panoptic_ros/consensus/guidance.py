@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.geometry.motion import predict_motion, update_motion
+from panoptic_ros.consensus.guidance_steps import move_on, take_in
 
 Array = np.ndarray
 
@@ -42,7 +42,7 @@ class Guidance:
 
     def __init__(self, mirror: Array, groups: Array, memory: float, acceleration: float):
         self._joints, self._mirror, self._groups = len(mirror), mirror, groups
-        self._memory, self._acceleration = memory, acceleration
+        self._memory, self._acceleration = float(memory), acceleration
         self.clear()
 
     def clear(self) -> None:
@@ -54,22 +54,29 @@ class Guidance:
         self._unseen = np.empty(0)  # s since the person was seen
         self._balance = np.empty((0, self._groups.max(initial=-1) + 1))  # exchanged minus straight views
 
+    @property
+    def _tables(self) -> tuple[Array, ...]:
+        """All of them, in the order of the kernels."""
+        return (
+            self._states, self._variances, self._ages, self._unseen, self._unagreed, self._balance
+        )  # fmt: skip
+
+    def _take(self, tables: tuple[Array, ...]) -> None:
+        """Replace all tables."""
+        (
+            self._states, self._variances, self._ages, self._unseen, self._unagreed, self._balance
+        ) = tables  # fmt: skip
+
     def predict(self, dt: float) -> Prediction:
         """Move on by dt >= 0 s, drop who was not seen for long, and say where all should be."""
-        fade = np.where(self._ages > 0.0, np.exp(-dt / FADE_TIME), 1.0)
-        self._states[..., 3:] *= fade[..., None]
-        self._states, self._variances = predict_motion(
-            self._states, self._variances, dt, self._acceleration
+        noise = self._acceleration**2
+        growth = (noise * dt**4 / 4.0, noise * dt**3 / 2.0, noise * dt**2)
+        self._take(
+            move_on(
+                *self._tables, float(dt), float(np.exp(-dt / FADE_TIME)), growth, LOST_SIGMA**2, self._memory
+            )
         )
-        self._ages, self._unseen = self._ages + dt, self._unseen + dt
-        self._unagreed = self._unagreed + dt
-        self._states[self._variances[..., 0] > LOST_SIGMA**2] = np.nan
-        known = np.isfinite(self._states[..., 0])
-        alive = (self._unseen <= self._memory) & known.any(axis=1)
-        self._states, self._variances = self._states[alive], self._variances[alive]
-        self._ages, self._unseen = self._ages[alive], self._unseen[alive]
-        self._balance, self._unagreed = self._balance[alive], self._unagreed[alive]
-        velocities = np.where(known[alive][..., None], self._states[..., 3:], 0.0)
+        velocities = np.where(np.isfinite(self._states[..., :1]), self._states[..., 3:], 0.0)
         return Prediction(
             self._states[..., :3].copy(), velocities, self._ages.copy(), self._variances.copy(),
             self._unagreed <= FIRM_TIME,
@@ -87,23 +94,12 @@ class Guidance:
                 skeleton that is wrong, and its sides are exchanged.
             views: (P, J) number that each joint rests on, or None: then nothing is firm.
         """
-        fresh = int((who < 0).sum())
-        rows = np.array(who, np.int64)
-        rows[who < 0] = len(self._states) + np.arange(fresh)
-        self._states = _grown(self._states, fresh, np.nan)
-        self._variances = _grown(self._variances, fresh, 0.0)
-        self._ages, self._unseen = _grown(self._ages, fresh, 0.0), _grown(self._unseen, fresh, 0.0)
-        noise = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
-        self._states[rows], self._variances[rows] = update_motion(
-            self._states[rows], self._variances[rows], positions, noise, START_SPEED
+        firm = np.zeros(positions.shape[:2], bool) if views is None else views >= FIRM_VIEWS
+        self._take(
+            take_in(
+                *self._tables, who, positions, covariances, exchanged, firm, START_SPEED, BALANCE_MEMORY
+            )
         )
-        self._ages[rows] = np.where(np.isfinite(positions[..., 0]), 0.0, self._ages[rows])
-        self._unseen[rows] = 0.0
-        self._unagreed = _grown(self._unagreed, fresh, np.inf)
-        if views is not None:
-            self._unagreed[rows] = np.where(views >= FIRM_VIEWS, 0.0, self._unagreed[rows])
-        self._balance = _grown(self._balance, fresh, 0.0)
-        self._balance[rows] = BALANCE_MEMORY * self._balance[rows] + exchanged
         self._exchange_sides(self._balance > 0.0)
 
     def _exchange_sides(self, wrong: Array) -> None:
@@ -117,8 +113,3 @@ class Guidance:
         self._states, self._variances = self._states[rows, take], self._variances[rows, take]
         self._ages, self._unagreed = self._ages[rows, take], self._unagreed[rows, take]
         self._balance[wrong] *= -1.0
-
-
-def _grown(table: Array, count: int, value: float) -> Array:
-    """The table with `count` more rows of one value."""
-    return np.concatenate([table, np.full((count, *table.shape[1:]), value)])

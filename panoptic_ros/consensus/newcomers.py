@@ -41,11 +41,16 @@ def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grou
 
 def seeing_views(evidence: Evidence, positions: Array) -> Array:
     """Which views (P, V) have at least half of the joints (P, J, 3) of a person in the image."""
-    seeing = np.zeros((len(positions), evidence.views), bool)
+    seeing: Array = views_of_people(positions, evidence.rotations, evidence.translations, evidence.limits)
+    return seeing
+
+
+@njit(cache=True, error_model="numpy")
+def views_of_people(positions, rotations, translations, limits):  # type: ignore[no-untyped-def]
+    """The loops of `seeing_views`."""
+    seeing = np.zeros((len(positions), len(rotations)), np.bool_)
     for p in range(len(positions)):
-        seeing[p] = views_that_see(
-            positions[p], evidence.rotations, evidence.translations, evidence.limits
-        )
+        seeing[p] = views_that_see(positions[p], rotations, translations, limits)
     return seeing
 
 
