@@ -38,7 +38,9 @@ class Candidates:
     places: Array
 
     def joined(self, other: Candidates) -> Candidates:
-        """These people and the others."""
+        """These people and the others, who were sought among the free 2D people of these."""
+        if not len(other.who):
+            return self
         names = ("positions", "spreads", "shifts", "firm")
         pairs = ((getattr(self.guide, name), getattr(other.guide, name)) for name in names)
         return Candidates(

@@ -44,8 +44,8 @@ class NoiseTable:
 
     def sigmas(self, scores: Array, kinds: Array, cameras: Array, diagonals: Array) -> Array:
         """Standard deviations (D, J) px of joints of scores and kinds (D, J) in images of cameras (D,)."""
-        share = self.shares[_bin(scores, kinds)]
-        return share * (self.factors * diagonals)[cameras][:, None]
+        sigmas: Array = look_up(scores, kinds, cameras, self.shares, self.factors * diagonals)
+        return sigmas
 
     def learn(
         self, scores: Array, kinds: Array, cameras: Array, pixels: Array, diagonals: Array
@@ -77,6 +77,17 @@ def _add(table: Array, rows: Array, levels: Array, memory: float) -> None:
     count_levels(table, rows, levels)
     total = table.sum(axis=1, keepdims=True)
     table *= np.minimum(1.0, memory / total)
+
+
+@njit(cache=True)
+def look_up(scores, kinds, cameras, shares, scales):  # type: ignore[no-untyped-def]
+    """The loops of `NoiseTable.sigmas`, with scales (C,) px of the cameras."""
+    result = np.empty(scores.shape)
+    for d in range(scores.shape[0]):
+        for j in range(scores.shape[1]):
+            bin_of_score = min(int(scores[d, j] * SCORE_BINS), SCORE_BINS - 1)
+            result[d, j] = shares[SCORE_BINS * kinds[d, j] + bin_of_score] * scales[cameras[d]]
+    return result
 
 
 @njit(cache=True)

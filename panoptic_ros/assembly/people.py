@@ -23,6 +23,8 @@ from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel,
 
 Array = np.ndarray
 
+MEASURED, MISSING = int(JointState.MEASURED), int(JointState.MISSING)  # members are slow to look up
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class People:
@@ -50,7 +52,7 @@ class People:
     ) -> PoseSet:
         """The record."""
         measured = np.isfinite(self.positions[..., 0])
-        states = np.where(measured, JointState.MEASURED, JointState.MISSING)
+        states = np.where(measured, MEASURED, MISSING)
         newest = max((view.stamp_ns for view in item.detections.views), default=-1)
         person = self.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
         return PoseSet(

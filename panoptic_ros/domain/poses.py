@@ -22,6 +22,9 @@ class JointState(IntEnum):
     FILLED = 3  # from earlier and later instants, or from the rest of the body
 
 
+_MISSING, _LAST = int(JointState.MISSING), int(max(JointState))  # members are slow to look up
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseSet:
     """The skeletons of one instant.
@@ -64,8 +67,8 @@ class PoseSet:
         check_scores(self, "scores", scores)
         check_scores(self, "person_scores", shapes.store("person_scores", np.float64, "P"))
         check_missing(self, "positions", positions, scores)
-        there = states != JointState.MISSING
-        if states.size and states.max() > max(JointState):
+        there = states != _MISSING
+        if states.size and states.max() > _LAST:
             raise DataError(f"PoseSet.states has the unknown state {states.max()}")
         if not np.isfinite(positions[there]).all() or not np.isfinite(covariances[there]).all():
             raise DataError("a joint that is not missing has a position or covariance that is not finite")
