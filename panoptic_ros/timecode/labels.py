@@ -3,7 +3,8 @@
 A word alone may be unreadable, or read as something else. So words are never just read: the
 most likely labels of the whole stretch are proposed from soft bits field by field, then each proposal
 is judged by how much worse the levels of all words fit if its bits are forced on them, in nats
-(natural logarithms of probability). The best is believed if it is far ahead of the next.
+(natural logarithms of probability). The best is believed if it is far ahead of the next, and if no
+other explains the words better once echoes are considered.
 """
 from __future__ import annotations
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.errors import ClockError
+from panoptic_ros.timecode.echoes import echo_nats
 from panoptic_ros.timecode.kernels import FREE, LEAST_NOISE, best_path, soft_bits, verdict
 from panoptic_ros.timecode.words import COUNTINGS, SYNC_ONLY, TABLES, USER_BITS, WORD_CELLS, known_bits
 
@@ -25,6 +27,8 @@ LEAST_TENTH = 0.25  # of the word's level, in each tenth of it: a cut word has l
 POSSIBLE_NATS, POSSIBLE_QUALITY, POSSIBLE_TENTH = 150.0, 0.7, 0.1  # the same for words between good ones
 WORST_NATS = 40.0  # that one word can count against labels
 AHEAD_NATS = 16.0  # of the next best labels
+DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are compared for echoes
+CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
 NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
 NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
 
@@ -101,25 +105,55 @@ def solve_labels(words: Sequence[Array], reverse: bool, least_good: int) -> Solu
     step = -1 if reverse else 1
     free = [best_path(halves, NO_BITS)[0] for halves in words]
     soft = np.array([_soft_nats(halves, score) for halves, score in zip(words, free)])
-    judged: dict[tuple[str, ...], tuple[float, int, list[Counting]]] = {}
+    judged: dict[tuple[str, ...], _Judged] = {}
     for counting in _proposals(soft, step):
         labels = tuple(counting.label(number) for number in range(len(words)))
         key = tuple(str(label) for label in labels)
         if key in judged:
-            if counting not in judged[key][2]:
-                judged[key][2].append(counting)
+            if counting not in judged[key].countings:
+                judged[key].countings.append(counting)
             continue
         verdicts = [judge(halves, known_bits(label), score)
             for halves, label, score in zip(words, labels, free)
         ]
-        nats = sum(min(item.nats, WORST_NATS) for item in verdicts)
-        judged[key] = nats, sum(item.good for item in verdicts), [counting]
-    ranked = sorted(judged.values(), key=lambda item: item[0])
-    if not ranked or ranked[0][1] < least_good or ranked[0][1] < 0.5 * len(words):
+        judged[key] = _Judged(verdicts, [counting])
+    ranked = sorted(judged.values(), key=lambda item: item.nats)
+    if not ranked or not ranked[0].readable(least_good):
         return None
-    if len(ranked) > 1 and ranked[1][0] < ranked[0][0] + AHEAD_NATS:
+    if len(ranked) > 1 and ranked[1].nats < ranked[0].nats + AHEAD_NATS:
         return None
-    return Solution(tuple((counting, 0.0) for counting in ranked[0][2]), soft[:, USER_BITS].sum(axis=0))
+    best = _through_echoes(words, ranked, reverse)
+    if best is None or not best.readable(least_good):
+        return None
+    return Solution(tuple((counting, 0.0) for counting in best.countings), soft[:, USER_BITS].sum(axis=0))
+
+
+class _Judged:
+    """Labels of a stretch: verdicts of its words, and the countings that have these labels."""
+
+    def __init__(self, verdicts: list[Verdict], countings: list[Counting]):
+        self.nats = sum(min(item.nats, WORST_NATS) for item in verdicts)
+        self.signs = [item.signs for item in verdicts]
+        self.countings = countings
+        self._good = sum(item.good for item in verdicts)
+
+    def readable(self, least_good: int) -> bool:
+        """Whether enough words have these labels."""
+        return self._good >= max(least_good, 0.5 * len(self.signs))
+
+
+def _through_echoes(words: Sequence[Array], ranked: list[_Judged], reverse: bool) -> _Judged | None:
+    """The best labels, or those near them that explain the words better through echoes; None in doubt."""
+    near = [item for item in ranked[:DOUBTFUL] if item.nats < ranked[0].nats + DOUBT_NATS]
+    if len(near) == 1:
+        return near[0]
+    turn = slice(None, None, -1 if reverse else 1)
+    levels = [halves[turn] for halves in words]
+    nats = [echo_nats(levels, [signs[turn] for signs in item.signs]) for item in near]
+    first, second = np.argsort(nats)[:2]
+    if nats[first] > nats[0] - CONTRADICTION_NATS:
+        return near[0]
+    return near[first] if nats[first] < nats[second] - AHEAD_NATS else None
 
 
 def _soft_nats(halves: Array, score: float) -> Array:
