@@ -73,12 +73,12 @@ def guided_people(scene: Scene, prediction: Prediction, config: AssemblyConfig) 
 def new_people(scene: Scene, free: Array, sides: Sides, config: AssemblyConfig) -> Candidates:
     """New people among the free 2D people, the right way round."""
     grouping, places = find_people(scene, free, config)
-    votes = np.where(grouping.member >= 0, np.where(grouping.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
-    votes -= ANATOMY_VOTES * sides.of_body(places)
-    grouping.mirrored ^= (votes > 0.0)[:, None]
-    taken = grouping.member[grouping.member >= 0]
     left = free.copy()
-    left[taken] = False
+    if len(places):  # seldom
+        votes = np.where(grouping.member >= 0, np.where(grouping.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
+        votes -= ANATOMY_VOTES * sides.of_body(places)
+        grouping.mirrored ^= (votes > 0.0)[:, None]
+        left[grouping.member[grouping.member >= 0]] = False
     source = sources(grouping.mirrored, scene.mirror)
     guide = _no_guide(len(places), scene)
     return Candidates(grouping, source, guide, np.full(len(places), -1), left, places)
