@@ -56,7 +56,7 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
     Returns:
         boxes, start and lists of the halves.
     """
-    views, layers, values, people, reach, pointed = scene
+    views, layers, _, spread, people, reach, pointed = scene
     count, joints, total, free = people.shape[0], people.shape[1], 0, 0
     lanes, wanted = np.zeros(80), np.zeros(GROUP, np.uint8)
     most = np.zeros((8, count, GROUP), np.uint8)
@@ -90,7 +90,7 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
                     x1, y1 = int(lanes[X1 + c]) >> layer, int(lanes[Y1 + c]) >> layer
                     at_cell = first + y0 * width + x0
                     look(
-                        values, at_cell, x1 - x0, y1 - y0, width, wanted, less, enough, most, sums, support,
+                        spread, at_cell, x1 - x0, y1 - y0, width, wanted, less, enough, most, sums, support,
                         c, m,
                     )  # fmt: skip
                     some = words[c, m, 0] | words[c, m, 1] | words[c, m, 2] | words[c, m, 3]
@@ -139,24 +139,18 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
 
 
 @_inline
-def look(values, at, columns, rows, width, wanted, less, enough, most, sums, support, c, m):
+def look(spread, at, columns, rows, width, wanted, less, enough, most, sums, support, c, m):
     """Add the largest values of joints in a rectangle, as far as above `less`, to the sums (8, 32) of box c.
 
-    The rectangle begins at a cell and has so many columns and rows more, three at most. Counts the values
-    that are `enough`, keeps all in row m of `most` (8, V, 32); joints that are not wanted (32,) count as 0.
+    The rectangle begins at a cell and has so many columns and rows more, three at most: four cells of
+    `spread`, each of which stands for 2 x 2. Counts the values that are `enough`, keeps all in row m of
+    `most` (8, V, 32); joints that are not wanted (32,) count as 0.
     """
     low, zero, cap = np.float32(less), np.float32(0.0), np.uint8(CAP)
-    p, q, r = min(1, columns), min(2, columns), columns
-    b, d, e = at + width * min(1, rows), at + width * min(2, rows), at + width * rows
+    right, below = max(columns - 1, 0), width * max(rows - 1, 0)
     for j in range(GROUP):
-        upper = max(
-            max(max(values[at, j], values[at + p, j]), max(values[at + q, j], values[at + r, j])),
-            max(max(values[b, j], values[b + p, j]), max(values[b + q, j], values[b + r, j])),
-        )
-        lower = max(
-            max(max(values[d, j], values[d + p, j]), max(values[d + q, j], values[d + r, j])),
-            max(max(values[e, j], values[e + p, j]), max(values[e + q, j], values[e + r, j])),
-        )
+        upper = max(spread[at, j], spread[at + right, j])
+        lower = max(spread[at + below, j], spread[at + below + right, j])
         most[c, m, j] = wanted[j] & max(upper, lower)
     for j in range(GROUP):
         sums[c, j] += max(np.float32(most[c, m, j]) - low, zero)

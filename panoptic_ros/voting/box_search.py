@@ -30,6 +30,7 @@ class BoxScene(NamedTuple):
     views: (V, 550) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
         (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m, the lens bounds.
     layers: (V, L, 3) first cell, width in memory, height; values (N, 32) uint8: pyramids.
+    spread: (N, 32) uint8, the largest values of each cell and those right, below, and both.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN where missing.
     reach: (V, P, 4) least and largest u, least and largest w that a person's keypoints reach.
     pointed: (V,) mask of the joints that have keypoints instead of maps.
@@ -38,16 +39,18 @@ class BoxScene(NamedTuple):
     views: Array
     layers: Array
     values: Array
+    spread: Array
     people: Array
     reach: Array
     pointed: Array
 
 
 class BoxSearch:
-    """Finds what `dense_peaks` finds; holds the lens bounds of the cameras it has met."""
+    """Finds what `dense_peaks` finds; holds the lens bounds of the cameras it has met, and memory."""
 
     def __init__(self) -> None:
         self._lenses: dict[bytes, tuple[Array, float]] = {}
+        self._memory = new_pyramids(0)
 
     def peaks(
         self,
@@ -63,7 +66,7 @@ class BoxSearch:
         supporting = max(int(np.ceil(255.0 * view_threshold - 1e-6)), 1)  # value of a cell
         found = [(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0), np.zeros(0, np.int64))]
         for first in range(0, scene.map_start.shape[1], GROUP):
-            boxes = box_scene(scene, views, first)
+            boxes = box_scene(scene, views, first, self._pyramids(scene))
             space = (np.array(volume.lower), np.array(volume.shape), volume.side)
             joints = min(GROUP, scene.map_start.shape[1] - first)
             every = np.arange(len(views), dtype=np.int32)
@@ -84,6 +87,14 @@ class BoxSearch:
             good = self._unbeaten(scene, volume, peaks, unknown, view_threshold, enough)
             peaks = Peaks(*(values[good] for values in peaks))
         return sorted_peaks(peaks)
+
+    def _pyramids(self, scene: VoteScene) -> tuple[Array, ...]:
+        """Empty pyramids, large enough for the maps."""
+        _, cells = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
+        if cells > len(self._memory[1]):
+            self._memory = new_pyramids(cells)
+        pyramid_kernels.clear_pyramids(*self._memory)
+        return self._memory
 
     def _views(self, scene: VoteScene) -> Array:
         count = len(scene.cameras)
@@ -118,15 +129,16 @@ class BoxSearch:
         return np.bincount(of[beaten], minlength=len(unknown)) == 0
 
 
-def box_scene(scene: VoteScene, views: Array, first: int) -> BoxScene:
-    """The arrays of the joints first, first + 1, ..., at most 32."""
+def box_scene(scene: VoteScene, views: Array, first: int, pyramids: tuple[Array, ...]) -> BoxScene:
+    """The arrays of the joints first, first + 1, ..., at most 32; writes into empty `new_pyramids`."""
     joint_count = scene.map_start.shape[1]
     count = min(GROUP, joint_count - first)
-    layers, cells = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
-    values, filled = _aligned(cells), np.zeros(cells, np.bool_)
+    layers, _ = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
+    values, filled, spread, reached = pyramids
     pyramid_kernels.paint_pyramids(
         layers, values, filled, scene.patch_start, scene.patch_table, scene.patch_data, joint_count, first
     )
+    pyramid_kernels.spread_pyramids(layers, values, filled, spread, reached)
     mine = slice(first, first + count)
     people = scene.people[:, mine].copy()
     people[scene.map_start[:, mine] >= 0] = np.nan
@@ -138,7 +150,12 @@ def box_scene(scene: VoteScene, views: Array, first: int) -> BoxScene:
     boxes = np.stack([u - reach, -u - reach, w - reach, -w - reach], axis=-1)
     boxes = np.where(known[..., None], boxes, np.inf).min(axis=1, initial=np.inf) * (1.0, -1.0, 1.0, -1.0)
     pointed = (known.any(axis=2) * (1 << np.arange(count))).sum(axis=1)
-    return BoxScene(views, layers, values, people, np.ascontiguousarray(boxes), pointed)
+    return BoxScene(views, layers, values, spread, people, np.ascontiguousarray(boxes), pointed)
+
+
+def new_pyramids(cells: int) -> tuple[Array, Array, Array, Array]:
+    """Empty values (N, 32), where they are not 0 (N,), the same for `BoxScene.spread`."""
+    return _aligned(cells), np.zeros(cells, np.bool_), _aligned(cells), np.zeros(cells, np.bool_)
 
 
 def _aligned(cells: int) -> Array:

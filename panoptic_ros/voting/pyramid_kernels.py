@@ -52,3 +52,35 @@ def _halve(layers, values, filled, v, layer):
             filled[target] = True
             for j in range(GROUP):
                 values[target, j] = max(values[target, j], values[source, j])
+
+
+@_jit
+def spread_pyramids(layers, values, filled, spread, reached):
+    """Fill empty `spread` (N, 32) with the largest of a cell and those right, below, and both.
+
+    Marks in `reached` (N,) bool where there is anything.
+    """
+    for v in range(len(layers)):
+        for layer in range(layers.shape[1]):
+            start, width, height = layers[v, layer]
+            for y in range(height):
+                for x in range(width):
+                    cell = start + y * width + x
+                    if not filled[cell]:
+                        continue
+                    for step in range(4):
+                        if x >= step & 1 and y >= step >> 1:
+                            target = cell - (step & 1) - (step >> 1) * width
+                            reached[target] = True
+                            for j in range(GROUP):
+                                spread[target, j] = max(spread[target, j], values[cell, j])
+
+
+@_jit
+def clear_pyramids(values, filled, spread, reached):
+    """Empty what the other kernels have filled; less work than new memory."""
+    for cell in range(len(reached)):
+        if reached[cell]:
+            filled[cell] = reached[cell] = False
+            values[cell] = 0
+            spread[cell] = 0

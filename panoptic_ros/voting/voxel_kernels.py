@@ -36,7 +36,7 @@ def visit(
     Returns:
         found (N, 5) joints, voxels, supporting views; votes (N,), those of `kernels.vote`.
     """
-    views, layers, values, people, _, pointed = scene
+    views, layers, values, _, people, _, pointed = scene
     joints, total, limit = people.shape[1], 0, 255.0 * threshold * (1.0 - 1e-6)
     lanes, most, wanted = np.zeros(40), np.zeros(GROUP, np.uint8), np.zeros(GROUP, np.uint8)
     sums, support = np.zeros((8, GROUP), np.float32), np.zeros((8, GROUP), np.uint8)
@@ -100,7 +100,7 @@ def visit(
 @_jit
 def visit_few(scene, which, boxes, start, lists, lower, shape, side, threshold, view_threshold, least):
     """As `visit`, for boxes of at most `FEW` joints: no bounds, eq. 1 at once."""
-    views, layers, values, people, _, pointed = scene
+    views, layers, values, _, people, _, pointed = scene
     lanes, mine, total = np.zeros(40), np.zeros(GROUP, np.int64), 0
     places, weights, covering = np.zeros((3, 8), np.int64), np.zeros((2, 8)), np.zeros(8)
     sums, support = np.zeros((FEW, 8)), np.zeros((FEW, 8), np.int64)
