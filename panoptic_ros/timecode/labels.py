@@ -28,6 +28,7 @@ POSSIBLE_NATS, POSSIBLE_QUALITY, POSSIBLE_TENTH = 150.0, 0.7, 0.1  # the same fo
 WORST_NATS = 40.0  # that one word can count against labels
 AHEAD_NATS = 16.0  # of the next best labels
 DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are compared for echoes
+ECHO_WORDS = 5  # that tell what the channel is where labels alone are in doubt
 CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
 NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
 NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
@@ -120,8 +121,6 @@ def solve_labels(words: Sequence[Array], reverse: bool, least_good: int) -> Solu
     ranked = sorted(judged.values(), key=lambda item: item.nats)
     if not ranked or not ranked[0].readable(least_good):
         return None
-    if len(ranked) > 1 and ranked[1].nats < ranked[0].nats + AHEAD_NATS:
-        return None
     best = _through_echoes(words, ranked, reverse)
     if best is None or not best.readable(least_good):
         return None
@@ -144,6 +143,10 @@ class _Judged:
 
 def _through_echoes(words: Sequence[Array], ranked: list[_Judged], reverse: bool) -> _Judged | None:
     """The best labels, or those near them that explain the words better through echoes; None in doubt."""
+    clear = len(ranked) == 1 or ranked[1].nats >= ranked[0].nats + AHEAD_NATS
+    crowded = len(ranked) > DOUBTFUL and ranked[DOUBTFUL].nats < ranked[0].nats + AHEAD_NATS
+    if crowded or (not clear and len(words) < ECHO_WORDS):
+        return None
     near = [item for item in ranked[:DOUBTFUL] if item.nats < ranked[0].nats + DOUBT_NATS]
     if len(near) == 1:
         return near[0]
@@ -151,7 +154,7 @@ def _through_echoes(words: Sequence[Array], ranked: list[_Judged], reverse: bool
     levels = [halves[turn] for halves in words]
     nats = [echo_nats(levels, [signs[turn] for signs in item.signs]) for item in near]
     first, second = np.argsort(nats)[:2]
-    if nats[first] > nats[0] - CONTRADICTION_NATS:
+    if clear and nats[first] > nats[0] - CONTRADICTION_NATS:
         return near[0]
     return near[first] if nats[first] < nats[second] - AHEAD_NATS else None
 
