@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.bench.shifted_cameras import measure_shifts, shift_lines
-from panoptic_ros.domain import DetectionSet, TrackedPoseSet
+from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.report import report_of
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import find_clocks
-from panoptic_ros.graph.nodes import FUSION
-from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.offsets import CameraClocks, regroup
 from panoptic_ros.simulation import Simulation, simulate
 from panoptic_ros.simulation.people import Person
@@ -180,14 +179,7 @@ def _mpjpe(
     truth: SkeletonSequence, sets: Sequence[DetectionSet], context: StageContext, configs: Any
 ) -> float:
     """Mean error (m) of refined skeletons."""
-    results: list[TrackedPoseSet] = []
-    pipeline = Pipeline(
-        configs, context, FUSION,
-        on_record=lambda topic, record: results.append(record) if topic == "skeletons" else None,
-    )  # fmt: skip
-    for item in sets:
-        pipeline.push(item)
-    pipeline.flush()
+    results = records_of("skeletons", sets, configs, context)
     frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, None, None) for r in results]
     pairs = pair_sequences(truth, SkeletonSequence(context.skeleton.joint_names, tuple(frames)), 0)
     return 1e-3 * report_of(pairs, truth.joint_names).joints.mpjpe_mm

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.graph.nodes import FUSION
-from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.offsets import Corrected, correct_from_motion
 from panoptic_ros.params import Config
 from panoptic_ros.stage import StageContext
@@ -23,14 +23,6 @@ def find_clocks(
     """
 
     def solve(items: Sequence[DetectionSet]) -> list[TrackedPoseSet]:
-        tracked: list[TrackedPoseSet] = []
-        pipeline = Pipeline(
-            configs, context, TO_TRACKING,
-            on_record=lambda topic, record: tracked.append(record) if topic == "skeletons_raw" else None,
-        )  # fmt: skip
-        for item in items:
-            pipeline.push(item)
-        pipeline.flush()
-        return tracked
+        return records_of("skeletons_raw", items, configs, context, TO_TRACKING)
 
     return correct_from_motion(sets, context.rig, context.skeleton, solve, trusted)

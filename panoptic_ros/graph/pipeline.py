@@ -6,7 +6,7 @@ gets before the next one is taken.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from panoptic_ros.domain import ViewDetections
@@ -98,3 +98,22 @@ class Pipeline:
         for model in result.outputs:
             self._on_record(NODES["offsets"].gives, model)
             self._clock_models.append(model)
+
+
+def records_of(
+    topic: str,
+    items: Iterable[Any],
+    configs: Mapping[str, Config],
+    context: StageContext,
+    stages: Sequence[str] = FUSION,
+) -> list[Any]:
+    """All records that a fresh pipeline gives under the key of a topic, for items from first to last."""
+    found: list[Any] = []
+    pipeline = Pipeline(
+        configs, context, stages,
+        on_record=lambda key, record: found.append(record) if key == topic else None,
+    )  # fmt: skip
+    for item in items:
+        pipeline.push(item)
+    pipeline.flush()
+    return found

@@ -12,13 +12,20 @@ from panoptic_ros.clocks.report import CameraClock
 from panoptic_ros.domain import ClockModel
 from panoptic_ros.io.files import atomic_path
 
+PANELS = 32  # more do not fit into a picture
+LEAST_RANGE_MS = 0.1  # so that rounding of perfect stamps does not look like jitter
+
 
 def write_sync_plot(path: Path, cameras: Sequence[CameraClock], models: Mapping[str, ClockModel]) -> None:
     """Stamps less the line of their camera over time, one panel a camera; drops are marked, devices listed.
 
+    Of many cameras those are shown that lost most frames, then those with most jitter.
+
     Raises:
         EnvironmentProblem: if the file cannot be written.
     """
+    worst = sorted(cameras, key=lambda camera: (-camera.timing.lost, -camera.timing.jitter_s))[:PANELS]
+    total, cameras = len(cameras), [camera for camera in cameras if camera in worst]
     figure = Figure(figsize=(9.0, 1.0 + 1.7 * max(1, len(cameras))), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(max(1, len(cameras)), 1, squeeze=False, sharex=True)[:, 0]
@@ -29,6 +36,9 @@ def write_sync_plot(path: Path, cameras: Sequence[CameraClock], models: Mapping[
         gaps = np.flatnonzero(np.diff(timing.counts) > 1)
         for gap in gaps[:500]:
             axes.axvspan(times[gap], times[gap + 1], color="tab:red", alpha=0.25, linewidth=0)
+        low, high = axes.get_ylim()
+        if high - low < 2 * LEAST_RANGE_MS:
+            axes.set_ylim(0.5 * (low + high) - LEAST_RANGE_MS, 0.5 * (low + high) + LEAST_RANGE_MS)
         axes.set_ylabel("ms")
         axes.set_title(
             f"{camera.name}: {timing.rate_hz:.4f} fps, jitter {1e3 * timing.jitter_s:.2f} ms, "
@@ -36,7 +46,8 @@ def write_sync_plot(path: Path, cameras: Sequence[CameraClock], models: Mapping[
             fontsize=9, loc="left",
         )  # fmt: skip
         axes.grid(alpha=0.3)
-    panels[-1].set_xlabel("s; stamps less those of an even clock, red where frames are missing")
+    shown = "" if len(cameras) == total else f"; the worst {len(cameras)} of {total} cameras"
+    panels[-1].set_xlabel("s; stamps less those of an even clock, red where frames are missing" + shown)
     rows = [f"{name}: drift {1e6 * model.drift:+.3f} ppm" for name, model in models.items()]
     if rows:
         figure.suptitle("timecode: " + ", ".join(rows), fontsize=9)

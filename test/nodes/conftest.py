@@ -7,3 +7,12 @@ from recordings import write_bag
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory):
     return write_bag(tmp_path_factory.mktemp("bag") / "people", captures.views(40))
+
+
+@pytest.fixture
+def ros():
+    """The middleware, for one test."""
+    rclpy = pytest.importorskip("rclpy")
+    rclpy.init(args=[])
+    yield
+    rclpy.try_shutdown()

@@ -1,10 +1,10 @@
 """Clocks in the graph: models to sync, time references and diagnostics from it, and other sound messages."""
-import time
 from types import SimpleNamespace
 
 import captures
 import numpy as np
 import pytest
+from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 pytest.importorskip("panoptic_msgs")
@@ -28,20 +28,6 @@ MODEL = message_class("panoptic_msgs/msg/ClockModel")
 EPOCH = 1_700_000_000_000_000_001
 
 pytestmark = pytest.mark.ros
-
-
-@pytest.fixture
-def ros():
-    rclpy.init(args=[])
-    yield
-    rclpy.try_shutdown()
-
-
-def spin_until(executor, ready, seconds=15.0):
-    end = time.monotonic() + seconds
-    while not ready() and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.05)
-    assert ready(), "it did not happen in time"
 
 
 @pytest.fixture

@@ -1,8 +1,8 @@
 """A stage's node on the live graph: bad messages are counted and dropped, and the node lives."""
-import time
 
 import captures
 import pytest
+from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
@@ -19,20 +19,6 @@ from panoptic_ros.nodes.statics_node import StaticsNode  # noqa: E402
 pytestmark = pytest.mark.ros
 VIEW = message_class("panoptic_msgs/msg/ViewDetections")
 SET = message_class("panoptic_msgs/msg/DetectionSet")
-
-
-@pytest.fixture
-def ros():
-    rclpy.init(args=[])
-    yield
-    rclpy.try_shutdown()
-
-
-def spin_until(executor, ready, seconds=15.0):
-    end = time.monotonic() + seconds
-    while not ready() and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.05)
-    assert ready(), "it did not happen in time"
 
 
 @pytest.fixture

@@ -74,7 +74,7 @@ def _best_cells(heat: Array, guess: Array, box: Array, variance: float) -> tuple
     """For each joint the cell (K, 2) inside the box with the best score weighted by closeness.
 
     The weight is exp(-d^2 / variance), d the distance in cells to the guess; also gives the
-    weighted scores (K,).
+    weighted scores (K,). A box between cells, or beyond the border, has the next cell.
     """
     rows, columns = heat.shape[1:]
     top, left = np.minimum(np.ceil(box[:2]).astype(int), (rows - 1, columns - 1))
