@@ -28,6 +28,7 @@ from panoptic_ros.domain.time import (
     TimecodeReading,
 )
 from panoptic_ros.domain.time_shift import TimeShift
+from panoptic_ros.domain.visibility import VisibilityLimit
 
 __all__ = [
     "AudioBlock",
@@ -53,4 +54,5 @@ __all__ = [
     "TrackedPoseSet",
     "ViewDetections",
     "ViewFrame",
+    "VisibilityLimit",
 ]

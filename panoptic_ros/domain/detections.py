@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain.checks import Shapes, check_missing, check_scores, check_stamp
+from panoptic_ros.domain.visibility import VisibilityLimit
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -124,6 +125,7 @@ class ViewDetections:
         scores: (P, J) in 0..1, 0 where missing.
         person_scores: (P,) in 0..1.
         maps: score maps, or None if the detector has none.
+        limit: how far the view sees, or None if only its image limits that.
     """
 
     camera: str
@@ -135,6 +137,7 @@ class ViewDetections:
     scores: Array
     person_scores: Array
     maps: ScoreMaps | None = None
+    limit: VisibilityLimit | None = None
 
     def __post_init__(self) -> None:
         if not self.camera:

@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numba import njit
 
-from panoptic_ros.voting.kernels import project
+from panoptic_ros.voting.kernels import hidden, project
 
 CELLS = 2.0  # of a score map, within which a joint explains a peak
 REACH = 0.06  # m, the same where a person is large in the image
@@ -38,7 +38,7 @@ def unexplained_peaks(scene, start, pixels, joints, points, shifts, delays):
             z = points[n, 2] + shifts[n, 2] * delays[v]
             u, w, _, _, covered = project(cameras, v, x, y, z)
             depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
-            if not covered:
+            if not covered or hidden(cameras, scene.limits, v, x, y, z, u, w):
                 continue
             for k in range(first, last):
                 near = max(REACH * focal / depth, CELLS * cell)

@@ -47,6 +47,19 @@ def project(cameras, v, x, y, z):
 
 
 @_jit
+def hidden(cameras, limits, v, x, y, z, u, w):
+    """Whether a world point at pixel (u, w) of view v lies beyond the view's limit."""
+    start = int(limits[3 * v])
+    if start == 0:
+        return False
+    columns, rows = int(limits[3 * v + 1]), int(limits[3 * v + 2])
+    i = min(int((u + 0.5) * (columns / cameras[v, 23])), columns - 1)
+    k = min(int((w + 0.5) * (rows / cameras[v, 24])), rows - 1)
+    depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
+    return depth > limits[start + k * columns + i]
+
+
+@_jit
 def _corner(at, size):
     """Lower and upper cell, and the upper one's weight, for a bilinear sample clamped to the grid."""
     at = min(max(at, 0.0), size - 1.0)
@@ -74,12 +87,12 @@ def sample_keypoint(people, v, j, i, u, w):
 
 
 @_jit
-def vote(cameras, people, map_start, map_data, j, x, y, z, view_threshold):
-    """Eq. 1 at a point: the mean over the views that cover it, and how many support it."""
+def vote(cameras, limits, people, map_start, map_data, j, x, y, z, view_threshold):
+    """Eq. 1 at a point: the mean over the views that see it, and how many support it."""
     total, covering, support = 0.0, 0, 0
     for v in range(len(cameras)):
         u, w, a, b, covered = project(cameras, v, x, y, z)
-        if not covered:
+        if not covered or hidden(cameras, limits, v, x, y, z, u, w):
             continue
         start = map_start[v, j]
         score = 0.0
@@ -98,12 +111,13 @@ def vote(cameras, people, map_start, map_data, j, x, y, z, view_threshold):
 def vote_points(scene, joints, points, view_threshold):
     """Votes (N,) and supporting views (N,) of points (N, 3) for the joints (N,)."""
     cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    limits = scene.limits
     votes = np.zeros(len(points))
     support = np.zeros(len(points), np.int64)
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         votes[n], support[n] = vote(
-            cameras, people, map_start, map_data, joints[n], x, y, z, view_threshold
+            cameras, limits, people, map_start, map_data, joints[n], x, y, z, view_threshold
         )
     return votes, support
 
@@ -115,6 +129,7 @@ def vote_block(scene, first, shape, voxel, view_threshold):
     A projection is shared by all joints.
     """
     cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    limits = scene.limits
     nx, ny, nz = shape
     joint_count = map_start.shape[1]
     votes = np.zeros((joint_count, nx, ny, nz))
@@ -125,7 +140,7 @@ def vote_block(scene, first, shape, voxel, view_threshold):
         covering = 0
         for v in range(len(cameras)):
             u, w, a, b, covered = project(cameras, v, x, y, z)
-            if not covered:
+            if not covered or hidden(cameras, limits, v, x, y, z, u, w):
                 continue
             covering += 1
             for j in range(joint_count):
@@ -173,6 +188,7 @@ def climb(scene, joints, voxels, lower, upper, voxel, view_threshold, eligible, 
     power of two, are the memory of votes: a hash table whose entries of earlier epochs count as empty.
     """
     cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    limits = scene.limits
     tops = voxels.copy()
     heights = np.zeros(len(voxels))
     epoch, remembered = 0, 0
@@ -195,7 +211,8 @@ def climb(scene, joints, voxels, lower, upper, voxel, view_threshold, eligible, 
                         if epochs[slot] != epoch:
                             x, y, z = _centre(ni, nj, nk, voxel)
                             score, support = vote(
-                                cameras, people, map_start, map_data, joint, x, y, z, view_threshold
+                                cameras, limits, people, map_start, map_data, joint, x, y, z,
+                                view_threshold,
                             )
                             keys[slot], epochs[slot] = key, epoch
                             ranks[slot] = score + (2.0 if support >= eligible else 0.0)
@@ -212,22 +229,23 @@ def climb(scene, joints, voxels, lower, upper, voxel, view_threshold, eligible, 
 
 @_jit
 def person_scores(scene, joints, points):
-    """Scores h_ij (N, V, P) of points (N, 3) for the joints (N,), and which views cover them (N, V)."""
-    cameras, people, map_start = scene.cameras, scene.people, scene.map_start
+    """Scores h_ij (N, V, P) of points (N, 3) for the joints (N,), and which views see them (N, V)."""
+    cameras, people, map_start, limits = scene.cameras, scene.people, scene.map_start, scene.limits
     gates, patch_start, patch_table, patch_data = (
         scene.gates, scene.patch_start, scene.patch_table, scene.patch_data
     )  # fmt: skip
     views, joint_count, most = len(cameras), map_start.shape[1], people.shape[2]
     scores = np.zeros((len(points), views, most))
-    covers = np.zeros((len(points), views), np.bool_)
+    seen = np.zeros((len(points), views), np.bool_)
     corners = np.zeros((most + 1, 4))
     for n in range(len(points)):
         j = joints[n]
         for v in range(views):
-            u, w, a, b, covered = project(cameras, v, points[n, 0], points[n, 1], points[n, 2])
-            covers[n, v] = covered
-            if not covered:
+            px, py, pz = points[n, 0], points[n, 1], points[n, 2]
+            u, w, a, b, covered = project(cameras, v, px, py, pz)
+            if not covered or hidden(cameras, limits, v, px, py, pz, u, w):
                 continue
+            seen[n, v] = True
             if map_start[v, j] < 0:
                 for i in range(most):
                     scores[n, v, i] = sample_keypoint(people, v, j, i, u, w)
@@ -245,7 +263,7 @@ def person_scores(scene, joints, points):
                 top = corners[i, 0] * (1.0 - x) + corners[i, 1] * x
                 bottom = corners[i, 2] * (1.0 - x) + corners[i, 3] * x
                 scores[n, v, i] = (top * (1.0 - y) + bottom * y) / 255.0
-    return scores, covers
+    return scores, seen
 
 
 @_jit

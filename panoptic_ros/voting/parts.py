@@ -45,7 +45,7 @@ def score_parts(
 ) -> tuple[Array, Array, Array]:
     """Parts between nodes (N, 3) m of the joints (N,), and their connectivity scores.
 
-    Phi = mean over the views that cover both ends of max_i of (h_iu + h_iv) / 2 where both are above the
+    Phi = mean over the views that see both ends of max_i of (h_iu + h_iv) / 2 where both are above the
     threshold, else 0; i runs over the 2D people of the view. Parts without any score are left out.
 
     Returns:
@@ -55,8 +55,8 @@ def score_parts(
     lengths = np.array([kind.length for kind in kinds], np.float64)
     joints = np.ascontiguousarray(joints, np.int64)
     parts, bones = _near_pairs(nodes, joints, table, lengths)
-    scores, covers = kernels.person_scores(scene, joints, nodes)
-    phi = connectivity(scores, covers, parts, threshold)
+    scores, seen = kernels.person_scores(scene, joints, nodes)
+    phi = connectivity(scores, seen, parts, threshold)
     connected = phi > 0.0
     return parts[connected], bones[connected], phi[connected]
 
@@ -84,22 +84,22 @@ def _near_pairs(nodes, joints, kinds, lengths):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def connectivity(scores, covers, parts, threshold):
-    """Part scores (M,) of parts (M, 2) from h_ij (N, V, P) and the views that cover the nodes (N, V)."""
+def connectivity(scores, seen, parts, threshold):
+    """Part scores (M,) of parts (M, 2) from h_ij (N, V, P) and the views that see the nodes (N, V)."""
     result = np.zeros(len(parts))
     _, views, people = scores.shape
     for m in range(len(parts)):
         a, b = parts[m, 0], parts[m, 1]
-        total, covering = 0.0, 0
+        total, seeing = 0.0, 0
         for v in range(views):
-            if not (covers[a, v] and covers[b, v]):
+            if not (seen[a, v] and seen[b, v]):
                 continue
-            covering += 1
+            seeing += 1
             best = 0.0
             for i in range(people):
                 if scores[a, v, i] > threshold and scores[b, v, i] > threshold:
                     best = max(best, 0.5 * (scores[a, v, i] + scores[b, v, i]))
             total += best
-        if covering:
-            result[m] = total / covering
+        if seeing:
+            result[m] = total / seeing
     return result

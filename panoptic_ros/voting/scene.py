@@ -26,6 +26,8 @@ class VoteScene(NamedTuple):
     map_start: (V, J) first value of the merged map in `map_data` (B,) uint8, -1 where keypoints count.
     patch_start: (V * J + 1) first patch of each view and joint in `patch_table`: (K, 6) person, column,
         row, width, height, first value in `patch_data` (B,) uint8.
+    limits: (V * 3 + cells,) of each view the first cell of its `VisibilityLimit` (0 = none), columns, rows;
+        then the cells of all views, row by row, m.
     """
 
     cameras: Array
@@ -36,6 +38,7 @@ class VoteScene(NamedTuple):
     patch_start: Array
     patch_table: Array
     patch_data: Array
+    limits: Array
 
 
 def build_scene(
@@ -62,7 +65,7 @@ def build_scene(
     gates[of, row] = (gate * widths) ** 2
     table = _view_numbers(cameras, views)
     people = np.ascontiguousarray(people.swapaxes(1, 2))
-    return VoteScene(table, people, gates, *_map_arrays(views, joint_count))
+    return VoteScene(table, people, gates, *_map_arrays(views, joint_count), _limits(views))
 
 
 def _view_numbers(cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Array:
@@ -75,6 +78,17 @@ def _view_numbers(cameras: Sequence[Camera], views: Sequence[ViewDetections]) ->
         table[mapped, 25:27] = [each.grid_size for each in maps]
         table[mapped, 27:33] = np.array([each.grid_from_image for each in maps]).reshape(-1, 6)
     return table
+
+
+def _limits(views: Sequence[ViewDetections]) -> Array:
+    parts, end = [np.zeros(3 * len(views))], 3 * len(views)
+    for v, view in enumerate(views):
+        if view.limit is not None:
+            rows, columns = view.limit.cells.shape
+            parts[0][3 * v : 3 * v + 3] = end, columns, rows
+            parts.append(view.limit.metres.ravel())
+            end += rows * columns
+    return np.concatenate(parts)
 
 
 @lru_cache(maxsize=4096)

@@ -147,6 +147,7 @@ class ViewField:
         self.image_size = view.image_size
         self.keypoints = KeypointField(view.points, view.scores, widths)
         self.maps = None if view.maps is None else MapField(view.maps, view.points, gate * widths)
+        self.limit = view.limit
         self.mapped = frozenset(() if view.maps is None else view.maps.joints.tolist())
 
     def sample(self, joint: int, pixels: Array) -> Array:
@@ -162,6 +163,13 @@ class ViewField:
         """Whether the view can say something at pixels (N, 2): inside of the image and of the maps."""
         inside = ((pixels >= -0.5) & (pixels <= np.array(self.image_size) - 0.5)).all(-1)
         return inside if self.maps is None else inside & self.maps.covers(pixels)
+
+    def sees(self, pixels: Array, depths: Array) -> Array:
+        """Whether the view sees points at pixels (N, 2) and depths (N,) m: covered, and not hidden."""
+        covered = self.covers(pixels)
+        if self.limit is None:
+            return covered
+        return covered & self.limit.sees(np.where(covered[:, None], pixels, 0.0), depths, self.image_size)
 
     def _field(self, joint: int) -> ScoreField:
         return self.maps if self.maps is not None and joint in self.mapped else self.keypoints

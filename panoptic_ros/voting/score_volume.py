@@ -35,19 +35,20 @@ def vote_reference(
 ) -> tuple[Array, Array]:
     """Eq. 1 in numpy: votes (N,) of a joint at points (N, 3) m, and numbers of supporting views (N,).
 
-    The mean over the views that cover the point: in front of the camera, inside of the image and of
-    the maps; 0 where no view does. A view supports a point if its score is above `view_threshold`.
+    The mean over the views that see the point: in front of the camera, inside of the image and of the maps,
+    and not beyond the view's limit (see `VisibilityLimit`); 0 where no view does. A view supports a point
+    if its score is above `view_threshold`.
     """
-    total, covering = np.zeros(len(points)), np.zeros(len(points), np.int64)
+    total, seeing = np.zeros(len(points)), np.zeros(len(points), np.int64)
     support = np.zeros(len(points), np.int64)
     for field, camera in zip(fields, cameras):
-        pixels, seen = camera.project(points)
-        covered = seen & field.covers(pixels)
-        scores = np.where(covered, field.sample(joint, np.where(covered[:, None], pixels, 0.0)), 0.0)
+        pixels, ahead = camera.project(points)
+        seen = ahead & field.sees(pixels, camera.cam_from_world.apply(points)[:, 2])
+        scores = np.where(seen, field.sample(joint, np.where(seen[:, None], pixels, 0.0)), 0.0)
         total += scores
-        covering += covered
+        seeing += seen
         support += scores > view_threshold
-    return total / np.maximum(covering, 1), support
+    return total / np.maximum(seeing, 1), support
 
 
 def dense_peaks(

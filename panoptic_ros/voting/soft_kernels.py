@@ -1,4 +1,4 @@
-"""Compiled kernels of the soft vote. They call nothing outside of this file.
+"""Compiled kernels of the soft vote.
 
 The loops over the points of a ball are written so that the compiler can vectorise them: flat arrays,
 no branches, a Gaussian without library calls (relative error below 1e-5).
@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
+from panoptic_ros.voting.kernels import hidden, project
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
@@ -23,7 +24,7 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 def soft_argmax(scene, joints, starts, offsets, softness):
     """The mean of start + offsets (3, G), for each start (N, 3), weighted by exp(vote / softness).
 
-    The vote is eq. 1, with the number of views that cover the start. Where nothing votes, the start stays.
+    The vote is eq. 1 of the views that see the start. Where nothing votes, the start stays.
     """
     cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
     result = starts.copy()
@@ -35,6 +36,11 @@ def soft_argmax(scene, joints, starts, offsets, softness):
         votes[:] = 0.0
         j, covering = joints[n], 0
         for v in range(len(cameras)):
+            if scene.limits[3 * v] > 0.0:
+                x, y, z = starts[n, 0], starts[n, 1], starts[n, 2]
+                at_u, at_w, _, _, covered = project(cameras, v, x, y, z)
+                if covered and hidden(cameras, scene.limits, v, x, y, z, at_u, at_w):
+                    continue
             if map_start[v, j] >= 0 and _frame(cameras, v, starts[n], offsets[0, -1], frame):
                 covering += 1
                 if not _near_patch(scene.patch_start, scene.patch_table, v * joint_count + j, frame):

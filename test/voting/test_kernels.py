@@ -1,8 +1,11 @@
 """The compiled kernels against the numpy meaning."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from panoptic_ros.voting import kernels
+from panoptic_ros.domain import VisibilityLimit
+from panoptic_ros.voting import kernels, soft_vote
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.score_field import ViewField
 from panoptic_ros.voting.score_volume import vote_reference
@@ -10,11 +13,19 @@ from panoptic_ros.voting.score_volume import vote_reference
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 
 
-def setting(scenes, maps, distortion):
+def setting(scenes, maps, distortion, limits=False):
     rig = scenes.ring(4, distortion)
     people = [scenes.person(0.3, 0.2), scenes.person(0.1, -0.3, 1.0)]
     views = scenes.detect(rig, people, maps).views
+    if limits:
+        views = [replace(view, limit=random_limit(v)) for v, view in enumerate(views)]
     return rig, people, build_scene(rig.cameras, views, 19), [ViewField(view) for view in views]
+
+
+def random_limit(seed):
+    """Cells of 3 to 5 m and without limits, of another number in every view; none in the last."""
+    cells = np.random.default_rng(seed).integers(3000, 5000, (5 + seed, 9 - seed))
+    return None if seed == 3 else VisibilityLimit(np.where(cells % 3, cells, 0).astype(np.uint16))
 
 
 def points_about(people, rng):
@@ -22,10 +33,11 @@ def points_about(people, rng):
     return np.concatenate([near, rng.uniform(-6.0, 6.0, (150, 3))])
 
 
+@pytest.mark.parametrize("limits", [False, True])
 @pytest.mark.parametrize("distortion", [(), LENS])
 @pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
-def test_votes_are_those_of_numpy(scenes, maps, distortion):
-    rig, people, scene, fields = setting(scenes, maps, distortion)
+def test_votes_are_those_of_numpy(scenes, maps, distortion, limits):
+    rig, people, scene, fields = setting(scenes, maps, distortion, limits)
     rng = np.random.default_rng(0)
     points = points_about(people, rng)
     for joint in (0, 1, 5, 12):
@@ -38,15 +50,15 @@ def test_votes_are_those_of_numpy(scenes, maps, distortion):
 
 @pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
 def test_scores_of_persons_are_those_of_numpy(scenes, maps):
-    rig, people, scene, fields = setting(scenes, maps, LENS)
+    rig, people, scene, fields = setting(scenes, maps, LENS, limits=True)
     points = points_about(people, np.random.default_rng(1))
     joints = np.arange(len(points)) % 19
-    scores, covers = kernels.person_scores(scene, joints, points)
+    scores, seeing = kernels.person_scores(scene, joints, points)
     assert scores.max() > 0.5
     for v, (field, camera) in enumerate(zip(fields, rig.cameras)):
         pixels, seen = camera.project(points)
-        seen &= field.covers(pixels)
-        assert (covers[:, v] == seen).all()
+        seen &= field.sees(pixels, camera.cam_from_world.apply(points)[:, 2])
+        assert (seeing[:, v] == seen).all()
         for n in np.flatnonzero(seen):
             for i in range(2):
                 expected = field.sample_person(i, int(joints[n]), pixels[n : n + 1])
@@ -54,7 +66,7 @@ def test_scores_of_persons_are_those_of_numpy(scenes, maps):
 
 
 def test_a_block_of_voxels_holds_the_votes_of_its_centres(scenes):
-    _, _, scene, _ = setting(scenes, "merged", LENS)
+    _, _, scene, _ = setting(scenes, "merged", LENS, limits=True)
     first = np.array([3, 2, 20])
     votes, support = kernels.vote_block(scene, first, (5, 4, 6), 0.04, 0.1)
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in (5, 4, 6)), indexing="ij"), -1).reshape(-1, 3)
@@ -78,3 +90,27 @@ def test_eq_1_divides_by_the_views_that_see_the_point(scenes):
     seen = [camera.sees(behind)[0] for camera in rig.cameras]
     assert sum(seen) in (1, 2, 3)
     assert not seen[0]
+
+
+def test_a_view_behind_a_wall_neither_counts_nor_adds(scenes):
+    rig = scenes.ring(4)
+    people = [scenes.person(0.0, 0.0)]
+    item = scenes.detect(rig, people, score=0.8)
+    wall = VisibilityLimit(np.full((6, 8), 2000, np.uint16))  # 2 m before cameras that are 4 m away
+    joint, head = np.array([1]), people[0][1:2]
+    nobody = np.zeros((0, 19, 2)), np.zeros((0, 19)), np.zeros(0)
+    blind = replace(item.views[0], points=nobody[0], scores=nobody[1], person_scores=nobody[2])
+    votes = {}
+    for name, first in {
+        "open": item.views[0], "empty": blind, "walled": replace(blind, limit=wall),
+        "dreaming": replace(item.views[0], limit=wall),
+    }.items():  # fmt: skip
+        scene = build_scene(rig.cameras, (first, *item.views[1:]), 19)
+        votes[name] = tuple(float(x[0]) for x in kernels.vote_points(scene, joint, head, 0.1))
+        _, seen = kernels.person_scores(scene, joint, head)
+        assert seen[0].tolist() == [first.limit is None, True, True, True]
+        assert soft_vote.move(head, joint, scene) == pytest.approx(head, abs=0.01)
+    assert votes == {
+        "open": pytest.approx((0.8, 4)), "empty": pytest.approx((0.6, 3)),
+        "walled": pytest.approx((0.8, 3)), "dreaming": pytest.approx((0.8, 3)),
+    }  # fmt: skip

@@ -1,0 +1,89 @@
+"""How far a view sees: which views see a place, V(Z) of Joo et al. 2017, 5.1, beyond fields of view."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+FARTHEST = 65.535  # m; what is farther counts as unlimited
+LONGER_SIDE = 160  # cells, at most, of limits that are made here
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VisibilityLimit:
+    """The depth up to which a view sees joints, from depth maps and known occluders.
+
+    The cells divide the image evenly: pixel (u, w) of an image of width x height px lies in column
+    floor((u + 0.5) W / width) and row floor((w + 0.5) H / height); the image's right and lower borders
+    belong to the last ones. A view sees a point of its image if the point's depth is not above the limit of
+    its cell. Whatever a joint may lie behind a measured surface is part of the limit.
+
+    Args:
+        cells: (H, W) uint16, mm along the camera's z axis; 0 = no limit.
+    """
+
+    cells: Array
+
+    def __post_init__(self) -> None:
+        given = np.asarray(self.cells)
+        if given.dtype != np.uint16 or not given.size:
+            raise DataError(f"VisibilityLimit.cells is {given.dtype} {given.shape}, expected uint16 (H, W)")
+        Shapes(self).store("cells", np.uint16, "H W")
+
+    @classmethod
+    def of_depths(cls, depths: Array, margin: float) -> VisibilityLimit:
+        """The limit that surfaces set which divide the image as cells do.
+
+        Cells that are smaller than needed are put together, and the farthest surface counts; where one is
+        unknown there is no limit.
+
+        Args:
+            depths: (h, w) m along z; 0, NaN and infinite = unknown.
+            margin: m that a joint may lie behind a surface.
+
+        Raises:
+            DataError: on another shape, or a negative depth.
+        """
+        depths = np.asarray(depths)
+        if depths.ndim != 2 or not depths.size:
+            raise DataError(f"a depth map has shape {depths.shape}, expected (height, width)")
+        if (depths < 0.0).any():
+            raise DataError(f"a depth map has a negative depth, {np.nanmin(depths):.3f} m")
+        unknown = ~np.isfinite(depths) | (depths == 0.0)
+        far = np.where(unknown, np.inf, depths)
+        shrink = max(1.0, max(depths.shape) / LONGER_SIDE)
+        for axis, size in enumerate(depths.shape):
+            count = max(1, round(size / shrink))
+            cell = np.floor((np.arange(size) + 0.5) * (count / size))
+            far = np.maximum.reduceat(far, np.searchsorted(cell, np.arange(count)), axis=axis)
+        millimetres = np.ceil(1e3 * (far.astype(np.float64) + margin) - 1e-6)
+        return cls(np.where(millimetres <= 1e3 * FARTHEST, millimetres, 0.0).astype(np.uint16))
+
+    @property
+    def metres(self) -> Array:
+        """The limits (H, W) float64 m, infinite where there are none."""
+        return np.where(self.cells, self.cells * 1e-3, np.inf)
+
+    def sees(self, pixels: Array, depths: Array, image_size: tuple[int, int]) -> Array:
+        """Whether points at pixels (..., 2) of the image and depths (...) m are within the limit (...)."""
+        shape = np.array(self.cells.shape[::-1])
+        at = np.floor((np.asarray(pixels) + 0.5) * (shape / np.array(image_size))).astype(np.int64)
+        at = np.clip(at, 0, shape - 1)
+        return depths <= self.metres[at[..., 1], at[..., 0]]
+
+    def combined(self, other: VisibilityLimit) -> VisibilityLimit:
+        """The nearer of two limits of one view everywhere, on the finer of their cells."""
+        height, width = np.maximum(self.cells.shape, other.cells.shape)
+        one, two = self._spread(height, width), other._spread(height, width)
+        nearer = np.minimum(one - 1, two - 1)  # uint16: 0, no limit, becomes the largest
+        return VisibilityLimit(nearer + np.uint16(1))
+
+    def _spread(self, height: int, width: int) -> Array:
+        """The cells (height, width) that contain the middles of so many."""
+        rows = (2 * np.arange(height) + 1) * self.cells.shape[0] // (2 * height)
+        columns = (2 * np.arange(width) + 1) * self.cells.shape[1] // (2 * width)
+        return self.cells[np.ix_(rows, columns)]
