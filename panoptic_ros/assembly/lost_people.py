@@ -8,8 +8,10 @@ parts need 2D people. The final solve has no 2D joints for them: they stay at th
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
+from numba import njit
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.dynamic_programming import PartTree
@@ -26,6 +28,7 @@ MIN_VOTE = 0.2  # mean over the joints
 EXPLAINED = 0.15  # m, nodes so near to a joint of somebody known, or its mirror image, are explained
 LENGTH_SHARE = 0.25  # by which bones of people differ
 SKIP_WEIGHT = 0.5  # of a part that skips a joint
+LEAST_SCORE = 0.01  # of a part
 SAME_PERSON = 0.3  # m, mean joint distance from where somebody should be
 SPREAD = 0.03  # m, as for people who are guided
 
@@ -59,13 +62,10 @@ def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bo
     """Joints (P, J, 3) m of people among the nodes that the known people (K, J, 3) do not explain."""
     free = (item.node_views >= MIN_VIEWS) & ~explained(item.nodes, item.node_joints, known, skeleton)
     needed = MIN_SHARE * (len(skeleton) - len(skeleton.derived))
-    bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
-    lengths = np.linalg.norm(known[:, bones[:, 0]] - known[:, bones[:, 1]], axis=-1)
-    typical = np.array([np.median(row[row >= 0.0]) if (row >= 0.0).any() else np.nan for row in lengths.T])
     people: list[Array] = []
-    while len(np.unique(item.node_joints[free])) >= needed:
+    while np.count_nonzero(np.bincount(item.node_joints[free])) >= needed:
         nodes = _with_derived(item, np.flatnonzero(free), skeleton, max_bone)
-        parts = _with_parts(nodes, skeleton, typical, max_bone)
+        parts = _with_parts(item, nodes, known, skeleton, max_bone)
         _, chosen = PartTree(parts, skeleton, SKIP_WEIGHT).best()
         place = np.where((chosen >= 0)[:, None], parts.nodes[chosen], np.nan)
         own = np.ones(len(chosen), bool)
@@ -80,15 +80,33 @@ def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bo
 
 def explained(nodes: Array, joints: Array, known: Array, skeleton: SkeletonModel) -> Array:
     """Which nodes (N, 3) m of the joints (N,) lie at that joint of somebody, or at the other side's."""
-    near = np.zeros(len(nodes), bool)
-    for side in (np.arange(len(skeleton)), np.array(skeleton.mirror)):
-        gaps = np.linalg.norm(known[:, side[joints]] - nodes[None], axis=-1)
-        near |= (gaps < EXPLAINED).any(axis=0)  # False for NaN
+    return near_people(nodes, joints, np.ascontiguousarray(known), np.array(skeleton.mirror, np.int64))
+
+
+@njit(cache=True, error_model="numpy")
+def near_people(nodes, joints, known, mirror):  # type: ignore[no-untyped-def]
+    """The loops of `explained`."""
+    near = np.zeros(len(nodes), np.bool_)
+    for n in range(len(nodes)):
+        own, other = joints[n], mirror[joints[n]]
+        for p in range(len(known)):
+            gap = _distance(nodes[n], known[p, own])
+            near[n] |= gap < EXPLAINED or _distance(nodes[n], known[p, other]) < EXPLAINED  # False for NaN
     return near
 
 
-def _with_derived(item: ProposalSet, rows: Array, skeleton: SkeletonModel, max_bone: float) -> ProposalSet:
-    """Nodes `rows` without those of derived joints, and the means that could be these joints; no parts."""
+@njit(cache=True, error_model="numpy")
+def _distance(a, b):  # type: ignore[no-untyped-def]
+    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+def _with_derived(
+    item: ProposalSet, rows: Array, skeleton: SkeletonModel, max_bone: float
+) -> tuple[Array, Array, Array, Array]:
+    """Nodes `rows` without those of derived joints, and the means that could be these joints.
+
+    Their positions (N, 3) m, joints, votes and views (N,).
+    """
     kept = rows[~np.isin(item.node_joints[rows], [joint for joint, _ in skeleton.derived])]
     nodes, joints = [item.nodes[kept]], [item.node_joints[kept]]
     votes, views = [item.node_scores[kept]], [item.node_views[kept]]
@@ -103,41 +121,77 @@ def _with_derived(item: ProposalSet, rows: Array, skeleton: SkeletonModel, max_b
         joints.append(np.full(len(a), joint, item.node_joints.dtype))
         votes.append(np.minimum(item.node_scores[a], item.node_scores[b]))
         views.append(np.minimum(item.node_views[a], item.node_views[b]))
-    return replace(
-        item, nodes=np.concatenate(nodes), node_joints=np.concatenate(joints),
-        node_scores=np.concatenate(votes), node_views=np.concatenate(views), parts=np.zeros((0, 2)),
-        part_bones=[], part_scores=[],
-    )  # fmt: skip
+    return np.concatenate(nodes), np.concatenate(joints), np.concatenate(votes), np.concatenate(views)
 
 
-def _with_parts(item: ProposalSet, skeleton: SkeletonModel, typical: Array, max_bone: float) -> ProposalSet:
-    """The nodes with parts between all that may be bones, scored by votes and by length.
+def _with_parts(
+    item: ProposalSet, found: tuple[Array, Array, Array, Array], known: Array, skeleton: SkeletonModel,
+    max_bone: float,
+) -> ProposalSet:  # fmt: skip
+    """The nodes of `_with_derived` with parts between all that may be bones, scored by votes and by length.
 
     Args:
-        typical: (B,) m, lengths of the bones of people known, NaN = unknown.
+        known: (K, J, 3) m, people whose bones say how long others should be; NaN = missing.
     """
-    parents = skeleton.parents
-    kinds = [(a, b, k, typical[k]) for k, (a, b) in enumerate(skeleton.bones)]
-    kinds += [(parents[a], b, -1, np.nan) for a, b in skeleton.bones if parents[a] >= 0]
-    top = [child for parent, child in skeleton.bones if parent == skeleton.root]
-    kinds += [(a, b, -1, np.nan) for k, a in enumerate(top) for b in top[k + 1 :]]
-    parts, bones, scores = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
-    for first, second, bone, length in kinds:
-        a, b = (np.flatnonzero(item.node_joints == joint) for joint in (first, second))
-        a, b = np.repeat(a, len(b)), np.tile(b, len(a))
-        gaps = np.linalg.norm(item.nodes[a] - item.nodes[b], axis=1)
-        likely = np.ones(len(a))
-        if np.isfinite(length):
-            likely = np.exp(-0.5 * ((gaps - length) / (LENGTH_SHARE * length + 0.02)) ** 2)
-        value = 0.5 * (item.node_scores[a] + item.node_scores[b]) * likely
-        good = (gaps <= max_bone) & (value > 0.01)
-        parts.append(np.stack([a[good], b[good]], axis=1))
-        bones.append(np.full(good.sum(), bone))
-        scores.append(value[good])
+    nodes, joints, votes, views = found
+    kinds = _kinds_of_parts(skeleton)
+    parts, bones, scores = likely_parts(nodes, joints, votes, kinds, typical_lengths(known, kinds), max_bone)
     return replace(
-        item, parts=np.concatenate(parts), part_bones=np.concatenate(bones),
-        part_scores=np.concatenate(scores),
+        item, nodes=nodes, node_joints=joints, node_scores=votes, node_views=views, parts=parts,
+        part_bones=bones, part_scores=scores,
     )  # fmt: skip
+
+
+@cache
+def _kinds_of_parts(skeleton: SkeletonModel) -> Array:
+    """Pairs of joints and the bones that they are, -1 = skips a joint, (K, 3)."""
+    parents = skeleton.parents
+    kinds = [(a, b, k) for k, (a, b) in enumerate(skeleton.bones)]
+    kinds += [(parents[a], b, -1) for a, b in skeleton.bones if parents[a] >= 0]
+    top = [child for parent, child in skeleton.bones if parent == skeleton.root]
+    kinds += [(a, b, -1) for k, a in enumerate(top) for b in top[k + 1 :]]
+    return np.array(kinds, np.int64).reshape(-1, 3)
+
+
+@njit(cache=True, error_model="numpy")
+def typical_lengths(people, kinds):  # type: ignore[no-untyped-def]
+    """Median length (K,) m of each bone over people (P, J, 3) that have it; NaN if nobody, or no bone."""
+    lengths = np.full(len(kinds), np.nan)
+    found = np.empty(len(people))
+    for k in range(len(kinds)):
+        count = 0
+        for p in range(len(people)):
+            length = _distance(people[p, kinds[k, 0]], people[p, kinds[k, 1]])
+            if kinds[k, 2] >= 0 and length >= 0.0:  # False for NaN
+                found[count] = length
+                count += 1
+        if count:
+            lengths[k] = np.median(found[:count])
+    return lengths
+
+
+@njit(cache=True, error_model="numpy")
+def likely_parts(nodes, joints, votes, kinds, lengths, longest):  # type: ignore[no-untyped-def]
+    """Parts (M, 2), their bones and scores (M,): the mean vote of the ends, less where the length differs."""
+    parts, bones, scores = np.empty((256, 2), np.int64), np.empty(256, np.int64), np.empty(256)
+    count = 0
+    for k in range(len(kinds)):
+        for a in np.flatnonzero(joints == kinds[k, 0]):
+            for b in np.flatnonzero(joints == kinds[k, 1]):
+                gap = _distance(nodes[a], nodes[b])
+                value = 0.5 * (votes[a] + votes[b])
+                if np.isfinite(lengths[k]):
+                    value *= np.exp(-0.5 * ((gap - lengths[k]) / (LENGTH_SHARE * lengths[k] + 0.02)) ** 2)
+                if not (gap <= longest and value > LEAST_SCORE):
+                    continue
+                if count == len(bones):
+                    parts = np.concatenate((parts, np.empty_like(parts)))
+                    bones = np.concatenate((bones, np.empty_like(bones)))
+                    scores = np.concatenate((scores, np.empty_like(scores)))
+                parts[count, 0], parts[count, 1] = a, b
+                bones[count], scores[count] = kinds[k, 2], value
+                count += 1
+    return parts[:count], bones[:count], scores[:count]
 
 
 def _known_before(places: Array, prediction: Prediction, taken: Array) -> Array:

@@ -47,36 +47,95 @@ def chosen_nodes(
     chosen = np.full(positions.shape[:2], -1, np.int64)
     if not len(item.nodes) or not len(positions):
         return chosen
-    for joint in np.intersect1d(np.unique(item.node_joints), _mapped_joints(item)):
-        nodes = np.flatnonzero((item.node_joints == joint) & (item.node_scores > 0.0))
-        here, there = positions[:, joint], expected[:, joint]
-        guided = np.isfinite(there[:, 0])
-        there = np.where(guided[:, None], there, here)
-        away = np.linalg.norm(item.nodes[nodes] - there[:, None], axis=-1)  # (P, N)
-        moved = np.linalg.norm(item.nodes[nodes] - here[:, None], axis=-1)
-        strong = item.node_views[nodes] >= NODE_VIEWS
-        allowed = (moved <= gate) | (strong & (away <= FARTHEST))  # False for NaN
-        if _is_clear(allowed, moved <= gate, item.node_scores[nodes]):
-            chosen[:, joint] = nodes[allowed.argmax(axis=1)]
-            continue
-        places = np.concatenate([np.tile(item.nodes[nodes], (len(here), 1, 1)), here[:, None]], axis=1)
-        strange = bone_differences(places, positions, int(joint), skeleton)
-        cost = _cost(away, item.node_scores[nodes]) + strange[:, :-1]
-        cost += np.nan_to_num(np.minimum(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE))
-        cost[~allowed] = _NEVER
-        stay = _cost(np.nan_to_num(np.linalg.norm(here - there, axis=-1)), OWN_VOTE) + strange[:, -1]
-        own = np.full((len(here), len(here)), _NEVER)
-        np.fill_diagonal(own, stay)
-        people, columns = linear_sum_assignment(np.concatenate([cost, own], axis=1))
-        taken = (columns < len(nodes)) & (cost[people, np.minimum(columns, len(nodes) - 1)] < _NEVER)
+    given = (
+        positions, expected, item.nodes, item.node_joints, item.node_scores, item.node_views, float(gate)
+    )  # fmt: skip
+    for joint in choose_clear(*given, _mapped_joints(item, len(skeleton)), chosen):
+        nodes, cost = choice_costs(*given, joint, *_neighbours(skeleton, joint))
+        people, columns = linear_sum_assignment(cost)
+        taken = (columns < len(nodes)) & (cost[people, columns] < _NEVER)
         chosen[people[taken], joint] = nodes[columns[taken]]
     return chosen
 
 
-def _is_clear(allowed: Array, near: Array, votes: Array) -> bool:
-    """Whether everybody has one node that is allowed (P, N), at hand, with votes, and nobody else's."""
-    alone = (allowed.sum(axis=1) == 1).all() and (allowed.sum(axis=0) <= 1).all()
-    return bool(alone and (allowed & near & (votes > OWN_VOTE)).any(axis=1).all())
+@njit(cache=True, error_model="numpy")
+def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, mapped,
+                 chosen):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Choose, in place, where everybody has one allowed node, at hand, with votes, and nobody else's.
+
+    Returns:
+        the other joints that maps show (`mapped`, (J,)) and that have nodes.
+    """
+    left = np.empty(len(mapped), np.int64)
+    count = 0
+    own, taken = np.empty(len(positions), np.int64), np.zeros(len(nodes), np.bool_)
+    for joint in np.flatnonzero(mapped):
+        clear, some = True, False
+        taken[:] = False
+        for p in range(len(positions)):
+            number, own[p] = 0, -1
+            near = False
+            for n in range(len(nodes)):
+                if node_joints[n] != joint or not votes[n] > 0.0:
+                    continue
+                some = True
+                moved, away = _distances(nodes[n], positions[p, joint], expected[p, joint])
+                if _is_allowed(moved, away, views[n], gate):
+                    number, own[p], near = number + 1, n, moved <= gate
+            clear &= number == 1 and near and votes[own[p]] > OWN_VOTE and not taken[own[p]]
+            taken[own[p]] |= number == 1
+        if clear:
+            chosen[:, joint] = own
+        elif some:
+            left[count] = joint
+            count += 1
+    return left[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def choice_costs(positions, expected, nodes, node_joints, votes, views, gate, joint, ends,
+                 mirror):  # type: ignore[no-untyped-def]  # fmt: skip
+    """The nodes (N,) of a joint, and what they cost everybody, and staying, (P, N + P)."""
+    which = np.flatnonzero((node_joints == joint) & (votes > 0.0))
+    people, count = len(positions), len(which)
+    places = np.empty((people, count + 1, 3))
+    for p in range(people):
+        places[p, :count], places[p, count] = nodes[which], positions[p, joint]
+    strange = sum_differences(places, positions, joint, ends, mirror)
+    cost = np.full((people, count + people), _NEVER)
+    for p in range(people):
+        for k in range(count):
+            n = which[k]
+            moved, away = _distances(nodes[n], positions[p, joint], expected[p, joint])
+            if _is_allowed(moved, away, views[n], gate):
+                cost[p, k] = _cost(away, votes[n]) + strange[p, k]
+                if np.isfinite(moved):
+                    cost[p, k] += min(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE)
+        _, stay = _distances(positions[p, joint], positions[p, joint], expected[p, joint])
+        cost[p, count + p] = _cost(stay if np.isfinite(stay) else 0.0, OWN_VOTE) + strange[p, count]
+    return which, cost
+
+
+@njit(cache=True, error_model="numpy")
+def _distances(node, here, there):  # type: ignore[no-untyped-def]
+    """Of a node from where a joint was triangulated, and from where it should be: if unknown, the same."""
+    moved = away = 0.0
+    for i in range(3):
+        moved += (node[i] - here[i]) ** 2
+        away += (node[i] - there[i]) ** 2
+    moved = np.sqrt(moved)
+    return moved, (np.sqrt(away) if np.isfinite(there[0]) else moved)
+
+
+@njit(cache=True, error_model="numpy")
+def _is_allowed(moved, away, views, gate):  # type: ignore[no-untyped-def]
+    """Whether a node may be a joint; it may not if its distances are NaN."""
+    return moved <= gate or (views >= NODE_VIEWS and away <= FARTHEST)
+
+
+@njit(cache=True, error_model="numpy")
+def _cost(distance, vote):  # type: ignore[no-untyped-def]
+    return min(0.5 * (distance / CHOICE_SIGMA) ** 2, WORST_DISTANCE) - np.log(vote)
 
 
 def bone_differences(places: Array, positions: Array, joint: int, skeleton: SkeletonModel) -> Array:
@@ -117,12 +176,10 @@ def sum_differences(places, positions, joint, ends, mirror):  # type: ignore[no-
     return total
 
 
-def _cost(distance: Array, vote: Array | float) -> Array:
-    return np.minimum(0.5 * (distance / CHOICE_SIGMA) ** 2, WORST_DISTANCE) - np.log(vote)
-
-
-def _mapped_joints(item: ProposalSet) -> Array:
-    """Joints that the maps of at least two views show."""
-    views = [np.unique(view.maps.joints) for view in item.detections.views if view.maps is not None]
-    joints, counts = np.unique(np.concatenate([np.zeros(0, np.int32), *views]), return_counts=True)
-    return joints[counts >= 2]
+def _mapped_joints(item: ProposalSet, joint_count: int) -> Array:
+    """Which joints (J,) the maps of at least two views show."""
+    shown = np.zeros((len(item.detections.views), joint_count), bool)
+    for row, view in zip(shown, item.detections.views):
+        if view.maps is not None:
+            row[view.maps.joints] = True
+    return shown.sum(axis=0) >= 2

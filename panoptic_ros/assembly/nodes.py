@@ -7,6 +7,7 @@ then the measurement.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from panoptic_ros.domain import ProposalSet
 
@@ -30,18 +31,31 @@ def take_nodes(item: ProposalSet, expected: Array, weak: Array, gate: float) -> 
     Returns:
         (P, J) index of the node, -1 = none.
     """
+    return closest_nodes(
+        item.nodes, item.node_joints, item.node_views, np.ascontiguousarray(expected), weak, float(gate)
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def closest_nodes(nodes, node_joints, views, expected, weak, gate):  # type: ignore[no-untyped-def]
+    """The loops of `take_nodes`."""
     chosen = np.full(weak.shape, -1, np.int64)
-    good = item.node_views >= NODE_VIEWS
     for joint in range(weak.shape[1]):
-        nodes = np.flatnonzero((item.node_joints == joint) & good)
         people = np.flatnonzero(weak[:, joint] & np.isfinite(expected[:, joint, 0]))
-        if not len(nodes) or not len(people):
+        if not len(people):
             continue
-        gaps = np.linalg.norm(expected[people, joint][:, None] - item.nodes[nodes][None], axis=-1)
-        for index in np.argsort(gaps, axis=None, kind="stable"):
-            i, k = np.unravel_index(index, gaps.shape)
-            if gaps[i, k] > gate:
+        near = np.flatnonzero((node_joints == joint) & (views >= NODE_VIEWS))
+        gaps = np.empty(len(people) * len(near))
+        for i in range(len(people)):
+            for k in range(len(near)):
+                square = 0.0
+                for axis in range(3):
+                    square += (expected[people[i], joint, axis] - nodes[near[k], axis]) ** 2
+                gaps[i * len(near) + k] = np.sqrt(square)
+        for at in np.argsort(gaps, kind="mergesort"):
+            p, n = people[at // len(near)], near[at % len(near)]
+            if gaps[at] > gate:
                 break
-            if chosen[people[i], joint] < 0 and nodes[k] not in chosen[:, joint]:
-                chosen[people[i], joint] = nodes[k]
+            if chosen[p, joint] < 0 and not (chosen[:, joint] == n).any():
+                chosen[p, joint] = n
     return chosen
