@@ -13,7 +13,7 @@ from panoptic_ros.voting import (
     rectangle_kernels,
     voxel_kernels,
 )
-from panoptic_ros.voting.lens_bounds import BINS, slope_bounds
+from panoptic_ros.voting.lens_bounds import BINS, seen_radius, slope_bounds
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 from panoptic_ros.voting.score_volume import ENOUGH, Peaks, sorted_peaks
@@ -28,7 +28,8 @@ class BoxScene(NamedTuple):
     """What the kernels of the search need of V views and of up to 32 joints.
 
     views: (V, 550) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
-        (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m, the lens bounds.
+        (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m (with distortion
+        twice the radius that is seen), the lens bounds.
     layers: (V, L, 3) first cell, width in memory, height; values (N, 32) uint8: pyramids.
     spread: (N, 32) uint8, the largest values of each cell and those right, below, and both.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN where missing.
@@ -49,7 +50,7 @@ class BoxSearch:
     """Finds what `dense_peaks` finds; holds the lens bounds of the cameras it has met, and memory."""
 
     def __init__(self) -> None:
-        self._lenses: dict[bytes, tuple[Array, float]] = {}
+        self._lenses: dict[bytes, tuple[Array, float, float]] = {}
         self._memory = new_pyramids(0)
 
     def peaks(
@@ -102,16 +103,16 @@ class BoxSearch:
         views[:, :34] = scene.cameras
         views[:, 34] = np.abs(scene.cameras[:, 6:9]).sum(axis=1)
         for v, row in enumerate(scene.cameras):
+            y = (np.array([-0.5, row[24] - 0.5]) - row[16]) / row[15]
+            x = (np.array([[-0.5], [row[23] - 0.5]]) - row[14] - row[13] * y) / row[12]
             if row[17:22].any():
-                key = row[17:23].tobytes()
+                key = row[12:25].tobytes()
                 if key not in self._lenses:
-                    self._lenses[key] = slope_bounds(row[17:22], float(np.sqrt(row[22])))
-                bounds, views[v, 35] = self._lenses[key]
+                    seen = seen_radius(row[17:22], float(np.sqrt(row[22])), float(np.hypot(x, y).max()))
+                    self._lenses[key] = (*slope_bounds(row[17:22], seen), seen)
+                bounds, views[v, 35], views[v, 36:38] = self._lenses[key]
                 views[v, rectangle_kernels.BEND :] = bounds.ravel()
-                views[v, 36:38] = np.sqrt(row[22])
             else:
-                y = (np.array([-0.5, row[24] - 0.5]) - row[16]) / row[15]
-                x = (np.array([[-0.5], [row[23] - 0.5]]) - row[14] - row[13] * y) / row[12]
                 views[v, 36:38] = np.abs(x).max() * 1.000001, np.abs(y).max() * 1.000001
         return views
 

@@ -1,19 +1,39 @@
-"""How much a small move of a normalised image point can move its distorted image, at most."""
+"""Bounds of lens distortion: where an image ends, and how far a small move of a point moves its image."""
 from __future__ import annotations
 
 import numpy as np
 
 Array = np.ndarray
 BINS = 256
-FARTHEST = 10.0  # normalised radius up to which lenses that never fold are bounded
+FARTHEST = 10.0  # normalised radius up to which lenses are bounded at most
+BEYOND = 1.5  # the same, in radii that an image reaches
 
 
-def slope_bounds(distortion: Array, fold_radius: float) -> tuple[Array, float]:
+def seen_radius(distortion: Array, fold_radius: float, image_radius: float) -> float:
+    """Undistorted radius beyond which nothing can be seen in an image; perhaps infinite.
+
+    Args:
+        distortion: (5,) k1, k2, p1, p2, k3.
+        fold_radius: undistorted radius beyond which nothing is seen anyway.
+        image_radius: of the distorted image point in the image that is farthest from the axis.
+    """
+    k1, k2, p1, p2, k3 = distortion
+    # of distorted radii that are not larger: those without tangential terms, less 3 |p| r^2
+    outside = np.trim_zeros([k3, 0.0, k2, 0.0, k1, -3.0 * np.hypot(p1, p2), 1.0, -image_radius], "f")
+    if (outside[0] if np.isinf(fold_radius) else np.polyval(outside, fold_radius)) <= 0.0:
+        return fold_radius
+    roots = np.roots(outside)
+    real = np.abs(roots[(roots.real > 0.0) & (np.abs(roots.imag) < 1e-3 * np.abs(roots))])
+    seen = 1.001 * float(real[real < fold_radius].max(initial=0.0))
+    return min(seen, fold_radius) if np.polyval(outside, seen) > 0.0 else fold_radius
+
+
+def slope_bounds(distortion: Array, seen: float) -> tuple[Array, float]:
     """Bounds of the Jacobian of `Intrinsics.distort` by the distance from the axis.
 
     Args:
         distortion: (5,) k1, k2, p1, p2, k3.
-        fold_radius: undistorted radius beyond which nothing is seen.
+        seen: undistorted radius beyond which nothing is seen.
 
     Returns:
         bounds (BINS, 2) and end: of all points whose radius is at most (b + 1) * end / BINS, the diagonal
@@ -21,7 +41,7 @@ def slope_bounds(distortion: Array, fold_radius: float) -> tuple[Array, float]:
         of the polynomials is taken at the worst end of each bin.
     """
     k1, k2, p1, p2, k3 = distortion
-    end = min(fold_radius, FARTHEST)
+    end = min(BEYOND * seen, FARTHEST)
     edges = np.linspace(0.0, end, BINS + 1)
     low, high = (edges[:-1] * (1.0 - 1e-6)) ** 2, (edges[1:] * (1.0 + 1e-6)) ** 2
     bent = _largest(low, high, (1.0, k1, k2, k3))  # across the radius

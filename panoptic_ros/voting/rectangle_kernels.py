@@ -70,7 +70,8 @@ def _bend_of_all(views, v, x, y, z, depth, h):
     far_x = abs(px) + scale * _lean(views, v, 0, px)
     far_y = abs(py) + scale * _lean(views, v, 3, py)
     far2, end = far_x * far_x + far_y * far_y, views[v, 35]
-    within = far2 < min(views[v, 22], end * end) * (1.0 - TINY)
+    seen = min(views[v, 36], end)
+    within = far2 < seen * seen * (1.0 - TINY)
     at = BEND + 2 * min(int(math.sqrt(far2) / end * BINS) if within else 0, BINS - 1)
     return views[v, at], views[v, at + 1], within
 
@@ -183,15 +184,15 @@ def _lean(views, v, at, slope):
 @_inline
 def _bend(views, v, px, py, wx, wy):
     """The distorted middle and half sides of a rectangle of the image plane, infinite if not bounded."""
-    fold, end = views[v, 22], views[v, 35]
+    seen2, end2 = views[v, 36] ** 2, views[v, 35] ** 2
     left, top = max(abs(px) - wx, 0.0), max(abs(py) - wy, 0.0)
     r2, far2 = px * px + py * py, (abs(px) + wx) ** 2 + (abs(py) + wy) ** 2
-    beyond = left * left + top * top >= fold * (1.0 + TINY)
-    sees = NONE if beyond else ALL if far2 < fold * (1.0 - TINY) else PART
-    # farther out than the end points are bounded only if they are beyond the fold, too, and not seen
-    bounded = (far2 < end * end * (1.0 - TINY)) | (end * end >= fold * (1.0 - TINY))
-    if bounded & (r2 < end * end * (1.0 - TINY)):
-        at = BEND + 2 * min(int(math.sqrt(far2) / end * BINS), BINS - 1)
+    beyond = left * left + top * top >= seen2 * (1.0 + TINY)
+    sees = NONE if beyond else ALL if far2 < seen2 * (1.0 - TINY) else PART
+    # farther out than the end points are bounded only if they are not seen
+    bounded = (far2 < end2 * (1.0 - TINY)) | (end2 >= seen2 * (1.0 - TINY))
+    if bounded & (r2 < end2 * (1.0 - TINY)):
+        at = BEND + 2 * min(int(math.sqrt(far2 / end2) * BINS), BINS - 1)
         p1, p2 = views[v, 19], views[v, 20]
         radial = 1.0 + r2 * (views[v, 17] + r2 * (views[v, 18] + r2 * views[v, 21]))
         dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.voting.lens_bounds import BINS, slope_bounds
+from panoptic_ros.voting.lens_bounds import BINS, seen_radius, slope_bounds
 
 LENSES = [(), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, -0.1, 0.02, 0.03, 0.1)]
 
@@ -20,3 +22,28 @@ def test_no_slope_is_above_its_bound(lens):
     assert (slopes[:, [0, 1], [1, 0]] <= mine[:, 1:] + 1e-12).all()
     if not lens:
         assert bounds == pytest.approx(np.tile([1.0, 0.0], (BINS, 1)))
+
+
+@given(
+    lens=st.tuples(*[st.floats(-limit, limit) for limit in (0.5, 0.2, 0.01, 0.01, 0.1)]),
+    image_radius=st.floats(0.2, 3.0),
+    angle=st.floats(0.0, 6.3),
+)  # fmt: skip
+def test_nothing_is_seen_beyond_the_seen_radius(lens, image_radius, angle):
+    intrinsics = Intrinsics(np.diag([500.0, 500.0, 1.0]), np.array(lens))
+    limit = intrinsics.radius_limit
+    seen = seen_radius(intrinsics.distortion, limit, image_radius)
+    assert seen <= limit
+    radius = np.geomspace(min(seen, 1e6), min(limit, 1e7), 2000)
+    plane = radius[:, None] * (np.cos(angle), np.sin(angle))
+    reached = np.linalg.norm(intrinsics.distort(plane), axis=-1)
+    assert (reached[(radius > seen) & (radius < limit)] > image_radius).all()
+
+
+def test_the_seen_radius_is_where_the_image_ends():
+    assert seen_radius(np.zeros(5), np.inf, 0.7) == pytest.approx(0.7, rel=2e-3)
+    barrel = Intrinsics(np.diag([500.0, 500.0, 1.0]), np.array([-0.126, 0.038]))
+    end = np.linalg.norm(barrel.distort(np.array([1.0, 0.0])))
+    assert seen_radius(barrel.distortion, barrel.radius_limit, end) == pytest.approx(1.0, rel=2e-3)
+    fold = Intrinsics(np.diag([500.0, 500.0, 1.0]), np.array([-0.6])).radius_limit
+    assert seen_radius(np.array([-0.6, 0.0, 0.0, 0.0, 0.0]), fold, 5.0) == fold
