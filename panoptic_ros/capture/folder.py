@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
@@ -166,7 +166,7 @@ def fit_rig(
                 f"camera {camera.name}: calibrated at {camera.image_size[0]}x{camera.image_size[1]}, "
                 f"images are {size[0]}x{size[1]}: {size_policy}"
             )
-    return Rig(tuple(fitted), rig.frame_id), tuple(changes)
+    return replace(rig, cameras=tuple(fitted)), tuple(changes)
 
 
 def _videos(path: Path) -> dict[str, Path]:

@@ -14,6 +14,7 @@ from panoptic_ros.domain.detections import (
     ViewFrame,
 )
 from panoptic_ros.domain.joint_map import JointMap
+from panoptic_ros.domain.occluders import Occluders
 from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
 from panoptic_ros.domain.proposals import ProposalSet
 from panoptic_ros.domain.rig import Rig
@@ -42,6 +43,7 @@ __all__ = [
     "JointMap",
     "JointState",
     "MasterNs",
+    "Occluders",
     "PoseSet",
     "ProposalSet",
     "RefinedPoseSet",

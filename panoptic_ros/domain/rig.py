@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from panoptic_ros.domain.camera import Camera
+from panoptic_ros.domain.occluders import Occluders
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import ProjectionStack
 
@@ -15,12 +16,16 @@ from panoptic_ros.geometry import ProjectionStack
 class Rig:
     """Cameras with different names, in a fixed order, in the world frame `frame_id` (z up, metres).
 
+    Args:
+        occluders: fixed things between which the cameras look, None = none are known.
+
     Raises:
         CalibrationError: without cameras, or with two of one name.
     """
 
     cameras: tuple[Camera, ...]
     frame_id: str = "world"
+    occluders: Occluders | None = None
 
     def __post_init__(self) -> None:
         cameras = tuple(self.cameras)
@@ -60,7 +65,7 @@ class Rig:
     def subset(self, names: Iterable[str]) -> Rig:
         """A rig of some of the cameras, in the order of this rig."""
         wanted = {self.index(name) for name in names}
-        return Rig(tuple(self.cameras[i] for i in sorted(wanted)), self.frame_id)
+        return replace(self, cameras=tuple(self.cameras[i] for i in sorted(wanted)))
 
     def stack(self) -> ProjectionStack:
         """All cameras as arrays."""

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer, WriterError
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import file_errors
-from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
+from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
 
 
 class BagWriter:
@@ -121,15 +121,32 @@ class BagReader:
             yield topic, stamp, self._decode(topic, data, kind)
 
     def raw(self, *topics: str) -> Iterator[tuple[str, int, bytes, str]]:
-        """(topic, recording stamp ns, CDR bytes, type)."""
+        """(topic, recording stamp ns, CDR bytes, type).
+
+        Raises:
+            DataError: if the bag is damaged, or its messages of this project are of another version.
+        """
         chosen = [c for c in self._reader.connections if not topics or c.topic in topics]
         if not chosen:
             return
+        for connection in chosen:
+            self._check_version(connection.topic, connection.msgtype, connection.digest)
         try:
             for connection, stamp, data in self._reader.messages(chosen):
                 yield connection.topic, stamp, data, connection.msgtype
         except Exception as error:  # as above
             raise DataError(f"{self.path} is damaged: {_one_line(error)}") from None
+
+    def _check_version(self, topic: str, kind: str, digest: str) -> None:
+        """Messages of this project must be defined as they are here; a bag holds the hash."""
+        store = bag_typestore()
+        ours = kind.startswith(f"{PACKAGE}/")
+        if ours and kind in store.types and digest and digest != store.hash_rihs01(kind):
+            raise DataError(
+                f"{self.path} was recorded by another version of this program, whose {kind.split('/')[-1]} "
+                f"(topic {topic}) had other fields; read it with that version, or make the bag anew from the "
+                "capture with `panoptic run`"
+            )
 
     def _decode(self, topic: str, data: bytes, kind: str) -> Any:
         try:

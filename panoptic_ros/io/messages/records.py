@@ -20,6 +20,7 @@ from panoptic_ros.domain import (
     TimeShift,
     TrackedPoseSet,
     ViewDetections,
+    VisibilityLimit,
 )
 from panoptic_ros.errors import ContractError
 from panoptic_ros.io.messages import statics
@@ -27,6 +28,7 @@ from panoptic_ros.io.messages.arrays import flat, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
 Array = np.ndarray
+_NO_CELLS = np.zeros(0, np.uint16)
 
 
 def to_message(record: Any, family: Messages, frame_id: str = "world") -> Any:
@@ -100,6 +102,9 @@ def _write_view(view: ViewDetections, family: Messages, frame_id: str) -> Any:
         person_scores=flat(family, view.person_scores, np.float64),
         has_maps=view.maps is not None,
         maps=_write_maps(view.maps, family),
+        limit_rows=0 if view.limit is None else view.limit.cells.shape[0],
+        limit_columns=0 if view.limit is None else view.limit.cells.shape[1],
+        limits=flat(family, _NO_CELLS if view.limit is None else view.limit.cells, np.uint16),
     )
 
 
@@ -116,7 +121,14 @@ def _read_view(message: Any) -> ViewDetections:
         shaped(message.scores, "ViewDetections.scores", people, joints),
         np.asarray(message.person_scores),
         _read_maps(message.maps) if message.has_maps else None,
+        _read_limit(message),
     )
+
+
+def _read_limit(message: Any) -> VisibilityLimit | None:
+    shape = int(message.limit_rows), int(message.limit_columns)
+    cells = shaped(message.limits, "ViewDetections.limits", *shape)
+    return VisibilityLimit(cells) if cells.size else None
 
 
 def _write_set(item: DetectionSet, family: Messages, frame_id: str) -> Any:

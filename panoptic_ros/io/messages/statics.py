@@ -12,6 +12,7 @@ from panoptic_ros.domain import (
     Camera,
     ClockModel,
     FrameRate,
+    Occluders,
     Rig,
     SkeletonModel,
     Timecode,
@@ -76,7 +77,14 @@ def write_rig(rig: Rig, family: Messages, frame_id: str) -> Any:
         )
         for camera in rig.cameras
     ]
-    return family.make("Rig", header=family.header(0, rig.frame_id), cameras=cameras)
+    things = rig.occluders or Occluders.joined(())
+    return family.make(
+        "Rig",
+        header=family.header(0, rig.frame_id),
+        cameras=cameras,
+        occluder_vertices=flat(family, things.vertices, np.float64),
+        occluder_triangles=flat(family, things.triangles, np.uint32),
+    )
 
 
 def read_rig(message: Any) -> Rig:
@@ -89,7 +97,11 @@ def read_rig(message: Any) -> Rig:
         )
         for c in message.cameras
     )
-    return Rig(cameras, str(message.header.frame_id))
+    things = Occluders(
+        shaped(message.occluder_vertices, "Rig.occluder_vertices", len(message.occluder_vertices) // 3, 3),
+        shaped(message.occluder_triangles, "Rig.occluder_triangles", len(message.occluder_triangles) // 3, 3),
+    )
+    return Rig(cameras, str(message.header.frame_id), things if len(things.triangles) else None)
 
 
 def write_audio(block: AudioBlock, family: Messages, frame_id: str) -> Any:

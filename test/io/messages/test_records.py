@@ -1,6 +1,7 @@
 """Every record survives the way through a message, bit for bit, in both families."""
 import copy
 from contextlib import suppress
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,6 +13,7 @@ from panoptic_ros.domain import (
     ClockModel,
     DetectionSet,
     FrameRate,
+    Occluders,
     PoseSet,
     ProposalSet,
     RefinedPoseSet,
@@ -24,6 +26,7 @@ from panoptic_ros.domain import (
     TrackedPoseSet,
     ViewDetections,
     ViewFrame,
+    VisibilityLimit,
 )
 from panoptic_ros.errors import DataError, UserError
 from panoptic_ros.geometry import Intrinsics, Rigid
@@ -74,7 +77,10 @@ def shift(people=2):
     return TimeShift(*(rng.normal(size=(people, 3, *tail)) for tail in ((3, 3), (3,), (3,), (3, 3))))
 
 
-SET = DetectionSet(5, 99, "cafe0123", (view("a"), view("b", 0), view("c", with_maps=False)))
+LIMIT = VisibilityLimit(rng.integers(0, 65535, (3, 4)).astype(np.uint16))
+SET = DetectionSet(
+    5, 99, "cafe0123", (view("a"), view("b", 0), replace(view("c", with_maps=False), limit=LIMIT))
+)
 RATE = FrameRate(30, Fraction(30000, 1001), True)
 CAMERA = Camera(
     "cam0", (640, 480),
@@ -87,7 +93,7 @@ RECORDS = [
     poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
     poses(TrackedPoseSet, ids=[4, 2], newest_ns=10**18 + 7, time_shift=shift()),
     SkeletonModel("s", ("a", "b", "c"), 0, ((0, 1), (0, 2)), 1, ((1, 2),), ((0, (1, 2)),)),
-    Rig((CAMERA,), "map"),
+    Rig((CAMERA,), "map"), Rig((CAMERA,), "map", Occluders.box((4.0, 0.1, 2.5), np.eye(3), (0.0, 2.0, 1.25))),
     AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, 50)),
     TimecodeReading("mic", 17, Timecode(1, 2, 3, 4, RATE), 12.25, 0.5, True, 0xDEADBEEF),
     ClockModel("mic", 17, 0.25, 1e-6, np.eye(2)),
@@ -162,6 +168,7 @@ def test_compressed_image_round_trip():
         ("points", np.full(12, np.inf), "not finite|infinite"),
         ("image_width", 0, "image_size"),
         ("person_scores", np.array([0.1, np.nan]), "scores"),
+        ("limits", np.ones(5, np.uint16), "ViewDetections.limits has 5 values, expected 0 x 0"),
     ],
 )
 def test_bad_content_is_refused(field, value, match):
