@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.cli.evaluate_joints import only_joints, spelt_alike
 from panoptic_ros.cli.evaluate_study import add_study_arguments, run_study
 from panoptic_ros.errors import DataError, UsageError, UserError
 from panoptic_ros.evaluation import (
@@ -34,6 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("result", type=Path, nargs="?", help="estimated skeletons")
     parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="also draw the plots into DIR")
+    parser.add_argument(
+        "--joints", metavar="WHICH",
+        help="compare only these: a skeleton (coco17, ..., or a YAML file) or names separated by commas",
+    )  # fmt: skip
     parser.add_argument("--skip", type=int, default=0, metavar="N", help="leave out the first N truth frames")
     parser.add_argument(
         "--align-time", action="store_true",
@@ -66,6 +71,11 @@ def run(args: argparse.Namespace) -> int:
     truth, result = read_sequence(args.truth), read_sequence(args.result)
     if not truth.frames:
         raise DataError(f"{args.truth} has no frames")
+    if args.joints is not None:
+        if args.protocol in PCP_RULES:
+            raise UsageError("--joints needs the default protocol; those of PCP are fixed")
+        truth = only_joints(truth, args.joints)
+    result = spelt_alike(result, truth)
     offset = None
     if args.align_time:
         offset = find_time_offset(truth, result)

@@ -1,6 +1,7 @@
 """Whether people are found, and whether they keep their identity.
 
-All counts are on found pairs. Switch: a truth person is found under another id than when last found.
+All counts are on found pairs. Switch: a truth person is found under another id than when last found;
+over a gap if the truth has no frame for `GAP` in between (nobody can follow people through cuts).
 Fragment: a truth person is found again after frames in which it was not (frames in which it is to
 be ignored do not count). MOTA = 1 - (missed + false + switches) / truth. IDF1 = 2 * found pairs under the
 best one-to-one map of identities / (truth + result).
@@ -17,16 +18,22 @@ from scipy.optimize import linear_sum_assignment
 from panoptic_ros.evaluation.joint_scores import ratio
 from panoptic_ros.evaluation.pairing import FramePair
 
+GAP = 1.0  # s
+
 
 @dataclass(frozen=True, slots=True)
 class PersonScores:
-    """Skeletons counted over all frames; recall and precision are shares of found ones."""
+    """Skeletons counted over all frames; recall and precision are shares of found ones.
+
+    unmatched_per_frame: skeletons of the result that are nobody's (of a truth that may not list everybody).
+    """
 
     truth: int
     result: int
     found: int
     recall: float
     precision: float
+    unmatched_per_frame: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +41,7 @@ class IdentityScores:
     """Counts of identity errors, and MOTA and IDF1 (at most 1)."""
 
     switches: int
+    switches_over_gaps: int  # of these
     fragments: int
     mota: float
     idf1: float
@@ -49,27 +57,36 @@ def score_people(pairs: Sequence[FramePair]) -> PersonScores:
     truth = sum(len(pair.truth_ids) for pair in pairs)
     result = sum(len(pair.result_ids) for pair in pairs)
     found = sum(int(pair.found.sum()) for pair in pairs)
-    return PersonScores(truth, result, found, ratio(found, truth), ratio(found, result))
+    unmatched = result - sum(len(pair.matches) for pair in pairs)
+    return PersonScores(
+        truth, result, found, ratio(found, truth), ratio(found, result), ratio(unmatched, len(pairs))
+    )
 
 
 def score_identities(pairs: Sequence[FramePair]) -> IdentityScores:
-    """Switches, fragments, MOTA and IDF1."""
-    last: dict[int, int] = {}  # truth person -> id when last found
+    """Switches, fragments, MOTA and IDF1; pairs in the order of time."""
+    last: dict[int, tuple[int, int]] = {}  # truth person -> id when last found, stretch without gap
     lost: set[int] = set()  # found before, missed since
     together: Counter[tuple[int, int]] = Counter()
-    switches = fragments = 0
+    switches = over_gaps = fragments = stretch = 0
+    before = pairs[0].stamp_ns if pairs else 0
     for pair in pairs:
+        stretch += pair.stamp_ns - before > GAP * 1e9
+        before = pair.stamp_ns
         now = found_ids(pair)
-        switches += sum(last.get(who, name) != name for who, name in now.items())
+        others = [last[who] for who, name in now.items() if who in last and last[who][0] != name]
+        switches += len(others)
+        over_gaps += sum(earlier != stretch for _, earlier in others)
         fragments += len(lost & now.keys())
         together.update(now.items())
-        last.update(now)
+        last.update({who: (name, stretch) for who, name in now.items()})
         missed = set(pair.truth_ids.tolist()) - now.keys()
         lost = (lost | (missed & last.keys())) - now.keys()
     people = score_people(pairs)
     errors = (people.truth - people.found) + (people.result - people.found) + switches
     return IdentityScores(
         switches=switches,
+        switches_over_gaps=over_gaps,
         fragments=fragments,
         mota=1.0 - ratio(errors, people.truth),
         idf1=ratio(2 * _best_overlap(together), people.truth + people.result),

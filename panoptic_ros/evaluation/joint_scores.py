@@ -33,12 +33,14 @@ class JointScores:
     mpjpe_mm, median_mm: distance over all joints of all matches.
     pck: (threshold in m, share of the truth joints of matched people that are closer); a missing
         joint is wrong.
+    pck_of_everybody: the same, where all joints of people whom nothing matches are wrong, too.
     recall, precision: joints within `HIT`, of all truth joints and of all result joints.
     """
 
     mpjpe_mm: float
     median_mm: float
     pck: tuple[tuple[float, float], ...]
+    pck_of_everybody: tuple[tuple[float, float], ...]
     recall: float
     precision: float
     by_joint: tuple[JointScore, ...]
@@ -54,11 +56,13 @@ def matched_distances(pairs: Sequence[FramePair], joints: int) -> Array:
     return np.concatenate([np.empty((0, joints)), *(pair.distances for pair in pairs)])
 
 
-def pck_curve(pairs: Sequence[FramePair], joints: int, thresholds: Array) -> Array:
-    """PCK (N,) at thresholds (N,) m."""
+def pck_curve(
+    pairs: Sequence[FramePair], joints: int, thresholds: Array, everybody: bool = False
+) -> Array:
+    """PCK (N,) at thresholds (N,) m: of the joints of matched people, or of everybody's."""
     distances = matched_distances(pairs, joints)
     errors = np.sort(distances[~np.isnan(distances)])
-    whole = sum(_count(pair.truth[pair.matches[:, 0]]) for pair in pairs)
+    whole = sum(_count(pair.truth if everybody else pair.truth[pair.matches[:, 0]]) for pair in pairs)
     closer = np.searchsorted(errors, thresholds, side="left")
     return closer / whole if whole else np.full(len(thresholds), NAN)
 
@@ -68,14 +72,17 @@ def score_joints(pairs: Sequence[FramePair], joint_names: Sequence[str]) -> Join
     distances = matched_distances(pairs, len(joint_names))
     errors = distances[~np.isnan(distances)]
     hits = int((errors < HIT).sum())
-    curve = pck_curve(pairs, len(joint_names), np.array(PCK_THRESHOLDS))
+    found, everybody = (
+        pck_curve(pairs, len(joint_names), np.array(PCK_THRESHOLDS), everybody) for everybody in (False, True)
+    )
     there = np.concatenate(
         [np.empty((0, len(joint_names)), bool), *(~np.isnan(pair.truth[..., 0]) for pair in pairs)]
     ).sum(axis=0)
     return JointScores(
         mpjpe_mm=1e3 * float(errors.mean()) if errors.size else NAN,
         median_mm=1e3 * float(np.median(errors)) if errors.size else NAN,
-        pck=tuple(zip(PCK_THRESHOLDS, curve.tolist())),
+        pck=tuple(zip(PCK_THRESHOLDS, found.tolist())),
+        pck_of_everybody=tuple(zip(PCK_THRESHOLDS, everybody.tolist())),
         recall=ratio(hits, int(there.sum())),
         precision=ratio(hits, sum(_count(pair.result) for pair in pairs)),
         by_joint=tuple(

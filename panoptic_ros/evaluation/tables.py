@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import math
 
+from panoptic_ros.evaluation.identity_scores import IdentityScores
 from panoptic_ros.evaluation.pcp import PcpReport
 from panoptic_ros.evaluation.report import Report
 
@@ -14,13 +15,15 @@ def report_table(report: Report, joints: bool = True) -> str:
         ("frames", f"{report.paired_frames} of {report.frames} have a result"),
         ("stamp offset", _offsets(report)),
         ("MPJPE", f"{_number(scores.mpjpe_mm, 1)} mm mean, {_number(scores.median_mm, 1)} mm median"),
-        ("PCK", "  ".join(f"{_number(share)} at {100 * limit:.0f} cm" for limit, share in scores.pck)),
+        ("PCK", _pck(scores.pck)),
+        ("PCK of everybody", _pck(scores.pck_of_everybody)),
         ("joint recall", _number(scores.recall)),
         ("joint precision", _number(scores.precision)),
-        ("people", f"{people.found} found of {people.truth} true and {people.result} reported"),
+        ("people", f"{people.found} found of {people.truth} true and {people.result} reported; "
+         f"{_number(people.unmatched_per_frame, 2)} per frame are nobody's"),
         ("person recall", _number(people.recall)),
         ("person precision", _number(people.precision)),
-        ("id switches", f"{identities.switches}, fragments {identities.fragments}"),
+        ("id switches", f"{identities.switches}{_over_gaps(identities)}, fragments {identities.fragments}"),
         ("MOTA", f"{_number(identities.mota)}, IDF1 {_number(identities.idf1)}"),
         ("acceleration error", f"{_number(report.acceleration_error, 1)} m/s^2"),
         ("NEES", _consistency(report)),
@@ -50,6 +53,15 @@ def _joint_rows(report: Report) -> list[str]:
         cells = "".join(f"{_number(value, 1):>9}" for value in numbers)
         rows.append(f"{joint.name:<16}{cells}{_number(joint.recall):>9}")
     return rows
+
+
+def _pck(curve: tuple[tuple[float, float], ...]) -> str:
+    return "  ".join(f"{_number(share)} at {100 * limit:.0f} cm" for limit, share in curve)
+
+
+def _over_gaps(identities: IdentityScores) -> str:
+    count = identities.switches_over_gaps
+    return f" ({count} over gaps of the truth)" if count else ""
 
 
 def _consistency(report: Report) -> str:

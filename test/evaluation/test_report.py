@@ -176,3 +176,22 @@ def test_the_table_shows_what_was_measured(build):
     assert "50.0 mm mean" in text and "lWrist" in text and "no covariances" in text
     empty = report_table(evaluate(build.walk(), build.sequence([])))
     assert "- mm mean" in empty
+
+
+def test_people_whom_nothing_matches_cost_pck_of_everybody(build):
+    joints = build.people_at(0, 2)
+    ghost = build.people_at(0, 1) + [9.0, 9.0, 0.0]
+    report = evaluate(build.single(joints), build.single(np.concatenate([joints[:1], ghost])))
+    assert dict(report.joints.pck)[0.02] == 1.0
+    assert dict(report.joints.pck_of_everybody)[0.02] == report.joints.recall == 0.5
+    assert report.people.unmatched_per_frame == 1.0
+
+
+def test_switches_over_gaps_of_the_truth_are_told_apart(build):
+    def blocks(name):
+        return build.sequence(build.frame(i, name(i), build.people_at(i, 1)) for i in (0, 1, 2, 40, 41, 42))
+
+    swapped = evaluate(blocks(lambda i: [0]), blocks(lambda i: [i // 40 + (i > 41)])).identities
+    assert (swapped.switches, swapped.switches_over_gaps) == (2, 1)
+    table = report_table(evaluate(blocks(lambda i: [0]), blocks(lambda i: [i // 40])))
+    assert "1 (1 over gaps of the truth), fragments 0" in table

@@ -1,0 +1,49 @@
+"""Which joints `panoptic evaluate` compares, and under what names."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.evaluation import SkeletonSequence
+from panoptic_ros.evaluation.pairing import MIN_COMMON
+from panoptic_ros.io.skeletons import in_vocabulary, shared_names, skeleton_names
+
+
+def only_joints(truth: SkeletonSequence, text: str) -> SkeletonSequence:
+    """The truth without its other joints.
+
+    Args:
+        text: a skeleton (its name or YAML file), of which some joints may be missing; or names of
+            joints, separated by commas, in the spelling of any installed skeleton.
+
+    Raises:
+        UsageError: on a joint that the truth does not have, or if too few are left to match people by.
+    """
+    whole = text in skeleton_names() or text.endswith((".yaml", ".yml"))
+    words = shared_names(text) if whole else in_vocabulary([name.strip() for name in text.split(",")])
+    own = dict(zip(in_vocabulary(truth.joint_names), truth.joint_names))
+    unknown = [word for word in words if word not in own]
+    if unknown and not whole:
+        raise UsageError(f"--joints {unknown[0]}: the truth's joints are {', '.join(truth.joint_names)}")
+    kept = [name for word, name in own.items() if word in words]
+    if len(kept) < MIN_COMMON:
+        raise UsageError(
+            f"--joints {text} leaves {len(kept)} of the truth's joints; people are told apart by "
+            f"{MIN_COMMON} or more"
+        )
+    return truth.with_joints(kept)
+
+
+def spelt_alike(result: SkeletonSequence, truth: SkeletonSequence) -> SkeletonSequence:
+    """The result with joints named as the truth names them: left_hip becomes lHip where that has one.
+
+    Raises:
+        DataError: if two joints of the result are one of the truth's.
+    """
+    theirs = dict(zip(in_vocabulary(truth.joint_names), truth.joint_names))
+    words = zip(result.joint_names, in_vocabulary(result.joint_names))
+    names = tuple(name if name in truth.joint_names else theirs.get(word, name) for name, word in words)
+    for name in names:
+        if names.count(name) > 1:
+            raise DataError(f"several joints of the result are {name} by their names")
+    return replace(result, joint_names=names)
