@@ -2,16 +2,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from panoptic_ros.domain import ClockModel, DetectionSet
 from panoptic_ros.offsets.estimate import Fit
-from panoptic_ros.offsets.uncertainty import common_shift, covariance_of, detector_bias
+from panoptic_ros.offsets.uncertainty import KNOWN, acquainted, common_shift, covariance_of, detector_bias
 
 Array = np.ndarray
-KNOWN = 0.012  # s, standard deviation up to which an offset counts as known
 SURE = 3.0  # standard deviations from which on a known offset is more than chance
 SECOND = 1_000_000_000
 
@@ -22,11 +21,11 @@ class CameraClocks:
 
     Args:
         offsets (C,) s at the reference, drifts (C,); deviations, drift_deviations: (C,) theirs.
-        known: (C,) enough moved before this camera to tell.
+        known: (C,) enough moved before this camera to tell, held against the others that are known.
         bias: m, systematic error of the 2D joints as far as it shows, part of the deviations.
         speed: (C,) m/s, rms speed of the joints across the camera's rays.
         rays: (C,) 2D joints used. iterations, converged: of the estimate.
-        held: (C,) corrected before, and so corrected on while known.
+        held: (C,) corrected before, and so corrected on.
     """
 
     cameras: tuple[str, ...]
@@ -78,17 +77,17 @@ class CameraClocks:
         names = tuple(cameras)
         count = len(names)
         offsets, drifts = state[:count].copy(), state[count:].copy()
-        known = np.sqrt(np.diag(covariance)[:count]) <= KNOWN
+        base = np.arange(count) == names.index(trusted) if trusted else acquainted(covariance[:count, :count])
+        gauge = np.kron(np.eye(2), np.eye(count) - base / base.sum())
+        covariance = gauge @ covariance @ gauge.T
+        deviations = np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0))
+        known = deviations <= KNOWN
         if trusted:
-            right = names.index(trusted)
-            offsets, drifts = offsets - offsets[right], drifts - drifts[right]
-            gauge = np.eye(count)
-            gauge[:, right] -= 1.0
-            covariance = np.kron(np.eye(2), gauge) @ covariance @ np.kron(np.eye(2), gauge.T)
-            known = np.sqrt(np.maximum(np.diag(covariance)[:count], 0.0)) <= KNOWN
+            offsets, drifts = offsets - offsets[base], drifts - drifts[base]
         elif known.any():
-            deviations = np.sqrt(np.diag(covariance)[:count])
             offsets -= common_shift(offsets[known], deviations[known])
+            drifts -= drifts[known].mean()
+        known &= known.sum() > 1  # one alone is known against nobody
         speed = np.array(
             [np.sqrt(_mean((fit.across[fit.seen.camera == c] ** 2).sum(axis=1))) for c in range(count)]
         )
@@ -97,6 +96,22 @@ class CameraClocks:
             names, reference_ns, offsets, drifts, covariance, known, detector_bias(fit), speed, rays,
             fit.iterations, fit.converged, np.zeros(count, bool) if held is None else held,
         )  # fmt: skip
+
+    def after(self, before: CameraClocks, trusted: str) -> CameraClocks:
+        """These clocks as the next ones after those in force `before`.
+
+        Corrected time does not step: of the cameras that are corrected already, most run on, or the trusted
+        one does. One of them that is not known any more keeps its old clock.
+        """
+        since = 1e-9 * (self.reference_ns - before.reference_ns)
+        old = before.offsets + before.drifts * since
+        both, lost = self.held & self.known, self.held & ~self.known
+        shift = float(np.median((self.offsets - old)[both])) if both.any() and not trusted else 0.0
+        return replace(
+            self,
+            offsets=np.where(lost, old, self.offsets - shift),
+            drifts=np.where(lost, before.drifts, self.drifts),
+        )
 
     @property
     def deviations(self) -> Array:
@@ -110,8 +125,8 @@ class CameraClocks:
 
     @property
     def applied(self) -> Array:
-        """Which offsets (C,) are known and more than chance, and so worth correcting."""
-        return self.known & (self.held | (np.abs(self.offsets) > SURE * self.deviations))
+        """Which cameras (C,) are corrected: before, or because their offset is known and more than chance."""
+        return self.held | self.known & (np.abs(self.offsets) > SURE * self.deviations)
 
     def corrections(self, sets: Iterable[DetectionSet], every: bool = False) -> dict[str, Array]:
         """Per camera what to add (K,) ns to the stamps of its frames, in the order of the sets.

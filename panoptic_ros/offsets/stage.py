@@ -93,7 +93,8 @@ class OffsetsStage:
         self._frames = deque(rest, maxlen=FRAME_LIMIT)
         self._tracked = self._tracked[-1:]
         self._in_force = clocks
-        models = [model for model, use in zip(clocks.models(), self._correcting) if use]
+        newly = clocks.applied & clocks.known
+        models = [model for model, new in zip(clocks.models(), newly) if new]
         return StepResult(tuple(models), notices)
 
     def _estimate(self, frames: list[CameraFrame], reference: int) -> tuple[CameraClocks, tuple[Notice, ...]]:
@@ -107,16 +108,19 @@ class OffsetsStage:
         tracks = Tracks(self._tracked, reference)
         seen = associate(frames, times, stamps, tracks, self._arrays, self._skeleton, scale)
         fit = fit_clocks(seen, count, start[:count], start[count:], self._prior)
+        jumps = np.zeros(count)
         if len(fit.seen.stamp):
             found = np.concatenate([fit.offsets, fit.drifts])
-            self._filter.add(found, honest_information(fit, self._prior))
+            jumps = self._filter.add(found, honest_information(fit, self._prior))
         state, covariance = self._filter.state()
         clocks = CameraClocks.stated(
             self._rig.names, reference, state, covariance, self._config.trusted_camera, fit,
             self._correcting,
         )  # fmt: skip
+        if before is not None:
+            clocks = clocks.after(before, self._config.trusted_camera)
         self._correcting = clocks.applied
-        return clocks, self._notices(clocks)
+        return clocks, (*_jump_notices(clocks, jumps), *self._notices(clocks))
 
     def _notices(self, clocks: CameraClocks) -> tuple[Notice, ...]:
         """Told once: which cameras' clocks are corrected."""
@@ -136,3 +140,15 @@ class OffsetsStage:
             return frame.stamp_ns
         since = frame.stamp_ns - clocks.reference_ns
         return frame.stamp_ns + round(1e9 * clocks.offsets[c] + clocks.drifts[c] * since)
+
+
+def _jump_notices(clocks: CameraClocks, jumps: Array) -> tuple[Notice, ...]:
+    return tuple(
+        Notice(
+            "offsets.jump", "warning",
+            f"the clock of camera {name} has jumped by about {-1e3 * jump:+.0f} ms against the others; what "
+            "was known of it is forgotten, and found anew from motion",
+            {"camera": name, "jump_s": -float(jump)},
+        )
+        for name, jump in zip(clocks.cameras, jumps) if jump
+    )  # fmt: skip

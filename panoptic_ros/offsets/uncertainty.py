@@ -7,6 +7,7 @@ from panoptic_ros.offsets.estimate import Fit
 
 Array = np.ndarray
 INFLATION = 1.15  # of standard deviations: motion is no white acceleration; measured on simulated people
+KNOWN = 0.012  # s, standard deviation up to which an offset counts as known
 STAMP_JITTER = 5e-4  # s, of single stamps; all joints of a frame share it
 LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s over which means of residuals are taken
 LEAST_BLOCK = 5  # rays
@@ -108,6 +109,22 @@ def _bias_variance(fit: Fit, bias: float) -> Array:
     pulls = np.bincount(groups[:, 0], pull**2, cameras)
     strength = np.bincount(fit.seen.camera, fit.precision * speed**2, cameras)
     return bias**2 * pulls / np.maximum(strength, 1e-12) ** 2
+
+
+def acquainted(covariance: Array) -> Array:
+    """Cameras (C,) whose offsets are known against each other; all, where there are no two of them.
+
+    A camera that nobody walks by, and that may be off by anything, leaves what is known of the others.
+    """
+    members = np.ones(len(covariance), bool)
+    while members.sum() > 1:
+        inside = covariance[np.ix_(members, members)]
+        shared = inside.mean(axis=1)
+        variances = np.diag(inside) - 2.0 * shared + shared.mean()
+        if variances.max() <= KNOWN**2:
+            return members
+        members[np.flatnonzero(members)[variances.argmax()]] = False
+    return np.ones(len(covariance), bool)
 
 
 def common_shift(offsets: Array, deviations: Array) -> float:

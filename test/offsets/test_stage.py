@@ -9,6 +9,9 @@ from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.stage import OffsetsStage
 
+SECOND = 1_000_000_000
+PER_PERSON = ("positions", "covariances", "scores", "views", "states", "person_scores", "ids")
+
 
 def run(capture, stage):
     """All views and tracked people in the order of their stamps; the models that come out, and notices."""
@@ -54,6 +57,39 @@ def test_same_input_same_models_and_reset_is_as_new(capture):
     assert first
     for a, b, c in zip(first, again, other):
         assert a.device == b.device == c.device and shift(a, 10**10) == shift(b, 10**10) == shift(c, 10**10)
+
+
+def test_a_camera_that_joins_late_leaves_the_others_known_and_in_step(capture):
+    stage = OffsetsStage(OffsetsConfig(active=True, block_s=1.0), capture.context)
+    late, begin = capture.rig.names[0], int(capture.ticks[0]) + 2_500_000_000
+    models = []
+    for item, tracked in zip(capture.sets, capture.tracked):
+        views = [view for view in item.views if view.camera != late or view.stamp_ns > begin]
+        for record in (*views, tracked):
+            models += stage.step(record).outputs
+    first = {m.device: m for m in models if m.reference_ns < begin - SECOND}
+    last = {m.device: m for m in models}
+    assert late not in first and late in last and len(first) >= 3
+    end = int(capture.ticks[-1])
+    for name, model in first.items():
+        assert shift(last[name], end) == pytest.approx(shift(model, end), abs=4e-3)
+
+
+def test_a_camera_that_is_lost_keeps_its_clock(capture):
+    stage = OffsetsStage(OffsetsConfig(active=True, block_s=1.0, memory_s=2.0), capture.context)
+    models, _ = run(capture, stage)
+    last = {m.device: m for m in models}
+    later = []
+    for k in range(1, 40):
+        stamp = int(capture.ticks[-1]) + k * SECOND
+        nobody = replace(
+            capture.tracked[0], stamp_ns=stamp,
+            **{name: getattr(capture.tracked[0], name)[:0] for name in PER_PERSON},
+        )  # fmt: skip
+        later += stage.step(nobody).outputs
+    for model in later:  # as long as they are known
+        assert shift(model, stamp) == pytest.approx(shift(last[model.device], stamp), abs=5e-3)
+    assert later and later[-1].reference_ns < stamp - 10 * SECOND
 
 
 def test_off_by_default(capture):
