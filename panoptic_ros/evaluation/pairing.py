@@ -46,7 +46,7 @@ class FramePair:
     @property
     def means(self) -> Array:
         """Mean joint distance of every match (M,), m."""
-        return np.array([float(np.nanmean(row)) for row in self.distances])
+        return np.nanmean(self.distances, axis=1)
 
     @property
     def found(self) -> Array:
@@ -82,15 +82,17 @@ def pair_sequences(
 
 
 def nearest_frames(truth_stamps: Array, result_stamps: Array) -> list[int | None]:
-    """For every truth stamp (T,) the index of the result stamp (R,) paired with it, or None."""
+    """For every truth stamp (T,), in order, the index of the result stamp (R,) paired with it, or None."""
     if not len(truth_stamps):
         return []
     limit = np.diff(truth_stamps).min() / 2 if len(truth_stamps) > 1 else _LONE_FRAME_NS
     best: dict[int, tuple[int, int]] = {}  # truth frame -> offset, result frame
-    for k, stamp in enumerate(result_stamps):
-        offsets = np.abs(truth_stamps - stamp)
-        i = int(offsets.argmin())
-        offset = int(offsets[i])
+    after = np.clip(np.searchsorted(truth_stamps, result_stamps), 1, max(len(truth_stamps) - 1, 1))
+    around = np.stack([after - 1, np.minimum(after, len(truth_stamps) - 1)])
+    offsets = np.abs(truth_stamps[around] - result_stamps)
+    nearest = offsets.argmin(axis=0)  # the earlier one of two
+    for k, side in enumerate(nearest):
+        i, offset = int(around[side, k]), int(offsets[side, k])
         if offset <= limit and (i not in best or offset < best[i][0]):
             best[i] = (offset, k)
     return [best[i][1] if i in best else None for i in range(len(truth_stamps))]
