@@ -6,7 +6,6 @@ import numpy as np
 from panoptic_ros.offsets.estimate import Fit
 
 Array = np.ndarray
-INFLATION = 1.15  # of standard deviations: motion is no white acceleration; measured on simulated people
 KNOWN = 0.012  # s, standard deviation up to which an offset counts as known
 STAMP_JITTER = 5e-4  # s, of single stamps; all joints of a frame share it
 LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s over which means of residuals are taken
@@ -21,12 +20,12 @@ AGREE = 3e-3  # s, offsets that differ less are the same
 def covariance_of(fit: Fit, prior: Array) -> Array:
     """Covariance (2C, 2C) of (offsets, drifts) about their means over the cameras.
 
-    The estimate's own, inflated, the more so if noise stays the same for several frames; the stamps' jitter;
+    The estimate's own, inflated if noise stays the same for several frames; the stamps' jitter;
     and what biases of the detector do: a joint that is seen 25 mm ahead of a person who walks by at 1 m/s
     looks like a clock that is 25 ms off.
     """
     cameras = len(fit.offsets)
-    covariance = _inflation(fit) * np.linalg.inv(fit.information + np.diag(prior**-2.0))
+    covariance = np.linalg.inv(fit.information / _inflation(fit) + np.diag(prior**-2.0))
     covariance += np.diag(np.minimum(_floor(fit), prior**2))
     gauge = np.kron(np.eye(2), np.eye(cameras) - 1.0 / cameras)
     return gauge @ covariance @ gauge.T
@@ -41,7 +40,7 @@ def honest_information(fit: Fit, prior: Array) -> Array:
 
 def _inflation(fit: Fit) -> float:
     """Of the variances. Squared excess, as what lasts for a short block usually outlasts it."""
-    return (INFLATION * _excess(*_block_means(fit, SHORT_BLOCK))) ** 2
+    return _excess(*_block_means(fit, SHORT_BLOCK)) ** 2
 
 
 def _floor(fit: Fit) -> Array:
