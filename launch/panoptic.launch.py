@@ -12,11 +12,12 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
 from launch_ros.actions import Node
 
-from panoptic_ros.capture import open_capture_folder
+from panoptic_ros.capture import depth_files, open_capture_folder
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import ros_name
 from panoptic_ros.io.models import DEFAULT_MODEL
+from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.io.rigs import find_rig, read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
@@ -24,6 +25,7 @@ from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 ARGUMENTS = {
     "capture": ("", "capture folder: a rig file, and a video or a folder of images per camera"),
     "rig": ("", "calibration file; default: the one in the capture folder"),
+    "occluders": ("", "fixed things that hide people; default: occluders.json of the capture folder"),
     "devices": ("", "in place of a capture folder: camera=device or camera=URL, separated by spaces"),
     "audio": ("", "names of audio devices that carry timecode, separated by spaces"),
     "skeleton": (DEFAULT_SKELETON, "skeleton model"),
@@ -47,6 +49,7 @@ def start_graph(context):
     """Rig, cameras, stages and markers."""
     given = {name: context.launch_configurations[name] for name in ARGUMENTS}
     rig_file, sources = find_cameras(given)
+    depths = find_depths(given)
     flow = given["flow"] or ("replay" if given["capture"] else "live")
     settings = yaml.safe_load(Path(given["config"]).read_text()) if given["config"] else {}
     audio = given["audio"].split()
@@ -56,7 +59,7 @@ def start_graph(context):
     profile = str(share_folder() / "config" / "fastdds.xml")  # room for images in shared memory
     actions = [
         SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", profile),
-        node("rig", "rig", {"rig": str(rig_file), **chosen}),
+        node("rig", "rig", {"rig": str(rig_file), "occluders": find_occluders(given), **chosen}),
         node("markers", "markers", {"flow": flow}),
     ]
     for camera, source in sources.items():
@@ -71,7 +74,7 @@ def start_graph(context):
         if name == "offsets" and not own.get("active"):
             continue
         if "image" in spec.takes:
-            own |= {"compressed": True, "model": given["model"]}
+            own |= {"compressed": True, "model": given["model"], "depths": depths}
         actions.append(node(name, name, own))
     return actions
 
@@ -93,6 +96,21 @@ def find_cameras(given):
         if not equals or camera not in known:
             raise UsageError(f"devices:= names {camera!r}; the rig has {', '.join(known)}")
     return Path(given["rig"]), {camera: {"device": device} for camera, _, device in pairs}
+
+
+def find_depths(given):
+    """The cameras of a capture folder that have depth maps."""
+    if not given["capture"]:
+        return []
+    folder = Path(given["capture"])
+    rig = read_rig(Path(given["rig"]) if given["rig"] else find_rig(folder))
+    return [name for name in rig.names if depth_files(folder, name)]
+
+
+def find_occluders(given):
+    """The file that was named, or that of the capture folder; "" if there is none."""
+    usual = Path(given["capture"]) / OCCLUDERS
+    return given["occluders"] or (str(usual) if given["capture"] and usual.is_file() else "")
 
 
 def node(executable, name, parameters):

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
 from panoptic_ros.capture.image_size import SizePolicy, fit_camera
 from panoptic_ros.capture.source import FrameSource
@@ -12,6 +13,8 @@ from panoptic_ros.capture.timestamps import read_timestamps
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError, DataError
+from panoptic_ros.io.occluders import FILE as OCCLUDERS
+from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.rigs import find_rig, read_rig
 
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg")
@@ -32,6 +35,11 @@ class CaptureFolder:
     rig: Rig
     sources: tuple[FrameSource, ...]
     notices: tuple[str, ...] = ()
+
+    @property
+    def depth_cameras(self) -> tuple[str, ...]:
+        """Names of the cameras that have depth maps."""
+        return tuple(source.camera for source in self.sources if isinstance(source, DepthSource))
 
     @property
     def frame_count(self) -> int | None:
@@ -64,8 +72,9 @@ def open_capture_folder(
 
     Args:
         path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
-            and optionally timestamps.csv. Other files and folders are left alone.
-        rig: in place of the rig file.
+            and optionally `<camera>_depth/*.png` (see `DepthSource`), occluders.json and timestamps.csv.
+            Other files and folders are left alone.
+        rig: in place of the rig file and occluders.json.
         cameras: use these only.
         size_policy: see `fit_camera`.
         start_ns, frame_rate: see `VideoSource`; image folders without timestamps need a rate, 30 Hz
@@ -81,6 +90,8 @@ def open_capture_folder(
         raise DataError(f"capture folder {path} " + ("is a file" if path.exists() else "is not there"))
     if rig is None:
         rig = read_rig(find_rig(path))
+        if (path / OCCLUDERS).is_file():
+            rig = replace(rig, occluders=read_occluders(path / OCCLUDERS))
     if cameras is not None:
         rig = rig.subset(cameras)
     videos, folders = _videos(path), _image_folders(path)
@@ -117,7 +128,7 @@ def open_files(
     frame_rate: float | None = None,
     stamps: Mapping[str, Sequence[int]] | None = None,
 ) -> CaptureFolder:
-    """Open one video or image folder per camera and check it against the rig.
+    """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
 
     Args:
         files: path by camera; cameras of the rig that are not in it are left out of the result's rig.
@@ -137,7 +148,11 @@ def open_files(
     try:
         for name in chosen.names:
             own = stamps[name] if stamps else None
-            sources.append(_open(name, Path(files[name]), start_ns, frame_rate, own))
+            source = _open(name, Path(files[name]), start_ns, frame_rate, own)
+            sources.append(source)
+            depths = depth_files(Path(files[name]).parent, name)
+            if depths:
+                sources[-1] = DepthSource(source, depths)
         fitted, changes = fit_rig(rig, sources, size_policy)
     except BaseException:
         for source in sources:
@@ -186,7 +201,7 @@ def _image_folders(path: Path) -> dict[str, Path]:
 
 def _open(
     camera: str, path: Path, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None
-) -> FrameSource:
+) -> VideoSource | ImageFolderSource:
     if path.is_dir():
         rate = 30.0 if frame_rate is None else frame_rate
         return ImageFolderSource(camera, path, start_ns=start_ns, frame_rate=rate, stamps=stamps)

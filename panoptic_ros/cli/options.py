@@ -3,13 +3,27 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.domain import Rig
 from panoptic_ros.errors import ConfigError
 from panoptic_ros.graph.build import configure, parse_setting
 from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.params import Config
+
+
+def add_occluder_option(parser: argparse.ArgumentParser) -> None:
+    """What stands between cameras and people."""
+    parser.add_argument("--occluders", type=Path, metavar="FILE",
+                        help="fixed things that hide people: occluders.json, PLY or OBJ")  # fmt: skip
+
+
+def with_occluders(rig: Rig, path: Path | None) -> Rig:
+    """The rig among the things of a file, if one is given."""
+    return rig if path is None else replace(rig, occluders=read_occluders(path))
 
 
 def add_parameter_options(parser: argparse.ArgumentParser) -> None:

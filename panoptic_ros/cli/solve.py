@@ -9,7 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.cli.offsets import add_offset_options, correct
-from panoptic_ros.cli.options import add_parameter_options, read_parameters, with_defaults
+from panoptic_ros.cli.options import (
+    add_occluder_option,
+    add_parameter_options,
+    read_parameters,
+    with_defaults,
+    with_occluders,
+)
 from panoptic_ros.domain import TrackedPoseSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import FUSION
@@ -32,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--quiet", action="store_true", help="no summary")
+    add_occluder_option(parser)
     add_offset_options(parser)
     add_parameter_options(parser)
 
@@ -39,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Solve a file."""
     parameters = read_parameters(args)
-    everything = read_rig(args.rig)
+    everything = with_occluders(read_rig(args.rig), args.occluders)
     rig = everything.subset(args.cameras.split(",")) if args.cameras else everything
     if len(rig) < 2:
         raise UsageError(f"{len(rig)} camera is not enough for 3D; give two or more")

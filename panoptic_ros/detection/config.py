@@ -46,6 +46,11 @@ class DetectionConfig(Config):
         0.7, ge=0.0, le=1.0,
         doc="Someone whose joints coincide this much with those of a better person is dropped; 1 = never.",
     )
+    depth_margin: float = param(
+        0.4, unit="m", ge=0.0, le=100.0,
+        doc="With depth maps: a camera sees a joint that lies so little behind the measured surface, as it "
+        "is inside of a body, perhaps behind the person's own arm. Above 65: depth maps hide nothing.",
+    )
 
 
 def with_card_thresholds(config: DetectionConfig, card: ModelCard) -> DetectionConfig:

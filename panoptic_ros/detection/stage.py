@@ -10,7 +10,7 @@ from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.people import boxes_of_points
-from panoptic_ros.domain import JointMap, ViewDetections, ViewFrame
+from panoptic_ros.domain import JointMap, ViewDetections, ViewFrame, VisibilityLimit
 from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
@@ -112,7 +112,14 @@ class DetectionStage:
             scores=scores,
             person_scores=people.person_scores,
             maps=finding.patches.score_maps(self.joint_map) if finding.patches else None,
+            limit=self._limit(item),
         )
+
+    def _limit(self, item: ViewFrame) -> VisibilityLimit | None:
+        """How far the camera sees, if it measures depth."""
+        if item.depth is None:
+            return None
+        return VisibilityLimit.of_depths(item.depth, self.config.depth_margin)
 
     def _size_notice(self, camera: str, finding: Finding) -> tuple[Notice, ...]:
         """A notice when people stay too small or too large for the network, once each time."""

@@ -21,6 +21,8 @@ class ViewFrame:
         frame_number: counts the frames that the device gave, so gaps are visible.
         image: (H, W, 3) uint8, BGR. Not copied; a read-only view is kept.
         exposure_ns: 0 = not known.
+        depth: (h, w) float32 m along the camera's z axis, of the same field of view as the image, e.g. of
+            every second pixel; 0 and what is not finite = unknown (REP 118). None = the camera has no depth.
     """
 
     camera: str
@@ -28,6 +30,7 @@ class ViewFrame:
     frame_number: int
     image: Array
     exposure_ns: int = 0
+    depth: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
@@ -36,14 +39,35 @@ class ViewFrame:
             raise DataError(
                 f"image of camera {self.camera}: {image.dtype} {image.shape}, expected uint8 (H, W, 3)"
             )
-        view = image.view()
-        view.flags.writeable = False
-        object.__setattr__(self, "image", view)
+        object.__setattr__(self, "image", _read_only(image))
+        if self.depth is not None:
+            object.__setattr__(self, "depth", _read_only(self._checked_depth()))
+
+    def _checked_depth(self) -> Array:
+        """The depth map, if it can be one of this image: two dimensions, and the image's proportions."""
+        depth = np.asarray(self.depth)
+        width, height = self.image_size
+        if depth.dtype != np.float32 or depth.ndim != 2 or not depth.size:
+            raise DataError(
+                f"depth map of camera {self.camera}: {depth.dtype} {depth.shape}, expected float32 (h, w)"
+            )
+        if abs(depth.shape[1] * height - depth.shape[0] * width) > max(width, height):
+            raise DataError(
+                f"depth map of camera {self.camera} has {depth.shape[1]} x {depth.shape[0]} pixels, its "
+                f"image {width} x {height}: another shape; register the depth to the colour camera"
+            )
+        return depth
 
     @property
     def image_size(self) -> tuple[int, int]:
         """Width, height in px."""
         return self.image.shape[1], self.image.shape[0]
+
+
+def _read_only(array: Array) -> Array:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 @dataclass(frozen=True, slots=True, eq=False)

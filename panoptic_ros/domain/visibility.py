@@ -51,9 +51,10 @@ class VisibilityLimit:
         depths = np.asarray(depths)
         if depths.ndim != 2 or not depths.size:
             raise DataError(f"a depth map has shape {depths.shape}, expected (height, width)")
-        if (depths < 0.0).any():
-            raise DataError(f"a depth map has a negative depth, {np.nanmin(depths):.3f} m")
-        unknown = ~np.isfinite(depths) | (depths == 0.0)
+        known = np.isfinite(depths)
+        if (depths[known] < 0.0).any():
+            raise DataError(f"a depth map has a negative depth, {depths[known].min():.3f} m")
+        unknown = ~known | (depths == 0.0)
         far = np.where(unknown, np.inf, depths)
         shrink = max(1.0, max(depths.shape) / LONGER_SIDE)
         for axis, size in enumerate(depths.shape):

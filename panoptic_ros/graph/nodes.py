@@ -39,7 +39,7 @@ NODES: dict[str, NodeSpec] = {
     for spec in (
         _spec("timecode", ("audio",), "timecode"),
         _spec("clocks", ("timecode",), "clock_models"),
-        _spec("detection", ("image",), "detections"),
+        _spec("detection", ("image", "depth"), "detections"),
         _spec("offsets", ("detections", "skeletons_raw"), "clock_models"),
         _spec("sync", ("detections", "clock_models"), "detection_sets"),
         _spec("voting", ("detection_sets",), "proposals"),

@@ -41,6 +41,7 @@ TOPICS: dict[str, Topic] = {
         Topic("image", "{camera}/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera"),
         Topic("compressed_image", "{camera}/image_raw/compressed", "ViewFrame",
               "sensor_msgs/msg/CompressedImage", "camera"),
+        Topic("depth", "{camera}/depth_registered/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera"),
         Topic("camera_info", "{camera}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
         Topic("detections", "{camera}/detections", "ViewDetections",
               "panoptic_msgs/msg/ViewDetections", "camera"),

@@ -5,6 +5,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
+from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.markers_node import MarkersNode
@@ -107,16 +109,19 @@ class _Arguments(Node):
 
 
 def rig() -> None:
-    """Publishes the rig (parameter `rig`, a file) and the skeleton model (`skeleton`, `model`)."""
+    """Publishes the rig (parameters `rig` and `occluders`, files) and the skeleton (`skeleton`, `model`)."""
 
     def make() -> Sequence[Any]:
         arguments = _Arguments("rig_parameters")
         path, skeleton = arguments.text("rig"), arguments.text("skeleton", DEFAULT_SKELETON)
-        model = arguments.text("model", DEFAULT_MODEL)
+        model, occluders = arguments.text("model", DEFAULT_MODEL), arguments.text("occluders")
         arguments.destroy_node()
         if not path:
             raise UsageError("node rig needs the parameter `rig`, the path of a calibration")
-        return [StaticsNode(read_rig(Path(path)), detector_extras(model, skeleton)[0])]
+        among = read_rig(Path(path))
+        if occluders:
+            among = replace(among, occluders=read_occluders(Path(occluders)))
+        return [StaticsNode(among, detector_extras(model, skeleton)[0])]
 
     leave(run_nodes(make))
 
@@ -159,7 +164,8 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
     if entry["kind"] == "bag":
-        return make_bag_node(Path(entry["path"]), entry["cameras"], overrides, bool(entry["images"]))
+        path, images = Path(entry["path"]), bool(entry["images"])
+        return make_bag_node(path, entry["cameras"], overrides, images, entry["depths"])
     if entry["kind"] == "markers":
         return MarkersNode(overrides.get("flow", "live"))
     raise UsageError(f"there is no node of kind {entry['kind']!r}")

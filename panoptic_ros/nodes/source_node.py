@@ -17,6 +17,7 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import (
     camera_info_message,
     compressed_image_message,
+    depth_message,
     image_message,
 )
 from panoptic_ros.nodes.credit import Credit
@@ -144,18 +145,18 @@ class SourceNode(Node):
                 return
 
 
-def camera_topics(camera: str, compressed: bool) -> dict[str, tuple[str, str]]:
+def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple[str, str]]:
     """Publishers of a camera node, for `SourceNode`."""
-    image = TOPICS["compressed_image" if compressed else "image"]
-    info = TOPICS["camera_info"]
-    return {
-        "image": (image.of(camera), image.message),
-        "camera_info": (info.of(camera), info.message),
+    topics = {
+        "image": TOPICS["compressed_image" if compressed else "image"],
+        "camera_info": TOPICS["camera_info"],
+        **({"depth": TOPICS["depth"]} if depth else {}),
     }
+    return {key: (topic.of(camera), topic.message) for key, topic in topics.items()}
 
 
 def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
-    """Image (JPEG if a quality is given, else raw) and CameraInfo of every frame."""
+    """Image (JPEG if a quality is given, else raw), CameraInfo and depth map, if any, of every frame."""
     family = ros_messages()
     last = None
     for frame in frames:
@@ -167,4 +168,5 @@ def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) ->
             else image_message(frame, family)
         )
         info = camera_info_message(camera, frame.stamp_ns, family)
-        yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info)), overtaken)
+        depth = () if frame.depth is None else (("depth", depth_message(frame, family)),)
+        yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info), *depth), overtaken)

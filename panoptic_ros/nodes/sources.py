@@ -3,11 +3,11 @@ from __future__ import annotations
 
 import heapq
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture import open_source
+from panoptic_ros.capture import DepthSource, open_source
 from panoptic_ros.domain import Rig
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bags import BagReader
@@ -28,26 +28,29 @@ def make_camera_node(
     """
     frames, calibrated = open_source(camera, rig, source)
     detections = TOPICS["detections"].of(camera)
-    topics = camera_topics(camera, bool(jpeg_quality))
+    topics = camera_topics(camera, bool(jpeg_quality), isinstance(frames, DepthSource))
     node = SourceNode(f"camera_{ros_name(camera)}", topics, overrides, {"image": detections})
     node.start(camera_messages(frames, calibrated, jpeg_quality))
     return node
 
 
 def make_bag_node(
-    path: Path, cameras: Mapping[str, str], overrides: Mapping[str, Any], images: bool
-) -> SourceNode:
+    path: Path, cameras: Mapping[str, str], overrides: Mapping[str, Any], images: bool,
+    depths: Sequence[str] = (),
+) -> SourceNode:  # fmt: skip
     """A node that publishes topics of a bag as they are, merged by the stamps of their headers.
 
     Args:
         cameras: topic -> camera.
         images: whether they are images, of which fewer may be under way.
+        depths: topics of depth maps.
     """
     with BagReader(path) as reader:
-        publishers = {topic: (topic, reader.topics[topic]) for topic in cameras}
+        topics = [*cameras, *depths]
+        publishers = {topic: (topic, reader.topics[topic]) for topic in topics}
     detections = {topic: TOPICS["detections"].of(camera) for topic, camera in cameras.items() if images}
-    node = SourceNode("bag", publishers, overrides, detections, max(1, len(cameras)))
-    node.start(_merged(path, list(cameras)))
+    node = SourceNode("bag", publishers, overrides, detections, max(1, len(topics)))
+    node.start(_merged(path, topics))
     return node
 
 

@@ -13,6 +13,7 @@ from panoptic_ros.domain import ClockModel, EndOfStream, Rig, SkeletonModel
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import make_stage, resolve
 from panoptic_ros.graph.counters import StageStatistics
+from panoptic_ros.graph.depth_pairing import Pair
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.queues import InOrder, NewestInstant, Waiting
@@ -21,6 +22,7 @@ from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of,
 from panoptic_ros.nodes.audio_common import TOPIC as AUDIO_COMMON_TOPIC
 from panoptic_ros.nodes.audio_common import AudioDataReader, audio_common_class
 from panoptic_ros.nodes.clock_reports import ClockReports
+from panoptic_ros.nodes.depth_input import DepthInput
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.parameters import declare_config
@@ -53,7 +55,8 @@ class StageNode(Node):
     counted, reported on /diagnostics and dropped; any other error ends the node (see `fault`).
 
     Parameters: those of the stage's configuration; `flow` (live or replay), `window` (see
-    `graph.flow`), `cameras` (only these; empty: all of the rig), `devices` (audio devices),
+    `graph.flow`), `cameras` (only these; empty: all of the rig), `depths` (detection: the cameras whose
+    images come with depth maps), `devices` (audio devices),
     `audio_rate` and `audio_channels` (of audio_common_msgs, which do not tell).
     """
 
@@ -95,7 +98,8 @@ class StageNode(Node):
         self._sent: dict[str, int] = {}
         self._fault: PanopticError | None = None
         self._worker = Worker(self._work, self._dropped)
-        self._ends = StreamEnds(self, lambda topic: self._worker.note((topic, None)))
+        self._depths = DepthInput(self, self._flow, self._put_pair) if "depth" in self._spec.takes else None
+        self._ends = StreamEnds(self, self._topic_over)
         self._latched = [
             self.create_subscription(message_class(TOPICS[key].message), TOPICS[key].name, take, LATCHED)
             for key, take in (("rig", self._take_rig), ("skeleton_model", self._take_skeleton))
@@ -147,7 +151,11 @@ class StageNode(Node):
                 gives.of(scope),
                 CLOCKS if gives.latched else quality,
             )
+        if self._depths is not None:
+            self._depths.listen(used.names, self._ends)
         for key in self._spec.takes:
+            if key == "depth":
+                continue
             topic = TOPICS["compressed_image" if key == "image" and self._compressed else key]
             for scope in self._scopes(topic.scope, used):
                 name = topic.of(scope)
@@ -190,10 +198,20 @@ class StageNode(Node):
         """Enqueues; what comes of many devices on one topic does not push each other out."""
 
         def receive(message: Any) -> None:
+            if self._depths is not None:
+                self._depths.take_image(scope, message)
+                return
             key = f"{record} of {message.header.frame_id}" if record == "ClockModel" else scope
             self._worker.put(key, stamp_of(message.header), (scope, message))
 
         return receive
+
+    def _put_pair(self, pair: Pair) -> None:
+        self._worker.put(pair.camera, pair.stamp_ns, (pair.camera, pair))
+
+    def _topic_over(self, topic: str) -> None:
+        if self._depths is None or not self._depths.over(topic):
+            self._worker.note((topic, None))
 
     def _dropped(self, count: int) -> None:
         self._statistics.dropped["queue_full"] += count
@@ -225,7 +243,7 @@ class StageNode(Node):
 
     def _record(self, source: _Input, message: Any) -> Any:
         if source.record == "ViewFrame":
-            return frame_from_message(message, source.scope, source.count)
+            return frame_from_message(message.image, source.scope, source.count, message.depth)
         if hasattr(message, "audio"):
             return self._audio[source.scope].block(message)
         return from_message(message, source.record)

@@ -14,6 +14,7 @@ from panoptic_ros.voting import soft_vote
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.explaining import Explainer, nodes_of_people, nodes_of_seeds
+from panoptic_ros.voting.known_occluders import KnownOccluders
 from panoptic_ros.voting.parts import bones_and_skips, score_parts
 from panoptic_ros.voting.proposals import Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
@@ -63,6 +64,7 @@ class VotingStage:
         self._kinds = bones_and_skips(context.skeleton, config.max_bone, skip)
         self._search = SeedSearch(config.ray_gap, config.pair_views, config.max_depth)
         self._boxes = BoxSearch()
+        self._occluders = KnownOccluders(context.rig)
         self._order = {name: k for k, name in enumerate(context.rig.names)}
         self._solver: RoughSolver | None = None
         if config.method == "seeds" and config.explain_away:
@@ -74,12 +76,13 @@ class VotingStage:
         self.reset()
 
     def step(self, item: DetectionSet) -> StepResult[ProposalSet]:
-        """Vote on one instant.
+        """Vote on one instant; what known occluders hide goes on with the views.
 
         Raises:
             DataError: if the set speaks of other cameras, image sizes or joints than the context.
         """
         self._check(item)
+        item = self._occluders.limit(item)
         if self.config.method == "off":
             return StepResult((_proposals(item),))
         views = sorted(item.views, key=lambda view: self._order[view.camera])

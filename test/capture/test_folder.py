@@ -173,3 +173,51 @@ def test_stamps_for_some_cameras_only(make_video, tmp_path):
     (tmp_path / "timestamps.csv").write_text("camera,frame,stamp_ns\na,0,1\na,1,2\n")
     with pytest.raises(DataError, match="none for camera b"):
         open_capture_folder(tmp_path, rig=_rig("a", "b"))
+
+
+def _depths(folder, camera, count, size=(32, 24), kind=np.uint16):
+    (folder / f"{camera}_depth").mkdir(parents=True)
+    for i in range(count):
+        image = np.full(size[::-1], 1500 + i if kind == np.uint16 else 9, kind)
+        image[0, 0] = 0
+        cv2.imwrite(str(folder / f"{camera}_depth" / f"{i}.png"), image)
+
+
+def test_depth_maps_come_with_the_frames_of_their_camera(make_rig_file, tmp_path):
+    make_rig_file(tmp_path / "rig.json", {"a": SIZE, "b": SIZE})
+    for name in "ab":
+        _images(tmp_path / name, 11)
+    _depths(tmp_path, "b", 11)
+    with open_capture_folder(tmp_path) as capture:
+        assert capture.depth_cameras == ("b",)
+        assert all(frame.depth is None for frame in capture.sources[0])
+        depths = [frame.depth for frame in capture.sources[1]]
+    assert [depth[5, 5] for depth in depths] == pytest.approx(1.5 + 1e-3 * np.arange(11))
+    assert depths[0].shape == (24, 32) and depths[0][0, 0] == 0.0
+
+
+@pytest.mark.parametrize(
+    "count, size, kind, words",
+    [
+        (2, (32, 24), np.uint16, "has 2 depth maps for the 3 frames of camera a"),
+        (3, (32, 24), np.uint8, "is uint8 .*expected a PNG of one channel, 16 bits"),
+        (3, (24, 24), np.uint16, "has 24 x 24 pixels, its image 64 x 48"),
+    ],
+)
+def test_depth_maps_that_do_not_fit_are_refused(make_rig_file, tmp_path, count, size, kind, words):
+    make_rig_file(tmp_path / "rig.json", {"a": SIZE})
+    _images(tmp_path / "a", 3)
+    _depths(tmp_path, "a", count, size, kind)
+    with pytest.raises(DataError, match=words), open_capture_folder(tmp_path) as capture:
+        list(capture.sources[0])
+
+
+def test_occluders_beside_the_rig_belong_to_it(make_rig_file, tmp_path):
+    make_rig_file(tmp_path / "rig.json", {"a": SIZE})
+    _images(tmp_path / "a", 1)
+    box = '{"size": [1, 1, 1], "centre": [0, 0, 1]}'
+    (tmp_path / "occluders.json").write_text(f'{{"format": "panoptic-occluders-1", "boxes": [{box}]}}')
+    with open_capture_folder(tmp_path) as capture:
+        assert len(capture.rig.occluders.triangles) == 12
+    with open_capture_folder(tmp_path, rig=_rig("a")) as capture:
+        assert capture.rig.occluders is None

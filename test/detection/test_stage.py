@@ -1,4 +1,6 @@
 """What the stage promises, with a made network of centre heads."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -130,3 +132,13 @@ def test_a_provider_that_is_not_there_ends_the_construction(blobs, network):
 def test_the_configuration_survives_a_round_trip():
     config = DetectionConfig(threads=2, providers=("A", "B"), input_side=0)
     assert load(DetectionConfig, to_mapping(config)) == config
+
+
+def test_what_the_camera_measures_limits_what_it_sees(blobs, network, picture):
+    depth = np.full((96, 128), 2.0, np.float32)
+    depth[:, 64:] = np.nan
+    frame = replace(blobs.frame(picture), depth=depth)
+    limit = stage(blobs, network, depth_margin=0.3).step(frame).outputs[0].limit
+    assert limit.cells.shape == (96, 128)
+    assert (limit.cells[:, :64] == 2300).all() and not limit.cells[:, 64:].any()
+    assert stage(blobs, network).step(blobs.frame(picture)).outputs[0].limit is None

@@ -74,5 +74,5 @@ def test_damaged_metadata_is_told_in_one_line(tmp_path):
 def test_a_bag_of_another_version_is_told_in_one_line(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "bag", captures.views(1))
     monkeypatch.setattr(bag_typestore(), "hash_rihs01", lambda kind: f"RIHS01_other_{kind}")
-    with BagReader(path) as bag, pytest.raises(DataError, match="another version .* Rig .* make the bag anew"):
+    with BagReader(path) as bag, pytest.raises(DataError, match="another version .* Rig .* the bag anew"):
         next(bag.messages("/rig"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import add_parameter_options, number
+from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, number
 from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--redetect", action="store_true",
                         help="with --bag: use its images, not its detections")  # fmt: skip
     parser.add_argument("--rig", type=Path, help="calibration, in place of the capture's own")
+    add_occluder_option(parser)
     parser.add_argument("--video", action="append", default=[], metavar="CAMERA=FILE",
                         help="a video or a folder of images")  # fmt: skip
     parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",

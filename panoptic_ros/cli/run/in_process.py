@@ -14,10 +14,11 @@ from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.cli.run.results import Results
 from panoptic_ros.domain import EndOfStream
 from panoptic_ros.graph.counters import StageStatistics
+from panoptic_ros.graph.depth_pairing import DepthPairing, Pair
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import CHAIN, Pipeline
 from panoptic_ros.io.bags import BagReader
-from panoptic_ros.io.messages import frame_from_message, from_message
+from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of
 from panoptic_ros.stage import Notice, StageContext
 
 
@@ -95,9 +96,21 @@ def _frames(plan: Plan, camera: str) -> Iterator[Any]:
 def _recorded(plan: Plan, bag: Path, topic: str) -> Iterator[Any]:
     camera = plan.bag_topics[topic]
     with BagReader(bag) as reader:
-        for number, (_, _, message) in enumerate(reader.messages(topic)):
-            if plan.stage == "sync":
+        if plan.stage == "sync":
+            for _, _, message in reader.messages(topic):
                 yield from_message(message, "ViewDetections")
-            else:
-                yield frame_from_message(message, camera, number)
+        else:
+            for number, pair in enumerate(_pairs(plan, reader, topic)):
+                yield frame_from_message(pair.image, camera, number, pair.depth)
     yield EndOfStream(camera)
+
+
+def _pairs(plan: Plan, reader: BagReader, topic: str) -> Iterator[Pair]:
+    """The images of a topic with their depth maps, as the detection node puts them together."""
+    camera = plan.bag_topics[topic]
+    depths = [name for name, owner in plan.depth_topics.items() if owner == camera]
+    pairing = DepthPairing(plan.depth_cameras, None)
+    for name, _, message in reader.messages(topic, *depths):
+        take = pairing.image if name == topic else pairing.depth
+        yield from take(camera, stamp_of(message.header), message)
+    yield from pairing.end(camera)

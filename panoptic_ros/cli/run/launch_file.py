@@ -9,6 +9,8 @@ from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.topics import ros_name
 from panoptic_ros.io.files import write_json
+from panoptic_ros.io.occluders import FILE as OCCLUDERS
+from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.params import diff
 
@@ -19,6 +21,8 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
     """Which nodes run in which process, for `nodes.main host`."""
     rig = folder / "rig.json"
     write_rig(rig, plan.rig)
+    if plan.rig.occluders is not None:
+        write_occluders(folder / OCCLUDERS, plan.rig.occluders)
     common = {"flow": flow, "window": window}
     processes: dict[str, list[dict[str, Any]]] = {}
 
@@ -28,7 +32,8 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
 
     if plan.bag is not None:
         node = {"kind": "bag", "path": str(plan.bag), "cameras": dict(plan.bag_topics),
-                "images": plan.stage == "detection", "parameters": common}  # fmt: skip
+                "depths": list(plan.depth_topics), "images": plan.stage == "detection",
+                "parameters": common}  # fmt: skip
         processes["source"] = [node]
     for i, (camera, source) in enumerate(plan.sources.items()):
         node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
@@ -39,7 +44,8 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
     if plan.stage == "detection":
         compressed = bool(jpeg_quality) or any("compressed" in topic for topic in plan.bag_topics)
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
-            node = stage("detection", cameras=cameras, compressed=compressed)
+            depths = [camera for camera in cameras if camera in plan.depth_cameras]
+            node = stage("detection", cameras=cameras, compressed=compressed, **_if_any("depths", depths))
             processes[f"detection-{k}"] = [{**node, "name": f"detection_{k}"}]
     if plan.configs["offsets"].active:  # type: ignore[attr-defined]
         processes["offsets"] = [stage("offsets")]
@@ -48,6 +54,11 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
     path = folder / "launch.json"
     write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
     return path
+
+
+def _if_any(parameter: str, names: list[str]) -> dict[str, list[str]]:
+    """ROS knows no type for an empty list."""
+    return {parameter: names} if names else {}
 
 
 def _shares(cameras: list[str], live: bool) -> list[list[str]]:

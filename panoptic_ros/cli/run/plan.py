@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import demo_capture, open_capture_folder, open_files
-from panoptic_ros.cli.options import read_parameters, with_defaults
+from panoptic_ros.cli.options import read_parameters, with_defaults, with_occluders
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.graph.build import configure
@@ -31,6 +31,7 @@ class Plan:
     Args:
         sources: of each camera, as `nodes.sources` takes them; empty for a bag.
         bag: the bag, and the topics to replay by camera.
+        depth_cameras: whose images come with depth maps; depth_topics: of the bag, by camera.
         stage: the first stage that is needed, detection or sync.
         extras: what detection and assembly need besides; empty if nothing.
         frame_count: of all cameras together, None if not known; instants: of the longest camera.
@@ -45,6 +46,8 @@ class Plan:
     sources: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     bag: Path | None = None
     bag_topics: Mapping[str, str] = field(default_factory=dict)
+    depth_cameras: tuple[str, ...] = ()
+    depth_topics: Mapping[str, str] = field(default_factory=dict)
     stage: str = "detection"
     extras: Mapping[str, Any] = field(default_factory=dict)
     frame_count: int | None = None
@@ -71,7 +74,8 @@ def make_plan(args: argparse.Namespace) -> Plan:
         plan = kind(args, parameters, skeleton, extras)
     check_names(plan.rig.names)
     table = plan.configs["assembly"].bias_table  # type: ignore[attr-defined]
-    return replace(plan, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
+    rig = with_occluders(plan.rig, args.occluders)
+    return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
 
 
 def _detector(
@@ -108,7 +112,8 @@ def _recorded_plan(
         return Plan(
             title, capture.rig, skeleton,
             with_defaults(parameters, _rate_defaults(rate)), sources, extras=extras,
-            frame_count=capture.frame_count, instants=instants, frame_rate=rate, notices=capture.notices,
+            depth_cameras=capture.depth_cameras, frame_count=capture.frame_count, instants=instants,
+            frame_rate=rate, notices=capture.notices,
         )  # fmt: skip
 
 
@@ -145,6 +150,7 @@ def _bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
         if found["detections"] and not args.redetect:
             _refuse_detector_options(args)
             skeleton, extras, chosen, stage = _from_bag(bag, "skeleton_model"), {}, "detections", "sync"
+            depths = {}  # the detections know
         else:
             chosen = "image" if found["image"] else "compressed_image"
             if not found[chosen]:
@@ -154,14 +160,15 @@ def _bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
                     f"it has {', '.join(sorted(bag.topics)) or 'no topics'}"
                 )
             skeleton, extras = _detector(args, parameters)
-            stage = "detection"
+            stage, depths = "detection", _camera_topics(bag, rig, "depth")
     there = set(found[chosen].values())
     absent = [name for name in rig.names if name not in there]
     rig = rig.subset(there)
     _enough(rig)
     return Plan(
         f"bag {args.bag}", rig, skeleton, configs, bag=Path(args.bag),
-        bag_topics=found[chosen], stage=stage, extras=extras,
+        bag_topics=found[chosen], depth_cameras=tuple(depths.values()), depth_topics=depths,
+        stage=stage, extras=extras,
         frame_count=instants * len(found[chosen]), instants=instants, frame_rate=rate,
         notices=tuple(f"camera {name} of the rig is not in the bag" for name in absent),
     )  # fmt: skip

@@ -122,7 +122,7 @@ class Results:
 
 def _without_maps(view: ViewDetections) -> ViewDetections:
     """The report needs the people alone; maps would fill the memory."""
-    if view.maps is None:
+    if view.maps is None and view.limit is None:
         return view
     return ViewDetections(
         view.camera, view.stamp_ns, view.frame_number, view.image_size, view.skeleton_hash,

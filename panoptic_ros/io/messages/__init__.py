@@ -7,6 +7,8 @@ from panoptic_ros.io.messages.family import Messages, bag_messages, stamp_of
 from panoptic_ros.io.messages.images import (
     camera_info_message,
     compressed_image_message,
+    depth_from_message,
+    depth_message,
     frame_from_message,
     image_message,
 )
@@ -17,6 +19,8 @@ __all__ = [
     "bag_messages",
     "camera_info_message",
     "compressed_image_message",
+    "depth_from_message",
+    "depth_message",
     "frame_from_message",
     "from_message",
     "image_message",

@@ -1,0 +1,79 @@
+"""Depth maps beside a camera's images: a folder of 16-bit PNGs."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from panoptic_ros.capture.image_folder import ImageFolderSource, natural_key
+from panoptic_ros.capture.opencv import quiet_opencv
+from panoptic_ros.capture.video import VideoSource
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import read_bytes
+
+SUFFIX = "_depth"
+
+
+def depth_files(folder: Path, camera: str) -> tuple[Path, ...]:
+    """The PNGs of `<camera>_depth/` in natural order; none if there is no such folder."""
+    place = folder / f"{camera}{SUFFIX}"
+    if not place.is_dir():
+        return ()
+    files = (p for p in place.iterdir() if p.suffix.lower() == ".png" and not p.name.startswith("."))
+    return tuple(sorted(files, key=lambda path: natural_key(path.name)))
+
+
+class DepthSource:
+    """A source whose frames carry depth maps: the n-th file belongs to frame n.
+
+    Args:
+        files: uint16 mm along the camera's z axis, 0 = unknown; the image's field of view.
+
+    Raises:
+        DataError: if there are not as many as frames; while iterating: a file that is no such map.
+    """
+
+    def __init__(self, source: VideoSource | ImageFolderSource, files: tuple[Path, ...]):
+        self._source, self._files = source, files
+        self.camera, self.path, self.image_size = source.camera, source.path, source.image_size
+        self.frame_rate, self.frame_count = source.frame_rate, source.frame_count
+        if self.frame_count is not None and self.frame_count != len(files):
+            raise DataError(
+                f"{files[0].parent} has {len(files)} depth maps for the {self.frame_count} frames of camera "
+                f"{self.camera}; make it one for each, or remove the folder"
+            )
+
+    def __iter__(self) -> Iterator[ViewFrame]:
+        for frame in self._source:
+            if frame.frame_number >= len(self._files):
+                raise DataError(f"{self._files[0].parent} has no depth map for frame {frame.frame_number}")
+            yield replace(frame, depth=read_depth(self._files[frame.frame_number]))
+
+    def close(self) -> None:
+        """Close the images."""
+        self._source.close()
+
+    def __enter__(self) -> DepthSource:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+def read_depth(file: Path) -> np.ndarray:
+    """A depth map (h, w) float32 m of a PNG.
+
+    Raises:
+        DataError: if it is no PNG of one channel of 16 bits.
+    """
+    data = np.frombuffer(read_bytes(file), np.uint8)
+    with quiet_opencv():
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    if image is None or image.dtype != np.uint16 or image.ndim != 2:
+        found = "no image that can be decoded" if image is None else f"{image.dtype} {image.shape}"
+        raise DataError(f"depth map {file} is {found}, expected a PNG of one channel, 16 bits, millimetres")
+    return image.astype(np.float32) * np.float32(1e-3)

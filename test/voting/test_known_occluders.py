@@ -1,0 +1,114 @@
+"""What stands between: walls, tables, edges, and what goes on to later stages."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import Camera, Occluders, VisibilityLimit
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.params import load
+from panoptic_ros.stage import StageContext
+from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.known_occluders import MARGIN, KnownOccluders, occluded_depths
+from panoptic_ros.voting.stage import VotingStage
+
+LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+FORWARD = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # looks along x, z up
+
+
+def camera(distortion=()):
+    matrix = np.array([[500.0, 0.0, 319.5], [0.0, 500.0, 239.5], [0.0, 0.0, 1.0]])
+    centre = np.array([0.0, 0.0, 1.0])
+    return Camera("cam", (640, 480), Intrinsics(matrix, distortion), Rigid(FORWARD, -FORWARD @ centre))
+
+
+def blocked_by_ray(camera, box, points):
+    """Whether the straight line from the camera meets an axis-aligned box before the points."""
+    low, high = box
+    direction = points - camera.centre
+    with np.errstate(divide="ignore"):
+        first, last = (low - camera.centre) / direction, (high - camera.centre) / direction
+    near, far = np.minimum(first, last).max(axis=1), np.maximum(first, last).min(axis=1)
+    return (near < far) & (near < 1.0) & (far > 0.0)
+
+
+@pytest.mark.parametrize("distortion", [(), LENS])
+def test_a_wall_hides_what_is_behind_it_and_nothing_else(distortion):
+    eye = camera(distortion)
+    size, centre = np.array([0.2, 1.6, 2.0]), np.array([2.1, 0.3, 0.9])
+    wall = Occluders.box(size, np.eye(3), centre)
+    depths = occluded_depths(eye, wall)
+    limit = VisibilityLimit.of_depths(depths, 0.0)
+    points = np.random.default_rng(0).uniform([0.5, -2.0, -0.5], [4.0, 2.0, 2.5], (4000, 3))
+    pixels, ahead = eye.project(points)
+    inside = ahead & eye.contains(pixels)
+    points, pixels = points[inside], pixels[inside]
+    seen = limit.sees(pixels, eye.cam_from_world.apply(points)[:, 2], eye.image_size)
+    halves = (size / 2 + 0.03, size / 2 - 0.03)
+    grown, shrunk = (blocked_by_ray(eye, (centre - half, centre + half), points) for half in halves)
+    assert seen[~grown].all()
+    assert not seen[shrunk & (points[:, 0] > 2.25)].any()
+    assert seen.sum() > 500 and (~seen).sum() > 300
+
+
+def test_a_tilted_surface_hides_by_its_depth_in_every_cell():
+    eye = camera()
+    corners = np.array([[2.0, -9.0, -9.0], [2.0, 9.0, -9.0], [6.0, 0.0, 20.0]])  # x grows with z
+    depths = occluded_depths(eye, Occluders(corners, [[0, 1, 2]]))
+    assert np.isfinite(depths).all()
+    below, above = depths[-1, 80], depths[0, 80]
+    slope = 4.0 / 29.0
+    for depth, ray in ((below, 239.5 / 500.0), (above, -240.5 / 500.0)):
+        assert depth == pytest.approx((2.0 + 10.0 * slope) / (1.0 + slope * ray), rel=0.01)
+
+
+def test_cells_across_an_edge_see_on():
+    eye = camera()
+    edge = Occluders.box((0.01, 2.0, 4.0), np.eye(3), (2.0, 1.004, 1.0))  # y >= 0.004: about 1 px
+    depths = occluded_depths(eye, edge)
+    assert np.isinf(depths[:, 79:]).all() and np.isfinite(depths[:, 78]).all()
+
+
+def test_a_thing_behind_the_camera_hides_nothing():
+    behind = Occluders.box((0.5, 1.0, 1.0), np.eye(3), (-2.0, 0.0, 1.0))
+    assert np.isinf(occluded_depths(camera(), behind)).all()
+
+
+def test_limits_of_depth_maps_and_of_occluders_both_count(scenes):
+    rig = scenes.ring(3)
+    wall = Occluders.box((0.1, 30.0, 30.0), np.eye(3), (0.6, 0.0, 0.0))  # between cameras 0 and 1, 2
+    item = scenes.detect(rig, [scenes.person(-0.3, 0.0)])
+    nearest = VisibilityLimit(np.full((2, 2), 100, np.uint16))
+    item = replace(item, views=(item.views[0], replace(item.views[1], limit=nearest), item.views[2]))
+    given = KnownOccluders(replace(rig, occluders=wall)).limit(item)
+    assert given.views[0].limit is not None and given.views[0].limit.cells.shape == (120, 160)
+    assert (given.views[1].limit.cells == 100).sum() > 0.9 * 120 * 160
+    assert KnownOccluders(rig).limit(item) is item
+
+
+@pytest.mark.parametrize("method", ["seeds", "dense"])
+def test_a_joint_keeps_its_vote_though_a_wall_hides_it_from_half_of_the_views(scenes, method):
+    rig = scenes.ring(4)
+    person = scenes.person(-0.8, -0.8)
+    turn = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 2.0**0.5]]) / 2.0**0.5
+    wall = Occluders.box((0.1, 12.0, 6.0), turn, (0.0, 0.0, 1.0))
+    item = scenes.detect(rig, [person])
+    hidden = [v for v, eye in enumerate(rig.cameras) if eye.centre[:2].sum() > 0]
+    nobody = {"points": np.zeros((0, 19, 2)), "scores": np.zeros((0, 19)), "person_scores": np.zeros(0)}
+    views = tuple(replace(view, **nobody) if v in hidden else view for v, view in enumerate(item.views))
+    item = replace(item, views=views)
+    bounds = {"volume": [-1.3, -1.3, 0.0, -0.3, -0.3, 1.8]}
+    votes = {}
+    for name, occluders in (("open", None), ("walled", wall)):
+        context = StageContext(replace(rig, occluders=occluders), scenes.skeleton)
+        stage = VotingStage(load(VotingConfig, {"method": method, **bounds}), context)
+        found = stage.step(item).outputs[0]
+        head = found.node_joints == 1
+        near = np.linalg.norm(found.nodes[head] - person[1], axis=1) < 0.05
+        votes[name] = found.node_scores[head][near].max()
+        limited = [view.limit is not None for view in found.detections.views]
+        assert all(limited) if occluders is not None else not any(limited)
+    assert len(hidden) == 2
+    assert votes["open"] == pytest.approx(0.45, abs=0.02)
+    assert votes["walled"] == pytest.approx(0.9, abs=0.03)
+    assert MARGIN < 0.1
