@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.consensus.sight import Sight, sight_of
 from panoptic_ros.consensus.undistortion import undistort_points
-from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
+from panoptic_ros.domain import Camera, DetectionSet, Rig, SkeletonModel
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -19,7 +20,7 @@ class RigArrays:
     Args:
         rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
         focals: (C,) px. matrices: (C, 5) fx, fy, cx, cy, skew. distortions: (C, 5).
-        limits: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
+        boxes: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
         diagonals: (C,) px.
     """
 
@@ -30,10 +31,10 @@ class RigArrays:
     matrices: Array
     distortions: Array
     radii: Array
-    limits: Array
+    boxes: Array
     diagonals: Array
     index: dict[str, int]
-    sizes: dict[str, tuple[int, int]]
+    cameras: tuple[Camera, ...]
 
     @classmethod
     def of(cls, rig: Rig) -> RigArrays:
@@ -46,14 +47,14 @@ class RigArrays:
             np.array([[k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]] for k in matrices]),
             np.stack([camera.intrinsics.distortion for camera in rig.cameras]),
             np.array([min(camera.intrinsics.radius_limit, 1e3) for camera in rig.cameras]),
-            np.stack([_plane_limits(camera) for camera in rig.cameras]),
+            np.stack([_plane_box(camera) for camera in rig.cameras]),
             np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
             {name: i for i, name in enumerate(rig.names)},
-            {camera.name: camera.image_size for camera in rig.cameras},
+            rig.cameras,
         )  # fmt: skip
 
 
-def _plane_limits(camera) -> Array:  # type: ignore[no-untyped-def]
+def _plane_box(camera: Camera) -> Array:
     """Box of the image in undistorted normalised coordinates, from the middles of its borders."""
     width, height = camera.image_size
     middle_x, middle_y = 0.5 * (width - 1), 0.5 * (height - 1)
@@ -89,7 +90,7 @@ class Evidence:
     translations: Array
     centres: Array
     focals: Array
-    limits: Array
+    sight: Sight
 
     @property
     def views(self) -> int:
@@ -133,7 +134,7 @@ def gather(
         cameras, np.array(slots, np.int64), starts, view, order - starts[view],
         plane, np.where(good, scores, 0.0), delays, arrays.rotations[cameras],
         arrays.translations[cameras], arrays.centres[cameras], arrays.focals[cameras],
-        arrays.limits[cameras],
+        sight_of(arrays.boxes[cameras], [arrays.cameras[c] for c in cameras], records),
     )  # fmt: skip
 
 
@@ -157,8 +158,9 @@ def _check(
                 f"camera {record.camera}: people of {record.points.shape[1]} joints, "
                 f"skeleton {skeleton.name} has {len(skeleton)}"
             )
-        if record.image_size != arrays.sizes[record.camera]:
+        size = arrays.cameras[arrays.index[record.camera]].image_size
+        if record.image_size != size:
             raise DataError(
                 f"camera {record.camera}: detections in an image of {record.image_size}, the rig says "
-                f"{arrays.sizes[record.camera]}; rescale one of them"
+                f"{size}; rescale one of them"
             )

@@ -12,6 +12,7 @@ from panoptic_ros.consensus.agreement import agreement_of_pairs
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.grouping import MIN_COMMON, Grouping, Scene, hand_out, triangulate_linear
+from panoptic_ros.consensus.sight import within_sight
 
 Array = np.ndarray
 
@@ -33,36 +34,36 @@ def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grou
         config.view_share, config.few_views_share, config.few_views_agreement,
     )  # fmt: skip
     member, mirrored, places = search_people(
-        free, evidence.plane, scene.precision, evidence.view, scene.cams, evidence.centres, evidence.limits,
+        free, evidence.plane, scene.precision, evidence.view, scene.cams, evidence.centres, evidence.sight,
         scene.mirror, rules,
     )  # fmt: skip
     return Grouping(member, mirrored), places
 
 
 def seeing_views(evidence: Evidence, positions: Array) -> Array:
-    """Which views (P, V) have at least half of the joints (P, J, 3) of a person in the image."""
-    seeing: Array = views_of_people(positions, evidence.rotations, evidence.translations, evidence.limits)
+    """Which views (P, V) have at least half of the joints (P, J, 3) of a person in sight."""
+    seeing: Array = views_of_people(positions, evidence.rotations, evidence.translations, evidence.sight)
     return seeing
 
 
 @njit(cache=True, error_model="numpy")
-def views_of_people(positions, rotations, translations, limits):  # type: ignore[no-untyped-def]
+def views_of_people(positions, rotations, translations, sight):  # type: ignore[no-untyped-def]
     """The loops of `seeing_views`."""
     seeing = np.zeros((len(positions), len(rotations)), np.bool_)
     for p in range(len(positions)):
-        seeing[p] = views_that_see(positions[p], rotations, translations, limits)
+        seeing[p] = views_that_see(positions[p], rotations, translations, sight)
     return seeing
 
 
 @njit(cache=True, error_model="numpy")
-def views_that_see(position, rotations, translations, limits):  # type: ignore[no-untyped-def]
+def views_that_see(position, rotations, translations, sight):  # type: ignore[no-untyped-def]
     """The views (V,) of one person (J, 3); see `seeing_views`."""
     seeing = np.zeros(len(rotations), np.bool_)
     known = 0
     for j in range(len(position)):
         known += np.isfinite(position[j, 0])
     for v in range(len(rotations)):
-        r, t, limit = rotations[v], translations[v], limits[v]
+        r, t = rotations[v], translations[v]
         inside = 0
         for j in range(len(position)):
             a, b, c = position[j]
@@ -70,13 +71,13 @@ def views_that_see(position, rotations, translations, limits):  # type: ignore[n
             if depth > MIN_DEPTH:
                 x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
                 y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
-                inside += limit[0] < x < limit[1] and limit[2] < y < limit[3]
+                inside += within_sight(sight, v, x, y, depth)
         seeing[v] = inside >= 0.5 * max(known, 1)
     return seeing
 
 
 @njit(cache=True, error_model="numpy")
-def search_people(free, plane, precision, view, cams, centres, limits, mirror,
+def search_people(free, plane, precision, view, cams, centres, sight, mirror,
                   rules):  # type: ignore[no-untyped-def]  # fmt: skip
     """The loops of `find_people`: member and mirrored (P, V), places (P, J, 3)."""
     views, joints = len(centres), len(mirror)
@@ -98,7 +99,7 @@ def search_people(free, plane, precision, view, cams, centres, limits, mirror,
             if not len(pairs):
                 break
             good, member, flipped, position, rest = _best_supported(
-                chosen, pairs, left, plane, open_precision, view, cams, centres, limits, mirror, rules
+                chosen, pairs, left, plane, open_precision, view, cams, centres, sight, mirror, rules
             )
             if good:
                 members[found], mirrors[found], places[found] = member, flipped, position
@@ -171,7 +172,7 @@ def best_pairs(rank, left):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, limits, mirror,
+def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, sight, mirror,
                     rules):  # type: ignore[no-untyped-def]  # fmt: skip
     """The best supported of the pairs: if any; member and mirrored (V,), place (J, 3), free (D,) left."""
     views = len(centres)
@@ -192,7 +193,7 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
             )  # fmt: skip
             member, flipped = members[0], mirrors[0]
         score, agreement, supporters = _support(member, value[0], common[0], precision)
-        few, many = _views_needed(place, rotations, translations, limits, rules)
+        few, many = _views_needed(place, rotations, translations, sight, rules)
         if supporters < (many if agreement < rules[6] else min(few, many)):
             continue
         if score > best_score:
@@ -214,10 +215,10 @@ def _support(member, value, common, precision):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _views_needed(place, rotations, translations, limits, rules):  # type: ignore[no-untyped-def]
+def _views_needed(place, rotations, translations, sight, rules):  # type: ignore[no-untyped-def]
     """Number of views that must support a person at a place (J, 3) m.
 
     The first where few views can see it and they agree well, the second otherwise.
     """
-    seeing = views_that_see(place, rotations, translations, limits).sum()
+    seeing = views_that_see(place, rotations, translations, sight).sum()
     return max(2.0, np.ceil(rules[5] * seeing)), max(rules[3], np.ceil(rules[4] * seeing))

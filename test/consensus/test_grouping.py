@@ -8,6 +8,7 @@ from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.grouping import MIN_COMMON, MIRROR_MARGIN, Scene, assign
 from panoptic_ros.consensus.newcomers import find_people
+from panoptic_ros.consensus.sight import Sight
 
 JOINTS = 7
 MIRROR = np.array([0, 2, 1, 4, 3, 6, 5])
@@ -49,7 +50,7 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
     evidence = Evidence(
         np.arange(views), np.arange(views), starts, view, np.arange(len(view)) - starts[view], plane, scores,
         delays, rotations, translations, centres, np.full(views, 1000.0),
-        np.tile([-1.0, 1, -1, 1], (views, 1)),
+        Sight(np.tile([-1.0, 1, -1, 1], (views, 1)), np.zeros(3 * views)),
     )  # fmt: skip
     cams = (rotations, translations, delays)
     return Scene(evidence, np.full(plane.shape[:2], 500.0), MIRROR, cams), np.array(truth, int)

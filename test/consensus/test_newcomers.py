@@ -9,6 +9,7 @@ from panoptic_ros.consensus.newcomers import (
     spread_views,
     views_that_see,
 )
+from panoptic_ros.consensus.sight import Sight
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -38,6 +39,10 @@ def test_few_views_are_all_used_and_many_spread_farthest_first():
 
 def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
     rotations, translations = np.eye(3)[None].repeat(3, 0), np.zeros((3, 3))
-    limits = np.array([[-1.0, 1, -1, 1], [-0.1, 0.1, -1, 1], [0.3, 1, -1, 1]])
+    boxes = np.array([[-1.0, 1, -1, 1], [-0.1, 0.1, -1, 1], [0.3, 1, -1, 1]])
     person = np.array([[0.0, 0, 2], [1.0, 0, 2], [np.nan] * 3, [0.0, 0, -2], [1.0, 0.2, 2]])
-    assert views_that_see(person, rotations, translations, limits).tolist() == [True, False, True]
+    sight = Sight(boxes, np.zeros(9))
+    assert views_that_see(person, rotations, translations, sight).tolist() == [True, False, True]
+    wall = np.array([9.0, 2, 1, 0, 0, 0, 0, 0, 0, 1.9, 1.9])  # of the first view, nearer than the person
+    behind = views_that_see(person, rotations, translations, Sight(boxes, wall))
+    assert behind.tolist() == [False, False, True]

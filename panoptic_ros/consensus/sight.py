@@ -1,0 +1,68 @@
+"""How far views see, on the undistorted plane: `VisibilityLimit`s for kernels that know no lenses."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from panoptic_ros.domain import Camera, ViewDetections
+
+Array = np.ndarray
+
+
+class Sight(NamedTuple):
+    """What V views see.
+
+    boxes: (V, 4) m/m, the smallest and largest undistorted x and y that the image shows.
+    limits: (V * 3 + cells,) of each view the first cell of its limits (0 = none), columns, rows, which
+        divide its box evenly; then the cells of all views, row by row, m.
+    """
+
+    boxes: Array
+    limits: Array
+
+
+def sight_of(boxes: Array, cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Sight:
+    """The sight of V views with their cameras and boxes (V, 4)."""
+    parts, end = [np.zeros(3 * len(views))], 3 * len(views)
+    for v, (camera, view) in enumerate(zip(cameras, views)):
+        if view.limit is not None:
+            rows, columns = view.limit.cells.shape
+            parts[0][3 * v : 3 * v + 3] = end, columns, rows
+            parts.append(view.limit.metres.ravel()[_cells(camera, rows, columns, *boxes[v].tolist())])
+            end += rows * columns
+    return Sight(boxes, np.concatenate(parts))
+
+
+@lru_cache(maxsize=4096)
+def _cells(
+    camera: Camera, rows: int, columns: int, left: float, right: float, top: float, bottom: float
+) -> Array:
+    """Which cell of the image (rows * columns,) is seen in the middle of each cell of the box."""
+    x = left + (np.arange(columns) + 0.5) / columns * (right - left)
+    y = top + (np.arange(rows) + 0.5) / rows * (bottom - top)
+    plane = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    lens = camera.intrinsics
+    pixels = lens.pixels_from_plane(lens.distort(plane))
+    shape = np.array([columns, rows])
+    at = np.floor((pixels + 0.5) * (shape / np.array(camera.image_size)))
+    at = np.clip(at, 0, shape - 1).astype(np.int64)
+    return at[:, 1] * columns + at[:, 0]
+
+
+@njit(cache=True, error_model="numpy")
+def within_sight(sight, v, x, y, depth):  # type: ignore[no-untyped-def]
+    """Whether view v sees the point at x, y of the plane at 1 m, and a depth in m."""
+    left, right, top, bottom = sight.boxes[v]
+    if not (left < x < right and top < y < bottom):
+        return False
+    start = int(sight.limits[3 * v])
+    if start == 0:
+        return True
+    columns, rows = int(sight.limits[3 * v + 1]), int(sight.limits[3 * v + 2])
+    i = min(int((x - left) / (right - left) * columns), columns - 1)
+    k = min(int((y - top) / (bottom - top) * rows), rows - 1)
+    return depth <= sight.limits[start + k * columns + i]

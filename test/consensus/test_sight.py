@@ -1,0 +1,42 @@
+"""The limits on the undistorted plane say what `VisibilityLimit.sees` says, but for half a cell."""
+from dataclasses import replace
+
+import captures
+import numpy as np
+import pytest
+
+from panoptic_ros.consensus.evidence import RigArrays, gather
+from panoptic_ros.consensus.sight import within_sight
+from panoptic_ros.domain import DetectionSet, VisibilityLimit
+from panoptic_ros.geometry import Intrinsics
+
+LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+
+
+@pytest.mark.parametrize("distortion", [(), LENS])
+def test_a_wall_with_a_hole_hides_the_same_as_in_the_image(distortion):
+    cells = np.full((90, 160), 3000, np.uint16)
+    cells[30:60, 40:120] = 0
+    limit = VisibilityLimit(cells)
+    lens = replace(captures.RIG.cameras[0].intrinsics, distortion=np.array(distortion))
+    rig = replace(
+        captures.RIG, cameras=(replace(captures.RIG.cameras[0], intrinsics=lens), *captures.RIG.cameras[1:])
+    )
+    views = captures.views(1)
+    views = (replace(views[0], limit=limit), views[1])
+    item = DetectionSet(0, views[0].stamp_ns, views[0].skeleton_hash, views)
+    sight = gather(item, RigArrays.of(rig), captures.SKELETON, captures.SKELETON.hash, 0.0).sight
+    camera = rig.cameras[0]
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform(0.0, [1279.0, 719.0], (3000, 2))
+    plane, depths = camera.intrinsics.undistort(pixels), rng.uniform(1.0, 6.0, 3000)
+    inside = ((plane > sight.boxes[0, ::2]) & (plane < sight.boxes[0, 1::2])).all(axis=1)
+    hole = np.array([[319.5, 239.5], [959.5, 479.5]])
+    edge = np.minimum(np.abs(pixels[:, None] - hole).min(axis=(1, 2)), 1e9)
+    clear = inside & (edge > 12.0)  # px; a cell has 8
+    expected = limit.sees(pixels, depths, camera.image_size)
+    found = np.array([within_sight(sight, 0, *p, d) for p, d in zip(plane, depths)])
+    assert clear.sum() > 2000 and 0.2 < expected[clear].mean() < 0.8
+    assert (found == expected)[clear].all()
+    assert within_sight(sight, 1, 0.0, 0.0, 1e9) and not within_sight(sight, 0, 9.0, 0.0, 1.0)
+    assert isinstance(lens, Intrinsics)
