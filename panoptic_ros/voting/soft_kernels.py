@@ -16,57 +16,102 @@ from panoptic_ros.voting.score_field import GAUSSIAN_END
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
 FAR = 8.0  # a ball that is so many times its size away is seen as by a camera at infinity
 REACH = 3.0  # a ball off the axis of a distorted lens is not larger than this, relative to its size on it
+MANY_VIEWS = 10  # place a joint so well that the widest ball would find nothing better
+SETTLED = 1e-4  # m, a step that ends the rounds
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @_jit
-def soft_argmax(scene, joints, starts, offsets, softness):
-    """The mean of start + offsets (3, G), for each start (N, 3), weighted by exp(vote / softness).
+def move_to_votes(scene, joints, starts, ball, radii, rounds, softness):
+    """Where starts (N, 3) of joints (N,) come to, step by step to the mean of the points of a ball.
 
-    The vote is eq. 1 of the views that see the start. Where nothing votes, the start stays.
+    A place moves to the mean of the points (3, G) of a ball of radius 1 about it, scaled by each of the radii
+    in turn (the first is for places that few views see), weighted by exp(vote / softness); with each up to
+    `rounds` times, or until it stays. The vote is eq. 1 of the views that see the place. Where nothing
+    votes, it stays. The points lie along the axes of the nearest camera that sees the start, so that the
+    frame of the world does not matter.
     """
-    cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
-    result = starts.copy()
-    count, joint_count = offsets.shape[1], map_start.shape[1]
-    votes, scores, u, w = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
-    middle = count // 2  # the offset 0
-    frame = np.zeros(10)
+    places = starts.copy()
+    turned, room = np.empty_like(ball), np.empty((7, ball.shape[1]))
     for n in range(len(starts)):
-        votes[:] = 0.0
-        j, covering = joints[n], 0
-        for v in range(len(cameras)):
-            if scene.limits[3 * v] > 0.0:
-                x, y, z = starts[n, 0], starts[n, 1], starts[n, 2]
-                at_u, at_w, _, _, covered = project(cameras, v, x, y, z)
-                if covered and hidden(cameras, scene.limits, v, x, y, z, at_u, at_w):
-                    continue
-            if map_start[v, j] >= 0 and _frame(cameras, v, starts[n], offsets[0, -1], frame):
-                covering += 1
-                if not _near_patch(scene.patch_start, scene.patch_table, v * joint_count + j, frame):
-                    continue
-                _add_framed_map(map_data, map_start[v, j], int(cameras[v, 25]), frame, offsets, votes)
-                continue
-            reach = REACH * _project_ball(cameras, v, starts[n], offsets, u, w)
-            if u[middle] == np.inf:
-                continue
-            covering += 1
-            if map_start[v, j] >= 0:
-                _add_map(cameras, v, map_start[v, j], map_data, u, w, votes)
-            else:
-                scores[:] = 0.0
-                for i in range(people.shape[2]):
-                    joint = people[v, j, i]
-                    away = math.hypot(joint[0] - u[middle], joint[1] - w[middle])
-                    if away < reach + math.sqrt(GAUSSIAN_END / joint[2]):  # False if it is missing
-                        _raise_to_keypoint(joint, u, w, scores)
-                votes += scores
-        _move_to_mean(result[n], offsets, votes, softness * covering)
-    return result
+        nearest, seeing = _nearest_view(scene, starts[n])
+        if nearest < 0:
+            continue
+        _turn(ball, scene.cameras[nearest], turned)
+        for radius in radii if seeing < MANY_VIEWS else radii[1:]:
+            for _ in range(rounds):
+                if _step(scene, joints[n], places[n], radius, turned, softness, room) < SETTLED:
+                    break
+    return places
 
 
 @_jit
-def _project_ball(cameras, v, start, offsets, u, w):
+def _nearest_view(scene, place):
+    """The view that sees a place (3,) from the smallest depth, -1 if none does; and how many do."""
+    cameras = scene.cameras
+    nearest, least, seeing = -1, np.inf, 0
+    x, y, z = place
+    for v in range(len(cameras)):
+        depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
+        u, w, _, _, covered = project(cameras, v, x, y, z)
+        if covered and not hidden(cameras, scene.limits, v, x, y, z, u, w):
+            seeing += 1
+            if depth < least:
+                nearest, least = v, depth
+    return nearest, seeing
+
+
+@_jit
+def _turn(ball, camera, turned):
+    """Points (3, G) along the axes of a camera, in the world."""
+    for i in range(3):
+        for g in range(ball.shape[1]):
+            turned[i, g] = camera[i] * ball[0, g] + camera[3 + i] * ball[1, g] + camera[6 + i] * ball[2, g]
+
+
+@_jit
+def _step(scene, joint, place, radius, ball, softness, room):
+    """One step of a place (3,), changed in place; returns its length. The room is (7, G)."""
+    cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
+    offsets, votes, scores, u, w = room[:3], room[3], room[4], room[5], room[6]
+    for i in range(3):
+        for g in range(ball.shape[1]):
+            offsets[i, g] = radius * ball[i, g]
+    votes[:] = 0.0
+    middle, joint_count = len(votes) // 2, map_start.shape[1]  # of the points the middle one is the place
+    frame = np.empty(10)
+    covering = 0
+    for v in range(len(cameras)):
+        if scene.limits[3 * v] > 0.0:
+            x, y, z = place
+            at_u, at_w, _, _, covered = project(cameras, v, x, y, z)
+            if covered and hidden(cameras, scene.limits, v, x, y, z, at_u, at_w):
+                continue
+        if map_start[v, joint] >= 0 and _frame(cameras, v, place, radius, frame):
+            covering += 1
+            if _near_patch(scene.patch_start, scene.patch_table, v * joint_count + joint, frame):
+                _add_framed_map(map_data, map_start[v, joint], int(cameras[v, 25]), frame, offsets, votes)
+            continue
+        reach = REACH * _project_ball(cameras, v, place, radius, offsets, u, w)
+        if u[middle] == np.inf:
+            continue
+        covering += 1
+        if map_start[v, joint] >= 0:
+            _add_map(cameras, v, map_start[v, joint], map_data, u, w, votes)
+        else:
+            scores[:] = 0.0
+            for i in range(people.shape[2]):
+                seen = people[v, joint, i]
+                away = math.hypot(seen[0] - u[middle], seen[1] - w[middle])
+                if away < reach + math.sqrt(GAUSSIAN_END / seen[2]):  # False if it is missing
+                    _raise_to_keypoint(seen, u, w, scores)
+            votes += scores
+    return _move_to_mean(place, offsets, votes, softness * covering)
+
+
+@_jit
+def _project_ball(cameras, v, start, radius, offsets, u, w):
     """Pixels u, w (G,) of start + offsets; infinite where the view does not cover them.
 
     Returns the size of the ball in pixels where the view looks straight at it; inf if it is too close.
@@ -98,7 +143,6 @@ def _project_ball(cameras, v, start, offsets, u, w):
         )  # fmt: skip
         u[g] = px if inside else np.inf
         w[g] = py if inside else np.inf
-    radius = offsets[0, -1]  # of the last point, (radius, 0, 0)
     return radius * max(fx, fy) / z0 if z0 > 4.0 * radius else np.inf
 
 
@@ -222,10 +266,10 @@ def _raise_to_keypoint(joint, u, w, scores):
 
 @_jit
 def _move_to_mean(place, offsets, votes, softness):
-    """Move a place (3,) by the mean of the offsets (3, G), weighted by exp(vote / softness)."""
+    """Move a place (3,) by the mean of the offsets (3, G), weighted by exp(vote / softness); how far."""
     best = votes.max()
     if not best > 0.0:
-        return
+        return 0.0
     total, x, y, z = 0.0, 0.0, 0.0, 0.0
     for g in range(len(votes)):
         if votes[g] > best - 12.0 * softness:
@@ -237,3 +281,4 @@ def _move_to_mean(place, offsets, votes, softness):
     place[0] += x / total
     place[1] += y / total
     place[2] += z / total
+    return math.sqrt(x * x + y * y + z * z) / total

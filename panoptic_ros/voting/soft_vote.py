@@ -8,39 +8,37 @@ from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
 SOFTNESS = 0.05  # vote difference that counts 1/e
-BALLS = ((0.12, 0.06), (0.08, 0.04), (0.04, 0.02))  # radius and step of the points looked at, m
+RADII = np.array([0.12, 0.08, 0.04, 0.03])  # m, of the balls of points looked at
+ROUNDS = 6  # steps at most for each ball until a proposal stays, wherever its voxel was
 
 
-def ball(radius: float, step: float) -> Array:
-    """The points (3, G) m of a cubic grid about 0 that are not farther from it than `radius`."""
-    side = round(radius / step)
-    axis = np.arange(-side, side + 1)
+def ball(steps: int) -> Array:
+    """The points (3, G) of a cubic grid, so many steps from 0 to 1, that are not farther than 1 from 0."""
+    axis = np.arange(-steps, steps + 1)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    return np.ascontiguousarray((grid[(grid**2).sum(1) <= side**2] * step).T)
+    return np.ascontiguousarray((grid[(grid**2).sum(1) <= steps**2] / steps).T)
 
 
-OFFSETS = tuple(ball(*each) for each in BALLS)
+BALL = ball(2)
 
 
 def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array]:
-    """Move points (N, 3) m for the joints (N,) to the centre of the votes about them.
+    """Move points (N, 3) m for the joints (N,) to where the votes about them hold them.
 
-    The mean weighted by exp((S - S_max) / 0.05) of the votes S of a ball of 12 cm in steps of 6 cm, then
-    of one of 8 cm in steps of 4 cm, then of one of 4 cm in steps of 2 cm. Points without any vote
-    near them stay where they are.
+    Steps go to the mean of the votes S of the points of a ball, weighted by exp((S - S_max) / 0.05):
+    balls of 12 (where fewer than ten views see the point), 8, 4 and 3 cm, each until the point stays.
+    Points without any vote near them stay where they are.
 
     Returns:
         points (N, 3) m and their votes (N,).
     """
-    moved = move(points, joints, scene)
+    moved = move(points, joints, scene, ROUNDS)
     votes, _ = kernels.vote_points(scene, np.ascontiguousarray(joints, np.int64), moved, 0.0)
     return moved, votes
 
 
-def move(points: Array, joints: Array, scene: VoteScene) -> Array:
-    """The points (N, 3) m of `refine`."""
-    moved = np.ascontiguousarray(points, np.float64)
-    which = np.ascontiguousarray(joints, np.int64)
-    for offsets in OFFSETS:
-        moved = soft_kernels.soft_argmax(scene, which, moved, offsets, SOFTNESS)
+def move(points: Array, joints: Array, scene: VoteScene, rounds: int = 1) -> Array:
+    """The points (N, 3) m of `refine`; one round per ball does where points are close to joints."""
+    starts, which = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(joints, np.int64)
+    moved: Array = soft_kernels.move_to_votes(scene, which, starts, BALL, RADII, rounds, SOFTNESS)
     return moved

@@ -14,6 +14,7 @@ from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, simulate
 from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 
 EXACT = 1e-6  # m
+STILL = 1e-5  # m, steps that end an iteration; where the last one is depends on rounding
 ANY_HEIGHT = {"assembly": {"lowest": -1000.0}}  # the one parameter that knows where up is
 FRAMES = 3
 DRAWING = MapDrawing((256, 144))
@@ -66,13 +67,15 @@ def test_order_of_people(scene, maps, seed):
 
 
 @settings(max_examples=12)
-@given(scene=scenes, seed=st.integers(0, 99), shift=st.tuples(*[st.floats(-20.0, 20.0)] * 3))
-def test_frame_of_the_world(scene, seed, shift):
-    rig, sets = capture(scene, False)
+@given(
+    scene=scenes, maps=with_maps, seed=st.integers(0, 99), shift=st.tuples(*[st.floats(-20.0, 20.0)] * 3)
+)
+def test_frame_of_the_world(scene, maps, seed, shift):
+    rig, sets = capture(scene, maps)
     new_from_old = Rigid(Rotation.random(random_state=seed).as_matrix(), np.array(shift))
     expected = solved(rig, sets, ANY_HEIGHT)
     found = solved(invariances.moved_world(rig, new_from_old), sets, ANY_HEIGHT)
-    assert invariances.largest_gap(expected, found, new_from_old.inverse().apply) < EXACT
+    assert invariances.largest_gap(expected, found, new_from_old.inverse().apply) < STILL
 
 
 @settings(max_examples=12)

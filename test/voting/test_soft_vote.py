@@ -4,18 +4,21 @@ import pytest
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.score_field import ViewField
 from panoptic_ros.voting.score_volume import vote_reference
-from panoptic_ros.voting.soft_vote import OFFSETS, SOFTNESS, refine
+from panoptic_ros.voting.soft_kernels import MANY_VIEWS
+from panoptic_ros.voting.soft_vote import BALL, RADII, SOFTNESS, move, refine
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 
 
 def reference(fields, cameras, joint, start):
     """The soft vote in numpy, of a point whose neighbourhood all cameras cover."""
+    nearest = min(cameras, key=lambda camera: camera.cam_from_world.apply(start)[2])
     place = start
-    for offsets in OFFSETS:
-        votes, _ = vote_reference(fields, cameras, joint, place + offsets.T)
+    for radius in RADII[len(cameras) >= MANY_VIEWS :]:
+        offsets = radius * BALL.T @ nearest.cam_from_world.rotation
+        votes, _ = vote_reference(fields, cameras, joint, place + offsets)
         weights = np.exp((votes - votes.max()) / SOFTNESS)
-        place = place + (weights[:, None] * offsets.T).sum(0) / weights.sum()
+        place = place + (weights[:, None] * offsets).sum(0) / weights.sum()
     return place
 
 
@@ -26,18 +29,30 @@ def setting(scenes, maps, lens=LENS, count=4):
     return rig, np.stack(people), build_scene(rig.cameras, views, 19), [ViewField(view) for view in views]
 
 
-@pytest.mark.parametrize("maps", ["none", "merged", "mixed"])
-def test_it_is_the_soft_vote_of_numpy(scenes, maps):
-    rig, people, scene, fields = setting(scenes, maps)
+@pytest.mark.parametrize("maps, count", [("none", 4), ("merged", 4), ("mixed", 4), ("none", MANY_VIEWS)])
+def test_it_is_the_soft_vote_of_numpy(scenes, maps, count):
+    rig, people, scene, fields = setting(scenes, maps, count=count)
     joints = np.array([1, 3, 8, 12, 2])
     starts = people[0, joints] + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 3))
-    points, votes = refine(starts, joints, scene)
+    points = move(starts, joints, scene)
     for n, joint in enumerate(joints):
         expected = reference(fields, rig.cameras, int(joint), starts[n])
         exact = 1e-5 if maps == "none" else 1e-3  # on maps the ball is projected linearly
         assert points[n] == pytest.approx(expected, abs=exact)
-        vote, _ = vote_reference(fields, rig.cameras, int(joint), points[n : n + 1])
-        assert votes[n] == pytest.approx(vote[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("maps", ["none", "merged"])
+def test_a_proposal_comes_to_the_same_point_from_all_of_its_voxel(scenes, maps):
+    rig, people, scene, fields = setting(scenes, maps)
+    joints = np.arange(19)
+    starts = people[0] + np.random.default_rng(0).uniform(-0.02, 0.02, (20, 19, 3))
+    points = np.stack([refine(each, joints, scene)[0] for each in starts])
+    assert np.median(np.ptp(points, axis=0)) < 2e-4
+    assert np.ptp(points, axis=0).max() < 2e-3
+    votes = refine(starts[0], joints, scene)[1]
+    for joint in joints:
+        vote, _ = vote_reference(fields, rig.cameras, int(joint), points[0, joint : joint + 1])
+        assert votes[joint] == pytest.approx(vote[0], abs=1e-9)
 
 
 @pytest.mark.parametrize("maps", ["none", "merged"])
