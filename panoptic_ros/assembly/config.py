@@ -37,7 +37,9 @@ class AssemblyConfig(GroupingConfig):
         0.0025, ge=1e-5, le=0.1,
         doc="Standard deviation of 2D joints before any was learnt, as a share of the image's diagonal.",
     )
-    learn_noise: bool = param(True, doc="Learn the noise of 2D joints from residuals, by score and view.")
+    learn_noise: bool = param(
+        True, doc="Learn the noise of 2D joints from residuals, by score, view and size."
+    )
     noise_memory: float = param(
         4000.0, unit="observations", ge=50.0, le=1e9, doc="How many residuals the noise table remembers."
     )

@@ -1,8 +1,10 @@
-"""How noisy 2D joints are, learnt online from residuals: by score, by being hidden, and by view."""
+"""How noisy 2D joints are, learnt online from residuals: by score, by being hidden, by view and by size."""
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+from panoptic_ros.assembly.noise_growth import NoiseGrowth
 
 Array = np.ndarray
 
@@ -19,9 +21,12 @@ VIEW_PRIOR_COUNT = 200.0
 class NoiseTable:
     """Standard deviations of 2D joints as a share of the image's diagonal.
 
-    sigma = share[kind, score bin] * factor[camera]. Both are medians of residuals (with leverage taken
-    out), so they adapt to calibration errors of whole views however wrong the start was, and
-    outliers do not matter. Deterministic: a function of the residuals in their order.
+    sigma = share[kind, score bin] * factor[camera] * growth(size of the person). The first two are medians
+    of residuals (with leverage taken out), so they adapt to calibration errors of whole views however wrong
+    the start was, and outliers do not matter; for the third see `noise_growth`. Deterministic: a function of
+    the residuals in their order.
+
+    Sizes are those of 2D people as a share of the image's diagonal, see `box_diagonals`.
     """
 
     def __init__(self, cameras: int, initial: float, memory: float):
@@ -36,25 +41,39 @@ class NoiseTable:
         self._views[:, middle] = VIEW_PRIOR_COUNT
         self.shares = np.full(KINDS * SCORE_BINS, initial)
         self.factors = np.ones(cameras)
+        self.growth = NoiseGrowth(memory)
+        self.learnt = False  # anything at all
 
     def _level(self, ratios: Array) -> Array:
         """Histogram level of residuals in units of their sigma."""
         logs = np.log(np.maximum(ratios, 1e-9))
         return np.clip((logs - self._low) / self._width, 0, LEVELS - 1).astype(np.int64)
 
-    def sigmas(self, scores: Array, kinds: Array, cameras: Array, diagonals: Array) -> Array:
-        """Standard deviations (D, J) px of joints of scores and kinds (D, J) in images of cameras (D,)."""
-        sigmas: Array = look_up(scores, kinds, cameras, self.shares, self.factors * diagonals)
+    def sigmas(self, scores: Array, kinds: Array, cameras: Array, sizes: Array, diagonals: Array) -> Array:
+        """Standard deviations (D, J) px of joints of scores and kinds (D, J).
+
+        Args:
+            cameras, sizes: (D,) of the 2D people. diagonals: (C,) px.
+        """
+        scales = (self.factors * diagonals)[cameras] * self.growth.factors(sizes)
+        sigmas: Array = look_up(scores, kinds, self.shares, scales)
         return sigmas
 
     def learn(
-        self, scores: Array, kinds: Array, cameras: Array, pixels: Array, diagonals: Array
+        self, scores: Array, kinds: Array, cameras: Array, sizes: Array, pixels: Array, diagonals: Array
     ) -> None:
-        """Take residuals (N,) px, leverage removed, of joints of scores and kinds (N,) in cameras (N,)."""
+        """Take residuals (N,) px, leverage removed, of joints of scores and kinds (N,) in cameras (N,).
+
+        Args:
+            sizes: (N,) of the 2D people that the joints belong to. diagonals: (C,) px.
+        """
         if not len(pixels):
             return
+        self.learnt = True
         bins = _bin(scores, kinds)
         share = pixels / diagonals[cameras]
+        self.growth.learn(sizes, share / self.factors[cameras] / self.shares[bins])
+        share = share / self.growth.factors(sizes)
         levels = self._level(share / self.factors[cameras] / self._initial)
         _add(self._scores, bins, levels, self._memory)
         self.shares = self._initial * self._median(self._scores) / RAYLEIGH_MEDIAN
@@ -80,13 +99,13 @@ def _add(table: Array, rows: Array, levels: Array, memory: float) -> None:
 
 
 @njit(cache=True)
-def look_up(scores, kinds, cameras, shares, scales):  # type: ignore[no-untyped-def]
-    """The loops of `NoiseTable.sigmas`, with scales (C,) px of the cameras."""
+def look_up(scores, kinds, shares, scales):  # type: ignore[no-untyped-def]
+    """The loops of `NoiseTable.sigmas`, with scales (D,) px of the 2D people."""
     result = np.empty(scores.shape)
     for d in range(scores.shape[0]):
         for j in range(scores.shape[1]):
             bin_of_score = min(int(scores[d, j] * SCORE_BINS), SCORE_BINS - 1)
-            result[d, j] = shares[SCORE_BINS * kinds[d, j] + bin_of_score] * scales[cameras[d]]
+            result[d, j] = shares[SCORE_BINS * kinds[d, j] + bin_of_score] * scales[d]
     return result
 
 

@@ -14,6 +14,7 @@ from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, l
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.nodes import has_maps
 from panoptic_ros.assembly.noise import NoiseTable
+from panoptic_ros.assembly.noise_growth import box_diagonals
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
@@ -76,11 +77,28 @@ class AssemblyStage:
             return StepResult(notices=(Notice("assembly.old_stamp", "warning", text),))
         dt = 0.0 if self._last_ns is None else 1e-9 * (item.stamp_ns - self._last_ns)
         self._last_ns = item.stamp_ns
-        scene = self._scene(evidence)
         prediction = self._guidance.predict(dt)
+        if self._config.learn_noise and not self._noise.learnt:
+            self._solve(evidence, item, prediction)  # the first people are solved with what they teach
+        people, found, observed, motion = self._solve(evidence, item, prediction)
+        if self._config.temporal_guidance:
+            exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
+            exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
+            self._guidance.update(
+                found.who[people.kept], people.positions, people.covariances, exchanged, people.views
+            )
+        shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
+        return StepResult((self._without_biases(people).pose_set(item, self._hash, shift),))
+
+    def _solve(
+        self, evidence: Evidence, item: ProposalSet, prediction: Prediction
+    ) -> tuple[People, Candidates, Array, Motion | None]:
+        """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
+        sizes = self._sizes(evidence)
+        scene = self._scene(evidence, sizes)
         found = self._candidates(scene, item, prediction)
         kinds = self._kinds(scene, found)
-        scene = replace(scene, precision=self._precision(evidence, kinds))
+        scene = replace(scene, precision=self._precision(evidence, kinds, sizes))
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
         if has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
@@ -93,15 +111,8 @@ class AssemblyStage:
             in_capture_space(people.positions, supporting, self._context.rig.cameras, self._needed_views)
         )
         if self._config.learn_noise:
-            self._learn(scene, solved, found.guide.shifts, kinds, people.kept)
-        if self._config.temporal_guidance:
-            exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
-            exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
-            self._guidance.update(
-                found.who[people.kept], people.positions, people.covariances, exchanged, people.views
-            )
-        shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
-        return StepResult((self._without_biases(people).pose_set(item, self._hash, shift),))
+            self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept)
+        return people, found, observed, motion
 
     def _without_biases(self, people: People) -> People:
         """The people with known biases of the detector taken out: not before guidance, which sees images."""
@@ -109,18 +120,24 @@ class AssemblyStage:
             return people
         return replace(people, positions=self._biases.corrected(people.positions))
 
-    def _scene(self, evidence: Evidence) -> Scene:
+    def _scene(self, evidence: Evidence, sizes: Array) -> Scene:
         """Evidence with the noise that is known by now, as if all joints were visible."""
-        precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64))
+        precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64), sizes)
         delays = evidence.delays if self._config.compensate_stamps else np.zeros_like(evidence.delays)
         cams = (evidence.rotations, evidence.translations, delays)
         return Scene(evidence, precision, self._mirror, cams)
 
-    def _precision(self, evidence: Evidence, kinds: Array) -> Array:
+    def _precision(self, evidence: Evidence, kinds: Array, sizes: Array) -> Array:
         """1 / standard deviation (D, J) on the normalised plane of 2D joints of these kinds, 0 = missing."""
         cameras = evidence.cameras[evidence.view]
-        sigmas = self._noise.sigmas(evidence.scores, kinds, cameras, self._rig.diagonals)
+        sigmas = self._noise.sigmas(evidence.scores, kinds, cameras, sizes, self._rig.diagonals)
         return np.where(evidence.scores > 0.0, self._rig.focals[cameras][:, None] / sigmas, 0.0)
+
+    def _sizes(self, evidence: Evidence) -> Array:
+        """Sizes (D,) of the 2D people as a share of their image's diagonal."""
+        cameras = evidence.cameras[evidence.view]
+        sizes: Array = box_diagonals(evidence.plane, evidence.scores)
+        return sizes * (self._rig.focals / self._rig.diagonals)[cameras]
 
     def _kinds(self, scene: Scene, found: Candidates) -> Array:
         """Which 2D joints (D, J) show hidden joints, from roughly where the people are."""
@@ -151,7 +168,9 @@ class AssemblyStage:
             motion = motion_of(scene, solved, more.guide.shifts, self._config.cauchy)
         return more, solved, motion
 
-    def _learn(self, scene: Scene, solved: Solved, shifts: Array, kinds: Array, kept: Array) -> None:
+    def _learn(
+        self, scene: Scene, solved: Solved, shifts: Array, kinds: Array, sizes: Array, kept: Array
+    ) -> None:
         """Update the noise table from this instant's residuals."""
         evidence = scene.evidence
         rows, joints, pixels = residuals_to_learn(
@@ -160,7 +179,7 @@ class AssemblyStage:
         )  # fmt: skip
         cameras = evidence.cameras[evidence.view[rows]]
         scores, kinds = evidence.scores[rows, joints], kinds[rows, joints]
-        self._noise.learn(scores, kinds, cameras, pixels, self._rig.diagonals)
+        self._noise.learn(scores, kinds, cameras, sizes[rows], pixels, self._rig.diagonals)
 
 
 def _bias_table(config: AssemblyConfig, context: StageContext) -> BiasTable | None:

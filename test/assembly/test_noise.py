@@ -19,15 +19,38 @@ def test_learns_scores_and_views(start):
         sigma *= 1.0 + 0.2 * kinds
         pixels = np.hypot(*rng.standard_normal((2, 600))) * sigma
         outlier = rng.random(600) < 0.1
-        table.learn(scores, kinds, cameras, np.where(outlier, 400.0, pixels), diagonals)
+        sizes = np.full(600, 0.2)
+        table.learn(scores, kinds, cameras, sizes, np.where(outlier, 400.0, pixels), diagonals)
     for kind in range(3):
         kinds = np.full((2, 2), kind)
-        got = table.sigmas(np.array([[0.25, 0.75], [0.25, 0.75]]), kinds, np.array([0, 1]), diagonals)
+        scores, sizes = np.array([[0.25, 0.75], [0.25, 0.75]]), np.array([0.2, 0.2])
+        got = table.sigmas(scores, kinds, np.array([0, 1]), sizes, diagonals)
         expected = (1.0 + 0.2 * kind) * true_share[None] * (true_factor * diagonals)[:, None]
         assert np.abs(np.log(got / expected)).max() < 0.3
 
 
 def test_nothing_learnt_is_the_start():
     table = NoiseTable(1, 0.002, 1000.0)
-    table.learn(np.empty(0), np.empty(0, int), np.empty(0, int), np.empty(0), np.array([1000.0]))
-    assert table.sigmas(np.array([[0.5]]), np.array([[0]]), np.array([0]), np.array([1000.0])) == 2.0
+    nothing, none = np.empty(0), np.empty(0, int)
+    table.learn(nothing, none, none, nothing, nothing, np.array([1000.0]))
+    sizes, diagonals = np.array([0.2]), np.array([1000.0])
+    assert table.sigmas(np.array([[0.5]]), np.array([[0]]), np.array([0]), sizes, diagonals) == 2.0
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.5, 1.0])
+def test_learns_the_growth_with_size_beside_the_scores(exponent):
+    rng = np.random.default_rng(1)
+    diagonals = np.array([1000.0])
+    table = NoiseTable(1, 0.002, 4000.0)
+    for _ in range(60):
+        scores, sizes = rng.choice([0.25, 0.75], 400), rng.uniform(0.1, 0.6, 400)
+        sigma = np.where(scores > 0.5, 1.0, 3.0) * (sizes / 0.3) ** exponent
+        pixels = np.hypot(*rng.standard_normal((2, 400))) * sigma
+        pixels = np.where(rng.random(400) < 0.05, 40.0, pixels)
+        none = np.zeros(400, int)
+        table.learn(scores, none, none, sizes, pixels, diagonals)
+    sizes = np.array([0.15, 0.3, 0.6])
+    kinds = np.zeros((3, 2), int)
+    got = table.sigmas(np.tile([0.25, 0.75], (3, 1)), kinds, np.zeros(3, int), sizes, diagonals)
+    expected = np.array([3.0, 1.0]) * (sizes[:, None] / 0.3) ** exponent
+    assert np.abs(np.log(got / expected)).max() < 0.15

@@ -1,0 +1,67 @@
+"""How the noise of 2D joints grows with the size of a person in the image, learnt online.
+
+Detectors place joints relative to the person: a large one has larger errors in pixels. COCO's object keypoint
+similarity takes errors as proportional to the size; nets of a coarse grid have a floor of some pixels. So
+noise is size ** exponent, with an exponent between 0 and 1: the slope of log residuals over log sizes.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+
+PRIOR = 20.0  # residuals times variance of their log sizes, that an exponent of 0 is worth
+CLIP = 4.0  # of log residuals: outliers count as no larger
+REACH = 1.4  # of log sizes from their mean: farther ones count as no farther
+SMALLEST = 1e-4  # of a size: people of one joint have none
+
+
+class NoiseGrowth:
+    """The exponent, by linear regression with forgetting.
+
+    Attributes:
+        exponent: 0 = noise does not depend on size, 1 = it is proportional.
+    """
+
+    def __init__(self, memory: float):
+        self._memory = memory
+        self._sums = np.zeros(5)  # 1, x, y, x x, x y with x the log of sizes, y of residuals
+        self._middle = 0.0  # mean log size, at which the factor is 1
+        self.exponent = 0.0
+
+    def factors(self, sizes: Array) -> Array:
+        """By how much people of sizes (...,) are noisier than those of the mean size."""
+        if self.exponent == 0.0:
+            return np.ones(sizes.shape)
+        away = np.log(np.maximum(sizes, SMALLEST)) - self._middle
+        factors: Array = np.exp(self.exponent * np.clip(away, -REACH, REACH))
+        return factors
+
+    def learn(self, sizes: Array, ratios: Array) -> None:
+        """Take residuals (N,) in units of what they would be at the mean size, of people of sizes (N,)."""
+        x = np.log(np.maximum(sizes, SMALLEST))
+        y = np.clip(np.log(np.maximum(ratios, 1e-9)), -CLIP, CLIP)
+        self._sums += (len(x), x.sum(), y.sum(), x @ x, x @ y)
+        self._sums *= min(1.0, self._memory / self._sums[0])
+        count, x_sum, y_sum, xx_sum, xy_sum = self._sums
+        self._middle = float(x_sum / count)
+        spread = xx_sum - x_sum * x_sum / count
+        slope = (xy_sum - x_sum * y_sum / count) / (spread + PRIOR)
+        self.exponent = float(min(max(slope, 0.0), 1.0))
+
+
+@njit(cache=True)
+def box_diagonals(plane, scores):  # type: ignore[no-untyped-def]
+    """Diagonals (D,) of the boxes of the joints plane (D, J, 2) that have a score (D, J)."""
+    result = np.zeros(len(plane))
+    for d in range(len(plane)):
+        left = top = np.inf
+        right = bottom = -np.inf
+        for j in range(plane.shape[1]):
+            if scores[d, j] > 0.0:
+                left, right = min(left, plane[d, j, 0]), max(right, plane[d, j, 0])
+                top, bottom = min(top, plane[d, j, 1]), max(bottom, plane[d, j, 1])
+        if right >= left:
+            result[d] = np.hypot(right - left, bottom - top)
+    return result
