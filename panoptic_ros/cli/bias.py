@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.cli.evaluate import read_sequence
+from panoptic_ros.cli.evaluate_joints import spelt_alike
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.evaluation import pair_sequences
 from panoptic_ros.evaluation.bias import Benefit, leave_one_out, matched_people, measure_offsets
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, write, and print what the table is worth for people whom it was not measured on."""
     truth, result = read_sequence(args.truth), read_sequence(args.result)
-    people = matched_people(pair_sequences(truth, result))
+    people = matched_people(pair_sequences(truth, spelt_alike(result, truth)))
     names = sorted(set(people.ids.tolist()))
     if not names:
         raise DataError(f"nobody in {args.result} is near anybody in {args.truth}")

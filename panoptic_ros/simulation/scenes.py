@@ -9,6 +9,7 @@ from panoptic_ros.simulation.detector import Absence
 from panoptic_ros.simulation.rigs import VGA, Corners, Dome, Lens, PanelDome, RigPlan, Ring
 from panoptic_ros.simulation.stagings import STAGINGS
 from panoptic_ros.simulation.timing import IN_STEP, Timing
+from panoptic_ros.simulation.walls import Wall
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Scene:
     staging: str = "random"  # see stagings.STAGINGS
     area: float = 2.3  # m, radius of the space that people use
     table: float = 0.0  # m, radius of a round table over the origin, 0 = none
+    walls: tuple[Wall, ...] = ()  # that hide people
     degradation: Degradation = CLEAN
     timing: Timing = IN_STEP
     absences: tuple[Absence, ...] = ()  # people whom nobody detects for a while
@@ -42,6 +44,7 @@ _FOUR = ("walk", "talk", "reach", "turn")
 _EIGHT = ("walk", "walk", "talk", "reach", "turn", "crouch", "wave", "sit-down")
 _VGA_LENS = Lens(VGA, (425.0, 440.0), distorted_every=0)
 _VGA_RING = Ring(6, radius=3.9, heights=(1.2, 2.6), lens=_VGA_LENS)
+_NEAR_RING = Ring(8, radius=3.3, heights=(1.0, 2.8), lens=_VGA_LENS)
 
 SCENES: dict[str, Scene] = {
     "clean-4p5v": Scene("1 px of noise, bodies hide joints", _FOUR, Ring(5)),
@@ -56,6 +59,10 @@ SCENES: dict[str, Scene] = {
     "crossing": Scene(
         "two people meet head-on", ("walk", "walk"), Ring(5), staging="crossing",
         degradation=replace(MILD, merge=0.10),
+    ),
+    "rooms-4p31v": Scene(
+        "walls between people and most cameras", ("talk", "reach", "turn", "wave"), Ring(31, radius=4.4),
+        staging="rooms", degradation=NOISY, walls=(Wall((6.0, 0.1, 2.6)), Wall((0.1, 6.0, 2.6))),
     ),
     "occluded": Scene(
         "nobody sees person 0 for a second", ("walk", "walk", "talk"), Ring(5), degradation=MILD,
@@ -100,6 +107,18 @@ SCENES: dict[str, Scene] = {
     "rendered-2p4v": Scene(
         "images of two people in four VGA views", ("walk", "reach"), replace(_VGA_RING, cameras=4),
         staging="spread", timing=Timing(rate=25.0), frames=75, rendered=True,
+    ),
+    "rendered-3p8v": Scene(
+        "images of three people close together in eight views", ("talk", "wave", "walk"), _NEAR_RING,
+        staging="spread", area=1.3, timing=Timing(rate=25.0), frames=50, rendered=True,
+    ),
+    "rendered-6p8v": Scene(
+        "images of a crowd in eight views", ("walk", "talk", "wave", "stand", "turn", "reach"),
+        replace(_NEAR_RING, radius=3.9), area=1.6, timing=Timing(rate=25.0), frames=50, rendered=True,
+    ),
+    "rendered-table-4p8v": Scene(
+        "images of four people round a table", ("sit",) * 4, _NEAR_RING, staging="table", table=0.60,
+        timing=Timing(rate=25.0), frames=50, rendered=True,
     ),
 }  # fmt: skip
 
