@@ -67,6 +67,9 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
         else:
             text = f"{offset:+8.2f} ms +- {deviation:.2f}   no more than chance; stamps kept"
         lines.append(f"  {name:<{width}}  {text}")
+    for name, far in zip(clocks.cameras, clocks.strays):
+        if far > 0.0:
+            lines.append(f"  {name} strays from this by up to {1e3 * far:.0f} ms: does its clock jump?")
     if not clocks.known.any():
         lines.append("  nothing moves enough to compare the clocks; let somebody walk about for 5 s")
     if clocks.bias > 0.0:
@@ -88,6 +91,7 @@ def clocks_document(clocks: CameraClocks) -> dict[str, Any]:
             "drift_std": float(clocks.drift_deviations[c]),
             "known": bool(clocks.known[c]),
             "applied": bool(clocks.applied[c]),
+            "strays_s": float(clocks.strays[c]),
             "joint_speed_m_per_s": float(clocks.speed[c]),
             "rays": int(clocks.rays[c]),
         }

@@ -8,7 +8,15 @@ import numpy as np
 
 from panoptic_ros.domain import ClockModel, DetectionSet
 from panoptic_ros.offsets.estimate import Fit
-from panoptic_ros.offsets.uncertainty import KNOWN, acquainted, common_shift, covariance_of, detector_bias
+from panoptic_ros.offsets.straying import straying
+from panoptic_ros.offsets.uncertainty import (
+    KNOWN,
+    acquainted,
+    common_shift,
+    covariance_of,
+    detector_bias,
+    inflation,
+)
 
 Array = np.ndarray
 SURE = 3.0  # standard deviations from which on a known offset is more than chance
@@ -26,6 +34,7 @@ class CameraClocks:
         speed: (C,) m/s, rms speed of the joints across the camera's rays.
         rays: (C,) 2D joints used. iterations, converged: of the estimate.
         held: (C,) corrected before, and so corrected on.
+        strays: (C,) s, see `straying`; part of the deviations.
     """
 
     cameras: tuple[str, ...]
@@ -40,6 +49,7 @@ class CameraClocks:
     iterations: int
     converged: bool
     held: Array
+    strays: Array
 
     @classmethod
     def unknown(cls, cameras: Iterable[str], reference_ns: int) -> CameraClocks:
@@ -49,7 +59,7 @@ class CameraClocks:
         return cls(
             names, reference_ns, zero, zero, np.diag(np.repeat([0.1**2, 1e-4**2], len(names))),
             np.zeros(len(names), bool), 0.0, zero, np.zeros(len(names), np.int64), 0, True,
-            np.zeros(len(names), bool),
+            np.zeros(len(names), bool), zero,
         )  # fmt: skip
 
     @classmethod
@@ -62,7 +72,8 @@ class CameraClocks:
             trusted: the camera whose stamps are right; "": see `uncertainty.common_shift`.
         """
         state = np.concatenate([fit.offsets, fit.drifts])
-        return cls.stated(cameras, reference_ns, state, covariance_of(fit, prior), trusted, fit)
+        clocks = cls.stated(cameras, reference_ns, state, covariance_of(fit, prior), trusted, fit)
+        return replace(clocks, strays=straying(fit, clocks.bias, inflation(fit)))
 
     @classmethod
     def stated(
@@ -94,7 +105,7 @@ class CameraClocks:
         rays = np.bincount(fit.seen.camera, minlength=count)
         return cls(
             names, reference_ns, offsets, drifts, covariance, known, detector_bias(fit), speed, rays,
-            fit.iterations, fit.converged, np.zeros(count, bool) if held is None else held,
+            fit.iterations, fit.converged, np.zeros(count, bool) if held is None else held, np.zeros(count),
         )  # fmt: skip
 
     def after(self, before: CameraClocks, trusted: str) -> CameraClocks:
@@ -116,7 +127,7 @@ class CameraClocks:
     @property
     def deviations(self) -> Array:
         """Standard deviations (C,) s of the offsets."""
-        return np.sqrt(np.maximum(np.diag(self.covariance)[: len(self.cameras)], 0.0))
+        return np.sqrt(np.maximum(np.diag(self.covariance)[: len(self.cameras)], 0.0) + self.strays**2)
 
     @property
     def drift_deviations(self) -> Array:

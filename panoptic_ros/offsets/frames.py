@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,15 +28,21 @@ class CameraFrame:
 
 
 def camera_frames(
-    sets: Iterable[DetectionSet], arrays: RigArrays, skeleton: SkeletonModel
+    sets: Iterable[DetectionSet], arrays: RigArrays, skeleton: SkeletonModel, every: int = 1
 ) -> list[CameraFrame]:
-    """All frames of detection sets, in the order of the sets and of the rig.
+    """The frames of detection sets, in the order of the sets and of the rig.
+
+    Args:
+        every: of each camera one frame in so many sets is taken, of some cameras in each set.
 
     Raises:
         DataError: as `consensus.evidence.gather`.
     """
     frames = []
-    for item in sets:
+    for k, item in enumerate(sets):
+        if every > 1:
+            due = [view for view in item.views if (k + arrays.index.get(view.camera, 0)) % every == 0]
+            item = replace(item, views=tuple(due))
         evidence = gather(item, arrays, skeleton, skeleton.hash, 0.0)
         for v, camera in enumerate(evidence.cameras):
             rows = slice(evidence.starts[v], evidence.starts[v + 1])

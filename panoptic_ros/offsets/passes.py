@@ -20,6 +20,7 @@ Array = np.ndarray
 Solver = Callable[[Sequence[DetectionSet]], Sequence[TrackedPoseSet]]
 SCALES = (0.15, 0.10)  # m, agreement of 2D people with tracks: wide while clocks are far off
 WINDOWS, WINDOW_S = 12, 6.0  # of a long capture: so many windows of so many seconds tell the clocks
+MOST_FRAMES = 12_000  # that the clocks are estimated from; of more, some of every camera
 PRIOR_OFFSET = 0.1  # s
 PRIOR_DRIFT = 5e-5
 
@@ -75,7 +76,8 @@ def correct_from_motion(
         return Corrected(CameraClocks.unknown(rig.names, 0), [])
     arrays = RigArrays.of(rig)
     part = telling_part(sets)
-    frames = camera_frames(part, arrays, skeleton)
+    every = -(-sum(len(item.views) for item in part) // MOST_FRAMES)
+    frames = camera_frames(part, arrays, skeleton, every)
     clocks = CameraClocks.unknown(rig.names, sets[len(sets) // 2].stamp_ns)
     current = part
     for scale in SCALES:

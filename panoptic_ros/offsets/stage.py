@@ -23,6 +23,7 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 Array = np.ndarray
 SECOND = 1_000_000_000
 FRAME_LIMIT = 4096  # frames that wait at most, e.g. while nobody is tracked
+ALL_FRAMES = 10  # cameras up to which every frame is used; of more, as many frames in all, by turns
 
 
 class OffsetsStage:
@@ -50,6 +51,7 @@ class OffsetsStage:
         self._prior = np.repeat([PRIOR_OFFSET, PRIOR_DRIFT], count)
         self._filter = ClockFilter(count, self._prior, self._config.memory_s)
         self._frames: deque[CameraFrame] = deque(maxlen=FRAME_LIMIT)
+        self._turns: dict[str, int] = {}  # frames of every camera, counted from its place in the rig
         self._tracked: list[TrackedPoseSet] = []
         self._in_force: CameraClocks | None = None
         self._correcting = np.zeros(count, bool)
@@ -64,9 +66,7 @@ class OffsetsStage:
         if not self._config.active:
             return StepResult()
         if isinstance(item, ViewDetections):
-            bare = replace(item, maps=None)
-            single = DetectionSet(0, item.stamp_ns, item.skeleton_hash, (bare,))
-            self._frames += camera_frames([single], self._arrays, self._skeleton)
+            self._keep(item)
             return StepResult()
         if item.skeleton_hash != self._skeleton.hash:
             raise DataError(
@@ -81,6 +81,14 @@ class OffsetsStage:
         """Forget all; an unfinished block gives nothing, as nobody is left to use it."""
         self.reset()
         return StepResult()
+
+    def _keep(self, view: ViewDetections) -> None:
+        """Let a frame wait for the end of its block, if it is its camera's turn."""
+        turn = self._turns.get(view.camera, self._arrays.index.get(view.camera, 0))
+        if turn % -(-len(self._rig) // ALL_FRAMES) == 0:
+            single = DetectionSet(0, view.stamp_ns, view.skeleton_hash, (replace(view, maps=None),))
+            self._frames += camera_frames([single], self._arrays, self._skeleton)
+        self._turns[view.camera] = turn + 1
 
     def _close(self) -> StepResult[ClockModel]:
         """Estimate from the block, and begin the next one with its last tracked people."""

@@ -25,7 +25,7 @@ def covariance_of(fit: Fit, prior: Array) -> Array:
     looks like a clock that is 25 ms off.
     """
     cameras = len(fit.offsets)
-    covariance = np.linalg.inv(fit.information / _inflation(fit) + np.diag(prior**-2.0))
+    covariance = np.linalg.inv(fit.information / inflation(fit) + np.diag(prior**-2.0))
     covariance += np.diag(np.minimum(_floor(fit), prior**2))
     gauge = np.kron(np.eye(2), np.eye(cameras) - 1.0 / cameras)
     return gauge @ covariance @ gauge.T
@@ -34,12 +34,12 @@ def covariance_of(fit: Fit, prior: Array) -> Array:
 def honest_information(fit: Fit, prior: Array) -> Array:
     """Information (2C, 2C) that goes with `covariance_of`, without the prior."""
     weak = np.diag(1e-3 * prior**-2.0)  # so that it can be inverted
-    covariance = np.linalg.inv(fit.information / _inflation(fit) + weak)
+    covariance = np.linalg.inv(fit.information / inflation(fit) + weak)
     return np.linalg.inv(covariance + np.diag(np.minimum(_floor(fit), prior**2))) - 0.99 * weak
 
 
-def _inflation(fit: Fit) -> float:
-    """Of the variances. Squared excess, as what lasts for a short block usually outlasts it."""
+def inflation(fit: Fit) -> float:
+    """Of the variances, at least 1. Squared excess, as what lasts for a short block usually outlasts it."""
     return _excess(*_block_means(fit, SHORT_BLOCK)) ** 2
 
 

@@ -1,10 +1,12 @@
 """Clocks of simulated captures."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
-from panoptic_ros.offsets import CameraClocks, correct_from_motion
+from panoptic_ros.offsets import CameraClocks, correct_from_motion, passes
 from panoptic_ros.offsets.passes import WINDOW_S, WINDOWS, telling_part
 
 
@@ -59,6 +61,31 @@ def test_where_nothing_moves_nothing_is_known_and_stamps_stay(make_capture):
     assert not result.clocks.known.any() and not result.clocks.applied.any()
     for item, before in zip(result.sets, capture.sets):
         assert [v.stamp_ns for v in item.views] == [v.stamp_ns for v in before.views]
+
+
+def test_a_clock_that_jumps_on_the_way_is_told_and_stands_in_the_deviations(make_capture):
+    capture = make_capture(seconds=4.0)
+    name, middle = capture.rig.names[1], len(capture.sets) // 2
+    for i, item in enumerate(capture.sets[middle:], middle):
+        views = tuple(later(view, 30e6) if view.camera == name else view for view in item.views)
+        capture.sets[i] = replace(item, views=views)
+    clocks = found(capture).clocks
+    assert np.flatnonzero(clocks.strays).tolist() == [1] and 5e-3 < clocks.strays[1] < 30e-3
+    assert clocks.deviations[1] >= clocks.strays[1] > 5.0 * clocks.deviations[[0, 2, 3, 4]].max()
+
+
+def later(view, shift_ns):
+    return replace(view, stamp_ns=view.stamp_ns + int(shift_ns))
+
+
+def test_of_very_many_frames_some_of_every_camera_are_used(make_capture, monkeypatch):
+    capture = make_capture()
+    monkeypatch.setattr(passes, "MOST_FRAMES", len(capture.sets) * len(capture.rig) // 3)
+    clocks = found(capture).clocks
+    whole = 2 * len(capture.sets) * len(capture.skeleton)
+    assert (clocks.rays > 0.2 * whole).all() and (clocks.rays < 0.4 * whole).all()
+    error = clocks.offsets - capture.offsets
+    assert np.abs(error - error.mean()).max() < 2e-3
 
 
 def test_without_people_nothing_is_known(make_capture):

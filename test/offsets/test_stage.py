@@ -6,6 +6,7 @@ import pytest
 
 from panoptic_ros.domain import ClockModel
 from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.offsets import stage as stage_module
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.stage import OffsetsStage
 
@@ -90,6 +91,16 @@ def test_a_camera_that_is_lost_keeps_its_clock(capture):
     for model in later:  # as long as they are known
         assert shift(model, stamp) == pytest.approx(shift(last[model.device], stamp), abs=5e-3)
     assert later and later[-1].reference_ns < stamp - 10 * SECOND
+
+
+def test_of_many_cameras_some_frames_of_each_are_kept(capture, monkeypatch):
+    monkeypatch.setattr(stage_module, "ALL_FRAMES", 2)  # so five cameras are many: a third of the frames
+    models, _ = run(capture, OffsetsStage(OffsetsConfig(active=True), capture.context))
+    last = {model.device: model for model in models}
+    assert len(last) >= 4
+    middle = int(capture.ticks[len(capture.ticks) // 2])
+    errors = [shift(model, middle) - capture.offsets[capture.rig.index(name)] for name, model in last.items()]
+    assert np.ptp(errors) < 3e-3
 
 
 def test_off_by_default(capture):
