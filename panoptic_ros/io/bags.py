@@ -99,6 +99,7 @@ class BagReader:
         self.counts: dict[str, int] = {
             name: info.msgcount for name, info in self._reader.topics.items()
         }
+        self.length_s = self._reader.duration * 1e-9
 
     def _opened(self) -> Reader:
         try:
@@ -106,8 +107,8 @@ class BagReader:
             reader.open()
         except Exception as error:  # rosbags trusts a file's lengths and offsets: damage shows as anything
             raise DataError(
-                f"{self.path} cannot be read as a rosbag2 folder ({_one_line(error)}); a bag whose "
-                "recording was cut off has no metadata.yaml: mend it with `ros2 bag reindex`"
+                f"{self.path} cannot be read as a rosbag2 ({_one_line(error)}); where a recording was "
+                "cut off, `mcap recover` mends the file and `ros2 bag reindex` a missing metadata.yaml"
             ) from None
         return reader
 

@@ -13,6 +13,7 @@ from rclpy.node import Node
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
+from panoptic_ros.io.bag_streams import BagStream
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.occluders import read_occluders
@@ -164,8 +165,8 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
     if entry["kind"] == "bag":
-        path, images = Path(entry["path"]), bool(entry["images"])
-        return make_bag_node(path, entry["cameras"], overrides, images, entry["depths"])
+        streams = [BagStream(**{**stream, "bag": Path(stream["bag"])}) for stream in entry["streams"]]
+        return make_bag_node(streams, overrides)
     if entry["kind"] == "markers":
         return MarkersNode(overrides.get("flow", "live"))
     raise UsageError(f"there is no node of kind {entry['kind']!r}")

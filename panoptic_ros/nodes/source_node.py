@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Camera
-from panoptic_ros.errors import PanopticError
+from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.graph.topics import TOPICS
@@ -109,6 +109,11 @@ class SourceNode(Node):
         self._stopping.set()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
+
+    def refuse(self, error: DataError) -> None:
+        """Count something that cannot be sent."""
+        self._statistics.dropped["bad_message"] += 1
+        self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
     def _run(self, outgoing: Iterator[Outgoing]) -> None:
         try:

@@ -1,16 +1,13 @@
 """Making source nodes from a plain description, as it stands in a launcher's file or in parameters."""
 from __future__ import annotations
 
-import heapq
-import struct
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from panoptic_ros.capture import DepthSource, open_source
 from panoptic_ros.domain import Rig
 from panoptic_ros.graph.topics import TOPICS, ros_name
-from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.bag_streams import BagStream, merged
 from panoptic_ros.nodes.source_node import Outgoing, SourceNode, camera_messages, camera_topics
 
 
@@ -34,35 +31,17 @@ def make_camera_node(
     return node
 
 
-def make_bag_node(
-    path: Path, cameras: Mapping[str, str], overrides: Mapping[str, Any], images: bool,
-    depths: Sequence[str] = (),
-) -> SourceNode:  # fmt: skip
-    """A node that publishes topics of a bag as they are, merged by the stamps of their headers.
+def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) -> SourceNode:
+    """A node that publishes cameras' topics of bags, merged by their stamps, under the graph's names.
 
-    Args:
-        cameras: topic -> camera.
-        images: whether they are images, of which fewer may be under way.
-        depths: topics of depth maps.
+    What cannot be decoded is not sent: the middleware would lose it without a word.
     """
-    with BagReader(path) as reader:
-        topics = [*cameras, *depths]
-        publishers = {topic: (topic, reader.topics[topic]) for topic in topics}
-    detections = {topic: TOPICS["detections"].of(camera) for topic, camera in cameras.items() if images}
-    node = SourceNode("bag", publishers, overrides, detections, max(1, len(topics)))
-    node.start(_merged(path, topics))
+    names = {stream: TOPICS[stream.key].of(stream.camera) for stream in streams}
+    topics = {name: (name, TOPICS[stream.key].message) for stream, name in names.items()}
+    images = [stream for stream in streams if stream.key in ("image", "compressed_image")]
+    detections = {names[stream]: TOPICS["detections"].of(stream.camera) for stream in images}
+    node = SourceNode("bag", topics, overrides, detections, max(1, len(streams)))
+    node.start(
+        Outgoing(item.stamp_ns, ((names[item.stream], item.data),)) for item in merged(streams, node.refuse)
+    )
     return node
-
-
-def _merged(path: Path, topics: list[str]) -> Iterator[Outgoing]:
-    streams = [_stamped(path, topic, order) for order, topic in enumerate(topics)]
-    for stamp, _, topic, data in heapq.merge(*streams, key=lambda row: row[:2]):
-        yield Outgoing(stamp, ((topic, data),))
-
-
-def _stamped(path: Path, topic: str, order: int) -> Iterator[tuple[int, int, str, bytes]]:
-    """Messages of one topic as they are, with the stamp that stands first in them."""
-    with BagReader(path) as reader:
-        for _, _, data, _ in reader.raw(topic):
-            seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
-            yield seconds * 1_000_000_000 + nanoseconds, order, topic, bytes(data)

@@ -14,7 +14,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("capture", nargs="?", type=Path, metavar="CAPTURE_DIR", help="a capture folder")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     parser.add_argument("--demo", nargs="?", const="multi", help="the demo capture: multi or single")
-    parser.add_argument("--bag", type=Path, help="a rosbag2 with detections or images")
+    parser.add_argument("--bag", action="append", default=[], type=Path,
+                        help="a rosbag2 with detections or images; may be given several times")  # fmt: skip
+    parser.add_argument("--topic", action="append", default=[], metavar="CAMERA=TOPIC",
+                        help="with --bag: a camera's topic, where it does not tell by its name")  # fmt: skip
+    parser.add_argument("--arrival-stamps", action="store_true",
+                        help="with --bag: times of recording in place of the stamps in headers")  # fmt: skip
     parser.add_argument("--redetect", action="store_true",
                         help="with --bag: use its images, not its detections")  # fmt: skip
     parser.add_argument("--rig", type=Path, help="calibration, in place of the capture's own")

@@ -8,7 +8,8 @@ from typing import Any
 
 from panoptic_ros.cli.run.finish import finish
 from panoptic_ros.cli.run.in_process import run_in_process
-from panoptic_ros.cli.run.plan import Plan, make_plan
+from panoptic_ros.cli.run.plan import Plan
+from panoptic_ros.cli.run.planning import make_plan
 from panoptic_ros.cli.run.results import Results, result_folder
 from panoptic_ros.cli.run.startup_check import StartupCheck
 from panoptic_ros.cli.run.watch import Watch

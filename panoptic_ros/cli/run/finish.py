@@ -64,7 +64,7 @@ def _sets(plan: Plan, results: Results) -> list[DetectionSet]:
 def _pictures(plan: Plan, results: Results, sets: list[DetectionSet]) -> None:
     path = results.folder / "skeletons.png"
     plot_capture(path, plan.rig, plan.skeleton, results.poses, title=plan.title)
-    if plan.live or plan.bag is not None:
+    if plan.live or plan.streams:
         return
     with ExitStack() as stack:
         sources = [

@@ -3,9 +3,8 @@ from __future__ import annotations
 
 import heapq
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import open_source
@@ -13,12 +12,13 @@ from panoptic_ros.cli.run.newest_frames import newest_frames
 from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.cli.run.results import Results
 from panoptic_ros.domain import EndOfStream
+from panoptic_ros.errors import DataError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.depth_pairing import DepthPairing, Pair
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import CHAIN, Pipeline
-from panoptic_ros.io.bags import BagReader
-from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of
+from panoptic_ros.io.bag_streams import merged
+from panoptic_ros.io.messages import frame_from_message, from_message
 from panoptic_ros.stage import Notice, StageContext
 
 
@@ -50,8 +50,14 @@ def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageSt
         statistics[plan.stage].dropped["overtaken"] += count
         results.take("diagnostics", {name: stage.values() for name, stage in statistics.items()})
 
-    live = newest_frames(plan.rig.names, partial(_frames, plan), stop, drop) if plan.live else None
-    for item in live or _items(plan):
+    def refuse(error: DataError) -> None:
+        statistics[plan.stage].dropped["bad_message"] += 1
+
+    if plan.live:
+        items: Iterator[Any] = newest_frames(plan.rig.names, partial(_frames, plan), stop, drop)
+    else:
+        items = _recorded(plan, refuse) if plan.streams else _filmed(plan)
+    for item in items:
         if stop():
             break
         if isinstance(item, EndOfStream):
@@ -64,9 +70,9 @@ def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageSt
     return statistics
 
 
-def _items(plan: Plan) -> Iterator[Any]:
-    """Frames or detections of all cameras of a recording by stamp, and the end of each."""
-    streams = [_numbered(order, stream) for order, stream in enumerate(_streams(plan))]
+def _filmed(plan: Plan) -> Iterator[Any]:
+    """Frames of all cameras of a recording by stamp, and the end of each."""
+    streams = [_numbered(order, _frames(plan, name)) for order, name in enumerate(plan.rig.names)]
     for _, _, item in heapq.merge(*streams, key=lambda row: row[:2]):
         yield item
 
@@ -78,13 +84,6 @@ def _numbered(order: int, stream: Iterator[Any]) -> Iterator[tuple[int, int, Any
         yield last, order, item
 
 
-def _streams(plan: Plan) -> list[Iterator[Any]]:
-    if plan.bag is not None:
-        topics = sorted(plan.bag_topics, key=lambda topic: plan.rig.index(plan.bag_topics[topic]))
-        return [_recorded(plan, plan.bag, topic) for topic in topics]
-    return [_frames(plan, name) for name in plan.rig.names]
-
-
 def _frames(plan: Plan, camera: str) -> Iterator[Any]:
     source, _ = open_source(camera, plan.rig, plan.sources[camera])
     with source:
@@ -93,24 +92,26 @@ def _frames(plan: Plan, camera: str) -> Iterator[Any]:
         yield EndOfStream(camera)
 
 
-def _recorded(plan: Plan, bag: Path, topic: str) -> Iterator[Any]:
-    camera = plan.bag_topics[topic]
-    with BagReader(bag) as reader:
-        if plan.stage == "sync":
-            for _, _, message in reader.messages(topic):
-                yield from_message(message, "ViewDetections")
-        else:
-            for number, pair in enumerate(_pairs(plan, reader, topic)):
-                yield frame_from_message(pair.image, camera, number, pair.depth)
-    yield EndOfStream(camera)
+def _recorded(plan: Plan, on_bad: Callable[[DataError], None]) -> Iterator[Any]:
+    """Frames or detections of bags, and the end of all cameras; what cannot be used is left out."""
+    numbers = dict.fromkeys(plan.rig.names, 0)
+    for pair in _pairs(plan, on_bad):
+        try:
+            if plan.stage == "sync":
+                yield from_message(pair.image, "ViewDetections")
+            else:
+                yield frame_from_message(pair.image, pair.camera, numbers[pair.camera], pair.depth)
+        except DataError as error:
+            on_bad(error)
+        numbers[pair.camera] += 1
+    yield from map(EndOfStream, plan.rig.names)
 
 
-def _pairs(plan: Plan, reader: BagReader, topic: str) -> Iterator[Pair]:
-    """The images of a topic with their depth maps, as the detection node puts them together."""
-    camera = plan.bag_topics[topic]
-    depths = [name for name, owner in plan.depth_topics.items() if owner == camera]
+def _pairs(plan: Plan, on_bad: Callable[[DataError], None]) -> Iterator[Pair]:
+    """Messages of all cameras; images with their depth maps, as the detection node puts them together."""
     pairing = DepthPairing(plan.depth_cameras, None)
-    for name, _, message in reader.messages(topic, *depths):
-        take = pairing.image if name == topic else pairing.depth
-        yield from take(camera, stamp_of(message.header), message)
-    yield from pairing.end(camera)
+    for item in merged(plan.streams, on_bad):
+        take = pairing.depth if item.stream.key == "depth" else pairing.image
+        yield from take(item.stream.camera, item.stamp_ns, item.message)
+    for camera in plan.depth_cameras:
+        yield from pairing.end(camera)

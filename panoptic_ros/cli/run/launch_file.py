@@ -30,11 +30,9 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
         own = {key: value for key, value in diff(plan.configs[name]).items() if value != []}
         return {"kind": "stage", "stage": name, "name": name, "parameters": {**common, **own, **more}}
 
-    if plan.bag is not None:
-        node = {"kind": "bag", "path": str(plan.bag), "cameras": dict(plan.bag_topics),
-                "depths": list(plan.depth_topics), "images": plan.stage == "detection",
-                "parameters": common}  # fmt: skip
-        processes["source"] = [node]
+    if plan.streams:
+        streams = [{**vars(stream), "bag": str(stream.bag)} for stream in plan.streams]
+        processes["source"] = [{"kind": "bag", "name": "bag", "streams": streams, "parameters": common}]
     for i, (camera, source) in enumerate(plan.sources.items()):
         node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
                 "parameters": common}  # fmt: skip
@@ -42,7 +40,7 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
         name = f"camera-{ros_name(camera)}" if few else f"cameras-{i % CAMERA_PROCESSES}"
         processes.setdefault(name, []).append(node)
     if plan.stage == "detection":
-        compressed = bool(jpeg_quality) or any("compressed" in topic for topic in plan.bag_topics)
+        compressed = bool(jpeg_quality) or any(s.key == "compressed_image" for s in plan.streams)
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
             depths = [camera for camera in cameras if camera in plan.depth_cameras]
             node = stage("detection", cameras=cameras, compressed=compressed, **_if_any("depths", depths))

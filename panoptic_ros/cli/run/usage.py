@@ -7,12 +7,14 @@ from panoptic_ros.errors import UsageError
 
 _FILES = ("capture", "demo", "video")
 _MEANS_SOMETHING_FOR = {
+    "arrival_stamps": ("bag",),
     "cameras": ("capture", "demo", "bag"),
     "frame_rate": (*_FILES, "device"),
     "jpeg": (*_FILES, "device"),
     "latency_ms": ("device",),
     "redetect": ("bag",),
     "size_policy": _FILES,
+    "topic": ("bag",),
 }
 _SHOWN = {"capture": "a capture folder", **{name: f"--{name}" for name in ("bag", "video", "device", "demo")}}
 

@@ -1,0 +1,133 @@
+"""What cameras left in bags: messages of one or several bags, in the order in which they belong together."""
+from __future__ import annotations
+
+import heapq
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of
+from panoptic_ros.io.messages.family import decode_cdr
+
+SECOND = 1_000_000_000
+JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recording's have jumped
+TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
+LOOKED_AT = 20  # messages that tell the rate
+
+
+@dataclass(frozen=True)
+class BagStream:
+    """One camera's topic in a bag.
+
+    Args:
+        key: of `graph.topics.TOPICS`: what the messages are.
+        arrival_stamps: take the times of recording for the stamps in the headers.
+    """
+
+    bag: Path
+    topic: str
+    camera: str
+    key: str
+    arrival_stamps: bool = False
+
+    def messages(self) -> Iterator[BagMessage | DataError]:
+        """All messages, and an error in the place of each that cannot be decoded."""
+        with BagReader(self.bag) as reader:
+            for _, arrival_ns, data, kind in reader.raw(self.topic):
+                data = _with_stamp(data, arrival_ns) if self.arrival_stamps else data
+                try:
+                    message = decode_cdr(data, kind)
+                except DataError as error:
+                    yield self._named(error)
+                    continue
+                yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
+
+    def record(self, message: Any, number: int) -> Any:
+        """The `ViewDetections`, or the `ViewFrame` of that number, in a message.
+
+        Raises:
+            DataError: naming the bag and the topic.
+        """
+        try:
+            if self.key == "detections":
+                return from_message(message, "ViewDetections")
+            return frame_from_message(message, self.camera, number)
+        except DataError as error:
+            raise self._named(error) from None
+
+    def first_record(self) -> Any:
+        """The first record that can be used.
+
+        Raises:
+            DataError: if none of the first messages can be used, or there are none.
+        """
+        problem = DataError(f"{self.bag}: topic {self.topic} has no messages")
+        for number, item in enumerate(islice(self.messages(), TRIES)):
+            try:
+                if isinstance(item, DataError):
+                    raise item
+                return self.record(item.message, number)
+            except DataError as error:
+                problem = error
+        raise problem
+
+    def first_stamps(self) -> list[int]:
+        """Stamps of the first messages, ns."""
+        first = islice(self.messages(), LOOKED_AT)
+        return [item.stamp_ns for item in first if isinstance(item, BagMessage)]
+
+    def _named(self, error: DataError) -> DataError:
+        return DataError(f"{self.bag}, topic {self.topic}: {error}")
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """A message of a stream: when it was recorded, its stamp, the CDR bytes, and what they say."""
+
+    stream: BagStream
+    arrival_ns: int
+    stamp_ns: int
+    data: bytes
+    message: Any
+
+
+def merged(streams: Sequence[BagStream], on_bad: Callable[[DataError], None]) -> Iterator[BagMessage]:
+    """The messages of all streams by their stamps.
+
+    Where the stamps of a camera jump, its place among the others runs on with the times of recording, so
+    that one clock's jump does not put a camera hours before or behind the others.
+
+    Args:
+        on_bad: told about every message that cannot be decoded, which is left out.
+    """
+    placed = [_placed(order, stream.messages(), on_bad) for order, stream in enumerate(streams)]
+    for _, _, item in heapq.merge(*placed, key=lambda row: row[:2]):
+        yield item
+
+
+def _placed(
+    order: int, items: Iterable[BagMessage | DataError], on_bad: Callable[[DataError], None]
+) -> Iterator[tuple[int, int, BagMessage]]:
+    place, last = 0, None
+    for item in items:
+        if isinstance(item, DataError):
+            on_bad(item)
+            continue
+        if last is None:
+            place = item.stamp_ns
+        else:
+            step, recorded = item.stamp_ns - last.stamp_ns, max(0, item.arrival_ns - last.arrival_ns)
+            place += step if 0 < step <= recorded + JUMP_NS else recorded
+        last = item
+        yield place, order, item
+
+
+def _with_stamp(data: bytes, stamp_ns: int) -> bytes:
+    """CDR bytes of a message that begins with a header, with another stamp."""
+    order = ">" if data[1:2] == b"\0" else "<"
+    return bytes(data[:4]) + struct.pack(f"{order}iI", *divmod(stamp_ns, SECOND)) + bytes(data[12:])

@@ -1,0 +1,165 @@
+"""Bags from elsewhere: topics of other names, several bags, missing facts, stamps that mean nothing."""
+import gzip
+import json
+from dataclasses import replace
+
+import captures
+import numpy as np
+import pytest
+from recordings import write_bag
+
+from panoptic_ros.cli.main import main
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.io.bags import BagReader, BagWriter
+from panoptic_ros.io.messages import bag_messages, compressed_image_message, to_message
+from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, read_card
+from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.io.skeletons import map_joints
+
+needs_model = pytest.mark.skipif(
+    not is_cached(read_card(DEFAULT_MODEL)), reason="the default model is not fetched (panoptic models fetch)"
+)
+VIEWS = captures.views(12)
+
+
+def run(tmp_path, *arguments):
+    """Exit code, and the skeletons as text if there are any."""
+    out = tmp_path / "out"
+    code = main(["run", *map(str, arguments), "--out", str(out), "--no-pictures", "--in-process"])
+    result = out / "skeletons.json.gz"
+    return code, gzip.decompress(result.read_bytes()).decode() if result.exists() else ""
+
+
+def renamed(path, source, name):
+    """A copy of a bag with other topics."""
+    with BagReader(source) as old, BagWriter(path) as new:
+        for topic, stamp, data, kind in old.raw():
+            new.write_raw(name(topic), kind, stamp, bytes(data))
+    return path
+
+
+@pytest.fixture
+def bag(tmp_path):
+    return write_bag(tmp_path / "bag", VIEWS)
+
+
+@pytest.fixture
+def usual(tmp_path, bag):
+    (tmp_path / "usual").mkdir()
+    code, result = run(tmp_path / "usual", "--bag", bag)
+    assert code == 0 and len(json.loads(result)["frames"]) == 12
+    return result
+
+
+def test_topics_in_a_namespace(tmp_path, bag, usual):
+    other = renamed(tmp_path / "b", bag, lambda topic: "/lab" + topic if "detections" in topic else topic)
+    assert run(tmp_path, "--bag", other) == (0, usual)
+
+
+def test_two_topics_that_may_be_a_cameras(tmp_path, capsys):
+    with BagWriter(tmp_path / "b") as bag:
+        bag.write("/rig", 0, to_message(captures.RIG, bag_messages()))
+        for space in ("/a", "/b"):
+            for view in VIEWS:
+                message = to_message(view, bag_messages())
+                bag.write(f"{space}/{view.camera}/detections", view.stamp_ns, message)
+    assert run(tmp_path, "--bag", tmp_path / "b")[0] == 2
+    error = capsys.readouterr().err
+    assert "/a/cam0/detections" in error and "--topic cam0=" in error
+
+
+def test_named_topics(tmp_path, capsys, bag, usual):
+    other = renamed(tmp_path / "b", bag, lambda topic: topic.replace("/detections", "_seen"))
+    assert run(tmp_path, "--bag", other)[0] == 2
+    error = capsys.readouterr().err
+    assert "--topic CAMERA=TOPIC" in error and "/cam1_seen" in error
+    named = [word for name in captures.RIG.names for word in ("--topic", f"{name}=/{name}_seen")]
+    assert run(tmp_path, "--bag", other, *named) == (0, usual)
+    assert run(tmp_path, "--bag", other, "--topic", "cam9=/cam1_seen")[0] == 2
+    assert "cam9" in capsys.readouterr().err
+    assert run(tmp_path, "--bag", other, "--topic", "cam1=/nothing")[0] == 2
+    assert "no topic /nothing" in capsys.readouterr().err
+    swapped = ["--topic", "cam0=/cam1_seen", "--topic", "cam1=/cam0_seen"]
+    assert run(tmp_path, "--bag", other, *swapped)[0] == 2
+    assert "detections of camera cam1, not of cam0" in capsys.readouterr().err
+
+
+def test_two_bags_of_one_capture(tmp_path, capsys, bag, usual):
+    halves = [write_bag(tmp_path / k, [v for v in VIEWS if v.camera in k]) for k in ("cam0cam2", "cam1cam3")]
+    assert run(tmp_path, "--bag", halves[0], "--bag", halves[1]) == (0, usual)
+    assert run(tmp_path, "--bag", halves[0], "--bag", bag)[0] == 2
+    assert "camera cam0 may be" in capsys.readouterr().err
+
+
+def test_skeleton_model_that_was_not_recorded(tmp_path, capsys, bag, usual):
+    bare = write_bag(tmp_path / "b", VIEWS, skeleton=None)
+    assert run(tmp_path, "--bag", bare) == (0, usual)
+    assert run(tmp_path, "--bag", bare, "--skeleton", "coco17")[0] == 2
+    assert "/skeleton_model" in capsys.readouterr().err
+
+
+def test_skeleton_as_the_default_model_fills_it(tmp_path):
+    filled, _ = map_joints("panoptic19", read_card(DEFAULT_MODEL).card.joints)
+    views = [replace(view, skeleton_hash=filled.hash) for view in VIEWS]
+    assert run(tmp_path, "--bag", write_bag(tmp_path / "b", views, skeleton=None))[0] == 0
+
+
+def test_stamps_that_stand_still(tmp_path, capsys):
+    with BagWriter(tmp_path / "b") as bag:
+        for view in VIEWS:
+            message = to_message(replace(view, stamp_ns=0), bag_messages())
+            bag.write(f"/{view.camera}/detections", 10**9 + view.stamp_ns, message)
+    write_rig(tmp_path / "rig.json", captures.RIG)
+    arguments = ["--bag", tmp_path / "b", "--rig", tmp_path / "rig.json"]
+    assert run(tmp_path, *arguments)[0] == 2
+    assert "all stamps are 0 s; add --arrival-stamps" in capsys.readouterr().err
+    code, result = run(tmp_path, *arguments, "--arrival-stamps")
+    frames = json.loads(result)["frames"]
+    assert code == 0 and [frame["stamp_ns"] - 10**9 for frame in frames] == [v.stamp_ns for v in VIEWS[::4]]
+
+
+def test_clocks_that_share_no_instant(tmp_path, capsys):
+    with BagWriter(tmp_path / "b") as bag:
+        bag.write("/rig", 0, to_message(captures.RIG, bag_messages()))
+        for view in VIEWS:
+            late = replace(view, stamp_ns=view.stamp_ns + (3600 * 10**9 if view.camera == "cam2" else 0))
+            bag.write(f"/{view.camera}/detections", view.stamp_ns, to_message(late, bag_messages()))
+    assert run(tmp_path, "--bag", tmp_path / "b")[0] == 2
+    error = capsys.readouterr().err
+    assert "camera cam2 begin 3600.0 s after" in error and "--arrival-stamps" in error
+
+
+def test_bad_messages_are_counted(tmp_path, bag):
+    with BagReader(bag) as old, BagWriter(tmp_path / "b") as new:
+        for k, (topic, stamp, data, kind) in enumerate(old.raw()):
+            new.write_raw(topic, kind, stamp, bytes(data) if k != 12 else bytes(data)[:6])
+    assert run(tmp_path, "--bag", tmp_path / "b")[0] == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["frames"]["dropped"] == {"sync: bad_message": 1}
+
+
+@needs_model
+class TestImages:
+    def bag(self, path, size, change=lambda message: message):
+        with BagWriter(path) as bag:
+            bag.write("/rig", 0, to_message(captures.RIG, bag_messages()))
+            for name in captures.RIG.names:
+                image = np.zeros((size[1], size[0], 3), np.uint8)
+                message = compressed_image_message(ViewFrame(name, 0, 0, image), bag_messages(), 90)
+                bag.write(f"/{name}/image_raw/compressed", 0, change(message))
+        return path
+
+    def test_of_another_size_than_calibrated(self, tmp_path, capsys):
+        assert run(tmp_path, "--bag", self.bag(tmp_path / "b", (640, 360)))[0] == 2
+        error = capsys.readouterr().err
+        assert "640 x 360" in error and "1280 x 720" in error and "cam0" in error
+
+    def test_that_nothing_can_decode(self, tmp_path, capsys):
+        def broken(message):
+            return replace(message, format="h264", data=np.arange(100, dtype=np.uint8))
+
+        assert run(tmp_path, "--bag", self.bag(tmp_path / "b", (1280, 720), broken))[0] == 2
+        assert "h264" in capsys.readouterr().err
+
+    def test_skeleton_for_detections_is_not_asked_for(self, tmp_path):
+        assert run(tmp_path, "--bag", self.bag(tmp_path / "b", (1280, 720)))[0] == 0
