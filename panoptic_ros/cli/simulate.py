@@ -8,6 +8,8 @@ from pathlib import Path
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.folders import staged_folder
+from panoptic_ros.io.occluders import FILE as OCCLUDERS
+from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.plain_formats import write_detections
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.simulation import SCENES, SKELETON, Scene, Simulation, scene, simulate
@@ -37,6 +39,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.scene} has no images; scenes with images are {rendered}")
     with staged_folder(args.out) as folder:
         write_rig(folder / "rig.json", take.rig)
+        if take.rig.occluders is not None:
+            write_occluders(folder / OCCLUDERS, take.rig.occluders)
         write_json(folder / "truth.json.gz", take.truth_document())
         if take.scene.rendered:
             from panoptic_ros.cli.simulate_images import write_capture  # numba is slow to load

@@ -12,7 +12,7 @@ from panoptic_ros.consensus.agreement import agreement_of_pairs
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.grouping import MIN_COMMON, Grouping, Scene, hand_out, triangulate_linear
-from panoptic_ros.consensus.sight import within_sight
+from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, look
 
 Array = np.ndarray
 
@@ -51,29 +51,32 @@ def views_of_people(positions, rotations, translations, sight):  # type: ignore[
     """The loops of `seeing_views`."""
     seeing = np.zeros((len(positions), len(rotations)), np.bool_)
     for p in range(len(positions)):
-        seeing[p] = views_that_see(positions[p], rotations, translations, sight)
+        seeing[p] = look_at(positions[p], rotations, translations, sight) == SEEN
     return seeing
 
 
 @njit(cache=True, error_model="numpy")
-def views_that_see(position, rotations, translations, sight):  # type: ignore[no-untyped-def]
-    """The views (V,) of one person (J, 3); see `seeing_views`."""
-    seeing = np.zeros(len(rotations), np.bool_)
+def look_at(position, rotations, translations, sight):  # type: ignore[no-untyped-def]
+    """Which views (V,) have half of somebody's known joints (J, 3) in the image, and which see as many."""
+    found = np.full(len(rotations), OUTSIDE, np.int64)
     known = 0
     for j in range(len(position)):
         known += np.isfinite(position[j, 0])
     for v in range(len(rotations)):
         r, t = rotations[v], translations[v]
-        inside = 0
+        seen = hidden = 0
         for j in range(len(position)):
             a, b, c = position[j]
             depth = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
             if depth > MIN_DEPTH:
                 x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
                 y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
-                inside += within_sight(sight, v, x, y, depth)
-        seeing[v] = inside >= 0.5 * max(known, 1)
-    return seeing
+                state = look(sight, v, x, y, depth)
+                seen += state == SEEN
+                hidden += state == HIDDEN
+        if seen + hidden >= 0.5 * max(known, 1):
+            found[v] = SEEN if seen >= 0.5 * max(known, 1) else HIDDEN
+    return found
 
 
 @njit(cache=True, error_model="numpy")
@@ -192,8 +195,9 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
                 rules[1], rules[2], views,
             )  # fmt: skip
             member, flipped = members[0], mirrors[0]
-        score, agreement, supporters = _support(member, value[0], common[0], precision)
-        few, many = _views_needed(place, rotations, translations, sight, rules)
+        found = look_at(place, rotations, translations, sight)
+        score, agreement, supporters = _support(member, found, value[0], common[0], precision)
+        few, many = _views_needed((found == SEEN).sum(), rules)
         if supporters < (many if agreement < rules[6] else min(few, many)):
             continue
         if score > best_score:
@@ -203,11 +207,15 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
 
 
 @njit(cache=True, error_model="numpy")
-def _support(member, value, common, precision):  # type: ignore[no-untyped-def]
-    """Agreement of the supporting 2D people: sum, each counted by its joints, mean; and their number."""
+def _support(member, found, value, common, precision):  # type: ignore[no-untyped-def]
+    """Agreement of the supporting 2D people: sum, each counted by its joints, mean; and their number.
+
+    Views from which the place is hidden support nothing.
+    """
     score, agreement, supporters = 0.0, 0.0, 0
-    for d in member:
-        if d >= 0:
+    for v in range(len(member)):
+        d = member[v]
+        if d >= 0 and found[v] != HIDDEN:
             score += value[d] * np.sqrt(common[d])
             agreement += value[d] * (common[d] / max((precision[d] > 0.0).sum(), 1))
             supporters += 1
@@ -215,10 +223,9 @@ def _support(member, value, common, precision):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _views_needed(place, rotations, translations, sight, rules):  # type: ignore[no-untyped-def]
-    """Number of views that must support a person at a place (J, 3) m.
+def _views_needed(seeing, rules):  # type: ignore[no-untyped-def]
+    """Number of views that must support a person whom so many views could see.
 
     The first where few views can see it and they agree well, the second otherwise.
     """
-    seeing = views_that_see(place, rotations, translations, sight).sum()
     return max(2.0, np.ceil(rules[5] * seeing)), max(rules[3], np.ceil(rules[4] * seeing))

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from panoptic_ros.domain import Camera, ViewDetections
+from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
 
 Array = np.ndarray
+OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # of a place and a view
 
 
 class Sight(NamedTuple):
@@ -32,9 +33,16 @@ def sight_of(boxes: Array, cameras: Sequence[Camera], views: Sequence[ViewDetect
         if view.limit is not None:
             rows, columns = view.limit.cells.shape
             parts[0][3 * v : 3 * v + 3] = end, columns, rows
-            parts.append(view.limit.metres.ravel()[_cells(camera, rows, columns, *boxes[v].tolist())])
+            parts.append(_on_plane(view.limit, camera, *boxes[v].tolist()))
             end += rows * columns
     return Sight(boxes, np.concatenate(parts))
+
+
+@lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
+def _on_plane(
+    limit: VisibilityLimit, camera: Camera, left: float, right: float, top: float, bottom: float
+) -> Array:
+    return limit.metres.ravel()[_cells(camera, *limit.cells.shape, left, right, top, bottom)]
 
 
 @lru_cache(maxsize=4096)
@@ -54,15 +62,15 @@ def _cells(
 
 
 @njit(cache=True, error_model="numpy")
-def within_sight(sight, v, x, y, depth):  # type: ignore[no-untyped-def]
-    """Whether view v sees the point at x, y of the plane at 1 m, and a depth in m."""
+def look(sight, v, x, y, depth):  # type: ignore[no-untyped-def]
+    """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
     left, right, top, bottom = sight.boxes[v]
     if not (left < x < right and top < y < bottom):
-        return False
+        return OUTSIDE
     start = int(sight.limits[3 * v])
     if start == 0:
-        return True
+        return SEEN
     columns, rows = int(sight.limits[3 * v + 1]), int(sight.limits[3 * v + 2])
     i = min(int((x - left) / (right - left) * columns), columns - 1)
     k = min(int((y - top) / (bottom - top) * rows), rows - 1)
-    return depth <= sight.limits[start + k * columns + i]
+    return SEEN if depth <= sight.limits[start + k * columns + i] else HIDDEN

@@ -16,6 +16,7 @@ from panoptic_ros.simulation.occlusion import hidden_joints
 from panoptic_ros.simulation.people import Person
 from panoptic_ros.simulation.silhouettes import box_overlap, boxes_of, seen_from_behind
 from panoptic_ros.simulation.skeleton import JOINTS, both_sides
+from panoptic_ros.simulation.walls import Wall, behind_walls
 
 Array = np.ndarray
 ARMS = both_sides("Shoulder", "Elbow", "Wrist")
@@ -69,10 +70,10 @@ class SimulatedDetector:
 
     def __init__(
         self, seed: Sequence[int], degradation: Degradation, rig: Rig, people: Sequence[Person],
-        absences: Sequence[Absence] = (), table: float = 0.0,
+        absences: Sequence[Absence] = (), table: float = 0.0, walls: Sequence[Wall] = (),
     ):  # fmt: skip
         self._seed, self._faults, self._rig, self._people = tuple(seed), degradation, rig, people
-        self._absences, self._table = absences, table
+        self._absences, self._table, self._walls = absences, table, walls
         self._centres = np.array([camera.centre for camera in rig.cameras])
         self._heights = np.array([person.body.height for person in people])
         self._noise = np.zeros((len(rig), len(people), len(JOINTS), 2))
@@ -86,7 +87,7 @@ class SimulatedDetector:
         joints = np.stack([person.joints(times) for person in self._people], axis=1)
         present = np.stack([person.is_present(times) for person in self._people], axis=1)
         points, visible = self._project(joints)
-        visible &= present[..., None]
+        visible &= present[..., None] & ~behind_walls(self._centres, joints, self._walls)
         hidden = hidden_joints(self._centres, joints, present, self._heights, self._table)
         boxes = boxes_of(points, visible)
         marks = self._mark(rng, index, points, visible, hidden, boxes)

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from panoptic_ros.simulation.scenes import Scene
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
 from panoptic_ros.simulation.stagings import STAGINGS, Stage
 from panoptic_ros.simulation.timing import Schedule, make_schedule, to_stamp
+from panoptic_ros.simulation.walls import occluders_of
 
 Array = np.ndarray
 POSITION_DIGITS = 9
@@ -35,8 +36,9 @@ class Simulation:
         """Index of each set and what every camera reports, also of cameras without an image."""
         scene = self.scene
         detector = SimulatedDetector(
-            (*self.seed, 4), scene.degradation, self.rig, self.people, scene.absences, scene.table
-        )
+            (*self.seed, 4), scene.degradation, self.rig, self.people, scene.absences, scene.table,
+            scene.walls,
+        )  # fmt: skip
         for index, tick in enumerate(self.schedule.ticks):
             exposures = self.schedule.exposures[index]
             yield index, detector.detect(index, np.where(np.isnan(exposures), tick, exposures))
@@ -88,7 +90,7 @@ def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
         raise UsageError(f"a simulation needs a seed from 0 and frames from 1, not {seed} and {count}")
     setting = repr((scene.activities, scene.staging, scene.rig, scene.area, scene.table))
     root = (seed, zlib.crc32(setting.encode()))  # other faults of the detector: the same people
-    rig = scene.rig.build(np.random.default_rng([*root, 1]))
+    rig = replace(scene.rig.build(np.random.default_rng([*root, 1])), occluders=occluders_of(scene.walls))
     stage = Stage(scene.activities, scene.area, scene.table)
     people = STAGINGS[scene.staging](np.random.default_rng([*root, 2]), stage)
     schedule = make_schedule((*root, 3), scene.timing, count, len(rig))

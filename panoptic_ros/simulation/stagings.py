@@ -45,6 +45,17 @@ def spread(rng: np.random.Generator, stage: Stage) -> list[Person]:
     return people
 
 
+def in_rooms(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """One in each quarter of the area, anywhere in a place of their own."""
+    people = []
+    for number, activity in enumerate(stage.activities):
+        person = draw_person(rng, number, activity, rng.uniform(1.55, 1.90), OWN_SPACE)
+        angle = 0.5 * np.pi * (number + 0.5)
+        shift = 0.7 * stage.area * np.array([np.cos(angle), np.sin(angle)])
+        people.append(replace(person, motion=_moved(person.motion, shift)))
+    return people
+
+
 def crossing(rng: np.random.Generator, stage: Stage) -> list[Person]:
     """Two people on neighbouring circles who meet head-on, 0.5 m apart, at t = 1.5 s."""
     radius, stride, cadence, gap, meeting = 1.2, 1.05, 0.9, 0.5, 1.5
@@ -108,6 +119,7 @@ Staging = Callable[[np.random.Generator, Stage], list[Person]]
 STAGINGS: dict[str, Staging] = {
     "random": at_random,
     "spread": spread,
+    "rooms": in_rooms,
     "crossing": crossing,
     "enter-leave": enter_leave,
     "table": round_table,

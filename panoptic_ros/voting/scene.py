@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, ViewDetections
+from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
 from panoptic_ros.voting import map_kernels
 from panoptic_ros.voting.score_field import keypoint_widths
 
@@ -86,9 +86,14 @@ def _limits(views: Sequence[ViewDetections]) -> Array:
         if view.limit is not None:
             rows, columns = view.limit.cells.shape
             parts[0][3 * v : 3 * v + 3] = end, columns, rows
-            parts.append(view.limit.metres.ravel())
+            parts.append(_limit_metres(view.limit))
             end += rows * columns
     return np.concatenate(parts)
+
+
+@lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
+def _limit_metres(limit: VisibilityLimit) -> Array:
+    return limit.metres.ravel()
 
 
 @lru_cache(maxsize=4096)

@@ -6,10 +6,10 @@ from panoptic_ros.consensus.newcomers import (
     MAX_PAIR_VIEWS,
     PAIRS_PER_ROUND,
     best_pairs,
+    look_at,
     spread_views,
-    views_that_see,
 )
-from panoptic_ros.consensus.sight import Sight
+from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, Sight
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -42,7 +42,7 @@ def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
     boxes = np.array([[-1.0, 1, -1, 1], [-0.1, 0.1, -1, 1], [0.3, 1, -1, 1]])
     person = np.array([[0.0, 0, 2], [1.0, 0, 2], [np.nan] * 3, [0.0, 0, -2], [1.0, 0.2, 2]])
     sight = Sight(boxes, np.zeros(9))
-    assert views_that_see(person, rotations, translations, sight).tolist() == [True, False, True]
+    assert look_at(person, rotations, translations, sight).tolist() == [SEEN, OUTSIDE, SEEN]
     wall = np.array([9.0, 2, 1, 0, 0, 0, 0, 0, 0, 1.9, 1.9])  # of the first view, nearer than the person
-    behind = views_that_see(person, rotations, translations, Sight(boxes, wall))
-    assert behind.tolist() == [False, False, True]
+    behind = look_at(person, rotations, translations, Sight(boxes, wall))
+    assert behind.tolist() == [HIDDEN, OUTSIDE, SEEN]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.consensus.evidence import RigArrays, gather
-from panoptic_ros.consensus.sight import within_sight
+from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, look
 from panoptic_ros.domain import DetectionSet, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics
 
@@ -35,8 +35,8 @@ def test_a_wall_with_a_hole_hides_the_same_as_in_the_image(distortion):
     edge = np.minimum(np.abs(pixels[:, None] - hole).min(axis=(1, 2)), 1e9)
     clear = inside & (edge > 12.0)  # px; a cell has 8
     expected = limit.sees(pixels, depths, camera.image_size)
-    found = np.array([within_sight(sight, 0, *p, d) for p, d in zip(plane, depths)])
+    found = np.array([look(sight, 0, *p, d) for p, d in zip(plane, depths)])
     assert clear.sum() > 2000 and 0.2 < expected[clear].mean() < 0.8
-    assert (found == expected)[clear].all()
-    assert within_sight(sight, 1, 0.0, 0.0, 1e9) and not within_sight(sight, 0, 9.0, 0.0, 1.0)
+    assert (found == np.where(expected, SEEN, HIDDEN))[clear].all()
+    assert look(sight, 1, 0.0, 0.0, 1e9) == SEEN and look(sight, 0, 9.0, 0.0, 1.0) == OUTSIDE
     assert isinstance(lens, Intrinsics)
