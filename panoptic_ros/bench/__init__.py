@@ -11,4 +11,5 @@ BENCHES: dict[str, str] = {
     "ltc": "timecode decoding: recall, wrong labels, exactness, latency and speed, beside a user's libltc",
     "offsets": "clocks from motion against the truth: errors, stated deviations, poses before and after",
     "stage1": "voting, assembly, tracking and refinement beside named baselines: time, memory, accuracy",
+    "visibility": "what known occluders and depth maps are worth: votes, nodes and people with and without",
 }
