@@ -2,40 +2,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain import DetectionSet, ProposalSet, Rig, SkeletonModel, ViewDetections
+from panoptic_ros.consensus.example import BESIDE, cloud_of_joints, easy_instants
+from panoptic_ros.domain import ProposalSet, Rig, ScoreMaps, SkeletonModel
 
-Array = np.ndarray
-VIEWS = 4  # that the example has at most
+DELAY_NS = 1000  # between views, so that they have stamps of their own
 
 
 def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
-    """Two instants of one person-sized cloud of joints where the cameras look, then not at once."""
-    cameras = rig.cameras[:VIEWS]
-    cloud = np.random.default_rng(0).uniform(-0.4, 0.4, (len(skeleton), 3)) + _middle(Rig(cameras))
-    for index in range(2):
-        views = []
-        for k, camera in enumerate(cameras):
-            pixels, seen = camera.project(cloud)
-            scores = np.where(seen, 0.9, 0.0)[None]
-            views.append(
-                ViewDetections(
-                    camera.name, index * (33_000_000 + 1000 * k), index, camera.image_size, skeleton.hash,
-                    pixels[None], scores, scores.max(axis=1),
-                )
-            )  # fmt: skip
-        found = DetectionSet(index, index * 33_000_000, skeleton.hash, tuple(views))
-        none = np.zeros(0)
-        yield ProposalSet(found, none.reshape(0, 3), none, none, none, none.reshape(0, 2), none, none)
+    """Two instants of a cloud of joints: without maps; with maps, nodes and parts of it, and nodes beside it.
 
-
-def _middle(rig: Rig) -> Array:
-    """The point (3,) m closest to all optical axes."""
-    axes = np.stack([camera.cam_from_world.rotation[2] for camera in rig.cameras])
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    centres = np.stack([camera.centre for camera in rig.cameras])
-    normal = across.sum(axis=0) + 1e-6 * np.eye(3)
-    middle: Array = np.linalg.solve(normal, np.einsum("cij,cj->i", across, centres))
-    return middle
+    So people are found in every way that there is: by 2D people, by guidance, by parts, by nodes alone.
+    """
+    none, joints = np.zeros(0), np.arange(len(skeleton))
+    cells = np.zeros((len(joints), 2))
+    maps = ScoreMaps((1, 1), np.eye(2, 3), joints, 0 * joints - 1, cells, cells + 1, np.full(len(joints), 9))
+    cloud = cloud_of_joints(rig, skeleton)
+    nodes, ones = np.concatenate([cloud, cloud + BESIDE]), np.ones(2 * len(joints))
+    parts = np.array(skeleton.bones).reshape(-1, 2)
+    first, second = easy_instants(rig, skeleton, DELAY_NS)
+    yield ProposalSet(first, none.reshape(0, 3), none, none, none, none.reshape(0, 2), none, none)
+    second = replace(second, views=tuple(replace(view, maps=maps) for view in second.views))
+    yield ProposalSet(
+        second, nodes, np.tile(joints, 2), 0.9 * ones, 4 * ones, parts, np.arange(len(parts)),
+        np.full(len(parts), 0.9),
+    )  # fmt: skip

@@ -7,12 +7,14 @@ import numpy as np
 
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, ViewDetections
 
+Array = np.ndarray
 VIEWS = 4  # at most
 STEP_NS = 33_000_000
+BESIDE = 0.7  # m, along each axis
 
 
-def easy_instants(rig: Rig, skeleton: SkeletonModel) -> Iterator[DetectionSet]:
-    """A cloud of joints of a person's size where the first cameras look, and the same a moment later."""
+def cloud_of_joints(rig: Rig, skeleton: SkeletonModel) -> Array:
+    """Joints (J, 3) m of a person's size where the first cameras look."""
     cameras = rig.cameras[:VIEWS]
     axes = np.stack([camera.cam_from_world.rotation[2] for camera in cameras])
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
@@ -20,17 +22,31 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel) -> Iterator[DetectionSet]:
     ahead = across.sum(axis=0) + 0.01 * np.eye(3)
     pull = 0.01 * (centres + 4.0 * axes).mean(axis=0)  # for cameras that look the same way
     middle = np.linalg.solve(ahead, np.einsum("cij,cj->i", across, centres) + pull)
-    cloud = middle + np.random.default_rng(0).uniform(-0.4, 0.4, (len(skeleton), 3))
+    cloud: Array = middle + np.random.default_rng(0).uniform(-0.4, 0.4, (len(skeleton), 3))
+    return cloud
+
+
+def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Iterator[DetectionSet]:
+    """What the first cameras see of the cloud and of a joint beside it, and the same a moment later.
+
+    The joint alone is no person, so its 2D joints stay unexplained.
+
+    Args:
+        delay_ns: by which each view comes after the one before it.
+    """
+    people = np.full((2, len(skeleton), 3), np.nan)
+    people[0] = cloud_of_joints(rig, skeleton)
+    people[1, -1] = people[0, -1] + BESIDE
     for index in range(2):
         views = []
-        for camera in cameras:
-            pixels, seen = camera.project(cloud)
-            scores = np.where(seen, 0.9, 0.0)[None]
-            pixels = np.where(seen[:, None], pixels, np.nan)[None]
+        for number, camera in enumerate(rig.cameras[:VIEWS]):
+            pixels, seen = camera.project(people.reshape(-1, 3))
+            scores = np.where(seen, 0.9, 0.0).reshape(2, -1)
+            pixels = np.where(seen[:, None], pixels, np.nan).reshape(2, -1, 2)
             views.append(
                 ViewDetections(
-                    camera.name, index * STEP_NS, index, camera.image_size, skeleton.hash, pixels, scores,
-                    scores.max(axis=1),
+                    camera.name, index * (STEP_NS + number * delay_ns), index, camera.image_size,
+                    skeleton.hash, pixels, scores, scores.max(axis=1),
                 )
             )  # fmt: skip
         yield DetectionSet(index, index * STEP_NS, skeleton.hash, tuple(views))
