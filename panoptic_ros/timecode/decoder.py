@@ -31,6 +31,7 @@ BUFFER_SECONDS = 4.0
 EARLY = 0.3  # cells that may be missing of the first word of a stream
 FARTHEST = 3  # words before the first that was found, where a changing speed may still be known
 TURNS = ((SHORT, CHANGING), (LONG, CHANGING))  # what is looked for in successive hops
+REHEARSALS = 2  # of the words heard so far: the first teaches the shape of edges, the other by it the speed
 SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, about the expected middle of a word
 STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative, of the length of a cell
 BENDS = np.linspace(-1e-4, 1e-4, 3)
@@ -162,12 +163,12 @@ class LtcDecoder:
             grid, number = before, number - 1
         while grid[0] - 0.5 * WORD_CELLS * grid[1] < earliest:
             grid, number = moved_grid(grid, float(WORD_CELLS)), number + 1
-        pace = Pace(found.reverse, bool(search.most_bend))
-        shape = EdgeShape(self._rate)
-        self._follow = follow = Follow(grid, number, found.reverse, solution, pace, shape)
-        read_until = self._read_until
-        while self._follow is not None and self._word_complete():
-            self._next_word()
+        shape, read_until = EdgeShape(self._rate), self._read_until
+        for _ in range(REHEARSALS):
+            pace = Pace(found.reverse, bool(search.most_bend))
+            self._follow = follow = Follow(grid, number, found.reverse, solution, pace, shape)
+            while self._follow is not None and self._word_complete():
+                self._next_word()
         self._follow, self._read_until = follow.restart(grid, number, solution), read_until
         self._held = []
         return True

@@ -4,7 +4,7 @@ A generator's edge of 40 us behind a recorder's low pass is a good guess on a sh
 tapes and clipping change it, and with it where a word seems to begin, by an amount that depends on its bits.
 So the words themselves teach a correction (cubic B-splines) and the droop of a coupling capacitor
 (the part of the integral of the samples that gives the plateaus back). All are linear: normal equations are
-summed up over words, each with its own level, place and baseline left free.
+summed up over words, each with its own level, place, length and baseline left free.
 
 Where the origin of a step is, cannot be learnt. The correction must not move the guess, as a least-squares
 fit of the guess would see it: so learning takes the scatter away, and leaves the mean.
@@ -33,6 +33,7 @@ MEMORY = 300.0  # words; half of them at first, since the first ones were fitted
 LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond
 SURE = 4.0  # standard deviations from which on droop is believed
 ALIKE_WORDS = 3.0  # that count as one, since hum repeats
+OWN, PLACE = 5, 3  # unknowns of each word alone: its level, that times time twice, its place, its length
 LEAST_NOISE = 0.01  # of the level: what splines cannot say
 
 
@@ -51,7 +52,7 @@ class EdgeShape:
         self._along = np.zeros(count + 1)  # scores that the guess would see
         self._solution = np.zeros(count + 1)
         self._prior = _prior(count)
-        self._droops: deque[float] = deque(maxlen=64)  # word by word, what the correction leaves
+        self._droops: deque[float] = deque(maxlen=64)  # by each word alone
         self.table = self._guess
         self.droop = 0.0
         self.words = 0
@@ -77,26 +78,26 @@ class EdgeShape:
             excess: variance of the word's edges over that from white noise.
         """
         count = len(values)
-        rows = np.empty((len(self._splines) + 5, count))
+        rows = np.empty((len(self._splines) + OWN + 2, count))
+        time = (np.arange(low, low + count) - grid[0]) / count
         guess = shape_rows(low, count, grid, places, self._guess, 0.0, 2)
-        square = _square(low, count, grid, places)
-        slope = guess[1]
-        rows[0], rows[1], rows[2] = square + guess[0], slope, slope * (np.arange(low, low + count) - grid[0])
-        rows[3:-2] = shape_rows(low, count, grid, places, self._splines, self._knot, 4)
+        wave, slope = _square(low, count, grid, places) + guess[0], guess[1]
+        rows[:OWN] = wave, wave * time, wave * time**2, slope, slope * time
+        rows[OWN:-2] = shape_rows(low, count, grid, places, self._splines, self._knot, 4)
         rows[-2] = _integral(values) / -level
         rows[-1] = values / level
         gram = gram_without(rows, baseline)
-        own, shared = slice(0, 3), slice(3, -1)
-        gain = np.linalg.solve(gram[own, own] + 1e-12 * np.trace(gram[own, own]) * np.eye(3), gram[own, 3:])
-        reduced = gram[3:, 3:] - gram[3:, own] @ gain
+        own, shared = slice(0, OWN), slice(OWN, -1)
+        gain = np.linalg.solve(gram[own, own], gram[own, OWN:])
+        reduced = gram[OWN:, OWN:] - gram[OWN:, own] @ gain
         known = np.append(self._solution, -1.0)
         noise = (float(known @ reduced @ known) / count + LEAST_NOISE**2) * max(1.0, excess)
         keep = 1.0 - 1.0 / min(MEMORY, 0.5 * self.words + 4.0)
-        left = reduced[-2, -1] - reduced[-2, :-2] @ self._solution[:-1]
-        self._droops.append(float(left / reduced[-2, -2]))
+        alone = np.linalg.solve(reduced[:-1, :-1] / noise + self._prior, reduced[:-1, -1] / noise)
+        self._droops.append(float(alone[-1]))
         self._normal = keep * self._normal + reduced[:-1, :-1] / noise
         self._right = keep * self._right + reduced[:-1, -1] / noise
-        self._along = keep * self._along + gram[1, shared] / noise
+        self._along = keep * self._along + gram[PLACE, shared] / noise
         self.words += 1
         self._solve()
 
@@ -114,14 +115,11 @@ class EdgeShape:
         more = np.tensordot(solution[:-1], self._splines, axes=1)
         self.table = self._guess + np.stack([more, _slope(more)])
 
-
     def _drooping(self) -> bool:
         """Whether words agree that there is droop; hum looks like it now and then."""
         count = len(self._droops) / ALIKE_WORDS
-        if count < 3.0:
-            return False
         mean, scatter = float(np.mean(self._droops)), float(np.std(self._droops))
-        return mean > SURE * scatter / np.sqrt(count - 1.0)
+        return count >= 1.0 and mean > SURE * max(scatter, self._least_droop) / np.sqrt(count)
 
 
 def _constrained(normal: Array, right: Array, along: Array) -> tuple[Array, Array]:

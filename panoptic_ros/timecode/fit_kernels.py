@@ -14,6 +14,8 @@ from numba import njit
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+BESIDE = 3  # samples to both sides of an edge, which are most of it
+SURELY = 2.0  # times what noise would leave
 BATCH = 8  # edges that are judged together: hum moves neighbours against each other
 
 
@@ -194,17 +196,39 @@ def score_scatter(low: int, rows: Array, error: Array, grid: Array, places: Arra
 
 
 @_jit
+def misfit(low: int, rows: Array, error: Array, grid: Array, places: Array) -> float:
+    """How far, in squared samples, what all edges leave alike may have moved them.
+
+    A fit leaves nothing along the slope. What it leaves across it, sample by sample beside the edges and
+    surely not by noise, tells how much of a wrong shape there may be along it.
+    """
+    mean, inside = np.zeros(2 * BESIDE), 0
+    sign = 1.0
+    for u in places:
+        first = int(np.ceil(grid[0] + grid[1] * (u + grid[2] * u * u) - low)) - BESIDE
+        if first >= 0 and first + 2 * BESIDE <= len(error):
+            for j in range(2 * BESIDE):
+                mean[j] += sign * error[first + j]
+            inside += 1
+        sign = -sign
+    noise = SURELY * 2 * BESIDE * (error * error).mean() * inside
+    excess = max(0.0, (mean * mean).sum() - noise) / max(1, inside)
+    return excess / (2 * BESIDE - 1) / (rows[2] * rows[2]).sum()
+
+
+@_jit
 def fit_train(
     low: int, values: Array, grid: Array, places: Array, shape: Array, baseline: Array, limits: Array,
     bending: bool,
-) -> tuple[bool, Array, float, Array, Array, Array]:  # fmt: skip
+) -> tuple[bool, Array, float, Array, Array, Array, float]:  # fmt: skip
     """Fit grid and level of a word with known edges by Gauss and Newton; samples far off are left out.
 
     Args:
         grid: (3,) a guess.
         limits: see `timing.LIMITS`.
 
-    Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without outliers.
+    Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without outliers,
+    and `misfit`.
     """
     terms = 5 if bending else 4
     steps, settled, lost, outlier, gross, sigma, shaken = limits
@@ -219,7 +243,7 @@ def fit_train(
         solution, inverse, square, weights = fit_step(rows, baseline)
         level = solution[0]
         if abs(level) < 1e-9 or not np.isfinite(solution).all():
-            return False, grid, level, nothing, nothing, clean
+            return False, grid, level, nothing, nothing, clean, 0.0
         change = solution[2:] / level
         grid[0] += min(max(change[0], -0.2 * grid[1]), 0.2 * grid[1])
         grid[1] += min(max(change[1], -0.002 * grid[1]), 0.002 * grid[1])
@@ -251,7 +275,8 @@ def fit_train(
     white[:moves, :moves] = corner * (square / freedom / level**2)
     scatter = score_scatter(low, rows, error, grid, places, moves)
     seen[:moves, :moves] = corner @ scatter @ corner / level**2
-    return moved <= lost * grid[1], grid, level, white, seen, clean
+    unlike = misfit(low, rows, error, grid, places) / level**2
+    return moved <= lost * grid[1], grid, level, white, seen, clean, unlike
 
 
 @lru_cache(maxsize=1)

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 Array = np.ndarray
+FAR = 20.0  # times the median of squares: three standard deviations
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -46,11 +47,12 @@ def line_fit(numbers: Array, middles: Array) -> tuple[float, float, float, float
 
 
 @_jit
-def curve_scatter(words: Array) -> float:
-    """Mean of squared errors about a parabola through words' middles, in their variances.
+def curve_excess(words: Array, scale: float) -> float:
+    """Mean of squared errors about a parabola through words' middles, beyond their variances.
 
     Args:
-        words: (3, N) numbers, middles, variances.
+        words: (3, N) numbers, middles, variances; few far off count less.
+        scale: of the variances.
     """
     count = words.shape[1]
     x = (words[0] - words[0].mean()) / max(1.0, words[0, -1] - words[0, 0])
@@ -59,13 +61,9 @@ def curve_scatter(words: Array) -> float:
     for k in range(3):
         powers[k] = x**k
     weights = np.linalg.solve(_products(powers), (powers * y).sum(axis=1))
-    total = 0.0
-    for i in range(count):
-        error = y[i]
-        for k in range(3):
-            error -= weights[k] * powers[k, i]
-        total += error * error / words[2, i]
-    return total / (count - 3)
+    squares = (y - weights[0] * powers[0] - weights[1] * powers[1] - weights[2] * powers[2]) ** 2
+    squares = np.minimum(squares, FAR * np.median(squares))
+    return squares.sum() / (count - 3) - scale * words[2].mean()
 
 
 @_jit
@@ -86,5 +84,5 @@ def jumps(values: Array, level: float) -> float:
 def compile_lines() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
     line_fit(np.arange(7.0), np.arange(7.0))
-    curve_scatter(np.arange(21.0).reshape(3, 7) + 1.0)
+    curve_excess(np.arange(21.0).reshape(3, 7) + 1.0, 1.0)
     jumps(np.ones(7), 1.0)

@@ -11,21 +11,21 @@ from collections import deque
 import numpy as np
 
 from panoptic_ros.timecode.kernels import moved_grid
-from panoptic_ros.timecode.line_kernels import curve_scatter, line_fit
+from panoptic_ros.timecode.line_kernels import curve_excess, line_fit
 from panoptic_ros.timecode.timing import WordFit
 from panoptic_ros.timecode.words import WORD_CELLS
 
 Array = np.ndarray
-LEAST_STD = 0.0002  # samples; no sampler is better
+LEAST_STD = 0.00005  # samples; no sampler is better
 BENDING = 0.05  # cells about a line: the speed changes so much that it does so within a word
 FEW_WORDS = 6  # from which a curve is told from scatter
 CURVED = 20.0  # variance ratio of what a cubic explains beyond a line, and of its scatter
-SPREAD = 1e-5  # samples squared, about a line at constant speed
+SPREAD = 4e-4  # samples squared, about a line at constant speed
 LINE_WORDS = 10  # through whose middles the line goes that gives the length of a cell
 MOST_TURN = 1e-4  # of the bend from word to word
 HALF = 0.5 * WORD_CELLS
-EDGES_WEIGHT = 6.0  # words that the scatter of edges is worth
-LONG_WORDS, LEAST_LONG = 48, 12  # about a parabola: slow errors are seen only over many words
+FEARED_WORDS = 6.0  # that what a word's fit fears is worth
+LONG_WORDS = 48  # about a parabola: slow errors are seen only over many words
 HERMITE, BEYOND = 3.0 / 256.0, 1.0 / 3.0  # variance of a start, over that of middles by their neighbours
 
 
@@ -60,11 +60,11 @@ class Pace:
             self.bending = self._line is None
         if self._line is None:
             self._long = self._long[:, :0]
-        scale = self._scale(self._line is not None)
+        scale = self._edge_scale
         side = HALF if self._reverse else -HALF
         if self._line is not None:
             cell, cell_std = self._line
-            variance = white * scale + (side * cell_std) ** 2 + fit.unseen**2
+            variance = white * scale + (side * cell_std) ** 2 + self._hidden(fit)
             following = moved_grid(np.array([fit.middle, cell, 0.0]), float(WORD_CELLS))
             return fit.middle + side * cell, _std(variance), following
         edge, variance = self._between(number, fit, side, scale)
@@ -74,8 +74,8 @@ class Pace:
         """The start and its deviation of a word that clicks may have shifted: nothing is learnt from it."""
         side = HALF if self._reverse else -HALF
         edge = float(moved_grid(np.array([fit.middle, grid[1], grid[2]]), side)[0])
-        scale = max(1.0, self._scale(not self.bending), fit.observed[0, 0] / max(fit.covariance[0, 0], 1e-12))
-        return edge, _std(scale * (fit.covariance[0, 0] + HALF**2 * fit.covariance[1, 1]))
+        scale = max(1.0, self._edge_scale, fit.observed[0, 0] / max(fit.covariance[0, 0], 1e-12))
+        return edge, _std(scale * (fit.covariance[0, 0] + HALF**2 * fit.covariance[1, 1]) + self._hidden(fit))
 
     def early(self, grid: Array, number: int) -> tuple[Array, tuple[float, float] | None]:
         """The grid of an earlier word and the line, by the speed that is known by now."""
@@ -85,13 +85,12 @@ class Pace:
         back = fit.middle - (last - number) * WORD_CELLS * self._line[0]
         return np.array([back, self._line[0], 0.0]), self._line
 
-    def _scale(self, straight: bool) -> float:
-        """Variance over that of white noise: by edges, and by words as far as there are some."""
-        edges, count = self._edge_scale, self._long.shape[1]
-        if not straight or count < LEAST_LONG:
-            return edges
-        seen = curve_scatter(self._long)
-        return (EDGES_WEIGHT * edges + (count - 3) * seen) / (EDGES_WEIGHT + count - 3)
+    def _hidden(self, fit: WordFit) -> float:
+        """Variance that edges of a word do not show: what its fit fears, and what words about a curve say."""
+        freedom, excess = max(0, self._long.shape[1] - 3), 0.0
+        if freedom:
+            excess = max(0.0, curve_excess(self._long, self._edge_scale))
+        return (FEARED_WORDS * fit.unseen**2 + freedom * excess) / (FEARED_WORDS + freedom)
 
     @property
     def _edge_scale(self) -> float:
@@ -109,7 +108,8 @@ class Pace:
         middles = np.array([one.middle for one in fits])
         slope, norm, spread, ratio = line_fit(numbers, middles)
         self._astray = float(np.sqrt(spread)) / slope * WORD_CELLS
-        expected = max(self._edge_scale * sum(one.covariance[0, 0] for one in fits) / len(fits), 1e-6)
+        shown = self._edge_scale * sum(one.covariance[0, 0] for one in fits)
+        expected = max((shown + sum(one.unseen**2 for one in fits)) / len(fits), 1e-6)
         curved = len(fits) < FEW_WORDS or ratio > CURVED or self._astray > BENDING
         if spread > 9.0 * expected + SPREAD and curved:  # the speed changes
             self._steady = False

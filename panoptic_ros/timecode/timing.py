@@ -18,7 +18,7 @@ from panoptic_ros.timecode.line_kernels import jumps
 
 Array = np.ndarray
 BASELINE_HZ = 330.0
-MARGIN = 0.45  # cells before the first and after the last edge
+MARGIN = 0.25  # cells before the first and after the last edge
 STEPS = 8.0  # of Gauss and Newton
 SETTLED = 0.04  # standard deviations of an edge: the next step would be the square of that
 LOST = 0.05  # cells
@@ -40,7 +40,7 @@ class WordFit:
         low: index of the first sample of `clean`.
         clean: (N,) the samples without clicks.
         places: edges in cells from the middle.
-        unseen: standard deviation, samples, that clipping hides: all edges may be off alike.
+        unseen: standard deviation, samples, by which a wrong shape or clipping may put all edges off alike.
     """
 
     middle: float
@@ -101,7 +101,7 @@ def fit_word(
     values = raw[low - first_index : high - first_index]
     places = _edge_places(bits) - half
     straight = shape.straighten(values)
-    settled, found, level, covariance, observed, clean = fit_train(
+    settled, found, level, covariance, observed, clean, unlike = fit_train(
         low, straight, grid, places, shape.table, _baseline_of(len(values), sample_rate),
         _limits(sample_rate), bending,
     )  # fmt: skip
@@ -110,7 +110,7 @@ def fit_word(
     if straight is not values:
         clean = values - (straight - clean)
     middle, cell, bend = found.tolist()
-    unseen = UNSEEN * jumps(clean, abs(level))
+    unseen = float(np.hypot(UNSEEN * jumps(clean, abs(level)), np.sqrt(unlike)))
     return WordFit(middle, cell, bend, covariance, observed, float(level), low, clean, places, unseen)
 
 
@@ -134,9 +134,12 @@ def _baseline_of(count: int, sample_rate: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _baseline(count: int, terms: int) -> Array:
-    """Orthonormal slow functions (terms, count)."""
-    angle = np.pi * (np.arange(count) + 0.5) * np.arange(terms)[:, None] / count
-    basis = np.cos(angle) * np.sqrt(2.0 / count)
-    basis[0] = np.sqrt(1.0 / count)
+    """Orthonormal slow functions (terms + 2, count).
+
+    Cosines are level at both ends; hum and what droop leaves are not: a line and a parabola come with them.
+    """
+    at = (np.arange(count) + 0.5) / count
+    slow = np.vstack([np.cos(np.pi * np.arange(terms)[:, None] * at), at, at * at])
+    basis = np.ascontiguousarray(np.linalg.qr(slow.T)[0].T)
     basis.flags.writeable = False
     return basis
