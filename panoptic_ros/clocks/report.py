@@ -129,23 +129,22 @@ def _of_camera(camera: CameraClock) -> list[Notice]:
         notices.append(_warning(
             "stamps_back", camera,
             f"{timing.not_later} stamps of camera {name} are not later than the one before: its clock was "
-            f"set "
-            "back, or frames are stamped out of order; use a monotonic clock",
+            "set back, or frames are stamped out of order; use a monotonic clock",
         ))
         return notices  # no single line holds
     if off > max(RATE_OFF, unsure):
         notices.append(_warning(
             "odd_rate", camera,
             f"camera {name} gives {timing.rate_hz:.3f} frames a second, which is no usual rate (the "
-            f"nearest is "
-            f"{camera.nominal_hz:.5g}): its exposure may be longer than a frame, or the link too slow",
+            f"nearest is {camera.nominal_hz:.5g}): its exposure may be longer than a frame, or the "
+            "link too slow",
         ))
     if camera.beat_s > BEAT * camera.period_s:
         notices.append(_warning(
             "beats", camera,
             f"frames of camera {name} wander by {1e3 * camera.beat_s:.0f} ms about an even clock: the "
-            f"camera's rate "
-            "beats with that at which it is read; wait for frames in place of polling, or trigger it",
+            "camera's rate beats with that at which it is read; wait for frames in place of polling, or "
+            "trigger it",
         ))
     return notices
 
@@ -159,10 +158,9 @@ def _paced(cameras: Sequence[CameraClock]) -> list[Notice]:
         return []
     names = ", ".join(camera.name for camera in paced)
     text = (
-        f"stamps of {names} lie on the grid of the host's seconds: frames are read at the host's pace, "
-        f"not at the "
-        "camera's, so stamps tell when a frame was read, up to a period after its exposure; use the driver's "
-        "stamps, or a trigger"
+        f"stamps of {names} lie on the grid of the host's seconds: frames are read at the host's pace, not "
+        "at the camera's, so stamps tell when a frame was read, up to a period after its exposure; use the "
+        "driver's stamps, or a trigger"
     )
     return [Notice("sync_report.paced_by_host", "warning", text, {"cameras": [c.name for c in paced]})]
 
@@ -174,9 +172,8 @@ def _of_rates(cameras: Sequence[CameraClock]) -> list[Notice]:
         return []
     listed = " and ".join(f"{rate:g}" for rate in rates)
     text = (
-        f"cameras have different rates ({listed} fps): sets follow the fastest; slower cameras are absent "
-        f"in some, "
-        "and no two frames are of one instant. Never pair them by index"
+        f"cameras have different rates ({listed} fps): sets follow the fastest; slower cameras are absent in "
+        "some, and no two frames are of one instant. Never pair them by index"
     )
     return [Notice("sync_report.mixed_rates", "info", text, {"rates_hz": rates})]
 
@@ -192,10 +189,8 @@ def _of_phases(cameras: Sequence[CameraClock]) -> list[Notice]:
         slow = f", and slip by {6e4 * abs(slip):.2g} ms a minute" if abs(slip) > 2e-6 else ""
         text = (
             f"frames of camera {camera.name} are {1e3 * phase:+.1f} ms from those of "
-            f"{cameras[0].name}{slow}: the two "
-            "are not triggered together; views keep their own stamps, so people who move are still "
-            "right, a little "
-            "less precise"
+            f"{cameras[0].name}{slow}: the two are not triggered together; views keep their own "
+            "stamps, so people who move are still right, a little less precise"
         )
         values = {"cameras": [cameras[0].name, camera.name], "phase_s": phase, "slip_ppm": 1e6 * slip}
         notices.append(Notice("sync_report.out_of_phase", "info", text, values))
@@ -212,9 +207,8 @@ def timecode_findings(models: Mapping[str, ClockModel], told: Sequence[Notice]) 
     for name, model in models.items():
         if abs(model.drift) > RATE_OFF:
             text = (
-                f"the timecode that {name} hears runs {1e6 * model.drift:+.0f} ppm against its clock: "
-                f"more than any "
-                "crystal; set generator and recorder to the same rate (29.97 is not 30), and check "
+                f"the timecode that {name} hears runs {1e6 * model.drift:+.0f} ppm against its clock: more "
+                "than any crystal; set generator and recorder to the same rate (29.97 is not 30), and check "
                 "pull-up and pull-down"
             )
             notices.append(Notice("sync_report.timecode_rate", "warning", text, {"device": name}))
