@@ -120,9 +120,16 @@ class VotingStage:
         good = self._good(known, wanted)
         sure = good & (known.support >= SURE_VIEWS)
         explainer = Explainer(known.rows(sure), velocities[sure], delays)
-        seeds = self._search.seeds(scene, cameras, config.view_threshold, wanted.min_views, explainer)
-        found = nodes_of_seeds(scene, *seeds, wanted.threshold, config.view_threshold)
-        return self._distinct(known.rows(good).joined(found.rows(self._good(found, wanted))))
+        return self._distinct(known.rows(good).joined(self.unexplained(scene, cameras, wanted, explainer)))
+
+    def unexplained(
+        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, explainer: Explainer
+    ) -> Nodes:
+        """Nodes at what known joints leave of a scene."""
+        threshold = self.config.view_threshold
+        seeds = self._search.seeds(scene, cameras, threshold, wanted.min_views, explainer)
+        found = nodes_of_seeds(scene, *seeds, wanted.threshold, threshold)
+        return found.rows(self._good(found, wanted))
 
     def _good(self, nodes: Nodes, wanted: Demands) -> Array:
         """Which nodes (N,) satisfy the demands and lie in the volume."""

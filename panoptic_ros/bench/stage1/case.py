@@ -6,6 +6,7 @@ import sys
 import time
 from typing import Any
 
+from panoptic_ros.bench.stage1.any_skeleton import any_skeleton_world, in_joints_of
 from panoptic_ros.bench.stage1.baselines import given_rows, greedy_rows
 from panoptic_ros.bench.stage1.chain import mapped_rows, people_rows, voting_rows
 from panoptic_ros.bench.stage1.rows import Rows
@@ -45,13 +46,12 @@ def _world(request: dict[str, Any], maps: bool) -> World:
     if request.get("bag"):
         from panoptic_ros.bench.stage1.recorded import recorded_world
 
-        return recorded_world(
+        world = recorded_world(
             request["bag"], request.get("cameras"), request.get("truth"), request["frames"],
             request.get("volume"),
         )
+        return in_joints_of(world, request["skeleton"]) if request.get("skeleton") else world
     if request.get("skeleton"):
-        from panoptic_ros.bench.stage1.any_skeleton import any_skeleton_world
-
         return any_skeleton_world(
             request["skeleton"], request["people"], request["views"], request["frames"], request["seed"]
         )

@@ -8,9 +8,13 @@ import numpy as np
 
 from panoptic_ros.bench.stage1.rows import Rows, of_poses, only
 from panoptic_ros.domain import DetectionSet, ProposalSet
+from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.box_search import BoxSearch
+from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.proposals import Nodes
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.score_volume import Peaks, dense_peaks
+from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
 THRESHOLD, VIEW_THRESHOLD, ENOUGH, MIN_VIEWS = 0.1, 0.1, 2, 3  # of the searches of the whole volume
@@ -46,6 +50,32 @@ def voting_rows(rows: Rows, dense: bool) -> None:
     for method, more in (("seeds", False), ("seeds, explain away", True)):
         stage = rows.stage("voting", {"voting": {"method": "seeds", "explain_away": more}})
         rows.run("voting", method, stage.step, world.sets)
+    watched = WatchedVoting(VotingConfig(), StageContext(world.rig, world.skeleton))
+    for item in world.sets:
+        watched.step(item)
+    rows.run("voting", "of which after explaining away", watched.again, watched.left)
+
+
+class WatchedVoting(VotingStage):
+    """The stage, which remembers what explaining away left to be searched."""
+
+    def __init__(self, config: VotingConfig, context: StageContext):
+        self.left: list[tuple[Any, ...]] = []
+        super().__init__(config, context)
+
+    def reset(self) -> None:
+        """As the stage's."""
+        super().reset()
+        self.left.clear()
+
+    def unexplained(self, *given: Any) -> Nodes:
+        """As the stage's."""
+        self.left.append(given)
+        return super().unexplained(*given)
+
+    def again(self, given: tuple[Any, ...]) -> Nodes:
+        """The search of what was left, alone."""
+        return super().unexplained(*given)
 
 
 def _equal(dense: Peaks, exact: Peaks) -> bool:

@@ -39,6 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bag = parser.add_argument_group("a recording in place of the simulation")
     bag.add_argument("--bag", type=Path, metavar="DIR", help="a bag that `panoptic run` wrote")
     bag.add_argument("--cameras", metavar="NAME,NAME", help="only these")
+    bag.add_argument(
+        "--skeleton", metavar="NAME", help="in the joints of this model, e.g. coco17; default: as recorded"
+    )
     bag.add_argument("--truth", type=Path, metavar="FILE", help="true skeletons")
     bag.add_argument(
         "--volume", type=float, nargs=6, metavar="M", help="to search: least x y z, largest x y z, m"
@@ -99,7 +102,7 @@ def _simulated(args: argparse.Namespace) -> list[dict[str, Any]]:
 def _recorded(args: argparse.Namespace) -> list[dict[str, Any]]:
     return [{
         "kind": "bag", "bag": str(args.bag), "cameras": args.cameras.split(",") if args.cameras else None,
-        "truth": str(args.truth) if args.truth else None, "volume": args.volume,
+        "skeleton": args.skeleton, "truth": str(args.truth) if args.truth else None, "volume": args.volume,
         "frames": args.frames, "budget_s": 0.2 if args.quick else 1.0,
         "parts": [*ALL, *([] if args.quick else ["dense"])],
     }]  # fmt: skip

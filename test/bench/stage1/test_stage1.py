@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from panoptic_ros.bench.stage1 import case, command, lines
+from panoptic_ros.bench.stage1.any_skeleton import in_joints_of
+from panoptic_ros.bench.stage1.chain import WatchedVoting
 from panoptic_ros.bench.stage1.greedy import GreedyBaseline
 from panoptic_ros.bench.stage1.world import Spread, layout_of, make_world
 from panoptic_ros.cli.main import main
 from panoptic_ros.errors import UsageError
+from panoptic_ros.stage import StageContext
+from panoptic_ros.voting.config import VotingConfig
 
 
 def test_a_case_measures_every_method_and_dense_voting_agrees_with_exact():
@@ -81,7 +85,29 @@ def test_mistakes_on_the_command_line_are_told(capsys):
 
 def test_requests_of_a_recording_keep_its_options():
     args = SimpleNamespace(
-        bag="bag", cameras="a,b", truth=None, volume=None, frames=5, quick=True
+        bag="bag", cameras="a,b", skeleton="coco17", truth=None, volume=None, frames=5, quick=True
     )
     (request,) = command._recorded(args)
+    assert request["skeleton"] == "coco17"
     assert request["cameras"] == ["a", "b"] and "dense" not in request["parts"]
+
+
+def test_a_world_in_the_joints_of_another_skeleton():
+    world = make_world(people=2, views=3, frames=2, seed=0, maps=True)
+    fewer = in_joints_of(world, "coco17")
+    names, wrist = world.skeleton.joint_names, fewer.skeleton.joint("left_wrist")
+    for item, old in zip(fewer.sets, world.sets):
+        for view, full in zip(item.views, old.views):
+            assert view.points.shape[1] == len(fewer.skeleton) == 17
+            old_wrist = names.index("lWrist")
+            assert np.array_equal(view.points[:, wrist], full.points[:, old_wrist], equal_nan=True)
+            assert np.array_equal(view.maps.dense(17)[wrist], full.maps.dense(len(names))[old_wrist])
+
+
+def test_what_explaining_away_leaves_can_be_searched_again():
+    world = make_world(people=2, views=4, frames=2, seed=1, maps=True)
+    watched = WatchedVoting(VotingConfig(), StageContext(world.rig, world.skeleton))
+    for item in world.sets:
+        watched.step(item)
+    assert len(watched.left) == 2
+    assert all((watched.again(given).joints >= 0).all() for given in watched.left)
