@@ -9,7 +9,7 @@ import pytest
 from recordings import write_bag
 
 from panoptic_ros.cli.main import main
-from panoptic_ros.domain import Rig
+from panoptic_ros.domain import Occluders, Rig, VisibilityLimit
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.plain_formats import read_skeletons
@@ -71,6 +71,23 @@ def test_bag_without_one_camera(tmp_path):
         report = json.loads((tmp_path / out / "report.json").read_text())
         assert report["frames"]["in"] == {name: 20 for name in ("cam0", "cam1", "cam3")}
     assert skeletons(tmp_path / "dds") == skeletons(tmp_path / "process")
+
+
+def test_limits_and_occluders_reach_every_stage(tmp_path):
+    """A wall before one camera and a limit of another: the same bytes with and without ROS."""
+    near = VisibilityLimit(np.full((3, 4), 2500, np.uint16))
+    views = [replace(view, limit=near if view.camera == "cam1" else None) for view in captures.views(12)]
+    away = captures.RIG.cameras[0].centre * (0.7, 0.7, 0.0) + (0.0, 0.0, 1.0)
+    rig = replace(captures.RIG, occluders=Occluders.box((1.5, 1.5, 2.0), np.eye(3), away))
+    bag = write_bag(tmp_path / "bag", views, rig)
+    for out, more in (("dds", []), ("process", ["--in-process"])):
+        assert main(["run", "--bag", str(bag), "--out", str(tmp_path / out), "--no-pictures", *more]) == 0
+    assert skeletons(tmp_path / "dds") == skeletons(tmp_path / "process")
+    with BagReader(tmp_path / "dds" / "bag") as result:
+        back = [from_message(m, "ViewDetections") for _, _, m in result.messages("/cam1/detections")]
+        again = from_message(next(result.messages("/rig"))[2], "Rig")
+    assert all(np.array_equal(view.limit.cells, near.cells) for view in back)
+    assert np.array_equal(again.occluders.vertices, rig.occluders.vertices)
 
 
 def test_names_that_ros_does_not_allow(tmp_path):

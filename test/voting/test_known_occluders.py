@@ -112,3 +112,19 @@ def test_a_joint_keeps_its_vote_though_a_wall_hides_it_from_half_of_the_views(sc
     assert votes["open"] == pytest.approx(0.45, abs=0.02)
     assert votes["walled"] == pytest.approx(0.9, abs=0.03)
     assert MARGIN < 0.1
+
+
+def test_a_table_hides_the_legs_under_it_and_not_the_hands_on_it():
+    eye = camera()
+    high = replace(eye, cam_from_world=Rigid(FORWARD, -FORWARD @ np.array([0.0, 0.0, 2.2])))
+    table = Occluders.box((1.2, 2.0, 0.04), np.eye(3), (4.4, 0.0, 0.70))
+    limit = VisibilityLimit.of_depths(occluded_depths(high, table), MARGIN)
+    places = {
+        "hand": (4.3, 0.1, 0.75), "head": (5.2, 0.0, 1.2), "hip": (5.3, 0.0, 0.55), "knee": (5.0, 0.1, 0.48),
+        "ankle": (5.6, 0.1, 0.08), "foot before it": (4.6, 0.3, 0.05), "ankle beside it": (4.6, 1.7, 0.08),
+    }  # fmt: skip
+    points = np.array(list(places.values()))
+    pixels, _ = high.project(points)
+    assert high.contains(pixels).all()
+    seen = limit.sees(pixels, high.cam_from_world.apply(points)[:, 2], high.image_size)
+    assert [name for name, sees in zip(places, seen) if not sees] == ["hip", "knee", "ankle"]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import ViewFrame
+from panoptic_ros.domain import ViewFrame, VisibilityLimit
 from panoptic_ros.errors import BackendError
 from panoptic_ros.simulation import SCENES, Lens, Ring, simulate
 from panoptic_ros.simulation.rendering import Studio, visible_joints
@@ -131,3 +131,25 @@ def test_the_default_detector_finds_rendered_people():
             gaps.append(best)
     assert wanted >= 6 and found >= 0.85 * wanted
     assert np.nanmedian(np.concatenate(gaps)) < 4.0
+
+
+def test_the_depth_of_a_view_limits_it_to_what_it_shows():
+    """A joint is beyond the limit if somebody else is drawn over it, and hardly any other is."""
+    take = simulate(replace(SCENE, area=1.2, rig=replace(SCENE.rig, cameras=4)), 2, 1)
+    shown, covered = [], []
+    for camera in take.rig.cameras:
+        view = views(take, camera.name, TIMES[:1])[0]
+        limit = VisibilityLimit.of_depths(view.depth, 0.4)
+        joints = np.stack([person.joints(TIMES[:1])[0] for person in take.people])
+        pixels, ahead = camera.project(joints)
+        inside = ahead & camera.contains(pixels)
+        depths = camera.cam_from_world.apply(joints)[..., 2]
+        seen = limit.sees(np.where(inside[..., None], pixels, 0.0), depths, camera.image_size)
+        column, row = np.clip(np.rint(np.where(inside[..., None], pixels, 0.0)), 0, [159, 119]).astype(int).T
+        drawn = view.people[row, column].T
+        own = np.arange(1, len(take.people) + 1)[:, None]
+        far = depths > view.depth[row, column].T + 0.5
+        shown += seen[inside & (drawn == own)].tolist()
+        covered += seen[inside & (drawn != own) & (drawn > 0) & far].tolist()
+    assert len(shown) > 100 and np.mean(shown) > 0.95
+    assert len(covered) > 5 and np.mean(covered) < 0.25
