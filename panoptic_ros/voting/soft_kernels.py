@@ -107,7 +107,7 @@ def _step(scene, joint, place, radius, ball, softness, room):
                 if away < reach + math.sqrt(GAUSSIAN_END / seen[2]):  # False if it is missing
                     _raise_to_keypoint(seen, u, w, scores)
             votes += scores
-    return _move_to_mean(place, offsets, votes, softness * covering)
+    return _move_to_mean(place, offsets, votes, softness * covering, scores)
 
 
 @_jit
@@ -253,31 +253,42 @@ def _raise_to_keypoint(joint, u, w, scores):
     x, y, rate, score = joint
     for g in range(len(u)):
         exponent = min(((x - u[g]) ** 2 + (y - w[g]) ** 2) * rate, 2.0 * GAUSSIAN_END)
-        part = exponent / 64.0
-        value = 1.0 - part * (1.0 - part * (0.5 - part * (1.0 / 6.0 - part / 24.0)))
-        value *= value
-        value *= value
-        value *= value
-        value *= value
-        value *= value
-        value *= value
+        value = _decay(exponent)
         scores[g] = max(scores[g], score * value if exponent < GAUSSIAN_END else 0.0)
 
 
 @_jit
-def _move_to_mean(place, offsets, votes, softness):
+def _decay(x):
+    """exp(-x) for 0 <= x <= 12."""
+    part = x / 64.0
+    value = 1.0 - part * (1.0 - part * (0.5 - part * (1.0 / 6.0 - part / 24.0)))
+    value *= value
+    value *= value
+    value *= value
+    value *= value
+    value *= value
+    value *= value
+    return value
+
+
+@_jit
+def _move_to_mean(place, offsets, votes, softness, weights):
     """Move a place (3,) by the mean of the offsets (3, G), weighted by exp(vote / softness); how far."""
-    best = votes.max()
+    best = votes[0]
+    for g in range(len(votes)):
+        best = max(best, votes[g])
     if not best > 0.0:
         return 0.0
+    rate = 1.0 / softness
+    for g in range(len(votes)):
+        worse = min((best - votes[g]) * rate, 2.0 * GAUSSIAN_END)
+        weights[g] = _decay(worse) if worse < 2.0 * GAUSSIAN_END else 0.0
     total, x, y, z = 0.0, 0.0, 0.0, 0.0
     for g in range(len(votes)):
-        if votes[g] > best - 12.0 * softness:
-            weight = math.exp((votes[g] - best) / softness)
-            total += weight
-            x += weight * offsets[0, g]
-            y += weight * offsets[1, g]
-            z += weight * offsets[2, g]
+        total += weights[g]
+        x += weights[g] * offsets[0, g]
+        y += weights[g] * offsets[1, g]
+        z += weights[g] * offsets[2, g]
     place[0] += x / total
     place[1] += y / total
     place[2] += z / total
