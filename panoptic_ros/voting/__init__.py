@@ -21,6 +21,6 @@ all is known. `exact` and `dense` never explain anything away: they are the refe
     VotingStage(VotingConfig(method="seeds", explain_away=False), context)      # seeds alone
     VotingStage(VotingConfig(method="exact", threshold=0.1, min_views=3), context)    # or "dense"
 
-Limits: `seeds` finds no joint without a 2D peak in two of the views that are paired; visibility is the
-field of view, occlusion is not modelled.
+Limits: `seeds` finds no joint without a 2D peak in two of the views that are paired; a view sees its field
+of view as far as depth maps and known occluders let it, people do not hide each other.
 """

@@ -17,11 +17,12 @@ import math
 import numpy as np
 from numba import njit
 
+from panoptic_ros.voting.limit_kernels import hide
 from panoptic_ros.voting.rectangle_kernels import (
     ALL,
-    GROUP,
-    NONE,
+    PART,
     SEES,
+    SPAN,
     U0,
     U1,
     W0,
@@ -35,7 +36,9 @@ from panoptic_ros.voting.rectangle_kernels import (
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 SLACK = 1e-3  # of a bound per view, in units of map values: more than float32 can lose
-CAP = 200  # views that support are counted up to here
+GROUP = 32  # joints of a search
+LOW = (1 << GROUP) - 1
+SOME, SIGHT, CELL, RIGHT, BELOW = range(5)  # mask of what is there, what is seen, cells of a pyramid
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
@@ -49,118 +52,163 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
         scene: `BoxScene`; lower, shape (3,): first voxel and numbers of voxels.
         boxes: (N, 5) place, in boxes of their level from `lower`; mask of joints; how many views see all of
             the box and have nothing there.
-        start, lists: (N + 1) and (K,) the other views that see something of each box.
+        start, lists: (N + 1) and (K, 2) the other views that see something of each box, and masks of the
+            joints of which they have something there.
         level: that of the halves, of 2^level voxels a side, 1 or more.
         supporting: smallest value of a map that supports.
 
     Returns:
         boxes, start and lists of the halves.
     """
-    views, layers, _, spread, people, reach, pointed = scene
-    count, joints, total, free = people.shape[0], people.shape[1], 0, 0
-    lanes, wanted = np.zeros(80), np.zeros(GROUP, np.uint8)
-    most = np.zeros((8, count, GROUP), np.uint8)
-    words, wanted_words = most.view(np.int64), wanted.view(np.int64)
-    sums, support = np.zeros((8, GROUP), np.float32), np.zeros((8, GROUP), np.uint8)
-    enough, least = np.uint8(supporting), min(least, CAP)
-    seen, tally = np.zeros((8, count), np.int32), np.zeros((3, 8), np.int64)  # listed, empty, all of it
+    views, layers, spread, masks, people, reach, pointed, _, _, limits, limit_layers, limit_reach = scene
+    count, total, free = people.shape[0], 0, 0
+    lanes, table = np.zeros((10, 8)), np.zeros((count, 5, 8), np.int64)  # of views and halves: SOME to BELOW
+    drawn, sums = np.zeros((8, GROUP), np.float32), np.zeros(GROUP, np.float32)  # of keypoints, of all
+    planes, support = np.zeros((8, 8), np.int64), np.zeros(8, np.int64)
+    digits = 1
+    while least >> digits and digits < 7:
+        digits += 1
     found, begin = np.zeros((8 * len(boxes), 5), np.int64), np.zeros(8 * len(boxes) + 1, np.int64)
-    kept = np.empty(8 * start[len(boxes)] + count, np.int32)
-    half, limit = 1 << (level - 1), 255.0 * threshold * (1.0 - 1e-6)
+    kept = np.empty((8 * start[len(boxes)] + count, 2), np.int64)
+    limit = 255.0 * threshold * (1.0 - 1e-6)
+    step, h = side * (1 << (level - 1)), side * ((1 << (level - 1)) - 0.5)
     for n in range(len(boxes)):
-        mask = boxes[n, 3]
-        for j in range(GROUP):
-            wanted[j] = 255 if mask >> j & 1 else 0
-        sums[:], support[:], tally[:] = 0.0, 0, 0
-        tally[1] = boxes[n, 4]
+        mask, listed = boxes[n, 3], start[n + 1] - start[n]
+        drawn[:], planes[:] = 0.0, 0
         i, j, k = 2 * boxes[n, 0] + 1, 2 * boxes[n, 1] + 1, 2 * boxes[n, 2] + 1
         x, y = (lower[0] + (i << level)) * side, (lower[1] + (j << level)) * side
         z = (lower[2] + (k << level)) * side
-        for at in range(start[n], start[n + 1]):
-            v = lists[at]
-            layer = rectangles(views, v, x, y, z, side * half, side * (half - 0.5), lanes)
-            first, width = layers[v, layer, 0], layers[v, layer, 1]
+        for m in range(listed):
+            v = lists[start[n] + m, 0]
+            layer = rectangles(views, v, x, y, z, step, h, lanes)
+            if limits[3 * v] > 0.0:
+                hide(views, limits, limit_layers, limit_reach, v, x, y, z, step, h, lanes)
+            _find(layers, masks, v, layer, lanes, table, m)
             for c in range(8):
-                sees = int(lanes[SEES + c])
-                if sees == NONE:
-                    continue
-                some, less, m = 0, 0.0 if sees == ALL else limit, tally[0, c]
-                if width > 0:
-                    x0, y0 = int(lanes[X0 + c]) >> layer, int(lanes[Y0 + c]) >> layer
-                    x1, y1 = int(lanes[X1 + c]) >> layer, int(lanes[Y1 + c]) >> layer
-                    at_cell = first + y0 * width + x0
-                    look(
-                        spread, at_cell, x1 - x0, y1 - y0, width, wanted, less, enough, most, sums, support,
-                        c, m,
-                    )  # fmt: skip
-                    some = words[c, m, 0] | words[c, m, 1] | words[c, m, 2] | words[c, m, 3]
-                else:
-                    words[c, m, 0] = words[c, m, 1] = words[c, m, 2] = words[c, m, 3] = 0
-                if pointed[v] & mask:
-                    u0, u1, w0, w1 = lanes[U0 + c], lanes[U1 + c], lanes[W0 + c], lanes[W1 + c]
-                    some |= _add_keypoints(
-                        people, reach, v, pointed[v] & mask, u0, u1, w0, w1, less, enough, most, sums,
-                        support, c, m,
-                    )  # fmt: skip
-                if some == 0 and sees == ALL:
-                    tally[1, c] += 1
-                    continue
-                seen[c, m] = v if sees == ALL else -1 - v
-                tally[0, c] += 1
-                tally[2, c] += sees == ALL
+                table[m, SOME, c] &= mask | mask << GROUP
+            if pointed[v] & mask:
+                for c in range(8):
+                    if lanes[SEES, c] > 0.0:
+                        table[m, SOME, c] |= _add_keypoints(
+                            people, reach, v, pointed[v] & mask, lanes[U0, c], lanes[U1, c], lanes[W0, c],
+                            lanes[W1, c], 0.0 if lanes[SEES, c] == ALL else limit, supporting, drawn, c,
+                        )  # fmt: skip
+            for c in range(8):
+                support[c] = table[m, SOME, c] >> GROUP & LOW
+            _count(planes, digits, support)
         for c in range(8):
             a, b, d = i - 1 + (c >> 2), j - 1 + (c >> 1 & 1), k - 1 + (c & 1)
             if (a << level) >= shape[0] or (b << level) >= shape[1] or (d << level) >= shape[2]:
                 continue
-            most_left = limit * (tally[1, c] + tally[2, c]) - SLACK * (count + 1)
-            left = 0
-            for joint in range(joints):
-                if mask >> joint & 1 and sums[c, joint] > most_left and support[c, joint] >= least:
-                    left |= 1 << joint
+            left = mask & _at_least(planes, c, digits, least)
+            if left == 0:
+                continue
+            sums[:] = drawn[c]
+            whole = boxes[n, 4]
+            for m in range(listed):
+                sees = table[m, SIGHT, c]
+                whole += sees == ALL
+                if table[m, SOME, c] & left:
+                    less = 0.0 if sees == ALL else limit
+                    _look(spread, table[m, CELL, c], table[m, RIGHT, c], table[m, BELOW, c], less, sums)
+            left &= _above(sums, limit * whole - SLACK * (count + 1))
             if left == 0:
                 continue
             found[total, 0], found[total, 1], found[total, 2] = a, b, d
-            for joint in range(GROUP):
-                wanted[joint] = 255 if left >> joint & 1 else 0
-            empty = tally[1, c]
-            for m in range(tally[0, c]):
-                some = words[c, m, 0] & wanted_words[0] | words[c, m, 1] & wanted_words[1]
-                some |= words[c, m, 2] & wanted_words[2] | words[c, m, 3] & wanted_words[3]
-                v = seen[c, m]
-                if v >= 0 and some == 0:
-                    empty += 1
-                else:
-                    kept[free] = v if v >= 0 else -1 - v
-                    free += 1
-            found[total, 3], found[total, 4] = left, empty
+            found[total, 3], found[total, 4] = left, boxes[n, 4]
+            for m in range(listed):
+                sees, some = table[m, SIGHT, c], table[m, SOME, c] & left
+                kept[free, 0], kept[free, 1] = lists[start[n] + m, 0], some
+                found[total, 4] += (sees == ALL) & (some == 0)
+                free += (sees == PART) | (some != 0)
             total += 1
             begin[total] = free
     return found[:total], begin[: total + 1], kept
 
 
 @_inline
-def look(spread, at, columns, rows, width, wanted, less, enough, most, sums, support, c, m):
-    """Add the largest values of joints in a rectangle, as far as above `less`, to the sums (8, 32) of box c.
+def _find(layers, masks, v, layer, lanes, table, m):
+    """Write row m of the table: what is in the rectangles of the halves, and where they are in the pyramid.
 
-    The rectangle begins at a cell and has so many columns and rows more, three at most: four cells of
-    `spread`, each of which stands for 2 x 2. Counts the values that are `enough`, keeps all in row m of
-    `most` (8, V, 32); joints that are not wanted (32,) count as 0.
+    Looks in a layer or, where a rectangle spans few cells there, in the one below it.
     """
-    low, zero, cap = np.float32(less), np.float32(0.0), np.uint8(CAP)
-    right, below = max(columns - 1, 0), width * max(rows - 1, 0)
-    for j in range(GROUP):
-        upper = max(spread[at, j], spread[at + right, j])
-        lower = max(spread[at + below, j], spread[at + below + right, j])
-        most[c, m, j] = wanted[j] & max(upper, lower)
-    for j in range(GROUP):
-        sums[c, j] += max(np.float32(most[c, m, j]) - low, zero)
-    for j in range(GROUP):
-        support[c, j] += np.uint8((most[c, m, j] >= enough) & (support[c, j] < cap))
+    nothing = len(masks) - 1
+    finer = max(layer - 1, 0)
+    scale, step = 0.5**finer, layer - finer
+    first, width = layers[v, finer, 0], layers[v, finer, 1]
+    coarse_first, coarse_width = layers[v, layer, 0], layers[v, layer, 1]
+    for c in range(8):
+        x0, x1 = np.int64(scale * lanes[X0, c]), np.int64(scale * lanes[X1, c])
+        y0, y1 = np.int64(scale * lanes[Y0, c]), np.int64(scale * lanes[Y1, c])
+        fits = (x1 - x0 <= SPAN) & (y1 - y0 <= SPAN)
+        shift = 0 if fits else step
+        x0, x1, y0, y1 = x0 >> shift, x1 >> shift, y0 >> shift, y1 >> shift
+        wide = width if fits else coarse_width
+        cell = (first if fits else coarse_first) + y0 * wide + x0
+        there = (lanes[SEES, c] > 0.0) & (width > 0)
+        table[m, CELL, c] = cell if there else nothing
+        table[m, RIGHT, c] = max(x1 - x0 - 1, 0) if there else 0
+        table[m, BELOW, c] = max(y1 - y0 - 1, 0) * wide if there else 0
+        table[m, SIGHT, c] = np.int64(lanes[SEES, c])
+    for c in range(8):
+        at, right, below = table[m, CELL, c], table[m, RIGHT, c], table[m, BELOW, c]
+        table[m, SOME, c] = masks[at] | masks[at + right] | masks[at + below] | masks[at + below + right]
 
 
 @_inline
-def _add_keypoints(people, reach, v, wanted, u0, u1, w0, w1, less, enough, most, sums, support, c, m):
-    """As `look`, for keypoints of the joints of a mask in pixels u0..u1, w0..w1; whether there are any."""
+def _count(planes, digits, support):
+    """Add masks (8,) to counts of each of their bits: planes (8, 8) of binary digits, the last overflows."""
+    for digit in range(digits):
+        for c in range(8):
+            carry = planes[digit, c] & support[c]
+            planes[digit, c] ^= support[c]
+            support[c] = carry
+    for c in range(8):
+        planes[7, c] |= support[c]
+
+
+@_inline
+def _at_least(planes, c, digits, least):
+    """Mask of the bits that have been counted at least so often, with so many digits."""
+    more, same = planes[7, c], -1
+    for back in range(digits):
+        digit = digits - 1 - back
+        if least >> digit & 1:
+            same &= planes[digit, c]
+        else:
+            more |= same & planes[digit, c]
+            same &= ~planes[digit, c]
+    return more | same
+
+
+@_inline
+def _above(sums, bound):
+    """Mask of the sums (32,) that are above a bound."""
+    mask = 0
+    for j in range(GROUP):
+        mask |= np.int64(sums[j] > bound) << j
+    return mask
+
+
+@_inline
+def _look(spread, at, right, below, less, sums):
+    """Add the largest values of joints in a rectangle, as far as above `less`, to the sums (32,).
+
+    The rectangle is that of four cells of `spread`: one, and those so many cells to the right and below.
+    """
+    low, zero = np.float32(less), np.float32(0.0)
+    for j in range(GROUP):
+        upper = max(spread[at, j], spread[at + right, j])
+        lower = max(spread[at + below, j], spread[at + below + right, j])
+        sums[j] += max(np.float32(max(upper, lower)) - low, zero)
+
+
+@_inline
+def _add_keypoints(people, reach, v, wanted, u0, u1, w0, w1, less, enough, sums, c):
+    """As `_look`, for keypoints of the joints of a mask in pixels u0..u1, w0..w1; sums (8, 32) of all boxes.
+
+    Returns masks as those of a pyramid.
+    """
     found = 0
     for j in range(people.shape[1]):
         value = 0
@@ -171,9 +219,8 @@ def _add_keypoints(people, reach, v, wanted, u0, u1, w0, w1, less, enough, most,
                 if exponent < GAUSSIAN_END:
                     value = max(value, min(int(255.0 * people[v, j, i, 3] * math.exp(-exponent)) + 1, 255))
         if value > 0:
-            found, most[c, m, j] = 1, value
+            found |= 1 << j | np.int64(value >= enough) << (GROUP + j)
             sums[c, j] += np.float32(max(value - less, 0.0))
-            support[c, j] = min(support[c, j] + (value >= enough), CAP)
     return found
 
 

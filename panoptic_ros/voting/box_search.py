@@ -8,6 +8,7 @@ import numpy as np
 from panoptic_ros.voting import (
     box_kernels,
     kernels,
+    limit_kernels,
     peak_kernels,
     pyramid_kernels,
     rectangle_kernels,
@@ -20,7 +21,7 @@ from panoptic_ros.voting.score_volume import ENOUGH, Peaks, sorted_peaks
 from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
-GROUP = rectangle_kernels.GROUP
+GROUP = box_kernels.GROUP
 PAD = 6  # cells after each row: rows 4 KB apart would all need the same places in the cache
 
 
@@ -30,20 +31,26 @@ class BoxScene(NamedTuple):
     views: (V, 550) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
         (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m (with distortion
         twice the radius that is seen), the lens bounds.
-    layers: (V, L, 3) first cell, width in memory, height; values (N, 32) uint8: pyramids.
-    spread: (N, 32) uint8, the largest values of each cell and those right, below, and both.
+    layers, spread, masks: see `pyramid_kernels`.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN where missing.
     reach: (V, P, 4) least and largest u, least and largest w that a person's keypoints reach.
     pointed: (V,) mask of the joints that have keypoints instead of maps.
+    map_start, map_data: as in `VoteScene`, for these joints.
+    limits: as in `VoteScene`; limit_layers (V, L, 3), limit_reach (N, 2): see `limit_kernels`.
     """
 
     views: Array
     layers: Array
-    values: Array
     spread: Array
+    masks: Array
     people: Array
     reach: Array
     pointed: Array
+    map_start: Array
+    map_data: Array
+    limits: Array
+    limit_layers: Array
+    limit_reach: Array
 
 
 class BoxSearch:
@@ -67,20 +74,15 @@ class BoxSearch:
         supporting = max(int(np.ceil(255.0 * view_threshold - 1e-6)), 1)  # value of a cell
         found = [(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0), np.zeros(0, np.int64))]
         for first in range(0, scene.map_start.shape[1], GROUP):
-            boxes = box_scene(scene, views, first, self._pyramids(scene))
+            boxes = box_scene(scene, views, first, supporting, self._pyramids(scene))
             space = (np.array(volume.lower), np.array(volume.shape), volume.side)
-            joints = min(GROUP, scene.map_start.shape[1] - first)
-            every = np.arange(len(views), dtype=np.int32)
-            small = (np.array([[0, 0, 0, (1 << joints) - 1, 0]]), np.array([0, len(views)]), every)
+            joints = (1 << min(GROUP, scene.map_start.shape[1] - first)) - 1
+            every = np.column_stack([np.arange(len(views)), np.full(len(views), joints)])
+            small = (np.array([[0, 0, 0, joints, 0]]), np.array([0, len(views)]), every)
             for level in range(max(max(volume.shape) - 1, 1).bit_length() - 1, 0, -1):
                 small = box_kernels.split(boxes, *small, level, *space, threshold, supporting, min_views)
-            few = (small[0][:, 3:4] >> np.arange(joints) & 1).sum(axis=1) <= voxel_kernels.FEW
-            limits = (*space, threshold, view_threshold)
-            for rows, votes in (
-                voxel_kernels.visit(boxes, np.flatnonzero(~few), *small, *limits, supporting, min_views),
-                voxel_kernels.visit_few(boxes, np.flatnonzero(few), *small, *limits, min_views),
-            ):
-                found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
+            rows, votes = voxel_kernels.visit(boxes, *small, *space, threshold, view_threshold, min_views)
+            found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
         every = Peaks(*(np.concatenate(parts) for parts in zip(*found)))
         top, unknown = peak_kernels.highest(every.joints, every.voxels - volume.lower + 1, every.votes)
         peaks = Peaks(*(values[top] for values in every))
@@ -89,10 +91,10 @@ class BoxSearch:
             peaks = Peaks(*(values[good] for values in peaks))
         return sorted_peaks(peaks)
 
-    def _pyramids(self, scene: VoteScene) -> tuple[Array, ...]:
+    def _pyramids(self, scene: VoteScene) -> tuple[Array, Array]:
         """Empty pyramids, large enough for the maps."""
         _, cells = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
-        if cells > len(self._memory[1]):
+        if cells >= len(self._memory[1]):
             self._memory = new_pyramids(cells)
         pyramid_kernels.clear_pyramids(*self._memory)
         return self._memory
@@ -130,16 +132,15 @@ class BoxSearch:
         return np.bincount(of[beaten], minlength=len(unknown)) == 0
 
 
-def box_scene(scene: VoteScene, views: Array, first: int, pyramids: tuple[Array, ...]) -> BoxScene:
+def box_scene(
+    scene: VoteScene, views: Array, first: int, supporting: int, pyramids: tuple[Array, Array]
+) -> BoxScene:
     """The arrays of the joints first, first + 1, ..., at most 32; writes into empty `new_pyramids`."""
-    joint_count = scene.map_start.shape[1]
-    count = min(GROUP, joint_count - first)
-    layers, _ = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
-    values, filled, spread, reached = pyramids
-    pyramid_kernels.paint_pyramids(
-        layers, values, filled, scene.patch_start, scene.patch_table, scene.patch_data, joint_count, first
-    )
-    pyramid_kernels.spread_pyramids(layers, values, filled, spread, reached)
+    count = min(GROUP, scene.map_start.shape[1] - first)
+    grid = scene.cameras[:, 25:27].astype(np.int64)
+    layers, _ = pyramid_layers(grid)
+    maps = (scene.map_start, scene.map_data, scene.patch_start, scene.patch_table)
+    pyramid_kernels.build_pyramids(layers, *pyramids, grid, *maps, first, supporting)
     mine = slice(first, first + count)
     people = scene.people[:, mine].copy()
     people[scene.map_start[:, mine] >= 0] = np.nan
@@ -151,19 +152,30 @@ def box_scene(scene: VoteScene, views: Array, first: int, pyramids: tuple[Array,
     boxes = np.stack([u - reach, -u - reach, w - reach, -w - reach], axis=-1)
     boxes = np.where(known[..., None], boxes, np.inf).min(axis=1, initial=np.inf) * (1.0, -1.0, 1.0, -1.0)
     pointed = (known.any(axis=2) * (1 << np.arange(count))).sum(axis=1)
-    return BoxScene(views, layers, values, spread, people, np.ascontiguousarray(boxes), pointed)
+    return BoxScene(
+        views, layers, *pyramids, people, np.ascontiguousarray(boxes), pointed,
+        np.ascontiguousarray(scene.map_start[:, mine]), scene.map_data, scene.limits, *_limit_pyramids(scene),
+    )  # fmt: skip
 
 
-def new_pyramids(cells: int) -> tuple[Array, Array, Array, Array]:
-    """Empty values (N, 32), where they are not 0 (N,), the same for `BoxScene.spread`."""
-    return _aligned(cells), np.zeros(cells, np.bool_), _aligned(cells), np.zeros(cells, np.bool_)
+def _limit_pyramids(scene: VoteScene) -> tuple[Array, Array]:
+    """Layers and pyramids of the limits; next to nothing where there are none."""
+    count = len(scene.cameras)
+    layers, cells = pyramid_layers(scene.limits[: 3 * count].reshape(-1, 3)[:, 1:].astype(np.int64))
+    reach = np.empty((cells, 2))
+    limit_kernels.build_limits(layers, reach, scene.limits)
+    return layers, reach
 
 
-def _aligned(cells: int) -> Array:
-    """Zeros (cells, 32) uint8 none of whose rows lies across two lines of the cache."""
+def new_pyramids(cells: int) -> tuple[Array, Array]:
+    """Empty `BoxScene.spread` and `masks`, and a cell more that is always empty.
+
+    No row of the former lies across two lines of the cache.
+    """
+    cells += 1
     buffer = np.zeros(cells * GROUP + 63, np.uint8)
     skip = -buffer.ctypes.data % 64
-    return buffer[skip : skip + cells * GROUP].reshape(cells, GROUP)
+    return buffer[skip : skip + cells * GROUP].reshape(cells, GROUP), np.zeros(cells, np.int64)
 
 
 def pyramid_layers(grid: Array) -> tuple[Array, int]:

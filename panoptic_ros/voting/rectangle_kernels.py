@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from panoptic_ros.voting.lens_bounds import BINS
@@ -16,9 +17,8 @@ TINY = 1e-9
 FAR = 1e9  # half the side of a rectangle that is not bounded, in the plane at 1 m
 MARGIN = 1e-3  # px, more than rounding can do
 SPAN = 3  # cells that a rectangle spans in the layer it is looked up in, less one
-GROUP = 32  # joints of a search
 NONE, PART, ALL = 0, 1, 2  # of a box that a view sees
-U0, U1, W0, W1, SEES, X0, X1, Y0, Y1, WIDE = range(0, 80, 8)  # in `lanes` (80,): a rectangle per half
+U0, U1, W0, W1, SEES, X0, X1, Y0, Y1, WIDE = range(10)  # rows of `lanes` (10, 8), a column per half
 
 _inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 
@@ -27,8 +27,9 @@ _inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def rectangles(views, v, x, y, z, step, h, lanes):
     """What view v sees of the halves of a box: centre x, y, z, halves `step` off it, of half side h.
 
-    Writes into `lanes` the pixels within which all of each is that can be seen, what is seen of it, and
-    the map's first and last columns and rows. Returns the layer of the pyramid in which to look there.
+    Writes into `lanes` the pixels within which all of each half is that can be seen, what is seen of it, and
+    the first and last columns and rows of the map there, not rounded down. Returns the layer of the pyramid
+    in which all of them span few cells, wherever the cells of the layer begin.
     """
     h = h * (1.0 + TINY) + TINY
     across = views[v, 34]
@@ -45,19 +46,13 @@ def rectangles(views, v, x, y, z, step, h, lanes):
                 views, v, x + (step if c & 4 else -step), y + (step if c & 2 else -step),
                 z + (step if c & 1 else -step), h,
             )  # fmt: skip
-            lanes[SEES + c] = sees
-            lanes[U0 + c], lanes[U1 + c], lanes[W0 + c], lanes[W1 + c] = u0, u1, w0, w1
-    layer = 0
+            lanes[SEES, c] = sees
+            lanes[U0, c], lanes[U1, c], lanes[W0, c], lanes[W1, c] = u0, u1, w0, w1
+    layer, span = 0, SPAN
     if views[v, 25] > 0.0:
         wide = _cells(views, v, lanes)
-        while wide > SPAN:
-            layer += 1
-            wide = 0
-            for c in range(8):
-                if lanes[SEES + c] > 0.0:
-                    columns = (int(lanes[X1 + c]) >> layer) - (int(lanes[X0 + c]) >> layer)
-                    rows = (int(lanes[Y1 + c]) >> layer) - (int(lanes[Y0 + c]) >> layer)
-                    wide = max(wide, columns, rows)
+        while wide > span:
+            layer, span = layer + 1, 2 * span
     return layer
 
 
@@ -106,9 +101,9 @@ def _project_halves(views, v, x, y, z, step, h, reach, own, other, lanes):
         wu, ww = fx * wx + abs(skew) * wy + MARGIN, fy * wy + MARGIN
         outside = (u + wu < left) | (u - wu > right) | (w + ww < top) | (w - ww > bottom)
         across = (u - wu < left) | (u + wu > right) | (w - ww < top) | (w + ww > bottom)
-        lanes[SEES + c] = 0.0 if outside else (1.0 if across else 2.0)
-        lanes[U0 + c], lanes[U1 + c] = max(u - wu, left), min(u + wu, right)
-        lanes[W0 + c], lanes[W1 + c] = max(w - ww, top), min(w + ww, bottom)
+        lanes[SEES, c] = 0.0 if outside else (1.0 if across else 2.0)
+        lanes[U0, c], lanes[U1, c] = max(u - wu, left), min(u + wu, right)
+        lanes[W0, c], lanes[W1, c] = max(w - ww, top), min(w + ww, bottom)
 
 
 @_inline
@@ -121,22 +116,20 @@ def _cells(views, v, lanes):
     m3, m4, m5 = views[v, 30], views[v, 31], views[v, 32]
     last_x, last_y = views[v, 25] - 1.0, views[v, 26] - 1.0
     for c in range(8):
-        u, wu = 0.5 * (lanes[U0 + c] + lanes[U1 + c]), 0.5 * (lanes[U1 + c] - lanes[U0 + c])
-        w, ww = 0.5 * (lanes[W0 + c] + lanes[W1 + c]), 0.5 * (lanes[W1 + c] - lanes[W0 + c])
+        u, wu = 0.5 * (lanes[U0, c] + lanes[U1, c]), 0.5 * (lanes[U1, c] - lanes[U0, c])
+        w, ww = 0.5 * (lanes[W0, c] + lanes[W1, c]), 0.5 * (lanes[W1, c] - lanes[W0, c])
         a, b = m0 * u + m1 * w + m2, m3 * u + m4 * w + m5
         wa, wb = abs(m0) * wu + abs(m1) * ww + TINY, abs(m3) * wu + abs(m4) * ww + TINY
         outside = (a + wa < -0.5) | (a - wa > last_x + 0.5) | (b + wb < -0.5) | (b - wb > last_y + 0.5)
         across = (a - wa < -0.5) | (a + wa > last_x + 0.5) | (b - wb < -0.5) | (b + wb > last_y + 0.5)
-        lanes[SEES + c] = min(lanes[SEES + c], 0.0 if outside else (1.0 if across else 2.0))
-        x0, x1 = math.floor(max(a - wa, 0.0)), math.floor(min(max(a + wa, 0.0) + 1.0, last_x))
-        y0, y1 = math.floor(max(b - wb, 0.0)), math.floor(min(max(b + wb, 0.0) + 1.0, last_y))
-        lanes[X0 + c], lanes[X1 + c], lanes[Y0 + c], lanes[Y1 + c] = min(x0, x1), x1, min(y0, y1), y1
-        widest = max(x1 - min(x0, x1), y1 - min(y0, y1))
-        lanes[WIDE + c] = widest if lanes[SEES + c] > 0.0 else 0.0
-    wide = 0.0
-    for c in range(8):
-        wide = max(wide, lanes[WIDE + c])
-    return int(wide)
+        sees = min(lanes[SEES, c], 0.0 if outside else (1.0 if across else 2.0))
+        x0, x1 = min(max(a - wa, 0.0), last_x), min(max(a + wa, 0.0) + 1.0, last_x)
+        y0, y1 = min(max(b - wb, 0.0), last_y), min(max(b + wb, 0.0) + 1.0, last_y)
+        wide = max(np.floor(x1) - np.floor(x0), np.floor(y1) - np.floor(y0))
+        lanes[SEES, c], lanes[WIDE, c] = sees, wide if sees > 0.0 else 0.0
+        lanes[X0, c], lanes[X1, c], lanes[Y0, c], lanes[Y1, c] = x0, x1, y0, y1
+    left = max(max(lanes[WIDE, 0], lanes[WIDE, 1]), max(lanes[WIDE, 2], lanes[WIDE, 3]))
+    return max(left, max(max(lanes[WIDE, 4], lanes[WIDE, 5]), max(lanes[WIDE, 6], lanes[WIDE, 7])))
 
 
 @_inline

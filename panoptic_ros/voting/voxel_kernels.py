@@ -1,8 +1,6 @@
 """Compiled kernels of the exact search: eq. 1 at the voxels of boxes.
 
-The eight voxels of a box are projected side by side. Where many joints are wanted, what a view can give a
-joint is bounded by the four cells about a voxel, for 32 joints at once; only where the sum of that is enough
-the score is computed, with the very operations of `kernels.vote`. A few joints are computed at once.
+The eight voxels of a box are projected side by side, with the very operations of `kernels.vote`.
 """
 from __future__ import annotations
 
@@ -11,12 +9,11 @@ import math
 import numpy as np
 from numba import njit
 
-from panoptic_ros.voting.box_kernels import CAP, SLACK
-from panoptic_ros.voting.rectangle_kernels import GROUP
+from panoptic_ros.voting.box_kernels import GROUP
+from panoptic_ros.voting.kernels import hidden
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
-FEW = 4  # joints that are computed at once
 COVERED, U, W, A, B = range(0, 40, 8)  # in `lanes` (40,): whether a view covers a voxel, pixel, cell
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -24,88 +21,22 @@ _inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 
 
 @_jit
-def visit(
-    scene, which, boxes, start, lists, lower, shape, side, threshold, view_threshold, supporting, least
-):
+def visit(scene, boxes, start, lists, lower, shape, side, threshold, view_threshold, least):
     """All voxels of boxes with votes above the threshold that at least `least` views support.
 
     Args:
-        scene: `BoxScene`; which: indices of boxes.
-        boxes, start, lists, supporting: of `box_kernels.split`, level 1.
+        scene: `BoxScene`.
+        boxes, start, lists: of `box_kernels.split`, level 1.
 
     Returns:
         found (N, 5) joints, voxels, supporting views; votes (N,), those of `kernels.vote`.
     """
-    views, layers, values, _, people, _, pointed = scene
-    joints, total, limit = people.shape[1], 0, 255.0 * threshold * (1.0 - 1e-6)
-    lanes, most, wanted = np.zeros(40), np.zeros(GROUP, np.uint8), np.zeros(GROUP, np.uint8)
-    sums, support = np.zeros((8, GROUP), np.float32), np.zeros((8, GROUP), np.uint8)
-    words, enough, few = most.view(np.int64), np.uint8(supporting), min(least, CAP)
-    tally = np.zeros((2, 8), np.int64)  # views that cover a voxel, and of these the ones with anything
-    table, looks = np.zeros((8, len(views), 4), np.int64), np.zeros((8, len(views), 4))
-    found, votes = np.zeros((1024, 5), np.int64), np.zeros(1024)
-    for n in which:
-        mask = boxes[n, 3]
-        for j in range(GROUP):
-            wanted[j] = 255 if mask >> j & 1 else 0
-        sums[:], support[:], tally[0], tally[1] = 0.0, 0, boxes[n, 4], 0
-        i, j, k = 2 * boxes[n, 0] + lower[0], 2 * boxes[n, 1] + lower[1], 2 * boxes[n, 2] + lower[2]
-        for at in range(start[n], start[n + 1]):
-            v = lists[at]
-            _project(views, v, i, j, k, side, lanes)
-            first, width = layers[v, 0, 0], layers[v, 0, 1]
-            nothing = views[v, 33]  # 0; compilers that know so do not vectorise the sums
-            for c in range(8):
-                if lanes[COVERED + c] == 0.0:
-                    continue
-                tally[0, c] += 1
-                m, some = tally[1, c], 0
-                if width > 0:
-                    x, right, looks[c, m, 0] = _corner(lanes[A + c], views[v, 25])
-                    y, below, looks[c, m, 1] = _corner(lanes[B + c], views[v, 26])
-                    cell = first + y * width + x
-                    table[c, m, 0], table[c, m, 1], table[c, m, 2] = cell, right, below * width
-                    _look(values, cell, right, below * width, wanted, nothing, enough, most, sums, support, c)
-                    some = words[0] | words[1] | words[2] | words[3]
-                looks[c, m, 2], looks[c, m, 3] = lanes[U + c], lanes[W + c]
-                if pointed[v] & mask:
-                    some |= _add_keypoints(
-                        people, v, pointed[v] & mask, lanes[U + c], lanes[W + c], enough, sums, support, c
-                    )
-                if some:
-                    table[c, m, 3] = v
-                    tally[1, c] += 1
-        if total + 8 * GROUP > len(votes):
-            found = np.concatenate((found, np.zeros_like(found)))
-            votes = np.concatenate((votes, np.zeros_like(votes)))
-        for c in range(8):
-            a, b, d = i + (c >> 2), j + (c >> 1 & 1), k + (c & 1)
-            if a >= lower[0] + shape[0] or b >= lower[1] + shape[1] or d >= lower[2] + shape[2]:
-                continue
-            bound = limit * tally[0, c] - SLACK * (len(views) + 1)
-            for joint in range(joints):
-                if not (mask >> joint & 1 and sums[c, joint] > bound and support[c, joint] >= few):
-                    continue
-                vote, supports = _sum(
-                    values, people, pointed, joint, tally[1, c], table, looks, c, view_threshold
-                )
-                vote = vote / tally[0, c] if tally[0, c] else 0.0
-                if vote > threshold and supports >= least:
-                    found[total, 0], found[total, 4], votes[total] = joint, supports, vote
-                    found[total, 1], found[total, 2], found[total, 3] = a, b, d
-                    total += 1
-    return found[:total], votes[:total]
-
-
-@_jit
-def visit_few(scene, which, boxes, start, lists, lower, shape, side, threshold, view_threshold, least):
-    """As `visit`, for boxes of at most `FEW` joints: no bounds, eq. 1 at once."""
-    views, layers, values, _, people, _, pointed = scene
+    views, _, _, _, people, _, _, map_start, map_data, limits, _, _ = scene
     lanes, mine, total = np.zeros(40), np.zeros(GROUP, np.int64), 0
     places, weights, covering = np.zeros((3, 8), np.int64), np.zeros((2, 8)), np.zeros(8)
-    sums, support = np.zeros((FEW, 8)), np.zeros((FEW, 8), np.int64)
+    sums, support = np.zeros((GROUP, 8)), np.zeros((GROUP, 8), np.int64)
     found, votes = np.zeros((1024, 5), np.int64), np.zeros(1024)
-    for n in which:
+    for n in range(len(boxes)):
         count = 0
         for joint in range(people.shape[1]):
             mine[count] = joint
@@ -113,18 +44,25 @@ def visit_few(scene, which, boxes, start, lists, lower, shape, side, threshold, 
         sums[:], support[:], covering[:] = 0.0, 0, boxes[n, 4]
         i, j, k = 2 * boxes[n, 0] + lower[0], 2 * boxes[n, 1] + lower[1], 2 * boxes[n, 2] + lower[2]
         for at in range(start[n], start[n + 1]):
-            v = lists[at]
+            v, some = lists[at]
             _project(views, v, i, j, k, side, lanes)
+            if limits[3 * v] > 0.0:
+                _hide(views, limits, v, i, j, k, side, lanes)
             for c in range(8):
                 covering[c] += lanes[COVERED + c]
-            if layers[v, 0, 1] > 0:
-                _places(layers[v, 0, 0], layers[v, 0, 1], views[v, 25], views[v, 26], lanes, places, weights)
+            if some == 0:
+                continue
+            if views[v, 25] > 0.0:
+                _places(views[v, 25], views[v, 26], lanes, places, weights)
             for m in range(count):
-                if pointed[v] >> mine[m] & 1:
+                if not some >> mine[m] & 1:
+                    continue
+                first = map_start[v, mine[m]]
+                if first >= 0:
+                    _add_samples(map_data, first, m, lanes, places, weights, view_threshold, sums, support)
+                else:
                     _add_gaussians(people, v, mine[m], m, lanes, view_threshold, sums, support)
-                elif layers[v, 0, 1] > 0:
-                    _add_samples(values, mine[m], m, lanes, places, weights, view_threshold, sums, support)
-        if total + 8 * FEW > len(votes):
+        if total + 8 * GROUP > len(votes):
             found = np.concatenate((found, np.zeros_like(found)))
             votes = np.concatenate((votes, np.zeros_like(votes)))
         for c in range(8):
@@ -141,7 +79,17 @@ def visit_few(scene, which, boxes, start, lists, lower, shape, side, threshold, 
 
 
 @_inline
-def _places(first, width, columns, rows, lanes, places, weights):
+def _hide(views, limits, v, i, j, k, side, lanes):
+    """What view v covers of the eight voxels from i, j, k on, less what lies beyond its limit."""
+    for c in range(8):
+        if lanes[COVERED + c] > 0.0:
+            x, y, z = (i + (c >> 2) + 0.5) * side, (j + (c >> 1 & 1) + 0.5) * side, (k + (c & 1) + 0.5) * side
+            if hidden(views, limits, v, x, y, z, lanes[U + c], lanes[W + c]):
+                lanes[COVERED + c] = 0.0
+
+
+@_inline
+def _places(columns, rows, lanes, places, weights):
     """Lower cells, distances to the right and below, and weights of these, for the eight voxels."""
     for c in range(8):
         covered = lanes[COVERED + c] > 0.0
@@ -149,17 +97,18 @@ def _places(first, width, columns, rows, lanes, places, weights):
         b = min(max(lanes[B + c] if covered else 0.0, 0.0), rows - 1.0)
         x, y = min(np.int32(a), max(np.int32(columns) - 2, 0)), min(np.int32(b), max(np.int32(rows) - 2, 0))
         weights[0, c], weights[1, c] = a - x, b - y
-        places[0, c] = first + y * width + x
-        places[1, c], places[2, c] = 1 if columns > 1.0 else 0, width if rows > 1.0 else 0
+        places[0, c] = y * np.int64(columns) + x
+        places[1, c], places[2, c] = 1 if columns > 1.0 else 0, np.int64(columns) if rows > 1.0 else 0
 
 
 @_inline
-def _add_samples(values, joint, m, lanes, places, weights, view_threshold, sums, support):
+def _add_samples(data, first, m, lanes, places, weights, view_threshold, sums, support):
     """Add what a map shows of a joint at the eight voxels to row m of the sums and of the support."""
     for c in range(8):
-        fx, fy, at, right, below = weights[0, c], weights[1, c], places[0, c], places[1, c], places[2, c]
-        top = values[at, joint] * (1.0 - fx) + values[at + right, joint] * fx
-        bottom = values[at + below, joint] * (1.0 - fx) + values[at + below + right, joint] * fx
+        fx, fy, at = weights[0, c], weights[1, c], first + places[0, c]
+        right, below = places[1, c], places[2, c]
+        top = data[at] * (1.0 - fx) + data[at + right] * fx
+        bottom = data[at + below] * (1.0 - fx) + data[at + below + right] * fx
         score = (top * (1.0 - fy) + bottom * fy) / 255.0 * lanes[COVERED + c]
         sums[m, c] += score
         support[m, c] += score > view_threshold
@@ -211,66 +160,3 @@ def _project(views, v, i, j, k, side, lanes):
         mapped = (-0.5 <= a) & (a <= map_right - 0.5) & (-0.5 <= b) & (b <= map_bottom - 0.5)
         lanes[COVERED + c] = 1.0 if covered & (mapped | bare) else 0.0
         lanes[U + c], lanes[W + c], lanes[A + c], lanes[B + c] = u, w, a, b
-
-
-@_inline
-def _corner(at, size):
-    """Lower cell, how far it is to the upper one, and the weight of that, clamped to the grid."""
-    at = min(max(at, 0.0), size - 1.0)
-    low = min(int(at), max(int(size) - 2, 0))
-    return low, min(low + 1, int(size) - 1) - low, at - low
-
-
-@_inline
-def _look(values, at, right, below, wanted, less, enough, most, sums, support, c):
-    """As `box_kernels.look`, for the four cells about a voxel."""
-    cap, zero, low = np.uint8(CAP), np.float32(0.0), np.float32(less)
-    for j in range(GROUP):
-        upper = max(values[at, j], values[at + right, j])
-        lower = max(values[at + below, j], values[at + below + right, j])
-        most[j] = wanted[j] & max(upper, lower)
-    for j in range(GROUP):
-        sums[c, j] += max(np.float32(most[j]) - low, zero)
-    for j in range(GROUP):
-        support[c, j] += np.uint8((most[j] >= enough) & (support[c, j] < cap))
-
-
-@_inline
-def _add_keypoints(people, v, wanted, u, w, enough, sums, support, c):
-    """As `_look`, for the keypoints of the joints of a mask at a pixel; whether there are any."""
-    found = 0
-    for j in range(people.shape[1]):
-        most = 0
-        for p in range(people.shape[2] if wanted >> j & 1 else 0):
-            dx, dy = people[v, j, p, 0] - u, people[v, j, p, 1] - w
-            exponent = (dx * dx + dy * dy) * people[v, j, p, 2]
-            if exponent < GAUSSIAN_END:
-                most = max(most, min(int(255.0 * people[v, j, p, 3] * math.exp(-exponent)) + 1, 255))
-        if most > 0:
-            found = 1
-            sums[c, j] += np.float32(most)
-            support[c, j] = min(support[c, j] + (most >= enough), CAP)
-    return found
-
-
-@_inline
-def _sum(values, people, pointed, joint, count, table, looks, c, view_threshold):
-    """Sum of the scores of a joint at voxel c in the views looked at, in order, and how many support it."""
-    total, support = 0.0, 0
-    for n in range(count):
-        v, score = table[c, n, 3], 0.0
-        if pointed[v] >> joint & 1:
-            for p in range(people.shape[2]):
-                dx, dy = people[v, joint, p, 0] - looks[c, n, 2], people[v, joint, p, 1] - looks[c, n, 3]
-                exponent = (dx * dx + dy * dy) * people[v, joint, p, 2]
-                if exponent < GAUSSIAN_END:
-                    score = max(score, people[v, joint, p, 3] * math.exp(-exponent))
-        else:
-            fx, fy, at = looks[c, n, 0], looks[c, n, 1], table[c, n, 0]
-            right, below = table[c, n, 1], table[c, n, 2]
-            top = values[at, joint] * (1.0 - fx) + values[at + right, joint] * fx
-            bottom = values[at + below, joint] * (1.0 - fx) + values[at + below + right, joint] * fx
-            score = (top * (1.0 - fy) + bottom * fy) / 255.0
-        total += score
-        support += score > view_threshold
-    return total, support

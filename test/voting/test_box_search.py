@@ -1,10 +1,12 @@
 """The exact search against the dense one."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections
+from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.box_search import BoxSearch, pyramid_layers
@@ -44,7 +46,14 @@ def random_camera(rng, k, lens, inside):
     return Camera(f"cam{k}", (160, 120), Intrinsics(matrix, np.array(lens)), pose)
 
 
-def random_view(rng, camera, joints, people, maps):
+def random_limit(rng):
+    """Depths of 0.2 to 3 m in some cells, none in others."""
+    cells = rng.integers(200, 3000, rng.integers(1, 25, 2)).astype(np.uint16)
+    cells[rng.random(cells.shape) < rng.choice([0.0, 0.3, 0.9])] = 0
+    return VisibilityLimit(cells)
+
+
+def random_view(rng, camera, joints, people, maps, limits):
     """Keypoints of `people` anywhere in the image and beyond, and blocks of noise as maps of some joints."""
     points = rng.uniform(-30.0, 190.0, (people, joints, 2))
     scores = rng.uniform(0.05, 1.0, (people, joints)) * (rng.random((people, joints)) < 0.8)
@@ -64,8 +73,9 @@ def random_view(rng, camera, joints, people, maps):
             values.astype(np.uint8),
         )  # fmt: skip
     return ViewDetections(
-        camera.name, 0, 0, camera.image_size, "x", points, scores, np.full(people, 0.5), drawn
-    )
+        camera.name, 0, 0, camera.image_size, "x", points, scores, np.full(people, 0.5), drawn,
+        random_limit(rng) if limits and rng.random() < 0.7 else None,
+    )  # fmt: skip
 
 
 @settings(max_examples=120, deadline=None)
@@ -79,14 +89,15 @@ def random_view(rng, camera, joints, people, maps):
     shape=st.tuples(*[st.integers(1, 21)] * 3),
     numbers=st.sampled_from(NUMBERS),
     inside=st.booleans(),
+    limits=st.booleans(),
 )  # fmt: skip
 def test_finds_what_the_dense_search_finds(
-    seed, views, lens, joints, people, maps, shape, numbers, inside
+    seed, views, lens, joints, people, maps, shape, numbers, inside, limits
 ):
     rng = np.random.default_rng(seed)
     cameras = [random_camera(rng, k, lens if k % 3 else (), inside and k % 2 == 0) for k in range(views)]
     seen = [
-        random_view(rng, camera, joints, people, maps == "all" or (maps == "some" and k % 2))
+        random_view(rng, camera, joints, people, maps == "all" or (maps == "some" and k % 2), limits)
         for k, camera in enumerate(cameras)
     ]
     scene = build_scene(cameras, seen, joints)
@@ -105,6 +116,18 @@ def test_people_in_a_ring_of_cameras(scenes, maps, lens):
     volume = Volume.between((-0.8, -0.8, 0.0, 0.8, 0.8, 1.8), 0.05)
     assert compared(scene, volume, 0.1, 0.1, 2, 3) > 10
     assert compared(scene, volume, 0.05, 0.1, 2, 2) > 30
+
+
+@pytest.mark.parametrize("lens", LENSES[:2])
+def test_a_wall_before_some_cameras(scenes, lens):
+    rig = scenes.ring(5, lens)
+    views = scenes.detect(rig, [scenes.person(0.3, 0.2), scenes.person(-0.2, -0.4, 2.0)], "mixed").views
+    wall = np.zeros((12, 16), np.uint16)
+    wall[3:, 5:9] = 3950  # mm: between the people, seen from some of the cameras
+    hidden = [replace(view, limit=VisibilityLimit(wall) if v % 2 else None) for v, view in enumerate(views)]
+    volume = Volume.between((-0.8, -0.8, 0.0, 0.8, 0.8, 1.8), 0.05)
+    free, walled = (build_scene(rig.cameras, seen, 19) for seen in (views, hidden))
+    assert 10 < compared(walled, volume, 0.3, 0.1, 2, 4) < compared(free, volume, 0.3, 0.1, 2, 4)
 
 
 @pytest.mark.parametrize("maps", ["none", "merged"])
