@@ -109,6 +109,8 @@ class ScoreMaps:
             raise DataError(f"ScoreMaps.grid_size = {width} x {height}")
         if not np.isfinite(affine).all():
             raise DataError("ScoreMaps.grid_from_image is not finite")
+        if not affine[0, 0] * affine[1, 1] - affine[0, 1] * affine[1, 0]:
+            raise DataError("ScoreMaps.grid_from_image maps the image to a line")
         if joints.size and joints.min() < 0:
             raise DataError("ScoreMaps.joints has a negative joint")
         if corners.size and (

@@ -36,6 +36,7 @@ class Flow:
 
 WINDOW = 64  # instants: a detector runs on while the stages after it compile their kernels
 IMAGE_WINDOW = 4
+LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}}
 SPARE = 8  # the middleware's queues are longer than what can be under way
 
 
@@ -53,3 +54,11 @@ def make_flow(name: str, window: int = WINDOW) -> Flow:
     if name == "replay":
         return Flow("replay", window + SPARE, IMAGE_WINDOW + SPARE, True, None, window, IMAGE_WINDOW)
     raise ConfigError(f"there is no flow {name!r}; there are live and replay")
+
+
+def live_defaults(flow: str, stage: str) -> dict[str, float]:
+    """Defaults of a stage's parameters that hold in live flow only.
+
+    A recording waits for all of its cameras; live, one that fails must not stop the others.
+    """
+    return dict(LIVE_DEFAULTS.get(stage, {})) if flow == "live" else {}

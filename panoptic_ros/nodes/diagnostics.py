@@ -9,6 +9,7 @@ from rclpy.node import Node
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.nodes.family import message_class, ros_messages
 
+PATIENCE_S = 5.0  # a first step that takes longer compiles kernels
 OK, WARN = b"\x00", b"\x01"
 
 
@@ -23,9 +24,12 @@ class Diagnostics:
         self._timer = node.create_timer(1.0, self.publish)
         self.finished = False
         self.more: Callable[[], list[Any]] = list  # further statuses
+        self.busy_s: Callable[[], float] = float  # how long the step at hand has taken so far
+        self._explained = False
 
     def publish(self) -> None:
         """Publish the state of now."""
+        self._explain()
         family = ros_messages()
         values = dict(self._statistics.values())
         values["finished"] = str(self.finished).lower()
@@ -42,3 +46,12 @@ class Diagnostics:
         self._publisher.publish(
             family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status, *self.more()])
         )
+
+    def _explain(self) -> None:
+        """Say why nothing comes, once, if the first step takes long."""
+        if not self._explained and not self._statistics.taken and self.busy_s() > PATIENCE_S:
+            self._explained = True
+            self._node.get_logger().info(
+                "the first message compiles kernels, which takes about a minute and is done once per "
+                "installation; what comes meanwhile is dropped in live flow"
+            )

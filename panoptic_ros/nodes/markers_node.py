@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
@@ -42,7 +42,10 @@ class MarkersNode(Node):
         """Nothing to stop."""
 
     def _take_model(self, message: Any) -> None:
-        self._skeleton = from_message(message, "SkeletonModel")
+        try:
+            self._skeleton = from_message(message, "SkeletonModel")
+        except PanopticError as error:
+            self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
     def _take(self, message: Any) -> None:
         if self._skeleton is None:

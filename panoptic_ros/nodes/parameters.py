@@ -1,6 +1,7 @@
 """A stage's configuration as ROS parameters: declared with range and description, read back."""
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -14,16 +15,20 @@ from panoptic_ros.params import Config, Param, describe, load
 _WIDE = 1e18  # stands for a bound that is not there: ROS ranges need both ends
 
 
-def declare_config(node: Node, cls: type[Config]) -> Config:
+def declare_config(node: Node, cls: type[Config], defaults: Mapping[str, Any]) -> Config:
     """Declare all parameters of a configuration and return what they are set to.
+
+    Args:
+        defaults: of this node, in place of the configuration's own.
 
     Raises:
         ConfigError: if a value from the command line or a file is out of range or of another type.
     """
     values: dict[str, Any] = {}
     for item in describe(cls):
+        default = defaults.get(item.name, _default(item))
         try:
-            value = node.declare_parameter(item.name, _default(item), _descriptor(item)).value
+            value = node.declare_parameter(item.name, default, _descriptor(item)).value
         except (InvalidParameterValueException, ParameterAlreadyDeclaredException) as error:
             raise ConfigError(f"parameter {node.get_name()}.{item.name}: {error}") from None
         values[item.name] = value if not isinstance(item.default, tuple) else list(value or [])

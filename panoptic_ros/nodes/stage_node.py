@@ -14,7 +14,8 @@ from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import make_stage, resolve
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.depth_pairing import Pair
-from panoptic_ros.graph.flow import WINDOW, make_flow
+from panoptic_ros.graph.entrance import check_view
+from panoptic_ros.graph.flow import WINDOW, live_defaults, make_flow
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.queues import InOrder, NewestInstant, Waiting
 from panoptic_ros.graph.topics import TOPICS, ros_name
@@ -24,9 +25,10 @@ from panoptic_ros.nodes.audio_common import AudioDataReader, audio_common_class
 from panoptic_ros.nodes.clock_reports import ClockReports
 from panoptic_ros.nodes.depth_input import DepthInput
 from panoptic_ros.nodes.diagnostics import Diagnostics
+from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.parameters import declare_config
-from panoptic_ros.nodes.quality import CLOCKS, LATCHED, data_quality
+from panoptic_ros.nodes.quality import CLOCKS, data_quality
 from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.worker import Worker
 from panoptic_ros.stage import Notice, StageContext
@@ -79,7 +81,9 @@ class StageNode(Node):
         self._cameras = self._names("cameras")
         self._devices = self._names("devices")
         self._compressed = bool(self.declare_parameter("compressed", False).value)
-        self._config = declare_config(self, resolve(self._spec.config))
+        self._config = declare_config(
+            self, resolve(self._spec.config), live_defaults(self._flow.name, stage)
+        )
         self._statistics = StageStatistics()
         self._diagnostics = Diagnostics(self, self._statistics)
         self._clocks = ClockReports(self) if "clock_models" in self._spec.takes else None
@@ -91,19 +95,15 @@ class StageNode(Node):
             channels = self.declare_parameter("audio_channels", 1).value
             self._audio = {device: AudioDataReader(device, rate, channels) for device in self._devices}
         self._stage: Any = None
-        self._rig: Rig | None = None
-        self._skeleton: SkeletonModel | None = None
         self._inputs: dict[str, _Input] = {}
         self._outputs: dict[str, Any] = {}
         self._sent: dict[str, int] = {}
         self._fault: PanopticError | None = None
         self._worker = Worker(self._work, self._dropped)
+        self._diagnostics.busy_s = lambda: self._worker.busy_s
         self._depths = DepthInput(self, self._flow, self._put_pair) if "depth" in self._spec.takes else None
         self._ends = StreamEnds(self, self._topic_over)
-        self._latched = [
-            self.create_subscription(message_class(TOPICS[key].message), TOPICS[key].name, take, LATCHED)
-            for key, take in (("rig", self._take_rig), ("skeleton_model", self._take_skeleton))
-        ]
+        self._facts = Facts(self, self._begin, self._refuse)
 
     def _names(self, parameter: str) -> list[str]:
         return list(self.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
@@ -124,19 +124,15 @@ class StageNode(Node):
 
     # -------------------------------------------------------------- start
 
-    def _take_rig(self, message: Any) -> None:
-        self._guard(lambda: setattr(self, "_rig", from_message(message, "Rig")))
-
-    def _take_skeleton(self, message: Any) -> None:
-        self._guard(lambda: setattr(self, "_skeleton", from_message(message, "SkeletonModel")))
-
-    def _guard(self, action: Callable[[], None]) -> None:
+    def _begin(self, rig: Rig, skeleton: SkeletonModel) -> None:
         try:
-            action()
-            if self._stage is None and self._rig is not None and self._skeleton is not None:
-                self._start(self._rig, self._skeleton)
+            self._start(rig, skeleton)
         except PanopticError as error:
             self._fault = error
+
+    def _refuse(self, error: PanopticError) -> None:
+        self._statistics.dropped["bad_message"] += 1
+        self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
     def _start(self, rig: Rig, skeleton: SkeletonModel) -> None:
         extras = self._extras(self, skeleton) if self._extras else {}
@@ -228,11 +224,10 @@ class StageNode(Node):
             record = self._record(source, message)
             if self._clocks is not None and isinstance(record, ClockModel):
                 self._clocks.take(record)
-            self._count_gap(source, record)
             result = self._stage.step(record)
+            self._count_gap(source, record)
         except DataError as error:
-            self._statistics.dropped["bad_message"] += 1
-            self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+            self._refuse(error)
         else:
             self._statistics.taken += 1
             self._publish(result)
@@ -243,10 +238,18 @@ class StageNode(Node):
 
     def _record(self, source: _Input, message: Any) -> Any:
         if source.record == "ViewFrame":
-            return frame_from_message(message.image, source.scope, source.count, message.depth)
+            return self._checked(
+                frame_from_message(message.image, source.scope, source.count, message.depth), source.scope
+            )
+        if source.record == "ViewDetections":
+            return self._checked(from_message(message, source.record), source.scope)
         if hasattr(message, "audio"):
             return self._audio[source.scope].block(message)
         return from_message(message, source.record)
+
+    def _checked(self, view: Any, camera: str) -> Any:
+        check_view(view, camera, self._facts.rig, self._facts.skeleton)
+        return view
 
     def _count_gap(self, source: _Input, record: Any) -> None:
         """Numbers that are left out are messages that the middleware dropped, or the node before."""
@@ -259,7 +262,7 @@ class StageNode(Node):
     def _publish(self, result: Any) -> None:
         for notice in result.notices:
             self._note(notice)
-        frame_id = self._rig.frame_id if self._rig else "world"
+        frame_id = self._facts.rig.frame_id
         for record in result.outputs:
             scope = "" if "" in self._outputs else getattr(record, "camera", None) or record.device
             publisher = self._outputs[scope]

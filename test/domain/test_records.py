@@ -78,6 +78,8 @@ def test_score_maps_take_the_maximum_of_patches():
     assert dense[0, 0].tolist() == [10, 20, 5, 0] and dense[1, 2, 3] == 7 and dense.sum() == 42
     with pytest.raises(DataError, match="outside"):
         ScoreMaps((4, 3), affine, [0], [0], [[3, 0]], [[2, 1]], [1, 2])
+    with pytest.raises(DataError, match="to a line"):
+        ScoreMaps((4, 3), np.zeros((2, 3)), [0], [0], [[0, 0]], [[2, 1]], [1, 2])
     with pytest.raises(DataError, match="bytes"):
         ScoreMaps((4, 3), affine, [0], [0], [[0, 0]], [[2, 1]], [1])
 

@@ -10,9 +10,11 @@ from rclpy.parameter import Parameter  # noqa: E402
 
 from panoptic_ros.errors import ConfigError  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
+from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
+from panoptic_ros.io.skeletons import load_skeleton  # noqa: E402
 from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
-from panoptic_ros.nodes.quality import data_quality  # noqa: E402
+from panoptic_ros.nodes.quality import LATCHED, data_quality  # noqa: E402
 from panoptic_ros.nodes.stage_node import StageNode  # noqa: E402
 from panoptic_ros.nodes.statics_node import StaticsNode  # noqa: E402
 
@@ -70,7 +72,24 @@ def break_skeleton(message):
     message.skeleton_hash = "00000000"
 
 
-@pytest.mark.parametrize("damage", [break_scores, break_nan, break_size, break_skeleton])
+def break_camera(message):
+    message.header.frame_id = captures.RIG.names[1]
+
+
+def break_resolution(message):
+    message.image_width //= 2
+
+
+def break_joints(message):
+    message.joint_count = 5
+    message.points = message.points[: 2 * 5 * message.person_count]
+    message.scores = message.scores[: 5 * message.person_count]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [break_scores, break_nan, break_size, break_skeleton, break_camera, break_resolution, break_joints],
+)
 def test_bad_message_is_counted_and_dropped_and_the_node_lives(sync_node, damage):
     node, executor, publishers, sets = sync_node
     camera = captures.RIG.cameras[0]
@@ -86,6 +105,26 @@ def test_bad_message_is_counted_and_dropped_and_the_node_lives(sync_node, damage
     spin_until(executor, lambda: len(sets) >= 5)
     assert [len(from_message(item, "DetectionSet").views) for item in sets[:5]] == [4] * 5
     assert node._statistics.values()["dropped.bad_message"] == "1"
+
+
+@pytest.mark.parametrize("key", ["rig", "skeleton_model"])
+def test_facts_that_come_later_do_not_end_the_node(sync_node, key):
+    """An empty one is bad; another one would need another stage. Both are told, and the node goes on."""
+    node, executor, publishers, sets = sync_node
+    topic = TOPICS[key]
+    sender = rclpy.create_node("sender")
+    publisher = sender.create_publisher(message_class(topic.message), topic.name, LATCHED)
+    publisher.publish(message_class(topic.message)())
+    spin_until(executor, lambda: node._statistics.dropped["bad_message"] == 1)
+    other = captures.RIG.subset(captures.RIG.names[:2]) if key == "rig" else load_skeleton("coco17")
+    publisher.publish(to_message(other, ros_messages()))
+    for index in range(6):
+        send(publishers, index)
+        for _ in range(6):
+            executor.spin_once(timeout_sec=0.05)
+    spin_until(executor, lambda: len(sets) >= 4)
+    assert node.healthy and node._facts.rig.names == captures.RIG.names
+    sender.destroy_node()
 
 
 def test_missing_camera_is_waited_for_until_the_deadline_only(sync_node):
@@ -108,6 +147,17 @@ def test_parameters_are_declared_with_range_and_description(ros):
     assert descriptor.read_only
     result = node.set_parameters([Parameter("window_s", value=0.1)])
     assert not result[0].successful
+    node.close()
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "deadline"),
+    [({"flow": "live"}, 0.5), ({"flow": "live", "deadline_s": 0.0}, 0.0), ({"flow": "replay"}, 0.0)],
+)
+def test_live_a_camera_that_fails_is_not_waited_for(ros, parameters, deadline):
+    node = StageNode("sync", parameters)
+    assert node._config.deadline_s == deadline
     node.close()
     node.destroy_node()
 

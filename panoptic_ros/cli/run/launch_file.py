@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.cli.run.plan import Plan
+from panoptic_ros.graph.flow import live_defaults
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.topics import ros_name
 from panoptic_ros.io.files import write_json
@@ -27,7 +28,9 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
     processes: dict[str, list[dict[str, Any]]] = {}
 
     def stage(name: str, **more: Any) -> dict[str, Any]:
-        own = {key: value for key, value in diff(plan.configs[name]).items() if value != []}
+        config = plan.configs[name]
+        own = {key: value for key, value in diff(config).items() if value != []}
+        own |= {key: getattr(config, key) for key in live_defaults(flow, name)}
         return {"kind": "stage", "stage": name, "name": name, "parameters": {**common, **own, **more}}
 
     if plan.streams:

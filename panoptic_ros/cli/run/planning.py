@@ -16,6 +16,7 @@ from panoptic_ros.cli.run.plan import Plan, find_detector, pairs, require_two
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.graph.topics import check_names
 from panoptic_ros.io.detector_context import bias_extras
 from panoptic_ros.io.rigs import read_rig
@@ -85,7 +86,8 @@ def _device_plan(
     rate = args.frame_rate or 30.0
     options = {"frame_rate": args.frame_rate, "latency_ms": args.latency_ms}
     defaults = {
-        "sync": {"deadline_s": max(0.5, 3.0 / rate)},  # detection works through the cameras in turn
+        # detection works through the cameras in turn
+        "sync": {"deadline_s": max(LIVE_DEFAULTS["sync"]["deadline_s"], 3.0 / rate)},
         "detection": {"threads": max(1, (os.cpu_count() or 2) // 2)},
     }
     return Plan(

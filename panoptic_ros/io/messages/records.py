@@ -60,7 +60,7 @@ def from_message(message: Any, record: str) -> Any:
 def _write_maps(maps: ScoreMaps | None, family: Messages) -> Any:
     if maps is None:
         empty = np.zeros(0, np.int32)
-        maps = ScoreMaps((1, 1), np.zeros((2, 3)), empty, empty, empty.reshape(0, 2), empty.reshape(0, 2), [])
+        maps = ScoreMaps((1, 1), np.eye(2, 3), empty, empty, empty.reshape(0, 2), empty.reshape(0, 2), [])
     return family.make(
         "ScoreMaps",
         grid_width=maps.grid_size[0],
