@@ -37,10 +37,13 @@ def write_plots(folder: Path, pairs: Sequence[FramePair], joint_names: Sequence[
 
 
 def draw_pck(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[str]) -> None:
-    """Share of joints of matched people that are closer than a threshold."""
+    """Share of joints that are closer than a threshold: of matched people, and of everybody."""
     thresholds = np.linspace(0.0, LARGEST, 151)
-    axes.plot(100 * thresholds, pck_curve(pairs, len(joint_names), thresholds))
+    for everybody, label, style in ((False, "matched people", "-"), (True, "everybody", "--")):
+        curve = pck_curve(pairs, len(joint_names), thresholds, everybody)
+        axes.plot(100 * thresholds, curve, style, label=label)
     axes.set(xlabel="threshold [cm]", ylabel="PCK", xlim=(0, 100 * LARGEST), ylim=(0, 1.02))
+    axes.legend(loc="lower right")
     axes.grid(alpha=0.3)
 
 
