@@ -23,9 +23,9 @@ def occluded_depths(camera: Camera, occluders: Occluders) -> Array:
     columns, rows = np.maximum(1, np.round(size * min(1.0, LONGER_SIDE / size.max())).astype(int))
     u = np.arange(columns + 1) * (size[0] / columns) - 0.5
     w = np.arange(rows + 1) * (size[1] / rows) - 0.5
-    plane = camera.intrinsics.undistort(np.stack(np.meshgrid(u, w), axis=-1).reshape(-1, 2))
+    plane = camera.intrinsics.undistort(np.stack(np.meshgrid(u, w), axis=-1))
     vertices = camera.cam_from_world.apply(occluders.vertices)
-    depths = nearest_depths(plane, vertices[occluders.triangles]).reshape(rows + 1, columns + 1)
+    depths = nearest_depths(plane, vertices[occluders.triangles])
     depths = np.maximum(depths[1:], depths[:-1])
     return np.maximum(depths[:, 1:], depths[:, :-1])
 

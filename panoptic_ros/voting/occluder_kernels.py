@@ -1,34 +1,86 @@
-"""The compiled loop of `known_occluders`. It calls nothing outside of this file."""
+"""The compiled loops of `known_occluders`. They call nothing outside of this file."""
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
+SLACK = 1e-9  # of borders in the plane at 1 m
+
+_jit = njit(cache=True, error_model="numpy")
 
 
-@njit(cache=True, error_model="numpy")
+@_jit
 def nearest_depths(plane, corners):
-    """Depth (N,) m of the first triangle that the rays (x, y, 1) of plane (N, 2) hit; inf where none.
+    """Depth (R, C) m of the first triangle that the rays (x, y, 1) of plane (R, C, 2) hit; inf where none.
 
     Args:
+        plane: rows and columns of a grid, bent by a lens; NaN = no ray.
         corners: (M, 3, 3) m, of the triangles in the camera's frame.
     """
-    nearest = np.full(len(plane), np.inf)
+    nearest = np.full(plane.shape[:2], np.inf)
+    rows, columns = _ranges(plane, 1), _ranges(plane.transpose(1, 0, 2), 0)
     for m in range(len(corners)):
-        a, b, c = corners[m]
-        normal = np.cross(b - a, c - a)
-        offset = normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2]
-        edges = np.empty((3, 3))  # planes through the camera and an edge each
-        edges[0], edges[1], edges[2] = np.cross(a, b), np.cross(b, c), np.cross(c, a)
-        for n in range(len(plane)):
-            x, y = plane[n, 0], plane[n, 1]
-            p = edges[0, 0] * x + edges[0, 1] * y + edges[0, 2]
-            q = edges[1, 0] * x + edges[1, 1] * y + edges[1, 2]
-            r = edges[2, 0] * x + edges[2, 1] * y + edges[2, 2]
-            if not ((p >= 0.0 and q >= 0.0 and r >= 0.0) or (p <= 0.0 and q <= 0.0 and r <= 0.0)):
-                continue
-            depth = offset / (normal[0] * x + normal[1] * y + normal[2])
-            if MIN_DEPTH < depth < nearest[n]:
-                nearest[n] = depth
+        left, right, top, bottom = _box(corners[m])
+        first, last = _span(columns, left, right)
+        for r in range(*_span(rows, top, bottom)):
+            for c in range(first, last):
+                depth = _hit(corners[m], plane[r, c, 0], plane[r, c, 1])
+                if depth < nearest[r, c]:
+                    nearest[r, c] = depth
     return nearest
+
+
+@_jit
+def _ranges(plane, axis):
+    """Least and largest coordinate (R, 2) of each row of plane (R, C, 2)."""
+    ranges = np.empty((len(plane), 2))
+    for r in range(len(plane)):
+        ranges[r, 0], ranges[r, 1] = np.inf, -np.inf
+        for c in range(plane.shape[1]):
+            if np.isfinite(plane[r, c, axis]):
+                ranges[r, 0] = min(ranges[r, 0], plane[r, c, axis])
+                ranges[r, 1] = max(ranges[r, 1], plane[r, c, axis])
+    return ranges
+
+
+@_jit
+def _span(ranges, low, high):
+    """The first range (R, 2) that may have something between low and high, and the one after the last."""
+    first, last = len(ranges), 0
+    for r in range(len(ranges)):
+        if ranges[r, 0] <= high and ranges[r, 1] >= low:
+            first, last = min(first, r), r + 1
+    return first, last
+
+
+@_jit
+def _box(triangle):
+    """Least and largest x and y of a triangle (3, 3) in the plane at 1 m; any if it is not all in front."""
+    left = top = np.inf
+    right = bottom = -np.inf
+    for k in range(3):
+        x, y, z = triangle[k, 0], triangle[k, 1], triangle[k, 2]
+        if z <= MIN_DEPTH:
+            return -np.inf, np.inf, -np.inf, np.inf
+        left, right = min(left, x / z - SLACK), max(right, x / z + SLACK)
+        top, bottom = min(top, y / z - SLACK), max(bottom, y / z + SLACK)
+    return left, right, top, bottom
+
+
+@_jit
+def _hit(triangle, x, y):
+    """Depth at which the ray (x, y, 1) meets a triangle (3, 3); inf if it does not."""
+    a, b, c = triangle
+    p, q, r = _volume(a, b, x, y), _volume(b, c, x, y), _volume(c, a, x, y)
+    if not ((p >= 0.0 and q >= 0.0 and r >= 0.0) or (p <= 0.0 and q <= 0.0 and r <= 0.0)):
+        return np.inf
+    total = p + q + r  # weights of the corners opposite to the edges; the ray meets their mean
+    depth = (p * c[2] + q * a[2] + r * b[2]) / total
+    return depth if depth > MIN_DEPTH else np.inf
+
+
+@_jit
+def _volume(a, b, x, y):
+    """(a x b) . (x, y, 1): on which side of the plane through the camera, a and b a ray is."""
+    return (a[1] * b[2] - a[2] * b[1]) * x + (a[2] * b[0] - a[0] * b[2]) * y + a[0] * b[1] - a[1] * b[0]

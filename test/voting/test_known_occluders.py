@@ -10,6 +10,7 @@ from panoptic_ros.params import load
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.known_occluders import MARGIN, KnownOccluders, occluded_depths
+from panoptic_ros.voting.occluder_kernels import nearest_depths
 from panoptic_ros.voting.stage import VotingStage
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
@@ -128,3 +129,21 @@ def test_a_table_hides_the_legs_under_it_and_not_the_hands_on_it():
     assert high.contains(pixels).all()
     seen = limit.sees(pixels, high.cam_from_world.apply(points)[:, 2], high.image_size)
     assert [name for name, sees in zip(places, seen) if not sees] == ["hip", "knee", "ankle"]
+
+
+def test_first_hits_are_those_of_solving_for_every_ray_and_triangle():
+    rng = np.random.default_rng(0)
+    plane = rng.normal(0.0, 0.6, (20, 30, 2))
+    plane[3, 4] = np.nan
+    triangles = 0.4 * rng.normal(size=(40, 3, 3)) + rng.normal(size=(40, 1, 3)) + (0.0, 0.0, 1.0)
+    expected = np.full((20, 30), np.inf)
+    rays = np.concatenate([np.nan_to_num(plane), np.ones((20, 30, 1))], axis=-1)
+    for a, b, c in triangles:
+        sides = np.stack([np.broadcast_to(b - a, rays.shape), np.broadcast_to(c - a, rays.shape), -rays], -1)
+        ends = np.broadcast_to(-a, rays.shape)[..., None]
+        u, v, depth = np.moveaxis(np.linalg.solve(sides, ends)[..., 0], -1, 0)
+        hit = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (depth > 1e-3)
+        expected = np.where(hit, np.minimum(expected, depth), expected)
+    expected[3, 4] = np.inf
+    assert 0.2 < np.isinf(expected).mean() < 0.8
+    assert nearest_depths(plane, triangles) == pytest.approx(expected)
