@@ -15,6 +15,7 @@ EXCESS = 1.5  # from which ratio of variances on means of residuals betray a bia
 NORMAL_MEDIAN = 0.6745  # of |x|
 MIXED_NOISE = 1.38  # this ratio for independent noise: few rays in a block, and some much noisier than others
 AGREE = 3e-3  # s, offsets that differ less are the same
+CHANCE = 2.0  # standard deviations of their difference, up to which they may differ by chance
 
 
 def covariance_of(fit: Fit, prior: Array) -> Array:
@@ -133,7 +134,7 @@ def common_shift(offsets: Array, deviations: Array) -> float:
     """
     best = np.zeros(len(offsets), bool)
     for offset, deviation in zip(offsets, deviations):
-        near = np.abs(offsets - offset) <= max(AGREE, deviation)
+        near = np.abs(offsets - offset) <= np.maximum(AGREE, CHANCE * np.hypot(deviations, deviation))
         if near.sum() > best.sum():
             best = near
     return float(offsets[best].mean()) if 2 * best.sum() > len(offsets) else float(offsets.mean())

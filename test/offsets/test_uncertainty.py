@@ -19,6 +19,8 @@ def test_what_counts_as_agreement_grows_with_the_deviations():
     offsets = np.array([0.0, 0.006, -0.004, 0.1, -0.1])
     assert common_shift(offsets, np.full(5, 1e-4)) == pytest.approx(offsets.mean())
     assert common_shift(offsets, np.full(5, 0.008)) == pytest.approx(0.002 / 3.0)
+    pairs = np.array([-0.0475, 0.0338, -0.0471, 0.0304, 0.0304])
+    assert common_shift(pairs, np.full(5, 0.003)) == pytest.approx(0.0946 / 3.0)
 
 
 def test_a_camera_that_may_be_off_by_anything_leaves_what_is_known_of_the_others():
