@@ -62,14 +62,15 @@ class People:
 
 
 def finish(
-    scene: Scene, item: ProposalSet, solved: Solved, found: Candidates, observed: Array,
+    scene: Scene, item: ProposalSet, solved: Solved, found: Candidates, observed: Array, shares: Array,
     skeleton: SkeletonModel, config: AssemblyConfig,
 ) -> People:  # fmt: skip
     """Covariances and scores, derived joints, and only those skeletons that can be people.
 
     Args:
         found: the people that were solved; where they expect joints, nodes are looked for.
-        observed: (P, J) number of views whose 2D person shows each joint.
+        observed: (P, J) number of views whose 2D person shows each joint. shares: (P,) of the joints seen in
+            two or more views, on which these must agree.
     """
     expected = found.guide.positions
     covariances, worst, scores, views = judge_joints(
@@ -92,7 +93,7 @@ def finish(
     lost = (found.grouping.member < 0).all(axis=1)  # they have nodes and nothing else
     good |= lost[:, None] & np.isfinite(positions[..., 0])
     possible = possible_people(
-        positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest
+        positions, good, observed, shares, config.min_person_joints, config.lowest
     )
     kept = np.flatnonzero(possible)
     kept = kept[~second_skeletons(positions[kept], views[kept])]

@@ -17,6 +17,7 @@ from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.noise_growth import box_diagonals
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import People, finish
+from panoptic_ros.assembly.phantoms import agreed_shares
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
@@ -103,8 +104,9 @@ class AssemblyStage:
         if has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(scene, found.grouping, found.source)
+        shares = agreed_shares(scene, found, prediction, solved.positions, self._config.min_agreed_share)
         people = finish(
-            scene, item, solved, found, observed.sum(axis=1), self._skeleton, self._config
+            scene, item, solved, found, observed.sum(axis=1), shares, self._skeleton, self._config
         )
         supporting = (found.grouping.member[people.kept] >= 0).sum(axis=1)
         people = people.rows(

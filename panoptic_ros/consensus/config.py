@@ -34,5 +34,6 @@ class GroupingConfig(Config):
         doc="The same where few views can see it: that share, and at least two views, are enough.",
     )
     few_views_agreement: float = param(
-        0.4, ge=0.0, le=1.0, doc="Mean agreement that makes so few views enough for a new person."
+        0.4, ge=0.0, le=1.0,
+        doc="Mean agreement that makes so few views enough for a new person; more where others see nobody.",
     )

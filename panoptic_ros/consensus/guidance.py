@@ -14,6 +14,7 @@ FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fade
 LOST_SIGMA = 0.35  # m, joints predicted worse than this are forgotten
 FIRM_VIEWS = 3  # that agree on a joint make its place firm
 FIRM_TIME = 0.08  # s, for so long
+ESTABLISHED_JOINTS = 4  # on which they agreed make a person's existence sure
 BALANCE_MEMORY = 0.9  # per frame, of how many views see a limb with its sides exchanged
 
 
@@ -24,6 +25,7 @@ class Prediction:
     positions: (P, J, 3) m, NaN = unknown. velocities: (P, J, 3) m/s, 0 where unknown.
     ages: (P, J) s since measured. variances: (P, J, 3), see `geometry.motion`.
     firm: (P, J) whether three or more views agreed on the joint a moment ago.
+    established: (P,) whether three or more views ever agreed on some joints.
     """
 
     positions: Array
@@ -31,6 +33,7 @@ class Prediction:
     ages: Array
     variances: Array
     firm: Array
+    established: Array
 
 
 class Guidance:
@@ -79,7 +82,7 @@ class Guidance:
         velocities = np.where(np.isfinite(self._states[..., :1]), self._states[..., 3:], 0.0)
         return Prediction(
             self._states[..., :3].copy(), velocities, self._ages.copy(), self._variances.copy(),
-            self._unagreed <= FIRM_TIME,
+            self._unagreed <= FIRM_TIME, np.isfinite(self._unagreed).sum(axis=1) >= ESTABLISHED_JOINTS,
         )  # fmt: skip
 
     def update(

@@ -20,6 +20,8 @@ PAIRS_PER_ROUND = 12  # pairs tried before the best is taken
 MAX_PAIR_VIEWS = 24  # of larger rigs, views spread over the rig serve for pairs
 REPEAT = 2  # how often a new person's views are collected anew
 MIN_DEPTH = 0.05  # m
+SILENCE = 0.1  # more agreement for each view that should see a new person and does not
+BODY = 1.5  # m, diagonal of the box round somebody of whom most is seen
 
 
 def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grouping, Array]:
@@ -197,8 +199,7 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
             member, flipped = members[0], mirrors[0]
         found = look_at(place, rotations, translations, sight)
         score, agreement, supporters = _support(member, found, value[0], common[0], precision)
-        few, many = _views_needed((found == SEEN).sum(), rules)
-        if supporters < (many if agreement < rules[6] else min(few, many)):
+        if not enough_support(supporters, (found == SEEN).sum(), agreement, place, rules):
             continue
         if score > best_score:
             good, best_score = True, score
@@ -223,9 +224,29 @@ def _support(member, found, value, common, precision):  # type: ignore[no-untype
 
 
 @njit(cache=True, error_model="numpy")
-def _views_needed(seeing, rules):  # type: ignore[no-untyped-def]
-    """Number of views that must support a person whom so many views could see.
+def enough_support(supporters, seeing, agreement, place, rules):  # type: ignore[no-untyped-def]
+    """Whether so many supporting views, of those that should see it, make a new person at a place (J, 3) m.
 
-    The first where few views can see it and they agree well, the second otherwise.
+    Fewer are enough if they agree well, and the better, the more others should see the person and do not.
     """
-    return max(2.0, np.ceil(rules[5] * seeing)), max(rules[3], np.ceil(rules[4] * seeing))
+    if supporters >= max(rules[3], np.ceil(rules[4] * seeing)):
+        return True
+    if supporters < max(2.0, np.ceil(rules[5] * seeing)):
+        return False
+    return worth_by_size(agreement, place) >= rules[6] + SILENCE * max(seeing - supporters, 0)
+
+
+@njit(cache=True, error_model="numpy")
+def worth_by_size(agreement, place):  # type: ignore[no-untyped-def]
+    """What an agreement is worth if distances count by the size of the person (J, 3) m.
+
+    Rays of two people meet by chance most easily near a camera, where both look small, and so do distances.
+    """
+    square = 0.0
+    for i in range(3):
+        low, high = np.inf, -np.inf
+        for j in range(len(place)):
+            if np.isfinite(place[j, i]):
+                low, high = min(low, place[j, i]), max(high, place[j, i])
+        square += max(high - low, 0.0) ** 2
+    return agreement ** max(1.0, BODY**2 / max(square, 1e-6))

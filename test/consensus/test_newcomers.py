@@ -2,10 +2,12 @@
 import numpy as np
 import pytest
 
+from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.newcomers import (
     MAX_PAIR_VIEWS,
     PAIRS_PER_ROUND,
     best_pairs,
+    enough_support,
     look_at,
     spread_views,
 )
@@ -46,3 +48,33 @@ def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
     wall = np.array([9.0, 2, 1, 0, 0, 0, 0, 0, 0, 1.9, 1.9])  # of the first view, nearer than the person
     behind = look_at(person, rotations, translations, Sight(boxes, wall))
     assert behind.tolist() == [HIDDEN, OUTSIDE, SEEN]
+
+
+@pytest.fixture
+def rules():
+    c = GroupingConfig()
+    return (
+        c.agreement, c.person_agreement, c.duplicate_agreement, float(c.min_views), c.view_share,
+        c.few_views_share, c.few_views_agreement,
+    )  # fmt: skip
+
+
+def body(size):
+    return np.array([[0.0, 0, 0], [0.2, 0.0, 0.5], [np.nan] * 3, [0.0, 0.0, 1.0]]) * size
+
+
+def test_two_views_must_agree_the_better_the_more_others_see_nobody(rules):
+    least = [
+        min(a for a in np.arange(0.0, 1.01, 0.01) if enough_support(2, seeing, a, body(1.8), rules))
+        for seeing in (2, 3, 4, 5)
+    ]
+    assert (np.diff(least) > 0.05).all() and least[0] == pytest.approx(0.4, abs=0.011)
+    assert not enough_support(2, 6, 1.0, body(1.8), rules)
+    assert enough_support(3, 6, 0.0, body(1.8), rules)
+
+
+def test_small_people_must_agree_better(rules):
+    assert enough_support(2, 4, 0.7, body(1.8), rules)
+    assert not enough_support(2, 4, 0.7, body(0.7), rules)
+    assert enough_support(2, 4, 0.95, body(0.7), rules)  # a child, or half of somebody
+    assert not enough_support(2, 4, 0.99, body(0.05), rules)

@@ -1,0 +1,37 @@
+"""Phantoms: where rays of two people, or of two false detections, meet by chance.
+
+Two views agree by chance on some of their joints, and on as few of them in the next instant, if what they
+show stands still. Real people whom two views show have nearly all joints in common. So where a third view
+should see somebody and shows nobody, and three views never agreed on that person, two must agree on most.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.assembly.candidates import Candidates
+from panoptic_ros.consensus.grouping import Scene
+from panoptic_ros.consensus.guidance import Prediction
+from panoptic_ros.consensus.newcomers import seeing_views
+
+Array = np.ndarray
+
+FEW_VIEWS = 2  # that may agree by chance
+DOUBTED_SHARE = 0.75  # of the joints that both of them show
+
+
+def agreed_shares(
+    scene: Scene, found: Candidates, prediction: Prediction, positions: Array, least: float
+) -> Array:
+    """On what share (P,) of the joints seen in two or more views these must agree to make a person.
+
+    Args:
+        positions: (P, J, 3) m of the people found, NaN = missing. least: for people beyond doubt.
+    """
+    shares = np.full(len(positions), least)
+    established = np.append(prediction.established, False)[found.who]  # the last is for new people, -1
+    supporting = (found.grouping.member >= 0).sum(axis=1)
+    rows = np.flatnonzero((supporting == FEW_VIEWS) & ~established)
+    if len(rows):
+        seeing = seeing_views(scene.evidence, positions[rows]).sum(axis=1)
+        shares[rows[seeing > FEW_VIEWS]] = max(least, DOUBTED_SHARE)
+    return shares
