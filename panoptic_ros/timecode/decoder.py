@@ -21,7 +21,7 @@ from panoptic_ros.timecode.kernels import best_grid, drawn_grid, half_levels, mo
 from panoptic_ros.timecode.labels import Verdict, judge, solve_labels
 from panoptic_ros.timecode.pace import Pace
 from panoptic_ros.timecode.rates import with_rate
-from panoptic_ros.timecode.timing import fit_word
+from panoptic_ros.timecode.timing import WordFit, fit_word
 from panoptic_ros.timecode.words import SYNC_ONLY, WORD_CELLS
 
 Array = np.ndarray
@@ -32,6 +32,7 @@ EARLY = 0.3  # cells that may be missing of the first word of a stream
 FARTHEST = 3  # words before the first that was found, where a changing speed may still be known
 TURNS = ((SHORT, CHANGING), (LONG, CHANGING))  # what is looked for in successive hops
 REHEARSALS = 2  # of the words heard so far: the first teaches the shape of edges, the other by it the speed
+NEAR = 0.02  # cells, of where a word is expected that needs no look at its edges before it is fitted
 SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, about the expected middle of a word
 STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative, of the length of a cell
 BENDS = np.linspace(-1e-4, 1e-4, 3)
@@ -193,18 +194,19 @@ class LtcDecoder:
         grid = self._fine_grid(follow.grid)
         halves = _halves(sums, grid, follow.reverse)
         verdict = follow.judge(halves)
+        expected = verdict.good and follow.straight
         if not verdict.good:
             grid = best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
             halves = _halves(sums, grid, follow.reverse)
             verdict = follow.judge(halves)
-        word = self._timed(grid, halves, verdict.good) if verdict.possible else None
+        word = self._timed(grid, halves, verdict.good, expected) if verdict.possible else None
         if word is None:
             follow.miss()
         if follow.misses >= self._config.lost_words:
             self._follow, self._held = None, []
         return word if word is not None and word.known else None
 
-    def _timed(self, grid: Array, halves: Array, good: bool) -> Word | None:
+    def _timed(self, grid: Array, halves: Array, good: bool, expected: bool) -> Word | None:
         """The word with its exact start."""
         follow = self._follow
         assert follow is not None
@@ -212,15 +214,16 @@ class LtcDecoder:
         known = known and (good or follow.started)
         verdict = follow.bits(halves, label, good)
         forward = slice(None, None, -1 if follow.reverse else 1)
-        signs = np.ascontiguousarray(verdict.signs[forward])
-        grid = drawn_grid(self._sums.values, grid, signs, verdict.level, 3 if follow.bending else 2)
         bits = verdict.bits[forward]
-        raw, shape = self._raw.values, follow.shape
-        fit = fit_word(raw, self._first, bits, self._raw_grid(grid), self._rate, shape, follow.bending)
+        fit = self._fit(bits, follow.grid) if expected else None
+        if fit is None or (expected and abs(fit.middle - follow.grid[0]) > NEAR * fit.cell):
+            signs = np.ascontiguousarray(verdict.signs[forward])
+            grid = drawn_grid(self._sums.values, grid, signs, verdict.level, 3 if follow.bending else 2)
+            fit = self._fit(bits, self._raw_grid(grid))
         if fit is None:
             return None
         if good and follow.learns(verdict.share):
-            fit.teach(shape, self._rate)
+            fit.teach(follow.shape, self._rate)
         number, bending = follow.number, follow.bending
         start, std = follow.hit(fit, good)
         if good and known:
@@ -229,8 +232,14 @@ class LtcDecoder:
         user_bits = follow.user.value
         return Word(
             timecode, start, std, follow.grid[1], follow.reverse, user_bits, known, good, number, bits,
-            fit.grid, bending, shape,
+            fit.grid, bending, follow.shape,
         )  # fmt: skip
+
+    def _fit(self, bits: Array, grid: Array) -> WordFit | None:
+        """The word with these bits near a grid of raw samples."""
+        follow = self._follow
+        assert follow is not None
+        return fit_word(self._raw.values, self._first, bits, grid, self._rate, follow.shape, follow.bending)
 
 
 def _halves(sums: Array, grid: Array, reverse: bool) -> Array:

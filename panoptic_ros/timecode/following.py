@@ -8,7 +8,7 @@ from panoptic_ros.timecode.edge_shape import EdgeShape
 from panoptic_ros.timecode.kernels import LEAST_NOISE, best_path, moved_grid, soft_bits
 from panoptic_ros.timecode.labels import NO_BITS, WORST_NATS, Counting, Solution, Verdict, judge
 from panoptic_ros.timecode.pace import Pace
-from panoptic_ros.timecode.rates import closest_rate
+from panoptic_ros.timecode.rates import closest_rate, possible_rates
 from panoptic_ros.timecode.timing import WordFit
 from panoptic_ros.timecode.user_bits import OTHER_NATS, UserBits
 from panoptic_ros.timecode.words import USER_BITS, WORD_CELLS, known_bits
@@ -39,7 +39,7 @@ class Follow:
         self.shape = shape
         self.misses = 0
         self._pace = pace
-        self._countings: list[tuple[Counting, float]] = list(solution.countings)
+        self._keep(list(solution.countings))
         self.user = UserBits(solution.user) if user is None else user
         self._first: tuple[int, float] | None = None  # number and middle of the first word that was read
         self._free = 0.0  # score of the word's best path without a label
@@ -56,6 +56,11 @@ class Follow:
     def bending(self) -> bool:
         """Whether the speed changes within words."""
         return self._pace.bending
+
+    @property
+    def straight(self) -> bool:
+        """Whether the words so far lie on a line."""
+        return self._pace.straight
 
     def judge(self, halves: Array) -> Verdict:
         """The word's levels (160,), in the order of sending, against the most likely label."""
@@ -84,7 +89,7 @@ class Follow:
         least = min(n for _, n in heard)
         best = next(k for k, (_, n) in enumerate(heard) if n == least)
         doubtful = any(text != texts[best] for (_, n), text in zip(heard, texts) if n < least + SURE_NATS)
-        self._countings = [(c, n - least) for c, n in heard if n < least + RULED_OUT_NATS]
+        self._keep([(c, n - least) for c, n in heard if n < least + RULED_OUT_NATS])
         return labels[best][1], not doubtful
 
     def bits(self, halves: Array, label: Timecode, good: bool) -> Verdict:
@@ -108,7 +113,7 @@ class Follow:
         length = WORD_CELLS * self.grid[1]
         if self._first is not None and self.number > self._first[0] + 2:
             length = (self.grid[0] - self._first[1]) / (self.number - self._first[0])
-        return closest_rate([counting.rate for counting, _ in self._countings], sample_rate / length)
+        return closest_rate(self._rates, sample_rate / length)
 
     def miss(self) -> None:
         """The word could not be read; the next is expected where it would be."""
@@ -140,6 +145,11 @@ class Follow:
         grid, line = self._pace.early(grid, number)
         pace = Pace(self.reverse, self._pace.bending, line)
         return Follow(grid, number, self.reverse, solution, pace, self.shape, self.user)
+
+    def _keep(self, countings: list[tuple[Counting, float]]) -> None:
+        """The countings that are still possible."""
+        self._countings = countings
+        self._rates = possible_rates([counting.rate for counting, _ in countings])
 
     def _next(self, grid: Array) -> None:
         self.grid = grid

@@ -237,6 +237,21 @@ def drawn_grid(sums: Array, grid: Array, signs: Array, level: float, terms: int)
 
 
 @_jit
+def edge_places(bits: Array) -> Array:
+    """Edges of a word (N,) in cells from its middle, the one that ends it included."""
+    count, half = 0, 0.5 * len(bits)
+    places = np.empty(2 * len(bits) + 1)
+    for k in range(len(bits)):
+        places[count] = k - half
+        count += 1
+        if bits[k]:
+            places[count] = k + 0.5 - half
+            count += 1
+    places[count] = half
+    return places[: count + 1].copy()
+
+
+@_jit
 def verdict(halves: Array, wanted: Array, free: float) -> tuple[float, float, float, float, Array, Array]:
     """How given bits fit levels.
 
@@ -270,5 +285,7 @@ def compile_kernels() -> None:
     soft_bits(halves, wanted)
     sync_means(wanted, wanted[:4], 4)
     moved_grid(grid, 1.0)
+    edge_places(wanted)
+    edge_places(wanted[::-1])
     drawn_grid(sums, grid, signs, 1.0, 2)
     verdict(halves, wanted, 0.0)

@@ -22,28 +22,33 @@ def _products(rows: Array) -> Array:
 
 
 @_jit
-def line_fit(numbers: Array, middles: Array) -> tuple[float, float, float, float]:
+def line_fit(words: Array) -> tuple[float, float, float, float, float, float]:
     """The line through words' middles.
 
-    Returns: slope, its norm, squared error per degree of freedom, and how much more a cubic explains by each
-    of its two terms than it leaves by each degree of freedom (0 for fewer than 6 words).
+    Args:
+        words: (4, N) numbers, middles, variances by white noise, and unseen.
+
+    Returns: slope, its norm, squared error per degree of freedom, how much more a cubic explains by each
+    of its two terms than it leaves by each degree of freedom (0 for fewer than 6 words), mean variances.
     """
-    count = len(numbers)
-    x = numbers - numbers.mean()
-    y = middles - middles.mean()
+    count = words.shape[1]
+    shown, unseen = words[2].mean(), words[3].mean()
+    x = words[0] - words[0].mean()
+    y = words[1] - words[1].mean()
     norm = (x * x).sum()
     slope = (x * y).sum() / norm
     error = y - slope * x
     square = (error * error).sum()
     if count < 6 or square <= 0.0:
-        return slope, norm, square / (count - 2), 0.0
+        return slope, norm, square / (count - 2), 0.0, shown, unseen
     x /= np.abs(x).max()
     powers = np.empty((4, count))
     for k in range(4):
         powers[k] = x**k
     right = (powers * error).sum(axis=1)
     left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
-    return slope, norm, square / (count - 2), 0.5 * (square - left) / (left / (count - 4))
+    ratio = 0.5 * (square - left) / (left / (count - 4))
+    return slope, norm, square / (count - 2), ratio, shown, unseen
 
 
 @_jit
@@ -51,7 +56,7 @@ def curve_excess(words: Array, scale: float) -> float:
     """Mean of squared errors about a parabola through words' middles, beyond their variances.
 
     Args:
-        words: (3, N) numbers, middles, variances; few far off count less.
+        words: see `line_fit`; few far off count less.
         scale: of the variances.
     """
     count = words.shape[1]
@@ -83,6 +88,9 @@ def jumps(values: Array, level: float) -> float:
 @lru_cache(maxsize=1)
 def compile_lines() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
-    line_fit(np.arange(7.0), np.arange(7.0))
-    curve_excess(np.arange(21.0).reshape(3, 7) + 1.0, 1.0)
+    words = np.arange(36.0).reshape(4, 9)[:, 2:]
+    line_fit(words)
+    curve_excess(words, 1.0)
+    line_fit(words.copy())
+    curve_excess(words.copy(), 1.0)
     jumps(np.ones(7), 1.0)

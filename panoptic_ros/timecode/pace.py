@@ -6,6 +6,7 @@ both with the speeds there. How far words lie off what the ones before foretold 
 """
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -39,86 +40,87 @@ class Pace:
     def __init__(self, reverse: bool, bending: bool, line: tuple[float, float] | None = None):
         self.bending = bending
         self._reverse = reverse
-        self._words: list[tuple[int, WordFit]] = []
+        self._fits: deque[tuple[int, WordFit]] = deque(maxlen=3)  # of the last words, with numbers
+        self._words = np.empty((4, 0))  # the last ones, see `line_fit`
+        self._on_line = 0  # of them in a row
         self._early_line = line
         self._line: tuple[float, float] | None = line
         self._astray = 0.0  # cells, of the last words about a line
         self._steady = True
         self._bend = -10, 0.0  # word and its bend
         self._edges: deque[float] = deque(maxlen=15)  # variance by batches of edges over that of white noise
-        self._long = np.empty((3, 0))  # numbers, middles and variances of the last words on a line
+        self._scale = 1.0  # the middle one
         self._turns: deque[float] = deque(maxlen=10)  # squared, samples: middles against their neighbours
+
+    @property
+    def straight(self) -> bool:
+        """Whether the words lie on a line."""
+        return self._line is not None
 
     def take(self, number: int, fit: WordFit) -> tuple[float, float, Array]:
         """A word was read: start of bit 0 and its standard deviation; the grid of the next word."""
         white = max(fit.covariance[0, 0], 1e-12)
         self._edges.append(fit.observed[0, 0] / white)
-        self._long = np.column_stack([self._long[:, 1 - LONG_WORDS :], (number, fit.middle, white)])
-        self._words = [*self._words, (number, fit)][-LINE_WORDS:]
+        self._scale = sorted(self._edges)[len(self._edges) // 2]
+        self._fits.append((number, fit))
+        words = np.empty((4, min(self._words.shape[1] + 1, LONG_WORDS)))
+        words[:, :-1] = self._words[:, 1 - words.shape[1] :] if words.shape[1] > 1 else 0.0
+        words[:, -1] = number, fit.middle, white, fit.unseen**2
+        self._words = words
         self._line = self._find_line()
-        if self._line is not None or len(self._words) > 2:
+        if self._line is not None or words.shape[1] > 2:
             self.bending = self._line is None
-        if self._line is None:
-            self._long = self._long[:, :0]
-        scale = self._edge_scale
+        self._on_line = 0 if self._line is None else min(self._on_line + 1, LONG_WORDS)
         side = HALF if self._reverse else -HALF
         if self._line is not None:
             cell, cell_std = self._line
-            variance = white * scale + (side * cell_std) ** 2 + self._hidden(fit)
-            following = moved_grid(np.array([fit.middle, cell, 0.0]), float(WORD_CELLS))
+            variance = white * self._scale + (side * cell_std) ** 2 + self._hidden(fit)
+            following = np.array([fit.middle + WORD_CELLS * cell, cell, 0.0])
             return fit.middle + side * cell, _std(variance), following
-        edge, variance = self._between(number, fit, side, scale)
+        edge, variance = self._between(number, fit, side, self._scale)
         return edge, _std(variance + fit.unseen**2), self._advance(number, fit)
 
     def passed(self, grid: Array, fit: WordFit) -> tuple[float, float]:
         """The start and its deviation of a word that clicks may have shifted: nothing is learnt from it."""
         side = HALF if self._reverse else -HALF
         edge = float(moved_grid(np.array([fit.middle, grid[1], grid[2]]), side)[0])
-        scale = max(1.0, self._edge_scale, fit.observed[0, 0] / max(fit.covariance[0, 0], 1e-12))
+        scale = max(1.0, self._scale, fit.observed[0, 0] / max(fit.covariance[0, 0], 1e-12))
         return edge, _std(scale * (fit.covariance[0, 0] + HALF**2 * fit.covariance[1, 1]) + self._hidden(fit))
 
     def early(self, grid: Array, number: int) -> tuple[Array, tuple[float, float] | None]:
         """The grid of an earlier word and the line, by the speed that is known by now."""
         if self._line is None or self.bending or not self._steady:
             return grid, None
-        last, fit = self._words[-1]
+        last, fit = self._fits[-1]
         back = fit.middle - (last - number) * WORD_CELLS * self._line[0]
         return np.array([back, self._line[0], 0.0]), self._line
 
     def _hidden(self, fit: WordFit) -> float:
         """Variance that edges of a word do not show: what its fit fears, and what words about a curve say."""
-        freedom, excess = max(0, self._long.shape[1] - 3), 0.0
+        freedom, excess = max(0, self._on_line - 3), 0.0
         if freedom:
-            excess = max(0.0, curve_excess(self._long, self._edge_scale))
+            excess = max(0.0, curve_excess(self._words[:, -self._on_line :], self._scale))
         return (FEARED_WORDS * fit.unseen**2 + freedom * excess) / (FEARED_WORDS + freedom)
-
-    @property
-    def _edge_scale(self) -> float:
-        """Variance by edges over that of white noise: the middle one of the last words."""
-        return sorted(self._edges)[len(self._edges) // 2] if self._edges else 1.0
 
     def _find_line(self) -> tuple[float, float] | None:
         """Length of a cell and its deviation by the line through the last words, if they lie on one."""
-        if self._early_line is not None and len(self._words) < LINE_WORDS:
+        count = min(self._words.shape[1], LINE_WORDS)
+        if self._early_line is not None and count < LINE_WORDS:
             return self._early_line
-        if len(self._words) < 3:
+        if count < 3:
             return None
-        numbers = np.array([one for one, _ in self._words], float)
-        fits = [one for _, one in self._words]
-        middles = np.array([one.middle for one in fits])
-        slope, norm, spread, ratio = line_fit(numbers, middles)
-        self._astray = float(np.sqrt(spread)) / slope * WORD_CELLS
-        shown = self._edge_scale * sum(one.covariance[0, 0] for one in fits)
-        expected = max((shown + sum(one.unseen**2 for one in fits)) / len(fits), 1e-6)
-        curved = len(fits) < FEW_WORDS or ratio > CURVED or self._astray > BENDING
+        slope, norm, spread, ratio, shown, unseen = line_fit(self._words[:, -count:])
+        self._astray = math.sqrt(spread) / slope * WORD_CELLS
+        expected = max(self._scale * shown + unseen, 1e-6)
+        curved = count < FEW_WORDS or ratio > CURVED or self._astray > BENDING
         if spread > 9.0 * expected + SPREAD and curved:  # the speed changes
             self._steady = False
             return None
-        return slope / WORD_CELLS, float(np.sqrt(max(spread, expected) / norm)) / WORD_CELLS
+        return slope / WORD_CELLS, math.sqrt(max(spread, expected) / norm) / WORD_CELLS
 
     def _between(self, number: int, fit: WordFit, side: float, scale: float) -> tuple[float, float]:
         """Start and variance while the speed changes."""
-        words = self._words
+        words = self._fits
         if len(words) > 2 and words[-2][0] == number - 1 and words[-3][0] == number - 2:
             away = words[-2][1].middle - _middle_of(words[-3][1], fit, 2.0)
             self._turns.append(away * away)
@@ -157,4 +159,4 @@ def _middle_of(before: WordFit, after: WordFit, words: float) -> float:
 
 
 def _std(variance: float) -> float:
-    return float(np.sqrt(variance + LEAST_STD**2))
+    return math.sqrt(variance + LEAST_STD**2)

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from fractions import Fraction
 
 from panoptic_ros.domain import FrameRate, Timecode
@@ -15,18 +15,20 @@ RATES = (
 )  # fmt: skip
 
 
-EXACT = [float(rate.exact) for rate in RATES]
-
-
-def closest_rate(countings: Collection[FrameRate], measured: float) -> FrameRate:
-    """The rate among those that count in one of some ways that is closest to words per second."""
+def possible_rates(countings: Collection[FrameRate]) -> list[tuple[FrameRate, float]]:
+    """The rates that count in one of some ways, and their words per second."""
     nominals = {rate.nominal for rate in countings if not rate.drop_frame}
-    possible = [(rate, exact) for rate, exact in zip(RATES, EXACT) if rate.nominal in nominals]
+    rates = [rate for rate in RATES if rate.nominal in nominals]
     if any(rate.drop_frame for rate in countings):
-        possible.append((DROP_RATE, float(DROP_RATE.exact)))
-    if len(possible) == 1:
-        return possible[0][0]
-    return min(possible, key=lambda item: abs(math.log(measured / item[1])))[0]
+        rates.append(DROP_RATE)
+    return [(rate, float(rate.exact)) for rate in rates]
+
+
+def closest_rate(rates: Sequence[tuple[FrameRate, float]], measured: float) -> FrameRate:
+    """The rate of some that is closest to words per second."""
+    if len(rates) == 1:
+        return rates[0][0]
+    return min(rates, key=lambda item: abs(math.log(measured / item[1])))[0]
 
 
 def with_rate(label: Timecode, rate: FrameRate) -> Timecode:

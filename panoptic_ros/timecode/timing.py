@@ -14,6 +14,7 @@ import numpy as np
 
 from panoptic_ros.timecode.edge_shape import EdgeShape
 from panoptic_ros.timecode.fit_kernels import fit_train
+from panoptic_ros.timecode.kernels import edge_places
 from panoptic_ros.timecode.line_kernels import jumps
 
 Array = np.ndarray
@@ -99,7 +100,7 @@ def fit_word(
     if low < first_index or high > first_index + len(raw):
         return None
     values = raw[low - first_index : high - first_index]
-    places = _edge_places(bits) - half
+    places = edge_places(bits)
     straight = shape.straighten(values)
     settled, found, level, covariance, observed, clean, unlike = fit_train(
         low, straight, grid, places, shape.table, _baseline_of(len(values), sample_rate),
@@ -112,13 +113,6 @@ def fit_word(
     middle, cell, bend = found.tolist()
     unseen = float(np.hypot(UNSEEN * jumps(clean, abs(level)), np.sqrt(unlike)))
     return WordFit(middle, cell, bend, covariance, observed, float(level), low, clean, places, unseen)
-
-
-def _edge_places(bits: Array) -> Array:
-    """Edges in cells from the word's start, the one that ends it included."""
-    both = np.ones((len(bits), 2), bool)
-    both[:, 1] = bits
-    return np.append(np.flatnonzero(both) * 0.5, float(len(bits)))
 
 
 @lru_cache(maxsize=8)

@@ -21,7 +21,7 @@ class UserBits:
     def __init__(self, soft: Array):
         self._nats = soft.astype(np.float64)
         self.certain = bool(np.abs(soft).min() > CERTAIN)
-        self._bits = (soft > 0.0).astype(np.int8)
+        self._believe((soft > 0.0).astype(np.int8))
         self._other = -1  # what the last clear word said instead
 
     @property
@@ -32,7 +32,7 @@ class UserBits:
     @property
     def value(self) -> int:
         """The last bits that were certain; 0 before."""
-        return _number(self._bits) if self.certain else 0
+        return self._value if self.certain else 0
 
     def hear(self, soft: Array, contradiction: float, clear: bool) -> None:
         """A good word.
@@ -45,15 +45,18 @@ class UserBits:
         heard = (soft > 0.0).astype(np.int8)
         if not self.certain:
             self._nats += soft
-            self._bits = (self._nats > 0.0).astype(np.int8)
+            self._believe((self._nats > 0.0).astype(np.int8))
             self.certain = bool(np.abs(self._nats).min() > CERTAIN)
         elif contradiction > (OTHER_NATS if clear else MANY_NATS):
             other = _number(heard)
             if contradiction > MANY_NATS or other == self._other:
-                self._bits = heard
+                self._believe(heard)
             self._other = other
         else:
             self._other = -1
+
+    def _believe(self, bits: Array) -> None:
+        self._bits, self._value = bits, _number(bits)
 
 
 def _number(bits: Array) -> int:
