@@ -11,10 +11,10 @@ the same bits in all of them, through the linear channel that explains them best
 followed one by one against the label that must come next (`following`, `decoder`). A word's start is a
 least-squares fit of the known edge train to the samples (`timing`), with the shape of an edge and the
 droop of a coupling capacitor learnt from the words (`edge_shape`) and the speed from the last ones
-(`pace`). The stated deviation is what the scatter of edges and of words says. A word that clicks or noise
-contradict is reported only between others that do not; user bits are the last that were certain, 0 before
-(`user_bits`). Loops are compiled (`kernels`, `fit_kernels`, `click_kernels`); `cells` is what they are
-tested against.
+(`pace`). The stated deviation is what the scatter of edges and of words says, and what all edges of a word
+leave alike. A word that clicks or noise contradict is reported only between others that do not; user bits
+are the last that were certain, 0 before (`user_bits`). Loops are compiled (`kernels`, `fit_kernels`,
+`line_kernels`, `click_kernels`); `cells` is what they are tested against.
 
 Limits: 23.976 to 30 fps at 0.78 to 1.27 times their speed, forwards and backwards, 8 to 96 kHz; down to
 -6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speed changes of 3 % at 3 Hz need 15 dB

@@ -2,7 +2,7 @@
 
 At constant speed the length of a cell comes from a line through the last words, and only the middle of a word
 from itself. Where the speed changes, a word begins half-way between two middles on the cubic through
-both with the speeds there. How far words lie off what the ones before foretold tells how exact they are.
+both with the speeds there. How far words lie off a smooth curve tells what their edges do not show.
 """
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 With the bits known, the signal is known up to start, cell length, level and its slow change, and a
 baseline below `BASELINE_HZ` (DC, hum), which is projected out. For white noise this is the
 maximum-likelihood estimate, whose variance is that of Cramer and Rao for these edges. Besides the variance
-that white noise gives, there is one from what batches of edges say: there jitter, echoes and clipping show.
+that white noise gives, there is one from what batches of edges say: there jitter and echoes show. What all
+edges leave alike, as clipping and wrong shapes do, stays unseen there: `unseen` says how much it may be.
 """
 from __future__ import annotations
 
