@@ -1,6 +1,7 @@
 """Times and memory of calls, first call excluded."""
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -40,6 +41,8 @@ def timed(
     Returns:
         what the calls gave, and their times.
     """
+    gc.collect()  # so that no call waits for what earlier ones left
+    gc.freeze()
     before = _reset_peak()
     results, wall, cpu = [], [], []
     for number, item in enumerate(items):
