@@ -105,6 +105,7 @@ def _row(world: World) -> dict[str, float]:
 
 def _joints(frame: SkeletonFrame) -> tuple[Array, Array]:
     """Which joints (N,) are where (N, 3) m, of people who count."""
+    assert frame.ignored is not None  # the record fills it in
     positions = frame.positions[~frame.ignored]
     there = np.isfinite(positions[..., 0])
     return np.nonzero(there)[1], positions[there]

@@ -82,7 +82,8 @@ def _places(properties: list[list[str]]) -> list[int]:
 
 def _ply_text(text: str, elements: list[Element]) -> tuple[Array, list[Sequence[int]]]:
     rows = iter(text.splitlines())
-    vertices, faces = np.zeros((0, 3)), []
+    vertices = np.zeros((0, 3))
+    faces: list[Sequence[int]] = []
     for name, count, properties in elements:
         table = [next(rows).split() for _ in range(count)]
         if name == "vertex":
@@ -96,7 +97,8 @@ def _ply_text(text: str, elements: list[Element]) -> tuple[Array, list[Sequence[
 
 def _ply_binary(body: bytes, elements: list[Element]) -> tuple[Array, list[Sequence[int]]]:
     at = 0
-    vertices, faces = np.zeros((0, 3)), []
+    vertices = np.zeros((0, 3))
+    faces: list[Sequence[int]] = []
     for name, count, properties in elements:
         if name == "face":
             _check_face(properties)
