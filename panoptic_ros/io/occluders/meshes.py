@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ def read_mesh(path: Path) -> Occluders:
     data = read_bytes(path)
     try:
         vertices, faces = _ply(data) if path.suffix.lower() == ".ply" else _obj(data.decode())
-        triangles = [(face[0], a, b) for face in faces for a, b in zip(face[1:], face[2:])]
+        triangles = [(face[0], a, b) for face in faces for a, b in pairwise(face[1:])]
         things = Occluders(vertices.reshape(-1, 3), np.array(triangles, np.int64).reshape(-1, 3))
     except (ValueError, IndexError, KeyError, StopIteration, UnicodeDecodeError, DataError) as error:
         detail = " ".join(str(error).split()) or "it ends too early"
