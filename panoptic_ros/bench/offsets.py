@@ -134,8 +134,9 @@ def _take(case: _Case, seed: int, frames: int, poses: bool) -> dict[str, Any]:
     offsets, drifts = rng.uniform(-LARGEST, LARGEST, len(take.rig)), DRIFT * rng.normal(size=len(take.rig))
     offsets[0] = drifts[0] = 0.0
     middle = right[len(right) // 2].stamp_ns
-    clocks = replace(CameraClocks.unknown(take.rig.names, middle), offsets=-offsets, drifts=-drifts)
-    wrong = regroup(right, clocks.corrections(right, every=True))
+    true = replace(CameraClocks.unknown(take.rig.names, middle), offsets=offsets, drifts=drifts)
+    late = replace(true, offsets=-offsets, drifts=-drifts)
+    wrong = regroup(right, late.corrections(right, every=True))
     start = time.process_time()
     found = find_clocks(wrong, context, configs, take.rig.names[0])
     spent = time.process_time() - start
@@ -152,6 +153,7 @@ def _take(case: _Case, seed: int, frames: int, poses: bool) -> dict[str, Any]:
     }  # fmt: skip
     if poses:
         truth = _sequence(take)
+        right = regroup(wrong, true.corrections(wrong, every=True))  # without the frames that `wrong` lost
         outcome["mpjpe"] = [_mpjpe(truth, sets, context, configs) for sets in (wrong, found.sets, right)]
     return outcome
 
