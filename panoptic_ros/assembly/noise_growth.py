@@ -31,24 +31,42 @@ class NoiseGrowth:
         self.exponent = 0.0
 
     def factors(self, sizes: Array) -> Array:
-        """By how much people of sizes (...,) are noisier than those of the mean size."""
-        if self.exponent == 0.0:
-            return np.ones(sizes.shape)
-        away = np.log(np.maximum(sizes, SMALLEST)) - self._middle
-        factors: Array = np.exp(self.exponent * np.clip(away, -REACH, REACH))
+        """By how much people of sizes (N,) are noisier than those of the mean size."""
+        factors: Array = growth_factors(sizes, self._middle, self.exponent)
         return factors
 
     def learn(self, sizes: Array, ratios: Array) -> None:
         """Take residuals (N,) in units of what they would be at the mean size, of people of sizes (N,)."""
-        x = np.log(np.maximum(sizes, SMALLEST))
-        y = np.clip(np.log(np.maximum(ratios, 1e-9)), -CLIP, CLIP)
-        self._sums += (len(x), x.sum(), y.sum(), x @ x, x @ y)
+        add_logs(self._sums, sizes, ratios)
         self._sums *= min(1.0, self._memory / self._sums[0])
-        count, x_sum, y_sum, xx_sum, xy_sum = self._sums
-        self._middle = float(x_sum / count)
+        count, x_sum, y_sum, xx_sum, xy_sum = self._sums.tolist()
+        self._middle = x_sum / count
         spread = xx_sum - x_sum * x_sum / count
         slope = (xy_sum - x_sum * y_sum / count) / (spread + PRIOR)
-        self.exponent = float(min(max(slope, 0.0), 1.0))
+        self.exponent = min(max(slope, 0.0), 1.0)
+
+
+@njit(cache=True)
+def growth_factors(sizes, middle, exponent):  # type: ignore[no-untyped-def]
+    """The loop of `NoiseGrowth.factors`."""
+    result = np.empty(len(sizes))
+    for i in range(len(sizes)):
+        away = np.log(max(sizes[i], SMALLEST)) - middle
+        result[i] = np.exp(exponent * min(REACH, max(-REACH, away)))
+    return result
+
+
+@njit(cache=True)
+def add_logs(sums, sizes, ratios):  # type: ignore[no-untyped-def]
+    """Add to sums (5,), in place, the number of residuals and the sums of x, y, x x, x y."""
+    for i in range(len(sizes)):
+        x = np.log(max(sizes[i], SMALLEST))
+        y = min(CLIP, max(-CLIP, np.log(max(ratios[i], 1e-9))))
+        sums[0] += 1.0
+        sums[1] += x
+        sums[2] += y
+        sums[3] += x * x
+        sums[4] += x * y
 
 
 @njit(cache=True)
@@ -63,5 +81,5 @@ def box_diagonals(plane, scores):  # type: ignore[no-untyped-def]
                 left, right = min(left, plane[d, j, 0]), max(right, plane[d, j, 0])
                 top, bottom = min(top, plane[d, j, 1]), max(bottom, plane[d, j, 1])
         if right >= left:
-            result[d] = np.hypot(right - left, bottom - top)
+            result[d] = np.sqrt((right - left) ** 2 + (bottom - top) ** 2)
     return result
