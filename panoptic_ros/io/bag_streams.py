@@ -4,6 +4,7 @@ from __future__ import annotations
 import heapq
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -35,17 +36,16 @@ class BagStream:
     key: str
     arrival_stamps: bool = False
 
-    def messages(self) -> Iterator[BagMessage | DataError]:
+    def messages(self, bag: BagReader) -> Iterator[BagMessage | DataError]:
         """All messages, and an error in the place of each that cannot be decoded."""
-        with BagReader(self.bag) as reader:
-            for _, arrival_ns, data, kind in reader.raw(self.topic):
-                data = _with_stamp(data, arrival_ns) if self.arrival_stamps else data
-                try:
-                    message = decode_cdr(data, kind)
-                except DataError as error:
-                    yield self._named(error)
-                    continue
-                yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
+        for _, arrival_ns, data, kind in bag.raw(self.topic):
+            data = _with_stamp(data, arrival_ns) if self.arrival_stamps else data
+            try:
+                message = decode_cdr(data, kind)
+            except DataError as error:
+                yield self._named(error)
+                continue
+            yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
 
     def record(self, message: Any, number: int) -> Any:
         """The `ViewDetections`, or the `ViewFrame` of that number, in a message.
@@ -60,14 +60,14 @@ class BagStream:
         except DataError as error:
             raise self._named(error) from None
 
-    def first_record(self) -> Any:
+    def first_record(self, bag: BagReader) -> Any:
         """The first record that can be used.
 
         Raises:
             DataError: if none of the first messages can be used, or there are none.
         """
         problem = DataError(f"{self.bag}: topic {self.topic} has no messages")
-        for number, item in enumerate(islice(self.messages(), TRIES)):
+        for number, item in enumerate(islice(self.messages(bag), TRIES)):
             try:
                 if isinstance(item, DataError):
                     raise item
@@ -76,9 +76,9 @@ class BagStream:
                 problem = error
         raise problem
 
-    def first_stamps(self) -> list[int]:
+    def first_stamps(self, bag: BagReader) -> list[int]:
         """Stamps of the first messages, ns."""
-        first = islice(self.messages(), LOOKED_AT)
+        first = islice(self.messages(bag), LOOKED_AT)
         return [item.stamp_ns for item in first if isinstance(item, BagMessage)]
 
     def _named(self, error: DataError) -> DataError:
@@ -105,9 +105,16 @@ def merged(streams: Sequence[BagStream], on_bad: Callable[[DataError], None]) ->
     Args:
         on_bad: told about every message that cannot be decoded, which is left out.
     """
-    placed = [_placed(order, stream.messages(), on_bad) for order, stream in enumerate(streams)]
-    for _, _, item in heapq.merge(*placed, key=lambda row: row[:2]):
-        yield item
+    with ExitStack() as stack:
+        opened: dict[Path, BagReader] = {}
+        placed = []
+        for order, stream in enumerate(streams):
+            bag = opened.get(stream.bag)
+            if bag is None or not bag.interleaves:
+                bag = opened[stream.bag] = stack.enter_context(BagReader(stream.bag))
+            placed.append(_placed(order, stream.messages(bag), on_bad))
+        for _, _, item in heapq.merge(*placed, key=lambda row: row[:2]):
+            yield item
 
 
 def _placed(

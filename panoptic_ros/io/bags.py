@@ -112,6 +112,12 @@ class BagReader:
             ) from None
         return reader
 
+    @property
+    def interleaves(self) -> bool:
+        """Whether several iterations over messages may go on side by side: not in an MCAP without index."""
+        storage: Any = self._reader.storage
+        return all(getattr(part, "chunks", True) for part in getattr(storage, "storages", [storage]))
+
     def messages(self, *topics: str) -> Iterator[tuple[str, int, Any]]:
         """(topic, recording stamp ns, message), of some topics or of all.
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import rclpy
@@ -13,6 +13,16 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from panoptic_ros.errors import ContractError, PanopticError
+
+
+@contextmanager
+def quiet_at_shutdown() -> Iterator[None]:
+    """End what is done without an error if rclpy has been shut down under it, as a signal does."""
+    try:
+        yield
+    except (InvalidHandle, RCLError):
+        if rclpy.ok():
+            raise
 
 
 def run_nodes(
@@ -39,7 +49,7 @@ def run_nodes(
         while rclpy.ok() and wanted():
             executor.spin_once(timeout_sec=0.2)
             sick = next((node for node in nodes if not node.healthy), None)
-            if sick is not None:
+            if sick is not None and rclpy.ok():  # the end by a signal may reach a node's thread first
                 raise sick.fault or ContractError(f"node {sick.get_name()} broke down; see above")
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0

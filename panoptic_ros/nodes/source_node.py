@@ -24,6 +24,7 @@ from panoptic_ros.nodes.credit import Credit
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.quality import data_quality
+from panoptic_ros.nodes.runtime import quiet_at_shutdown
 from panoptic_ros.nodes.streams import StreamEnds
 
 STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case a set was refused
@@ -101,7 +102,7 @@ class SourceNode(Node):
 
     def start(self, outgoing: Iterable[Outgoing]) -> None:
         """Begin to send."""
-        self._thread = threading.Thread(target=self._run, args=(iter(outgoing),), daemon=True)
+        self._thread = threading.Thread(target=self._send, args=(iter(outgoing),), daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -114,6 +115,10 @@ class SourceNode(Node):
         """Count something that cannot be sent."""
         self._statistics.dropped["bad_message"] += 1
         self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+
+    def _send(self, outgoing: Iterator[Outgoing]) -> None:
+        with quiet_at_shutdown():
+            self._run(outgoing)
 
     def _run(self, outgoing: Iterator[Outgoing]) -> None:
         try:

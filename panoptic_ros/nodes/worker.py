@@ -9,6 +9,7 @@ from typing import Any
 
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.queues import Waiting
+from panoptic_ros.nodes.runtime import quiet_at_shutdown
 
 
 class Worker:
@@ -28,7 +29,7 @@ class Worker:
         self._stopping = False
         self.fault: PanopticError | None = None
         self._busy_since: float | None = None
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread = threading.Thread(target=self._work_on, daemon=True)
 
     def start(self, waiting: Waiting) -> None:
         """Begin to work on what this queue holds."""
@@ -68,6 +69,10 @@ class Worker:
             self._changed.notify()
         if self._waiting is not None:
             self._thread.join(timeout=5.0)
+
+    def _work_on(self) -> None:
+        with quiet_at_shutdown():
+            self._run()
 
     def _run(self) -> None:
         while True:

@@ -91,7 +91,18 @@ def test_what_cannot_be_decoded_is_told_and_left_out(tmp_path, bag):
 
 def test_first_record_skips_a_few_bad_ones(tmp_path, bag):
     spoilt = rewritten(tmp_path / "b", bag, lambda topic, number, data: data[:6] if number < 2 else data)
-    assert streams(spoilt)[0].first_record().stamp_ns == START + 2 * STEP
+    with BagReader(spoilt) as reader:
+        assert streams(spoilt)[0].first_record(reader).stamp_ns == START + 2 * STEP
     useless = rewritten(tmp_path / "c", bag, lambda topic, number, data: data[:6])
-    with pytest.raises(DataError, match="/cam0/detections"):
-        streams(useless)[0].first_record()
+    with BagReader(useless) as reader, pytest.raises(DataError, match="/cam0/detections"):
+        streams(useless)[0].first_record(reader)
+
+
+@pytest.mark.parametrize("index", [True, False])
+def test_one_reader_or_several_give_the_same(bag, monkeypatch, index):
+    """A bag whose topics cannot be read side by side is opened once for each."""
+    expected = [item.data for item in merged(streams(bag), refuse)]
+    opened = []
+    monkeypatch.setattr(BagReader, "interleaves", property(lambda self: opened.append(self) or index))
+    assert [item.data for item in merged(streams(bag), refuse)] == expected
+    assert len(opened) == 1

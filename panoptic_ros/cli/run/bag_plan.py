@@ -38,21 +38,18 @@ def bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
         streams = _streams(args, bags, rig)
         with_images = [s.camera for s in streams if s.key != "detections"]  # which know their depth
         depths = _of_kind(args, bags, "depth", with_images, {})
-        counts = {s.camera: next(b for b in bags if b.path == s.bag).counts[s.topic] for s in streams}
-        length_s = max(bag.length_s for bag in bags)
-        recorded = _latched(bags, "skeleton_model")
-    absent = [name for name in rig.names if name not in counts]
-    rig = rig.subset(counts)
-    require_two(rig)
-    stage = "sync" if streams[0].key == "detections" else "detection"
-    if stage == "sync":
-        if recorded:
-            _refuse_detector_options(args)
-        skeleton, extras = recorded or _skeleton_of(args, parameters, streams), {}
-    else:
-        skeleton, extras = find_detector(parameters, args.skeleton)
-    _check_contents(streams, rig, skeleton)
-    rate = _check_stamps(streams, length_s)
+        bag_of = {s: next(bag for bag in bags if bag.path == s.bag) for s in streams}
+        counts = {s.camera: bag.counts[s.topic] for s, bag in bag_of.items()}
+        absent = [name for name in rig.names if name not in counts]
+        rig = rig.subset(counts)
+        require_two(rig)
+        stage = "sync" if streams[0].key == "detections" else "detection"
+        if stage == "sync":
+            skeleton, extras = _recorded_skeleton(args, parameters, bags, bag_of), {}
+        else:
+            skeleton, extras = find_detector(parameters, args.skeleton)
+        _check_contents(bag_of, rig, skeleton)
+        rate = _check_stamps(bag_of)
     return Plan(
         f"bag {_names(bags)}", rig, skeleton, configure(parameters), streams=streams + depths, stage=stage,
         depth_cameras=tuple(s.camera for s in depths), extras=extras, frame_count=sum(counts.values()),
@@ -110,10 +107,10 @@ def _find(bags: Sequence[BagReader], key: str, camera: str, given: str | None) -
     return found[0] if found else (bags[0], "")
 
 
-def _check_contents(streams: Sequence[BagStream], rig: Rig, skeleton: SkeletonModel) -> None:
+def _check_contents(bag_of: Mapping[BagStream, BagReader], rig: Rig, skeleton: SkeletonModel) -> None:
     """Whether what comes first on every topic can be used with this rig and this skeleton."""
-    for stream in streams:
-        record, camera = stream.first_record(), rig.camera(stream.camera)
+    for stream, bag in bag_of.items():
+        record, camera = stream.first_record(bag), rig.camera(stream.camera)
         place = f"{stream.bag}, topic {stream.topic}"
         if record.image_size != camera.image_size:
             width, height = record.image_size
@@ -127,9 +124,9 @@ def _check_contents(streams: Sequence[BagStream], rig: Rig, skeleton: SkeletonMo
             raise DataError(f"{place}: joints of another skeleton than {skeleton.name}")
 
 
-def _check_stamps(streams: Sequence[BagStream], length_s: float) -> float:
+def _check_stamps(bag_of: Mapping[BagStream, BagReader]) -> float:
     """Frames per second, if the stamps tell of instants that several cameras share."""
-    stamps = {stream: stream.first_stamps() for stream in streams}
+    stamps = {stream: stream.first_stamps(bag) for stream, bag in bag_of.items()}
     remedy = "add --arrival-stamps to take the times of recording"
     for stream, own in stamps.items():
         if len(own) > 1 and len(set(own)) == 1:
@@ -139,28 +136,34 @@ def _check_stamps(streams: Sequence[BagStream], length_s: float) -> float:
     begins = {stream: own[0] * 1e-9 for stream, own in stamps.items()}
     first, last = min(begins, key=lambda s: begins[s]), max(begins, key=lambda s: begins[s])
     apart = begins[last] - begins[first]
+    length_s = max(bag.length_s for bag in bag_of.values())
     if apart > length_s:
         raise DataError(
             f"the stamps of camera {last.camera} begin {apart:.1f} s after those of {first.camera}, in "
             f"a recording of {length_s:.1f} s: their clocks differ; {remedy}, or leave one out with --cameras"
         )
-    steps = sorted(b - a for a, b in pairwise(stamps[streams[0]]) if b > a)
+    steps = sorted(b - a for a, b in pairwise(next(iter(stamps.values()))) if b > a)
     return 1e9 / steps[len(steps) // 2] if steps else 30.0
 
 
-def _skeleton_of(
-    args: argparse.Namespace, parameters: dict[str, Any], streams: Sequence[BagStream]
-) -> SkeletonModel:
-    """The skeleton of detections whose recording began after /skeleton_model was sent."""
+def _recorded_skeleton(
+    args: argparse.Namespace, parameters: dict[str, Any], bags: Sequence[BagReader],
+    bag_of: Mapping[BagStream, BagReader],
+) -> SkeletonModel:  # fmt: skip
+    """The skeleton of detections; the one that is named if /skeleton_model was not recorded."""
+    recorded: SkeletonModel | None = _latched(bags, "skeleton_model")
+    if recorded is not None:
+        _refuse_detector_options(args)
+        return recorded
+    stream, bag = next(iter(bag_of.items()))
     model = configure(parameters)["detection"].model  # type: ignore[attr-defined]
     named = load_skeleton(args.skeleton)
     filled, _ = map_joints(args.skeleton, read_card(model).card.joints)  # as a detector's joints allow
-    recorded = streams[0].first_record().skeleton_hash
     for skeleton in (named, filled):
-        if skeleton.hash == recorded:
+        if skeleton.hash == stream.first_record(bag).skeleton_hash:
             return skeleton
     raise DataError(
-        f"{streams[0].bag} has no message on /skeleton_model, and its detections are not what {model} gives "
+        f"{bag.path} has no message on /skeleton_model, and its detections are not what {model} gives "
         f"for {named.name}; name their --skeleton and --model, or use --redetect if there are images"
     )
 
