@@ -17,7 +17,7 @@ from panoptic_ros.voting import (
 from panoptic_ros.voting.lens_bounds import BINS, seen_radius, slope_bounds
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.score_field import GAUSSIAN_END
-from panoptic_ros.voting.score_volume import ENOUGH, Peaks, sorted_peaks
+from panoptic_ros.voting.score_volume import ENOUGH, Peaks, no_peaks, sorted_peaks
 from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
@@ -72,7 +72,7 @@ class BoxSearch:
         """The local maxima of `dense_peaks` that at least `min_views` (not below `enough`) support."""
         views = self._views(scene)
         supporting = max(int(np.ceil(255.0 * view_threshold - 1e-6)), 1)  # value of a cell
-        found = [(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0), np.zeros(0, np.int64))]
+        found = [(*no_peaks(), np.zeros(0, np.int64))]
         for first in range(0, scene.map_start.shape[1], GROUP):
             boxes = box_scene(scene, views, first, supporting, self._pyramids(scene))
             space = (np.array(volume.lower), np.array(volume.shape), volume.side)
@@ -82,9 +82,10 @@ class BoxSearch:
             for level in range(max(max(volume.shape) - 1, 1).bit_length() - 1, 0, -1):
                 small = box_kernels.split(boxes, *small, level, *space, threshold, supporting, min_views)
             rows, votes = voxel_kernels.visit(boxes, *small, *space, threshold, view_threshold, min_views)
-            found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4]))
-        every = Peaks(*(np.concatenate(parts) for parts in zip(*found)))
-        top, unknown = peak_kernels.highest(every.joints, every.voxels - volume.lower + 1, every.votes)
+            found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4], rows[:, 5]))
+        *every, likely = (np.concatenate(parts) for parts in zip(*found))
+        joints, voxels, votes, _ = every
+        top, unknown = peak_kernels.highest(joints, voxels - volume.lower + 1, votes, likely)
         peaks = Peaks(*(values[top] for values in every))
         if enough < min_views:
             good = self._unbeaten(scene, volume, peaks, unknown, view_threshold, enough)

@@ -11,13 +11,14 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @_jit
-def highest(joints, voxels, votes):
+def highest(joints, voxels, votes, likely):
     """Which of N voxels of joints (N,) none of the 26 neighbours among them beats (N,).
 
     Of equally many votes the neighbour that comes first, in the order of x, y, z, beats.
 
     Args:
         voxels: (N, 3), each 0 < index < 2^19 - 1.
+        likely: (N,) 0 where a neighbour is known to beat.
 
     Returns:
         which (N,), and which of the 27 neighbours of each of these (K, 27) are not among the voxels.
@@ -40,6 +41,9 @@ def highest(joints, voxels, votes):
     for n in range(len(votes)):
         if tops == len(unknown):
             unknown = np.concatenate((unknown, np.zeros_like(unknown)))
+        if likely[n] == 0:
+            top[n] = False
+            continue
         unknown[tops] = False
         for step in steps:
             move = ((step // 9 - 1) * (1 << BITS) + step // 3 % 3 - 1) * (1 << BITS) + step % 3 - 1

@@ -14,7 +14,7 @@ from panoptic_ros.voting.kernels import hidden
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
-COVERED, U, W, A, B = range(0, 40, 8)  # in `lanes` (40,): whether a view covers a voxel, pixel, cell
+COVERED, U, W, A, B, CELL = range(0, 48, 8)  # in `lanes` (48,), see `_project`
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
@@ -29,19 +29,19 @@ def visit(scene, boxes, start, lists, lower, shape, side, threshold, view_thresh
         boxes, start, lists: of `box_kernels.split`, level 1.
 
     Returns:
-        found (N, 5) joints, voxels, supporting views; votes (N,), those of `kernels.vote`.
+        found (N, 6) joints, voxels, supporting views, 1 for the first voxel of the most votes in its box;
+        votes (N,), those of `kernels.vote`.
     """
     views, _, _, _, people, _, _, map_start, map_data, limits, _, _ = scene
-    lanes, mine, total = np.zeros(40), np.zeros(GROUP, np.int64), 0
-    places, weights, covering = np.zeros((3, 8), np.int64), np.zeros((2, 8)), np.zeros(8)
+    lanes, mine, total, covering = np.zeros(48), np.zeros(GROUP, np.int64), 0, np.zeros(8)
     sums, support = np.zeros((GROUP, 8)), np.zeros((GROUP, 8), np.int64)
-    found, votes = np.zeros((1024, 5), np.int64), np.zeros(1024)
+    found, votes = np.zeros((1024, 6), np.int64), np.zeros(1024)
     for n in range(len(boxes)):
         count = 0
         for joint in range(people.shape[1]):
             mine[count] = joint
             count += boxes[n, 3] >> joint & 1
-        sums[:], support[:], covering[:] = 0.0, 0, boxes[n, 4]
+        sums[:count], support[:count], covering[:] = 0.0, 0, boxes[n, 4]
         i, j, k = 2 * boxes[n, 0] + lower[0], 2 * boxes[n, 1] + lower[1], 2 * boxes[n, 2] + lower[2]
         for at in range(start[n], start[n + 1]):
             v, some = lists[at]
@@ -52,29 +52,33 @@ def visit(scene, boxes, start, lists, lower, shape, side, threshold, view_thresh
                 covering[c] += lanes[COVERED + c]
             if some == 0:
                 continue
-            if views[v, 25] > 0.0:
-                _places(views[v, 25], views[v, 26], lanes, places, weights)
+            right = np.int64(views[v, 25] > 1.0)  # how much farther cells to the right and below are
+            below = np.int64(views[v, 25]) if views[v, 26] > 1.0 else 0
             for m in range(count):
                 if not some >> mine[m] & 1:
                     continue
                 first = map_start[v, mine[m]]
                 if first >= 0:
-                    _add_samples(map_data, first, m, lanes, places, weights, view_threshold, sums, support)
+                    _add_samples(map_data, first, right, below, lanes, m, view_threshold, sums, support)
                 else:
                     _add_gaussians(people, v, mine[m], m, lanes, view_threshold, sums, support)
         if total + 8 * GROUP > len(votes):
             found = np.concatenate((found, np.zeros_like(found)))
             votes = np.concatenate((votes, np.zeros_like(votes)))
-        for c in range(8):
-            a, b, d = i + (c >> 2), j + (c >> 1 & 1), k + (c & 1)
-            if a >= lower[0] + shape[0] or b >= lower[1] + shape[1] or d >= lower[2] + shape[2]:
-                continue
-            for m in range(count):
+        for m in range(count):
+            best = total
+            for c in range(8):
                 vote = sums[m, c] / covering[c] if covering[c] > 0.0 else 0.0
-                if vote > threshold and support[m, c] >= least:
-                    found[total, 0], found[total, 4], votes[total] = mine[m], support[m, c], vote
-                    found[total, 1], found[total, 2], found[total, 3] = a, b, d
-                    total += 1
+                if not (vote > threshold and support[m, c] >= least):
+                    continue
+                a, b, d = i + (c >> 2), j + (c >> 1 & 1), k + (c & 1)
+                if a >= lower[0] + shape[0] or b >= lower[1] + shape[1] or d >= lower[2] + shape[2]:
+                    continue
+                found[total, 0], found[total, 4], votes[total] = mine[m], support[m, c], vote
+                found[total, 1], found[total, 2], found[total, 3], found[total, 5] = a, b, d, 0
+                best = total if vote > votes[best] else best
+                total += 1
+            found[best, 5] = 1
     return found[:total], votes[:total]
 
 
@@ -89,24 +93,10 @@ def _hide(views, limits, v, i, j, k, side, lanes):
 
 
 @_inline
-def _places(columns, rows, lanes, places, weights):
-    """Lower cells, distances to the right and below, and weights of these, for the eight voxels."""
-    for c in range(8):
-        covered = lanes[COVERED + c] > 0.0
-        a = min(max(lanes[A + c] if covered else 0.0, 0.0), columns - 1.0)
-        b = min(max(lanes[B + c] if covered else 0.0, 0.0), rows - 1.0)
-        x, y = min(np.int32(a), max(np.int32(columns) - 2, 0)), min(np.int32(b), max(np.int32(rows) - 2, 0))
-        weights[0, c], weights[1, c] = a - x, b - y
-        places[0, c] = y * np.int64(columns) + x
-        places[1, c], places[2, c] = 1 if columns > 1.0 else 0, np.int64(columns) if rows > 1.0 else 0
-
-
-@_inline
-def _add_samples(data, first, m, lanes, places, weights, view_threshold, sums, support):
+def _add_samples(data, first, right, below, lanes, m, view_threshold, sums, support):
     """Add what a map shows of a joint at the eight voxels to row m of the sums and of the support."""
     for c in range(8):
-        fx, fy, at = weights[0, c], weights[1, c], first + places[0, c]
-        right, below = places[1, c], places[2, c]
+        fx, fy, at = lanes[A + c], lanes[B + c], first + np.int64(lanes[CELL + c])
         top = data[at] * (1.0 - fx) + data[at + right] * fx
         bottom = data[at + below] * (1.0 - fx) + data[at + below + right] * fx
         score = (top * (1.0 - fy) + bottom * fy) / 255.0 * lanes[COVERED + c]
@@ -130,7 +120,11 @@ def _add_gaussians(people, v, joint, m, lanes, view_threshold, sums, support):
 
 @_inline
 def _project(views, v, i, j, k, side, lanes):
-    """Where view v sees the eight voxels from i, j, k on. Step by step as in `kernels`."""
+    """Where view v sees the eight voxels from i, j, k on, step by step as in `kernels`.
+
+    Writes into `lanes` whether it covers them; pixels; how far they are beyond a cell of the map, of 0 to 1;
+    and the number of that cell.
+    """
     r00, r01, r02 = views[v, 0], views[v, 1], views[v, 2]
     r10, r11, r12 = views[v, 3], views[v, 4], views[v, 5]
     r20, r21, r22 = views[v, 6], views[v, 7], views[v, 8]
@@ -143,6 +137,7 @@ def _project(views, v, i, j, k, side, lanes):
     m0, m1, m2 = views[v, 27], views[v, 28], views[v, 29]
     m3, m4, m5 = views[v, 30], views[v, 31], views[v, 32]
     bare = map_right == 0.0  # no maps, no borders of theirs
+    last_x, last_y = max(map_right - 1.0, 0.0), max(map_bottom - 1.0, 0.0)
     for c in range(8):
         x, y, z = (i + (c >> 2) + 0.5) * side, (j + (c >> 1 & 1) + 0.5) * side, (k + (c & 1) + 0.5) * side
         depth = r20 * x + r21 * y + r22 * z + tz
@@ -159,4 +154,7 @@ def _project(views, v, i, j, k, side, lanes):
         covered = (depth > MIN_DEPTH) & (r2 < fold) & (-0.5 <= u) & (u <= right) & (-0.5 <= w) & (w <= bottom)
         mapped = (-0.5 <= a) & (a <= map_right - 0.5) & (-0.5 <= b) & (b <= map_bottom - 0.5)
         lanes[COVERED + c] = 1.0 if covered & (mapped | bare) else 0.0
-        lanes[U + c], lanes[W + c], lanes[A + c], lanes[B + c] = u, w, a, b
+        a, b = min(max(a if covered else 0.0, 0.0), last_x), min(max(b if covered else 0.0, 0.0), last_y)
+        x, y = np.floor(min(a, max(last_x - 1.0, 0.0))), np.floor(min(b, max(last_y - 1.0, 0.0)))
+        lanes[U + c], lanes[W + c], lanes[A + c], lanes[B + c] = u, w, a - x, b - y
+        lanes[CELL + c] = y * map_right + x
