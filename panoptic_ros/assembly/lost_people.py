@@ -24,7 +24,7 @@ Array = np.ndarray
 
 MIN_VIEWS = 3  # of a node; two views of an empty place can agree by chance
 MIN_SHARE = 0.5  # of the joints that nodes show
-MIN_VOTE = 0.2  # mean over the joints
+MIN_VOTE = 0.3  # mean over the joints: most views show them; what fewer show adds up to 0.2
 EXPLAINED = 0.15  # m, nodes so near to a joint of somebody known, or its mirror image, are explained
 LENGTH_SHARE = 0.25  # by which bones of people differ
 SKIP_WEIGHT = 0.5  # of a part that skips a joint
