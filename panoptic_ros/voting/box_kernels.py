@@ -52,8 +52,8 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
         scene: `BoxScene`; lower, shape (3,): first voxel and numbers of voxels.
         boxes: (N, 5) place, in boxes of their level from `lower`; mask of joints; how many views see all of
             the box and have nothing there.
-        start, lists: (N + 1) and (K, 2) the other views that see something of each box, and masks of the
-            joints of which they have something there.
+        start, lists: (N + 1) and (K, 2) int32 the other views that see something of each box, and masks
+            of the joints of which they have something there.
         level: that of the halves, of 2^level voxels a side, 1 or more.
         supporting: smallest value of a map that supports.
 
@@ -69,7 +69,7 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
     while least >> digits and digits < 7:
         digits += 1
     found, begin = np.zeros((8 * len(boxes), 5), np.int64), np.zeros(8 * len(boxes) + 1, np.int64)
-    kept = np.empty((8 * start[len(boxes)] + count, 2), np.int64)
+    kept = np.empty((8 * start[len(boxes)] + count, 2), np.int32)
     limit = 255.0 * threshold * (1.0 - 1e-6)
     step, h = side * (1 << (level - 1)), side * ((1 << (level - 1)) - 0.5)
     for n in range(len(boxes)):

@@ -77,7 +77,7 @@ class BoxSearch:
             boxes = box_scene(scene, views, first, supporting, self._pyramids(scene))
             space = (np.array(volume.lower), np.array(volume.shape), volume.side)
             joints = (1 << min(GROUP, scene.map_start.shape[1] - first)) - 1
-            every = np.column_stack([np.arange(len(views)), np.full(len(views), joints)])
+            every = np.column_stack([np.arange(len(views)), np.full(len(views), -1)]).astype(np.int32)
             small = (np.array([[0, 0, 0, joints, 0]]), np.array([0, len(views)]), every)
             for level in range(max(max(volume.shape) - 1, 1).bit_length() - 1, 0, -1):
                 small = box_kernels.split(boxes, *small, level, *space, threshold, supporting, min_views)
