@@ -6,8 +6,10 @@ import importlib
 import os
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn
 
 import panoptic_ros
@@ -92,6 +94,14 @@ def _listen_to_signals() -> None:
             signal.signal(number, end)
 
 
+def _find_room_for_kernels() -> None:
+    """numba keeps compiled kernels beside their source or in the home folder, and fails without both."""
+    places = [Path(panoptic_ros.__file__).parent, Path(os.environ.get("HOME", "/nowhere"))]
+    if "NUMBA_CACHE_DIR" not in os.environ and not any(os.access(place, os.W_OK) for place in places):
+        own = Path(tempfile.gettempdir()) / f"panoptic_ros-kernels-{os.getuid()}"
+        os.environ["NUMBA_CACHE_DIR"] = str(own)
+
+
 def program() -> None:
     """The installed program.
 
@@ -99,6 +109,7 @@ def program() -> None:
     interpreter would otherwise forget our exit code and kill itself with the signal.
     """
     _listen_to_signals()
+    _find_room_for_kernels()
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -12,7 +12,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from panoptic_ros.errors import ContractError, PanopticError
+from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError
 
 
 @contextmanager
@@ -23,6 +23,21 @@ def quiet_at_shutdown() -> Iterator[None]:
     except (InvalidHandle, RCLError):
         if rclpy.ok():
             raise
+
+
+def start_ros(arguments: Sequence[str] | None, **options: Any) -> None:
+    """rclpy.init, with a word to the user if it fails.
+
+    Raises:
+        EnvironmentProblem: e.g. where ROS finds no folder for its logs.
+    """
+    try:
+        rclpy.init(args=list(arguments) if arguments is not None else None, **options)
+    except RCLError as error:
+        raise EnvironmentProblem(
+            f"ROS does not start ({str(error).split(', at ')[0]}); where HOME is not set or cannot be "
+            "written, set ROS_LOG_DIR to a folder of yours; `panoptic doctor` tells more"
+        ) from None
 
 
 def run_nodes(
@@ -39,7 +54,11 @@ def run_nodes(
     Returns:
         the exit code: 0, or that of the error that ended a node, which is printed in one line.
     """
-    rclpy.init(args=list(arguments) if arguments is not None else None)
+    try:
+        start_ros(arguments)
+    except EnvironmentProblem as error:
+        print(f"panoptic: {error}", file=sys.stderr, flush=True)
+        return error.exit_code
     nodes: Sequence[Any] = ()
     executor = SingleThreadedExecutor()
     try:

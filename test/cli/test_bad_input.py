@@ -208,6 +208,17 @@ class TestBag:
         assert list(out.parent.iterdir()) == []
 
 
+def test_no_home_for_the_logs_of_ros(out, recorded_bag):
+    pytest.importorskip("rclpy")
+    program = [sys.executable, "-m", "panoptic_ros.cli.main"]
+    command = [*program, "run", "--bag", str(recorded_bag), "--out", str(out)]
+    homeless = {k: v for k, v in os.environ.items() if k not in ("HOME", "ROS_LOG_DIR", "ROS_HOME")}
+    done = subprocess.run(command, env=homeless, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2, done.stderr
+    assert "ROS_LOG_DIR" in done.stderr and "Traceback" not in done.stderr
+    assert list(out.parent.iterdir()) == []
+
+
 class TestInterruption:
     @pytest.mark.parametrize("mode", [["--in-process"], []])
     @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
 """The entry point: exit codes, one line per mistake, and interruptions whatever they come out as."""
+import os
 import time
 
 import pytest
@@ -59,3 +60,16 @@ def test_help_of_every_verb(capsys, verb):
     with pytest.raises(SystemExit) as end:
         entry.main([verb, "--help"])
     assert end.value.code == 0 and f"panoptic {verb}" in capsys.readouterr().out
+
+
+def test_kernels_find_room_without_a_home(monkeypatch, tmp_path):
+    """A read-only installation and no home folder: numba would refuse to import."""
+    monkeypatch.setattr(os, "environ", {"HOME": str(tmp_path)})
+    entry._find_room_for_kernels()
+    assert "NUMBA_CACHE_DIR" not in os.environ
+    monkeypatch.setattr(os, "access", lambda place, mode: False)
+    entry._find_room_for_kernels()
+    assert "panoptic_ros-kernels" in os.environ["NUMBA_CACHE_DIR"]
+    monkeypatch.setattr(os, "environ", {"NUMBA_CACHE_DIR": "mine"})
+    entry._find_room_for_kernels()
+    assert os.environ["NUMBA_CACHE_DIR"] == "mine"

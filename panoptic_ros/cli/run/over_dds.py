@@ -18,6 +18,7 @@ from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
 from panoptic_ros.nodes.processes import Processes, prepare_environment
+from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
 
 LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
@@ -45,7 +46,7 @@ def _run(
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality)
     document = json.loads(launch.read_text())
     names = [entry["name"] for p in document["processes"].values() for entry in p if "name" in entry]
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)  # the program has its own
+    start_ros([], signal_handler_options=SignalHandlerOptions.NO)  # the program has its own
     executor = SingleThreadedExecutor()
     collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take)
     statics = StaticsNode(plan.rig, plan.skeleton)
