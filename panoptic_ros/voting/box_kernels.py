@@ -64,7 +64,7 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
     count, total, free = people.shape[0], 0, 0
     lanes, table = np.zeros((10, 8)), np.zeros((count, 5, 8), np.int64)  # of views and halves: SOME to BELOW
     drawn, sums = np.zeros((8, GROUP), np.float32), np.zeros(GROUP, np.float32)  # of keypoints, of all
-    planes, support = np.zeros((8, 8), np.int64), np.zeros(8, np.int64)
+    planes = np.zeros((9, 8), np.int64)  # binary digits of counts, what overflows, what is carried
     digits = 1
     while least >> digits and digits < 7:
         digits += 1
@@ -87,15 +87,8 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
             for c in range(8):
                 table[m, SOME, c] &= mask | mask << GROUP
             if pointed[v] & mask:
-                for c in range(8):
-                    if lanes[SEES, c] > 0.0:
-                        table[m, SOME, c] |= _add_keypoints(
-                            people, reach, v, pointed[v] & mask, lanes[U0, c], lanes[U1, c], lanes[W0, c],
-                            lanes[W1, c], 0.0 if lanes[SEES, c] == ALL else limit, supporting, drawn, c,
-                        )  # fmt: skip
-            for c in range(8):
-                support[c] = table[m, SOME, c] >> GROUP & LOW
-            _count(planes, digits, support)
+                _point(people, reach, v, pointed[v] & mask, lanes, limit, supporting, drawn, table, m)
+            _count(planes, digits, table, m)
         for c in range(8):
             a, b, d = i - 1 + (c >> 2), j - 1 + (c >> 1 & 1), k - 1 + (c & 1)
             if (a << level) >= shape[0] or (b << level) >= shape[1] or (d << level) >= shape[2]:
@@ -103,24 +96,12 @@ def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supp
             left = mask & _at_least(planes, c, digits, least)
             if left == 0:
                 continue
-            sums[:] = drawn[c]
-            whole = boxes[n, 4]
-            for m in range(listed):
-                sees = table[m, SIGHT, c]
-                whole += sees == ALL
-                if table[m, SOME, c] & left:
-                    less = 0.0 if sees == ALL else limit
-                    _look(spread, table[m, CELL, c], table[m, RIGHT, c], table[m, BELOW, c], less, sums)
+            whole = boxes[n, 4] + _sum(spread, table, listed, c, left, limit, drawn, sums)
             left &= _above(sums, limit * whole - SLACK * (count + 1))
             if left == 0:
                 continue
-            found[total, 0], found[total, 1], found[total, 2] = a, b, d
-            found[total, 3], found[total, 4] = left, boxes[n, 4]
-            for m in range(listed):
-                sees, some = table[m, SIGHT, c], table[m, SOME, c] & left
-                kept[free, 0], kept[free, 1] = lists[start[n] + m, 0], some
-                found[total, 4] += (sees == ALL) & (some == 0)
-                free += (sees == PART) | (some != 0)
+            found[total, 0], found[total, 1], found[total, 2], found[total, 3] = a, b, d, left
+            found[total, 4], free = _keep(lists, start[n], listed, table, c, left, boxes[n, 4], kept, free)
             total += 1
             begin[total] = free
     return found[:total], begin[: total + 1], kept
@@ -156,15 +137,57 @@ def _find(layers, masks, v, layer, lanes, table, m):
 
 
 @_inline
-def _count(planes, digits, support):
-    """Add masks (8,) to counts of each of their bits: planes (8, 8) of binary digits, the last overflows."""
+def _point(people, reach, v, wanted, lanes, limit, supporting, drawn, table, m):
+    """Add what keypoints of a view show in the halves to row m of the table and to their sums (8, 32)."""
+    for c in range(8):
+        if lanes[SEES, c] > 0.0:
+            less = 0.0 if lanes[SEES, c] == ALL else limit
+            table[m, SOME, c] |= _add_keypoints(
+                people, reach, v, wanted, lanes[U0, c], lanes[U1, c], lanes[W0, c], lanes[W1, c],
+                less, supporting, drawn, c,
+            )  # fmt: skip
+
+
+@_inline
+def _sum(spread, table, listed, c, left, limit, drawn, sums):
+    """Set the sums (32,) to the largest values in a half over its views; returns how many see all of it."""
+    whole = 0
+    sums[:] = drawn[c]
+    for m in range(listed):
+        sees = table[m, SIGHT, c]
+        whole += sees == ALL
+        if table[m, SOME, c] & left:
+            less = 0.0 if sees == ALL else limit
+            _look(spread, table[m, CELL, c], table[m, RIGHT, c], table[m, BELOW, c], less, sums)
+    return whole
+
+
+@_inline
+def _keep(lists, first, listed, table, c, left, free_views, kept, free):
+    """Write the views that see something of a half.
+
+    Returns how many see all of it and have nothing there, and where to go on.
+    """
+    for m in range(listed):
+        sees, some = table[m, SIGHT, c], table[m, SOME, c] & left
+        kept[free, 0], kept[free, 1] = lists[first + m, 0], some
+        free_views += (sees == ALL) & (some == 0)
+        free += (sees == PART) | (some != 0)
+    return free_views, free
+
+
+@_inline
+def _count(planes, digits, table, m):
+    """Add the support in row m of the table to the counts of each joint, planes (9, 8) of binary digits."""
+    for c in range(8):
+        planes[8, c] = table[m, SOME, c] >> GROUP & LOW
     for digit in range(digits):
         for c in range(8):
-            carry = planes[digit, c] & support[c]
-            planes[digit, c] ^= support[c]
-            support[c] = carry
+            carry = planes[digit, c] & planes[8, c]
+            planes[digit, c] ^= planes[8, c]
+            planes[8, c] = carry
     for c in range(8):
-        planes[7, c] |= support[c]
+        planes[7, c] |= planes[8, c]
 
 
 @_inline
