@@ -3,7 +3,8 @@
 In: ViewDetections, ClockModel of any number of clocks, and EndOfStream in replay. Out: DetectionSet, in the
 order of time, whatever the order of arrival between cameras.
 
-How: stamps are moved to master time by the clock model of their camera (`correction`), where there is one; a
+How: a frame whose stamp is seconds off those of its camera before and after is dropped (`strays`). Stamps are
+moved to master time by the clock model of their camera (`correction`), where there is one; a
 camera whose frames show that its clock may have jumped waits for a model that has heard so. Instants are
 those of the fastest camera, of a chosen one, or a fixed grid (`instants`): they are predicted, follow the
 master camera's frames, and go on where it drops some. Each camera gives the frame that is nearest, within

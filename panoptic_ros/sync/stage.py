@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import ceil
 
 from panoptic_ros.domain import ClockModel, DetectionSet, EndOfStream, ViewDetections
 from panoptic_ros.errors import ConfigError, DataError
@@ -12,6 +13,7 @@ from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_ma
 from panoptic_ros.sync.jumps import JumpGuard
 from panoptic_ros.sync.queue import CameraQueue, Choice
 from panoptic_ros.sync.resample import View, interpolate
+from panoptic_ros.sync.strays import StrayFilter
 
 SECOND = 1_000_000_000
 FIRST_FRAMES = 4  # of every camera, which tell their rates
@@ -44,6 +46,7 @@ class SyncStage:
 
     def reset(self) -> None:
         """Forget all frames and clocks; the next set has index 0."""
+        self._strays = StrayFilter(self._rig.names)
         self._correction = StampCorrection(self._rig.names, self._config)
         self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
         self._queues = {name: CameraQueue() for name in self._rig.names}
@@ -75,23 +78,38 @@ class SyncStage:
                 f"{', '.join(self._rig.names)}"
             )
         if isinstance(item, EndOfStream):
-            self._queues[item.camera].ended = True
+            self._end(item.camera, notices)
         else:
             if item.skeleton_hash != self._skeleton_hash:
                 raise DataError(
                     f"camera {item.camera} sends skeleton {item.skeleton_hash}, "
                     f"expected {self._skeleton_hash}"
                 )
-            views, told = self._correction.view(item)
+            views, told = self._strays.take(item)
             notices += told
-            self._take(views, notices)
+            self._correct(views, notices)
         return self._give(notices, final=False)
 
     def flush(self) -> StepResult[DetectionSet]:
         """Give all sets that still wait."""
-        result = self._give([], final=True)
+        notices: list[Notice] = []
+        for camera in self._rig.names:
+            self._end(camera, notices)
+        result = self._give(notices, final=True)
         self.reset()
         return result
+
+    def _end(self, camera: str, notices: list[Notice]) -> None:
+        views, told = self._strays.end(camera)
+        notices += told
+        self._correct(views, notices)
+        self._queues[camera].ended = True
+
+    def _correct(self, views: Iterable[ViewDetections], notices: list[Notice]) -> None:
+        for view in views:
+            corrected, told = self._correction.view(view)
+            notices += told
+            self._take(corrected, notices)
 
     def _take(self, views: Iterable[ViewDetections], notices: list[Notice]) -> None:
         for view in self._guarded(views, notices):
@@ -171,8 +189,8 @@ class SyncStage:
         self._instants = CameraInstants(master, period, same)
         frames = queues[master].frames
         self._next = frames[0].stamp if frames else oldest
-        while self._next - oldest > self._reach(self._instants):
-            self._next -= round(period)
+        beyond = self._next - oldest - self._reach(self._instants)
+        self._next -= max(0, ceil(beyond / round(period))) * round(period)
         return self._instants
 
     def _upcoming(self, instants: Instants, final: bool) -> int | None:

@@ -1,0 +1,84 @@
+"""Stamps that cannot be right, of frames whose camera goes on as before."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from panoptic_ros.domain import ViewDetections
+from panoptic_ros.stage import Notice
+
+SECOND = 1_000_000_000
+FAR_NS = 2 * SECOND  # from a camera's last frame: beyond it is a pause, a jump of the clock, or a bad stamp
+PERIODS = 4  # of a slow camera that are not far yet
+SURE = 3  # frames in a row that show a pause or a jump
+LATEST_NS = (2**31 - 1) * SECOND  # messages hold no later stamps
+
+
+@dataclass
+class _Camera:
+    """One camera's line of stamps.
+
+    Args:
+        newest: stamp of its newest frame on the line; reach: how far from it the next one may be, ns.
+        off: frames off the line, in a row of their own as far as one can tell.
+    """
+
+    newest: int | None = None
+    reach: int = FAR_NS
+    off: list[ViewDetections] = field(default_factory=list)
+
+
+class StrayFilter:
+    """Drops frames with stamps far off those of their own camera before and after.
+
+    A frame seconds away from the last one waits for the next two. If one of them is on the line of before,
+    its stamp was bad; if all three are in a row, the camera paused or its clock jumped, and all are given.
+    So do the first frames of a camera. What is given depends on the stamps of that camera alone.
+    """
+
+    def __init__(self, cameras: Sequence[str]):
+        self._cameras = {name: _Camera() for name in cameras}
+
+    def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+        """The frames that are on the camera's line now, and the news of those that were not."""
+        if view.stamp_ns >= LATEST_NS:
+            return [], [_stray(view)]
+        camera = self._cameras[view.camera]
+        if camera.newest is not None and abs(view.stamp_ns - camera.newest) <= camera.reach:
+            strays, camera.off, camera.newest = camera.off, [], view.stamp_ns
+            return [view], [_stray(each) for each in strays]
+        camera.off.append(view)
+        notices = []
+        while not _in_a_row(_steps(camera.off)):
+            notices.append(_stray(camera.off.pop(0)))
+        if len(camera.off) < SURE:
+            return [], notices
+        camera.reach = max(FAR_NS, PERIODS * min(_steps(camera.off)))
+        released, camera.off, camera.newest = camera.off, [], view.stamp_ns
+        return released, notices
+
+    def end(self, name: str) -> tuple[list[ViewDetections], list[Notice]]:
+        """No more frames come: the only ones of a camera are given, others that still wait are dropped."""
+        camera = self._cameras[name]
+        waiting, camera.off = camera.off, []
+        if camera.newest is None:
+            return waiting, []
+        return [], [_stray(view) for view in waiting]
+
+
+def _steps(views: Sequence[ViewDetections]) -> list[int]:
+    return [later.stamp_ns - view.stamp_ns for view, later in pairwise(views)]
+
+
+def _in_a_row(steps: Sequence[int]) -> bool:
+    """Whether stamps go on, and as one camera's do."""
+    return not steps or (min(steps) > 0 and max(steps) <= max(FAR_NS, PERIODS * min(steps)))
+
+
+def _stray(view: ViewDetections) -> Notice:
+    text = (
+        f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: "
+        "its stamp is not in a row with those of its camera's frames before and after"
+    )
+    return Notice("sync.stray_stamp", "warning", text, {"camera": view.camera, "stamp_ns": view.stamp_ns})
