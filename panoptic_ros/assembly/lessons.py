@@ -28,7 +28,6 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
     """
     joints, views = residuals.shape[1:]
     rotations, translations, delays = cams
-    x = np.empty(3)
     support = np.zeros((len(kept), joints), np.int64)
     for i in range(len(kept)):
         for j in range(joints):
@@ -56,8 +55,11 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
                     continue
                 if stride > 1 and np.int64(THINNING * abs(plane[d, s, 0] + plane[d, s, 1])) % stride:
                     continue
-                for k in range(3):
-                    x[k] = positions[p, j, k] + shifts[p, j, k] * delays[v]
+                x = (
+                    positions[p, j, 0] + shifts[p, j, 0] * delays[v],
+                    positions[p, j, 1] + shifts[p, j, 1] * delays[v],
+                    positions[p, j, 2] + shifts[p, j, 2] * delays[v],
+                )
                 error, leverage = _residual(
                     x, normals[p, j], rotations[v], translations[v], plane[d, s], precision[d, s]
                 )
@@ -75,13 +77,12 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
 @njit(cache=True, error_model="numpy")
 def _residual(x, lower, rotation, translation, point, precision):
     """Distance on the plane between a joint and its observation, and the leverage of that observation."""
-    local = np.empty(3)
-    for i in range(3):
-        local[i] = translation[i]
-        for k in range(3):
-            local[i] += rotation[i, k] * x[k]
-    inverse = 1.0 / max(local[2], MIN_DEPTH)
-    u, w = local[0] * inverse, local[1] * inverse
+    x0, x1, x2 = x
+    r = rotation
+    z = translation[2] + r[2, 0] * x0 + r[2, 1] * x1 + r[2, 2] * x2
+    inverse = 1.0 / max(z, MIN_DEPTH)
+    u = (translation[0] + r[0, 0] * x0 + r[0, 1] * x1 + r[0, 2] * x2) * inverse
+    w = (translation[1] + r[1, 0] * x0 + r[1, 1] * x1 + r[1, 2] * x2) * inverse
     error = np.sqrt((point[0] - u) ** 2 + (point[1] - w) ** 2)
     damping = 1e-9 * (lower[0, 0] + lower[1, 1] + lower[2, 2])
     a, b, c = lower[0, 0] + damping, lower[1, 0], lower[2, 0]

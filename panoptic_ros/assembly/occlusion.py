@@ -45,66 +45,88 @@ def hidden_joints(positions, shifts, bones, radii, cams):
         positions: (P, J, 3) m, NaN = unknown: such joints are not hidden, their bones hide nothing.
         shifts: (P, J, 3) m/s, velocities. bones: (B, 2); radii: (B,) m. cams: see `Scene`.
     """
-    rotations, translations, delays = cams
     people, joints = positions.shape[:2]
-    views, count = len(rotations), len(bones)
+    views = len(cams[0])
     hidden = np.zeros((people, views, joints), np.int64)
-    local = np.empty((people, joints, 3))
-    box = np.empty((people, 5))
+    places, boxes = np.empty((people, joints, 3)), np.empty((people, 6))
+    thickest = RIM * radii.max() if len(radii) else 0.0
     for v in range(views):
-        r = rotations[v]
         for p in range(people):
-            box[p, 0] = box[p, 2] = np.inf
-            box[p, 1] = box[p, 3] = box[p, 4] = -np.inf
-            for j in range(joints):
-                a = positions[p, j, 0] + shifts[p, j, 0] * delays[v]
-                b = positions[p, j, 1] + shifts[p, j, 1] * delays[v]
-                c = positions[p, j, 2] + shifts[p, j, 2] * delays[v]
-                z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
-                if not z > MIN_DEPTH:
-                    local[p, j, 2] = 0.0
-                    continue
-                u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
-                w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
-                local[p, j, 0], local[p, j, 1], local[p, j, 2] = u, w, z
-                box[p, 0], box[p, 1] = min(box[p, 0], u), max(box[p, 1], u)
-                box[p, 2], box[p, 3] = min(box[p, 2], w), max(box[p, 3], w)
-                box[p, 4] = max(box[p, 4], z)
+            _project(positions[p], shifts[p], cams, v, places[p], boxes[p])
         for q in range(people):
-            for b in range(count):
-                first, second = local[q, bones[b, 0]], local[q, bones[b, 1]]
-                if first[2] <= 0.0 or second[2] <= 0.0:
-                    continue
-                nearest = min(first[2], second[2])
-                reach = RIM * radii[b] / nearest
-                low_u, high_u = min(first[0], second[0]) - reach, max(first[0], second[0]) + reach
-                low_w, high_w = min(first[1], second[1]) - reach, max(first[1], second[1]) + reach
-                du, dw = second[0] - first[0], second[1] - first[1]
-                length = max(du * du + dw * dw, 1e-12)
-                for p in range(people):
-                    if box[p, 4] < nearest + AHEAD:
-                        continue
-                    if box[p, 0] > high_u or box[p, 1] < low_u or box[p, 2] > high_w or box[p, 3] < low_w:
-                        continue
-                    factor = OWN_FACTOR if p == q else 1.0
-                    for j in range(joints):
-                        x = local[p, j]
-                        if x[0] < low_u or x[0] > high_u or x[1] < low_w or x[1] > high_w:
-                            continue
-                        if x[2] < nearest + AHEAD or hidden[p, v, j] == 2:
-                            continue
-                        if p == q and (j == bones[b, 0] or j == bones[b, 1]):
-                            continue
-                        share = ((x[0] - first[0]) * du + (x[1] - first[1]) * dw) / length
-                        share = min(1.0, max(0.0, share))
-                        depth = first[2] + share * (second[2] - first[2])
-                        if x[2] < depth + AHEAD:
-                            continue
-                        gap = (x[0] - first[0] - share * du) ** 2 + (x[1] - first[1] - share * dw) ** 2
-                        gap *= (depth / (factor * radii[b])) ** 2
-                        if gap < RIM * RIM:
-                            hidden[p, v, j] = 2 if gap < CORE * CORE else 1
+            left, right, top, bottom, near, _ = boxes[q]
+            reach = thickest / near
+            for p in range(people):
+                if not _apart(boxes[p], left - reach, right + reach, top - reach, bottom + reach, near):
+                    _hide(places[p], boxes[p], places[q], p == q, bones, radii, hidden[p, v])
     return hidden
+
+
+@njit(cache=True, error_model="numpy")
+def _project(position, shift, cams, v, place, box):
+    """Places (J, 3) of a person's joints in view v: x, y on the plane, depth in m, 0 = nowhere.
+
+    box: (6,) smallest and largest x, y and depth.
+    """
+    r, t, delay = cams[0][v], cams[1][v], cams[2][v]
+    left = top = near = np.inf
+    right = bottom = far = -np.inf
+    for j in range(len(position)):
+        a = position[j, 0] + shift[j, 0] * delay
+        b = position[j, 1] + shift[j, 1] * delay
+        c = position[j, 2] + shift[j, 2] * delay
+        z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
+        if not z > MIN_DEPTH:
+            place[j, 2] = 0.0
+            continue
+        x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / z
+        y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / z
+        place[j, 0], place[j, 1], place[j, 2] = x, y, z
+        left, right = min(left, x), max(right, x)
+        top, bottom = min(top, y), max(bottom, y)
+        near, far = min(near, z), max(far, z)
+    box[0], box[1], box[2], box[3], box[4], box[5] = left, right, top, bottom, near, far
+
+
+@njit(cache=True, error_model="numpy")
+def _apart(box, left, right, top, bottom, near):
+    """Whether all joints in a box lie beside these borders, or not behind this depth; one branch to guess."""
+    return (box[0] > right) | (box[1] < left) | (box[2] > bottom) | (box[3] < top) | (box[5] < near + AHEAD)
+
+
+@njit(cache=True, error_model="numpy")
+def _hide(joints, box, body, own, bones, radii, hidden):
+    """Mark joints (J, 3) in a box that lie behind the bones of a body (J, 3) in hidden (J,), in place.
+
+    own: whether the joints belong to that body. For the arrays see `_project`.
+    """
+    factor = OWN_FACTOR if own else 1.0
+    for b in range(len(bones)):
+        start, end = bones[b, 0], bones[b, 1]
+        x, y, z = body[start, 0], body[start, 1], body[start, 2]
+        if z <= 0.0 or body[end, 2] <= 0.0:
+            continue
+        du, dw, dz = body[end, 0] - x, body[end, 1] - y, body[end, 2] - z
+        nearest = min(z, body[end, 2])
+        reach = RIM * radii[b] / nearest
+        left, right = min(x, body[end, 0]) - reach, max(x, body[end, 0]) + reach
+        top, bottom = min(y, body[end, 1]) - reach, max(y, body[end, 1]) + reach
+        if _apart(box, left, right, top, bottom, nearest):
+            continue
+        length = max(du * du + dw * dw, 1e-12)
+        for j in range(len(joints)):
+            u, w, far = joints[j, 0], joints[j, 1], joints[j, 2]
+            beside = (u < left) | (u > right) | (w < top) | (w > bottom)
+            if beside | (far < nearest + AHEAD) | (own & ((j == start) | (j == end))):
+                continue
+            share = min(1.0, max(0.0, ((u - x) * du + (w - y) * dw) / length))
+            depth = z + share * dz
+            if far < depth + AHEAD:
+                continue
+            gap = (u - x - share * du) ** 2 + (w - y - share * dw) ** 2
+            gap *= (depth / (factor * radii[b])) ** 2
+            if gap < RIM * RIM:
+                hidden[j] = max(hidden[j], 2 if gap < CORE * CORE else 1)
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,6 +5,7 @@ import numpy as np
 from numba import njit
 
 MIN_DEPTH = 0.05  # m
+NOTHING = 50.0  # exponent, of an agreement below the digits of any other
 
 
 @njit(cache=True, error_model="numpy")
@@ -46,23 +47,28 @@ def agreement_with_people(positions, shifts, plane, precision, view, cams, mirro
                         continue
                     u[j] = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z[j]
                     w[j] = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z[j]
+            own = other = 0.0
+            count = 0
             for j in range(joints):
                 if z[j] <= 0.0 or precision[d, j] <= 0.0:
                     continue
-                common[p, d] += 1
-                square = ((u[j] - plane[d, j, 0]) ** 2 + (w[j] - plane[d, j, 1]) ** 2) * z[j] * z[j]
-                value = np.exp(-factor * square)
-                straight[p, d] += value
-                m = mirror[j]
+                count += 1
+                x, y, m = plane[d, j, 0], plane[d, j, 1], mirror[j]
+                value = _agreement(factor * (((u[j] - x) ** 2 + (w[j] - y) ** 2) * z[j] * z[j]))
+                own += value
                 if m == j:
-                    mirrored[p, d] += value
+                    other += value
                 elif z[m] > 0.0:
-                    square = ((u[m] - plane[d, j, 0]) ** 2 + (w[m] - plane[d, j, 1]) ** 2) * z[m] * z[m]
-                    mirrored[p, d] += np.exp(-factor * square)
-            if common[p, d] > 0:
-                straight[p, d] /= common[p, d]
-                mirrored[p, d] /= common[p, d]
+                    other += _agreement(factor * (((u[m] - x) ** 2 + (w[m] - y) ** 2) * z[m] * z[m]))
+            if count > 0:
+                straight[p, d], mirrored[p, d], common[p, d] = own / count, other / count, count
     return straight, mirrored, common
+
+
+@njit(cache=True, error_model="numpy")
+def _agreement(exponent):
+    """exp(-exponent), 0 where that is nothing: most people are far from most others."""
+    return np.exp(-exponent) if exponent < NOTHING else 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -115,7 +121,7 @@ def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
                 if along_a - cosine * along_b <= 0.0 or cosine * along_a - along_b <= 0.0:
                     continue
                 gap = ox * cx + oy * cy + oz * cz
-                total += np.exp(-factor * gap * gap / sine2)
+                total += _agreement(factor * gap * gap / sine2)
             if n > 0:
                 values[i, k] = values[k, i] = total / n
                 common[i, k] = common[k, i] = n
