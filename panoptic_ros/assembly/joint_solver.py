@@ -102,16 +102,15 @@ def intersect(first, second, picks_own, plane, cams, centres, x):
 
 @njit(cache=True, error_model="numpy")
 def best_start(p, j, prediction, spread, shift, member, source, owner, plane, precision, starts, cams,
-               centres, rules, x, picks, table):  # fmt: skip
-    """Choose the starting point of a joint into x; returns its cost, inf if there is none.
+               centres, rules, x, picks, room):  # fmt: skip
+    """Choose the starting point of a joint into x, its observations into picks; the cost, inf if none.
 
     Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views. The
     cost is truncated over the views, plus the truncated distance to the prediction.
     """
+    table, own, have, trial, normal, residuals = room
     views = len(starts) - 1
     limit = rules[0] * rules[0]
-    own = np.full((views, 2), -1, np.int64)
-    have = np.empty(views, np.int64)
     count = 0
     for v in range(views):
         d = member[p, v]
@@ -122,10 +121,8 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
                 have[count] = v
                 count += 1
     best = np.inf
-    trial = np.empty(3)
     guided = np.isfinite(prediction[0])
     if guided:
-        normal, residuals = np.empty((3, 3)), np.empty(views)
         trial[:] = prediction
         pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts, cams,
                           rules, picks)  # fmt: skip
@@ -155,7 +152,20 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
                 best = cost
                 x[:] = trial
         step -= 1
+    if best < np.inf:
+        pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules,
+                          picks)  # fmt: skip
     return best
+
+
+@njit(cache=True, error_model="numpy")
+def _room(views):
+    """Arrays that `best_start` works in: table of observations, own picks, views that have them, and one
+    point with its normal matrix and residuals (V,)."""
+    return (
+        np.empty((views, TABLE)), np.empty((views, 2), np.int64), np.empty(views, np.int64), np.empty(3),
+        np.empty((3, 3)), np.empty(views),
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
@@ -199,7 +209,8 @@ def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner,
     """The same, in place of what was found for the joints `todo` before."""
     people, joints = todo.shape
     views = len(starts) - 1
-    x, table = np.empty(3), np.empty((views, TABLE))
+    x, room = np.empty(3), _room(views)
+    table = room[0]
     for p in range(people):
         for j in range(joints):
             if not todo[p, j]:
@@ -207,12 +218,10 @@ def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner,
             shift, pick = shifts[p, j], picks[p, j]
             positions[p, j], normals[p, j], residuals[p, j], costs[p, j] = np.nan, 0.0, -1.0, np.inf
             cost = best_start(p, j, predictions[p, j], spreads[p, j], shift, member, source, owner, plane,
-                              precision, starts, cams, centres, rules, x, pick, table)  # fmt: skip
+                              precision, starts, cams, centres, rules, x, pick, room)  # fmt: skip
             if cost == np.inf:
                 pick[:] = -1
                 continue
-            pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules,
-                              pick)  # fmt: skip
             refine_point(x, shift, pick, plane, precision, cams, rules, 4, False, normals[p, j],
                          residuals[p, j], table)  # fmt: skip
             costs[p, j] = pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts,

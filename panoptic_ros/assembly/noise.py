@@ -35,7 +35,7 @@ class NoiseTable:
         self._width = (high - self._low) / LEVELS
         self._scores = np.zeros((KINDS * SCORE_BINS, LEVELS))
         self._views = np.zeros((cameras, LEVELS))
-        middle = self._level(np.array(RAYLEIGH_MEDIAN))
+        middle = int((np.log(RAYLEIGH_MEDIAN) - self._low) / self._width)
         self._scores[:, middle] = HIDDEN_PRIOR_COUNT
         self._scores[:SCORE_BINS, middle] = PRIOR_COUNT
         self._views[:, middle] = VIEW_PRIOR_COUNT
@@ -43,11 +43,6 @@ class NoiseTable:
         self.factors = np.ones(cameras)
         self.growth = NoiseGrowth(memory)
         self.learnt = False  # anything at all
-
-    def _level(self, ratios: Array) -> Array:
-        """Histogram level of residuals in units of their sigma."""
-        logs = np.log(np.maximum(ratios, 1e-9))
-        return np.clip((logs - self._low) / self._width, 0, LEVELS - 1).astype(np.int64)
 
     def sigmas(self, scores: Array, kinds: Array, cameras: Array, sizes: Array, diagonals: Array) -> Array:
         """Standard deviations (D, J) px of joints of scores and kinds (D, J).
@@ -70,32 +65,32 @@ class NoiseTable:
         if not len(pixels):
             return
         self.learnt = True
-        bins = _bin(scores, kinds)
+        bins = bins_of(scores, kinds)
         share = pixels / diagonals[cameras]
         self.growth.learn(sizes, share / self.factors[cameras] / self.shares[bins])
         share = share / self.growth.factors(sizes)
-        levels = self._level(share / self.factors[cameras] / self._initial)
-        _add(self._scores, bins, levels, self._memory)
+        self._add(self._scores, bins, share / self.factors[cameras] / self._initial)
         self.shares = self._initial * self._median(self._scores) / RAYLEIGH_MEDIAN
-        levels = self._level(share / self.shares[bins])
-        _add(self._views, cameras, levels, self._memory)
+        self._add(self._views, cameras, share / self.shares[bins])
         self.factors = self._median(self._views) / RAYLEIGH_MEDIAN
+
+    def _add(self, table: Array, rows: Array, ratios: Array) -> None:
+        """Count residuals in units of their sigma into rows of a histogram; full rows forget."""
+        count_levels(table, rows, ratios, self._low, self._width)
+        table *= np.minimum(1.0, self._memory / table.sum(axis=1, keepdims=True))
 
     def _median(self, table: Array) -> Array:
         """Median of each row of a histogram, interpolated inside of its level."""
         return np.exp(self._low + self._width * median_levels(table))
 
 
-def _bin(scores: Array, kinds: Array) -> Array:
-    """Bin of scores in 0..1 and kinds."""
-    return SCORE_BINS * kinds + np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1)
-
-
-def _add(table: Array, rows: Array, levels: Array, memory: float) -> None:
-    """Count into a histogram; rows that hold more than `memory` forget in proportion."""
-    count_levels(table, rows, levels)
-    total = table.sum(axis=1, keepdims=True)
-    table *= np.minimum(1.0, memory / total)
+@njit(cache=True)
+def bins_of(scores, kinds):  # type: ignore[no-untyped-def]
+    """Bins (N,) of scores in 0..1 and kinds."""
+    result = np.empty(len(scores), np.int64)
+    for i in range(len(scores)):
+        result[i] = SCORE_BINS * kinds[i] + min(int(scores[i] * SCORE_BINS), SCORE_BINS - 1)
+    return result
 
 
 @njit(cache=True)
@@ -110,10 +105,11 @@ def look_up(scores, kinds, shares, scales):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def count_levels(table, rows, levels):  # type: ignore[no-untyped-def]
-    """table[rows, levels] += 1, as often as they occur."""
+def count_levels(table, rows, ratios, low, width):  # type: ignore[no-untyped-def]
+    """Count ratios (N,), at the levels of their logarithms, into these rows of a histogram, in place."""
     for i in range(len(rows)):
-        table[rows[i], levels[i]] += 1.0
+        level = (np.log(max(ratios[i], 1e-9)) - low) / width
+        table[rows[i], int(min(max(level, 0.0), LEVELS - 1.0))] += 1.0
 
 
 @njit(cache=True)

@@ -28,10 +28,10 @@ def agreed_shares(
         positions: (P, J, 3) m of the people found, NaN = missing. least: for people beyond doubt.
     """
     shares = np.full(len(positions), least)
-    established = np.append(prediction.established, False)[found.who]  # the last is for new people, -1
-    supporting = (found.grouping.member >= 0).sum(axis=1)
-    rows = np.flatnonzero((supporting == FEW_VIEWS) & ~established)
+    rows = np.flatnonzero((found.grouping.member >= 0).sum(axis=1) == FEW_VIEWS)
     if len(rows):
+        established = np.append(prediction.established, False)  # the last is for new people, -1
+        rows = rows[~established[found.who[rows]]]
         seeing = seeing_views(scene.evidence, positions[rows]).sum(axis=1)
         shares[rows[seeing > FEW_VIEWS]] = max(least, DOUBTED_SHARE)
     return shares
