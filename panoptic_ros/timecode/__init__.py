@@ -3,18 +3,19 @@
 In: `AudioBlock`s of one or several devices. Out: a `TimecodeReading` per word, with the fractional
 sample at which it starts and a standard deviation.
 
-How: clicks are bridged, a linear-phase high pass takes away DC and hum (`conditioning`); cell length
-and phase are those that give the largest energy of half-cell integrals, with no decisions on the way
+How: clicks are bridged, a linear-phase high pass takes away DC and hum (`conditioning`); cell length and
+phase are those that give the largest energy of half-cell integrals, with no decisions on the way
 (`acquisition`). The words of a stretch are then judged together against labels that count on, by a two-
-state Viterbi search over half cells, soft and free of polarity (`labels`), and, as echoes of a room turn
-the same bits in all of them, through the linear channel that explains them best (`echoes`). They are
-followed one by one against the label that must come next (`following`, `decoder`). A word's start is a
-least-squares fit of the known edge train to the samples (`timing`), with the shape of an edge and the
-droop of a coupling capacitor learnt from the words (`edge_shape`) and the speed from the last ones
-(`pace`). The stated deviation is what the scatter of edges and of words says, and what all edges of a word
-leave alike. A word that clicks or noise contradict is reported only between others that do not; user bits
-are the last that were certain, 0 before (`user_bits`). Loops are compiled (`kernels`, `fit_kernels`,
-`line_kernels`, `click_kernels`); `cells` is what they are tested against.
+state Viterbi search over half cells, soft and free of polarity (`labels`) but for what the sync word before
+each says of it (`levels`), and, as echoes of a room turn the same bits in all of them, through the linear
+channel that explains them best (`echoes`). They are followed one by one against the label that must come
+next (`following`, `decoder`). A word's start is a least-squares fit of the known edge train to the samples
+(`timing`), with the shape of an edge and the droop of a coupling capacitor learnt from the words
+(`edge_shape`) and the speed from the last ones (`pace`). The stated deviation is what the scatter of edges
+and of words says, and what all edges of a word leave alike. A word that clicks or noise contradict is
+reported only between others that do not; user bits are the last that were certain, 0 before (`user_bits`).
+Loops are compiled (`kernels`, `fit_kernels`, `line_kernels`, `click_kernels`); `cells` is what they are
+tested against.
 
 Limits: 23.976 to 30 fps at 0.78 to 1.27 times their speed, forwards and backwards, 8 to 96 kHz; down to
 -6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speed changes of 3 % at 3 Hz need 15 dB

@@ -140,7 +140,7 @@ def _words(sums: Array, begin: float, grid: Array) -> Iterator[Found]:
     if not even_parity(halves):
         first, count = first + 0.5, count - 1
         halves = halves[1 : 2 * count + 1]
-    bits = best_path(halves, np.full(count, FREE, np.int8))[1]
+    bits = best_path(halves, np.full(count, FREE, np.int8), 0.0)[1]
     if count < WORD_CELLS + 16:
         return
     for reverse in (False, True):

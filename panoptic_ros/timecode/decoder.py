@@ -17,12 +17,13 @@ from panoptic_ros.timecode.conditioning import Conditioner
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.edge_shape import EdgeShape
 from panoptic_ros.timecode.following import Follow
-from panoptic_ros.timecode.kernels import best_grid, drawn_grid, half_levels, moved_grid
+from panoptic_ros.timecode.kernels import best_grid, drawn_grid, moved_grid
 from panoptic_ros.timecode.labels import Verdict, judge, solve_labels
+from panoptic_ros.timecode.levels import WordLevels, word_levels
 from panoptic_ros.timecode.pace import Pace
 from panoptic_ros.timecode.rates import with_rate
 from panoptic_ros.timecode.timing import WordFit, fit_word
-from panoptic_ros.timecode.words import SYNC_ONLY, WORD_CELLS
+from panoptic_ros.timecode.words import SYNC, SYNC_ONLY, WORD_CELLS
 
 Array = np.ndarray
 HOP_SECONDS = 0.1
@@ -149,7 +150,7 @@ class LtcDecoder:
         """Follow what was found if its words have labels that count on."""
         sums = self._sums.values
         grids = _chain(sums, found) if search.most_bend else _row(sums, found, search, self._rate * self._up)
-        words = [_halves(sums, grid, found.reverse) for grid in grids]
+        words = [word_levels(sums, grid, found.reverse) for grid in grids]
         solution = solve_labels(words, found.reverse, self._config.agreeing_words)
         if solution is None:
             return False
@@ -184,7 +185,8 @@ class LtcDecoder:
 
     def _word_complete(self) -> bool:
         assert self._follow is not None
-        end = moved_grid(self._follow.grid, 0.5 * WORD_CELLS + 1.0)[0]
+        after = len(SYNC) if self._follow.reverse else 1.0  # cells that are listened to
+        end = moved_grid(self._follow.grid, 0.5 * WORD_CELLS + after)[0]
         return bool(end <= self._first + (len(self._sums.values) - 1) // self._up)
 
     def _next_word(self) -> Word | None:
@@ -192,27 +194,27 @@ class LtcDecoder:
         follow, sums = self._follow, self._sums.values
         assert follow is not None
         grid = self._fine_grid(follow.grid)
-        halves = _halves(sums, grid, follow.reverse)
-        verdict = follow.judge(halves)
+        levels = word_levels(sums, grid, follow.reverse)
+        verdict = follow.judge(levels)
         expected = verdict.good and follow.straight
-        if not verdict.good:
+        if not verdict.good or follow.misses:  # a grid that slips may fit labels that were not sent
             grid = best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
-            halves = _halves(sums, grid, follow.reverse)
-            verdict = follow.judge(halves)
-        word = self._timed(grid, halves, verdict.good, expected) if verdict.possible else None
+            levels = word_levels(sums, grid, follow.reverse)
+            verdict = follow.judge(levels)
+        word = self._timed(grid, levels, verdict.good, expected) if verdict.possible else None
         if word is None:
             follow.miss()
         if follow.misses >= self._config.lost_words:
             self._follow, self._held = None, []
         return word if word is not None and word.known else None
 
-    def _timed(self, grid: Array, halves: Array, good: bool, expected: bool) -> Word | None:
+    def _timed(self, grid: Array, levels: WordLevels, good: bool, expected: bool) -> Word | None:
         """The word with its exact start."""
         follow = self._follow
         assert follow is not None
         label, known = follow.label(good)
         known = known and (good or follow.started)
-        verdict = follow.bits(halves, label, good)
+        verdict = follow.bits(levels, label, good)
         forward = slice(None, None, -1 if follow.reverse else 1)
         bits = verdict.bits[forward]
         fit = self._fit(bits, follow.grid) if expected else None
@@ -240,12 +242,6 @@ class LtcDecoder:
         follow = self._follow
         assert follow is not None
         return fit_word(self._raw.values, self._first, bits, grid, self._rate, follow.shape, follow.bending)
-
-
-def _halves(sums: Array, grid: Array, reverse: bool) -> Array:
-    """Levels (160,) of the half cells of a word in the order of sending."""
-    levels = half_levels(sums, grid[0], grid[1], grid[2], -0.5 * WORD_CELLS, WORD_CELLS)
-    return np.ascontiguousarray(levels[::-1]) if reverse else levels
 
 
 def _row(sums: Array, found: Found, search: Search, rate: int) -> list[Array]:
@@ -280,10 +276,10 @@ def _drawn(sums: Array, grid: Array, reverse: bool) -> Array | None:
     if ends[0] < 0.0 or ends[1] > len(sums) - 1:
         return None
     for _ in range(2):
-        verdict: Verdict = judge(_halves(sums, grid, reverse), SYNC_ONLY)
+        verdict: Verdict = judge(word_levels(sums, grid, reverse), SYNC_ONLY)
         if not verdict.good:
             grid = best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
-            verdict = judge(_halves(sums, grid, reverse), SYNC_ONLY)
+            verdict = judge(word_levels(sums, grid, reverse), SYNC_ONLY)
         if not verdict.good:
             return None
         signs = np.ascontiguousarray(verdict.signs[::-1]) if reverse else verdict.signs

@@ -5,8 +5,9 @@ import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.timecode.edge_shape import EdgeShape
-from panoptic_ros.timecode.kernels import LEAST_NOISE, best_path, moved_grid, soft_bits
-from panoptic_ros.timecode.labels import NO_BITS, WORST_NATS, Counting, Solution, Verdict, judge
+from panoptic_ros.timecode.kernels import LEAST_NOISE, moved_grid, soft_bits
+from panoptic_ros.timecode.labels import WORST_NATS, Counting, Solution, Verdict, free_score, judge
+from panoptic_ros.timecode.levels import WordLevels
 from panoptic_ros.timecode.pace import Pace
 from panoptic_ros.timecode.rates import closest_rate, possible_rates
 from panoptic_ros.timecode.timing import WordFit
@@ -62,13 +63,13 @@ class Follow:
         """Whether the words so far lie on a line."""
         return self._pace.straight
 
-    def judge(self, halves: Array) -> Verdict:
-        """The word's levels (160,), in the order of sending, against the most likely label."""
+    def judge(self, levels: WordLevels) -> Verdict:
+        """The word against the most likely label."""
         labels = [counting.label(self.number) for counting, _ in self._countings]
         self._labels = [(_digits(label), label) for label in labels]
         self._wanted = {text: known_bits(label) for text, label in dict(self._labels).items()}
-        self._free = best_path(halves, NO_BITS)[0]
-        self._verdicts = {text: judge(halves, bits, self._free) for text, bits in self._wanted.items()}
+        self._free = free_score(levels)
+        self._verdicts = {text: judge(levels, bits, self._free) for text, bits in self._wanted.items()}
         return min(self._verdicts.values(), key=lambda verdict: verdict.nats)
 
     def label(self, good: bool) -> tuple[Timecode, bool]:
@@ -92,21 +93,22 @@ class Follow:
         self._keep([(c, n - least) for c, n in heard if n < least + RULED_OUT_NATS])
         return labels[best][1], not doubtful
 
-    def bits(self, halves: Array, label: Timecode, good: bool) -> Verdict:
+    def bits(self, levels: WordLevels, label: Timecode, good: bool) -> Verdict:
         """The bits of the word judged last, user bits as those of others unless it clearly has its own."""
         text = _digits(label)
         wanted = self._wanted[text].copy()
         wanted[USER_BITS] = self.user.likely
-        same = judge(halves, wanted, self._free)
+        same = judge(levels, wanted, self._free)
         free = self._verdicts[text]
         if not good or (self.user.certain and same.nats - free.nats < OTHER_NATS):
             return same
-        square, level = float(halves @ halves) / len(halves), free.level
+        halves, level = levels.halves, free.level
+        square = float(halves @ halves) / len(halves)
         noise = max(square - level * level, (LEAST_NOISE * level) ** 2)
-        soft = soft_bits(halves, self._wanted[text])[USER_BITS] * (level / noise)
+        soft = soft_bits(halves, self._wanted[text], levels.before)[USER_BITS] * (level / noise)
         self.user.hear(soft, same.nats - free.nats, free.share > CLEAN_SHARE)
         wanted[USER_BITS] = self.user.likely
-        return judge(halves, wanted, self._free)
+        return judge(levels, wanted, self._free)
 
     def rate(self, sample_rate: int) -> FrameRate:
         """The rate of those still possible whose words are as long as the ones heard."""

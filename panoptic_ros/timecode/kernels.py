@@ -125,7 +125,7 @@ def sync_means(bits: Array, pattern: Array, word: int) -> Array:
 
 
 @_jit
-def best_path(halves: Array, wanted: Array) -> tuple[float, Array, Array]:
+def best_path(halves: Array, wanted: Array, before: float) -> tuple[float, Array, Array]:
     """The bits that explain half-cell levels best (Viterbi), some of which may be given.
 
     At every cell's start the level changes sign, in the middle of a one it does so again: the state
@@ -134,12 +134,13 @@ def best_path(halves: Array, wanted: Array) -> tuple[float, Array, Array]:
     Args:
         halves: (2 N,).
         wanted: (N,) 0, 1 or `FREE`.
+        before: sum of levels that speaks for a positive first half.
 
-    Returns: the sum of levels times signs, the bits (N,), the signs (2 N,).
+    Returns: the sum of levels times signs and of what is before, the bits (N,), the signs (2 N,).
     """
     count = len(wanted)
     one_into = np.empty((count, 2), np.bool_)
-    plus, minus = 0.0, 0.0
+    plus, minus = before, -before
     for k in range(count):
         zero, one = halves[2 * k] + halves[2 * k + 1], halves[2 * k] - halves[2 * k + 1]
         plus_one, minus_one, plus_zero, minus_zero = plus + one, minus - one, minus - zero, plus + zero
@@ -162,8 +163,8 @@ def best_path(halves: Array, wanted: Array) -> tuple[float, Array, Array]:
 
 
 @_jit
-def soft_bits(halves: Array, wanted: Array) -> Array:
-    """How much better (N,) the best path through a one is than that through a zero, bit by bit."""
+def soft_bits(halves: Array, wanted: Array, before: float) -> Array:
+    """How much better (N,) the best path through a one is than that through a zero, see `best_path`."""
     count = len(wanted)
     after = np.zeros((count + 1, 2))
     for k in range(count - 1, -1, -1):
@@ -177,19 +178,19 @@ def soft_bits(halves: Array, wanted: Array) -> Array:
                 of_zero = -np.inf
             after[k, state] = max(of_one, of_zero)
     soft = np.zeros(count)
-    before = np.zeros(2)
+    until = np.array([before, -before])
     for k in range(count):
         zero, one = halves[2 * k] + halves[2 * k + 1], halves[2 * k] - halves[2 * k + 1]
-        ones = np.array([before[0] + one, before[1] - one])  # by the next state
-        zeros = np.array([before[1] - zero, before[0] + zero])
+        ones = np.array([until[0] + one, until[1] - one])  # by the next state
+        zeros = np.array([until[1] - zero, until[0] + zero])
         if wanted[k] == FREE:
             of_one = max(ones[0] + after[k + 1, 0], ones[1] + after[k + 1, 1])
             soft[k] = of_one - max(zeros[0] + after[k + 1, 0], zeros[1] + after[k + 1, 1])
-            before[0], before[1] = max(ones[0], zeros[0]), max(ones[1], zeros[1])
+            until[0], until[1] = max(ones[0], zeros[0]), max(ones[1], zeros[1])
         elif wanted[k] == 1:
-            before = ones
+            until = ones
         else:
-            before = zeros
+            until = zeros
     return soft
 
 
@@ -252,15 +253,18 @@ def edge_places(bits: Array) -> Array:
 
 
 @_jit
-def verdict(halves: Array, wanted: Array, free: float) -> tuple[float, float, float, float, Array, Array]:
-    """How given bits fit levels.
+def verdict(
+    halves: Array, wanted: Array, before: float, free: float
+) -> tuple[float, float, float, float, Array, Array]:
+    """How given bits fit levels, see `best_path`.
 
     Returns: by how many nats worse than the best bits, which score `free`; the level; the share of
     the levels' magnitude that is explained; the least level of a tenth; bits and signs, see `best_path`.
     """
-    score, bits, signs = best_path(halves, wanted)
+    score, bits, signs = best_path(halves, wanted, before)
     count = len(halves)
-    level = score / count
+    told = score - before * signs[0]
+    level = told / count
     square, total = 0.0, 0.0
     tenths = np.zeros(10)
     for k in range(count):
@@ -269,7 +273,7 @@ def verdict(halves: Array, wanted: Array, free: float) -> tuple[float, float, fl
         tenths[10 * k // count] += halves[k] * signs[k]
     noise = max(square / count - level * level, (LEAST_NOISE * level) ** 2)
     nats = level * (free - score) / noise if noise > 0.0 else np.inf
-    share = score / total if total > 0.0 else 0.0
+    share = told / total if total > 0.0 else 0.0
     return nats, level, share, tenths.min() * 10.0 / count, bits, signs
 
 
@@ -281,11 +285,11 @@ def compile_kernels() -> None:
     half_levels(sums, 200.0, 20.0, 0.0, -4.0, 8)
     best_grid(sums, grid, -4.0, 8, few, few, few)
     scan_lengths(sums, 0.0, 200.0, np.array([10.0]), 2)
-    _, _, signs = best_path(halves, wanted)
-    soft_bits(halves, wanted)
+    _, _, signs = best_path(halves, wanted, 0.0)
+    soft_bits(halves, wanted, 0.0)
     sync_means(wanted, wanted[:4], 4)
     moved_grid(grid, 1.0)
     edge_places(wanted)
     edge_places(wanted[::-1])
     drawn_grid(sums, grid, signs, 1.0, 2)
-    verdict(halves, wanted, 0.0)
+    verdict(halves, wanted, 0.0, 0.0)

@@ -18,6 +18,7 @@ from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.errors import ClockError
 from panoptic_ros.timecode.echoes import echo_nats
 from panoptic_ros.timecode.kernels import FREE, LEAST_NOISE, best_path, soft_bits, verdict
+from panoptic_ros.timecode.levels import WordLevels
 from panoptic_ros.timecode.words import COUNTINGS, SYNC_ONLY, TABLES, USER_BITS, WORD_CELLS, known_bits
 
 Array = np.ndarray
@@ -57,20 +58,24 @@ class Verdict:
     possible: bool
 
 
-def judge(halves: Array, wanted: Array, free: float | None = None) -> Verdict:
+def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdict:
     """Judge a word.
 
     Args:
-        halves: (160,) levels of its half cells in the order of sending.
         wanted: (80,) the label's bits.
         free: the score of the best path without a label, if known.
     """
     if free is None:
-        free = best_path(halves, NO_BITS)[0]
-    nats, level, share, tenth, bits, signs = verdict(halves, wanted, free)
+        free = free_score(levels)
+    nats, level, share, tenth, bits, signs = verdict(levels.halves, wanted, levels.before, free)
     good = level > 0.0 and nats < GOOD_NATS and share > LEAST_QUALITY and tenth > LEAST_TENTH * level
     possible = nats < POSSIBLE_NATS and share > POSSIBLE_QUALITY and tenth > POSSIBLE_TENTH * level > 0.0
     return Verdict(nats, bits, signs, level, share, good, possible)
+
+
+def free_score(levels: WordLevels) -> float:
+    """Of the best path without a label."""
+    return best_path(levels.halves, NO_BITS, levels.before)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,18 +99,17 @@ class Solution:
     user: Array
 
 
-def solve_labels(words: Sequence[Array], reverse: bool, least_good: int) -> Solution | None:
+def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) -> Solution | None:
     """The countings of consecutive words, the first of which has number 0.
 
     Args:
-        words: levels (160,) of the half cells of each, in the order of sending.
         least_good: words that must be readable.
     """
     if len(words) < least_good:
         return None
     step = -1 if reverse else 1
-    free = [best_path(halves, NO_BITS)[0] for halves in words]
-    soft = np.array([_soft_nats(halves, score) for halves, score in zip(words, free)])
+    free = [free_score(levels) for levels in words]
+    soft = np.array([_soft_nats(levels, score) for levels, score in zip(words, free)])
     judged: dict[tuple[str, ...], _Judged] = {}
     for counting in _proposals(soft, step):
         labels = tuple(counting.label(number) for number in range(len(words)))
@@ -114,8 +118,8 @@ def solve_labels(words: Sequence[Array], reverse: bool, least_good: int) -> Solu
             if counting not in judged[key].countings:
                 judged[key].countings.append(counting)
             continue
-        verdicts = [judge(halves, known_bits(label), score)
-            for halves, label, score in zip(words, labels, free)
+        verdicts = [judge(levels, known_bits(label), score)
+            for levels, label, score in zip(words, labels, free)
         ]
         judged[key] = _Judged(verdicts, [counting])
     ranked = sorted(judged.values(), key=lambda item: item.nats)
@@ -141,7 +145,7 @@ class _Judged:
         return self._good >= max(least_good, 0.5 * len(self.signs))
 
 
-def _through_echoes(words: Sequence[Array], ranked: list[_Judged], reverse: bool) -> _Judged | None:
+def _through_echoes(words: Sequence[WordLevels], ranked: list[_Judged], reverse: bool) -> _Judged | None:
     """The best labels, or those near them that explain the words better through echoes; None in doubt."""
     clear = len(ranked) == 1 or ranked[1].nats >= ranked[0].nats + AHEAD_NATS
     crowded = len(ranked) > DOUBTFUL and ranked[DOUBTFUL].nats < ranked[0].nats + AHEAD_NATS
@@ -151,7 +155,7 @@ def _through_echoes(words: Sequence[Array], ranked: list[_Judged], reverse: bool
     if len(near) == 1:
         return near[0]
     turn = slice(None, None, -1 if reverse else 1)
-    levels = [halves[turn] for halves in words]
+    levels = [word.halves[turn] for word in words]
     nats = [echo_nats(levels, [signs[turn] for signs in item.signs]) for item in near]
     first, second = np.argsort(nats)[:2]
     if clear and nats[first] > nats[0] - CONTRADICTION_NATS:
@@ -159,11 +163,12 @@ def _through_echoes(words: Sequence[Array], ranked: list[_Judged], reverse: bool
     return near[first] if nats[first] < nats[second] - AHEAD_NATS else None
 
 
-def _soft_nats(halves: Array, score: float) -> Array:
+def _soft_nats(levels: WordLevels, score: float) -> Array:
     """Soft bits in nats, none of which outweighs the other words."""
-    level = score / len(halves)
+    halves = levels.halves
+    level = (score - abs(levels.before)) / len(halves)
     noise = max(float(halves @ halves) / len(halves) - level * level, (LEAST_NOISE * level) ** 2, 1e-30)
-    return np.clip(level * soft_bits(halves, SYNC_ONLY) / noise, -WORST_NATS, WORST_NATS)
+    return np.clip(level * soft_bits(halves, SYNC_ONLY, levels.before) / noise, -WORST_NATS, WORST_NATS)
 
 
 def _proposals(soft: Array, step: int) -> Iterator[Counting]:

@@ -43,7 +43,7 @@ def test_a_linear_channel_explains_the_signs_that_were_sent_and_no_others() -> N
         for turned in ((31, 32), (41, 42), (52, 53)):
             assert echo_nats(levels, list(signs_of(labels, turned))) > right + 16.0
         assert abs(echo_nats(levels, list(-sent)) - right) < 1e-6  # of no polarity
-        read = [best_path(word, NO_BITS)[2] for word in levels]
+        read = [best_path(word, NO_BITS, 0.0)[2] for word in levels]
         assert echo_nats(levels, read) > right - 1e-6
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import timecode_rate, word_bits
 from panoptic_ros.timecode.labels import judge, solve_labels
+from panoptic_ros.timecode.levels import WordLevels
 from panoptic_ros.timecode.rates import closest_rate, possible_rates
 from panoptic_ros.timecode.words import COUNTINGS, DROP_RATE, known_bits
 
@@ -26,7 +27,7 @@ def halves_of(label: Timecode, noise: float, rng: np.random.Generator) -> np.nda
 def stretch(rate: str, first: int, step: int, count: int, noise: float, seed: int = 0) -> tuple[list, list]:
     rng = np.random.default_rng(seed)
     labels = [Timecode.from_frame_count(first + step * k, timecode_rate(rate)) for k in range(count)]
-    return labels, [halves_of(label, noise, rng) for label in labels]
+    return labels, [WordLevels(halves_of(label, noise, rng)) for label in labels]
 
 
 @settings(max_examples=25, deadline=None)
@@ -55,26 +56,36 @@ def test_turns_of_seconds_minutes_hours_and_days(rate: str, count: int) -> None:
 
 def test_noise_and_words_that_do_not_count_have_no_labels() -> None:
     rng = np.random.default_rng(1)
-    assert solve_labels(list(rng.standard_normal((12, 160))), False, 3) is None
+    assert solve_labels([WordLevels(halves) for halves in rng.standard_normal((12, 160))], False, 3) is None
     _, words = stretch("25", 1000, 1, 6, 0.1)
     assert solve_labels(words, False, 3) is not None
     assert solve_labels(words, True, 3) is None  # they count the other way
     assert solve_labels(words[:2], False, 3) is None
     assert solve_labels([words[k] for k in (0, 3, 1, 5, 2, 4)], False, 3) is None
-    random = [halves_of(Timecode.from_frame_count(int(n), timecode_rate("25")), 0.1, rng)
+    random = [WordLevels(halves_of(Timecode.from_frame_count(int(n), timecode_rate("25")), 0.1, rng))
               for n in rng.integers(0, 2_000_000, 6)]  # fmt: skip
     assert solve_labels(random, False, 3) is None
 
 
 def test_verdicts() -> None:
-    (right, wrong), (halves, _) = stretch("30", 1000, 1, 2, 0.1)
-    assert judge(halves, known_bits(right)).good
-    assert judge(-3.0 * halves, known_bits(right)).good
-    assert not judge(halves, known_bits(wrong)).good
-    cut = halves.copy()
+    (right, wrong), (word, _) = stretch("30", 1000, 1, 2, 0.1)
+    assert judge(word, known_bits(right)).good
+    assert judge(WordLevels(-3.0 * word.halves), known_bits(right)).good
+    assert not judge(word, known_bits(wrong)).good
+    cut = word.halves.copy()
     cut[120:] = 0.0
-    assert not judge(cut, known_bits(right)).good
-    assert not judge(np.zeros(160), known_bits(right)).good
+    assert not judge(WordLevels(cut), known_bits(right)).good
+    assert not judge(WordLevels(np.zeros(160)), known_bits(right)).good
+
+
+def test_the_word_before_tells_labels_that_differ_in_bit_0_only() -> None:
+    """Alone, a word says it by its first half cell; a sync word with the other polarity says it 32 times."""
+    (even, odd), (word, _) = stretch("30", 1000, 1, 2, 0.1)
+    assert judge(word, known_bits(odd)).nats < 20.0
+    sign = float(np.sign(word.halves[0]))
+    told = WordLevels(word.halves, 32.0 * sign)
+    assert judge(told, known_bits(even)).good
+    assert judge(told, known_bits(odd)).nats > 60.0
 
 
 def test_rates_by_counting_and_length() -> None:

@@ -82,19 +82,22 @@ def wave(bits: tuple[int, ...], sign: int) -> list[int]:
 @given(
     st.lists(st.floats(-1.0, 1.0), min_size=12, max_size=12),
     st.lists(st.sampled_from([0, 1, FREE]), min_size=6, max_size=6),
+    st.sampled_from([0.0, -3.0, 0.5]),
 )
-def test_paths_and_soft_bits_are_the_most_likely_ones(levels: list[float], wanted: list[int]) -> None:
+def test_paths_and_soft_bits_are_the_most_likely_ones(
+    levels: list[float], wanted: list[int], before: float
+) -> None:
     """Brute force over all words of six bits and both polarities."""
     halves, given_bits = np.array(levels), np.array(wanted, np.int8)
     scores: dict[tuple[int, ...], float] = {}
     for bits in itertools.product((0, 1), repeat=6):
         if all(want in (FREE, bit) for want, bit in zip(wanted, bits)):
-            scores[bits] = max(float(np.dot(levels, wave(bits, sign))) for sign in (1, -1))
-    score, found, signs = best_path(halves, given_bits)
+            scores[bits] = max(float(np.dot(levels, wave(bits, sign))) + sign * before for sign in (1, -1))
+    score, found, signs = best_path(halves, given_bits, before)
     assert score == pytest.approx(max(scores.values()), abs=1e-9)
     assert scores[tuple(found)] == pytest.approx(score, abs=1e-9)
     assert list(signs) in [wave(tuple(found), sign) for sign in (1, -1)]
-    soft = soft_bits(halves, given_bits)
+    soft = soft_bits(halves, given_bits, before)
     for k in np.flatnonzero(given_bits == FREE):
         one, zero = (max(s for bits, s in scores.items() if bits[k] == value) for value in (1, 0))
         assert soft[k] == pytest.approx(one - zero, abs=1e-9)
@@ -109,7 +112,7 @@ def test_grids_move_and_are_drawn_to_the_edges() -> None:
     signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("30")), 1, 48000, lead=50.5, tail=50)
     sums = np.concatenate([[0.0], np.cumsum(signal.samples.astype(float))])
     guess = np.array([852.3, 20.03, 2e-5])
-    _, bits, signs = best_path(half_levels(sums, *guess, -40.0, 80), np.full(80, FREE, np.int8))
+    _, bits, signs = best_path(half_levels(sums, *guess, -40.0, 80), np.full(80, FREE, np.int8), 0.0)
     assert bits.tolist() == word_bits(signal.labels[0])
     drawn = drawn_grid(sums, guess, signs, 0.25, 3)
     for value, expected, tolerance in zip(drawn, [850.5, 20.0, 0.0], [0.05, 0.002, 2e-6]):
@@ -133,7 +136,7 @@ def test_cells_of_a_clean_signal() -> None:
     signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("30")), 2, 48000, lead=50.5)
     sums = np.concatenate([[0.0], np.cumsum(signal.samples.astype(float))])
     halves = half_cells(sums, 50.5, 20.0, 160)
-    score, bits, _ = best_path(halves, np.full(160, FREE, np.int8))
+    score, bits, _ = best_path(halves, np.full(160, FREE, np.int8), 0.0)
     assert bits.tolist() == [bit for label in signal.labels for bit in word_bits(label)]
     assert score > 0.999 * np.abs(halves).sum()
     np.testing.assert_allclose(half_levels(sums, 50.5, 20.0, 0.0, 0.0, 160), halves, atol=1e-12)

@@ -222,6 +222,17 @@ def test_a_jump_of_the_labels_is_reported_once() -> None:
     assert codes == ["timecode.jump"]
 
 
+@pytest.mark.parametrize("frames", [4, 5, 12])
+def test_timecode_that_stands_still_is_not_read_on(frames: int) -> None:
+    """The next label differs in bit 0 only, in two bits, in three; grids slip along with the words."""
+    signal = make("24", 12, 16000, count=24 * 3600 + frames - 11, lead=300.0)
+    last, end = int(signal.starts[-1]), int(2 * signal.starts[-1] - signal.starts[-2])
+    repeated = [signal.samples[last:end]] * 12
+    readings = decode(blocks(np.concatenate([signal.samples[:end], *repeated]), 16000))
+    assert len(readings) >= 12
+    assert {str(reading.timecode) for reading in readings} <= {str(label) for label in signal.labels}
+
+
 def test_midnight() -> None:
     signal = make("29.97df", 40, 48000, 24 * 107_892 - 20)
     readings = decode(blocks(signal.samples, 48000))
