@@ -80,10 +80,17 @@ class Sides:
         limbs.sort(key=lambda pair: _distance(skeleton, pair[1], skeleton.head))
         self.torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None  # shoulders, hips
 
-    def right_way(self, positions: Array) -> Array:
-        """(P, G) in -1..1 for skeletons (P, J, 3): 1 = as anatomy has it, -1 = exchanged, 0 = cannot say."""
+    def right_way(self, positions: Array, views: Array | None = None) -> Array:
+        """(P, G) in -1..1 for skeletons (P, J, 3): 1 = as anatomy has it, -1 = exchanged, 0 = cannot say.
+
+        Args:
+            views: (P, J) behind each joint. Where one view alone has placed a joint it says nothing: a
+                shoulder somewhere on its ray turns the torso round.
+        """
         if self.torso is None:
             return np.zeros((len(positions), len(self._pairs)))
+        if views is not None:
+            positions = np.where(views[..., None] >= 2, positions, np.nan)
         return sides_of_nose(positions, np.array(self._pairs), np.array(self.torso), self._head)
 
     def of_body(self, positions: Array) -> Array:

@@ -84,7 +84,7 @@ class AssemblyStage:
         people, found, observed, motion = self._solve(evidence, item, prediction)
         if self._config.temporal_guidance:
             exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
-            exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions)
+            exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions, people.views)
             self._guidance.update(
                 found.who[people.kept], people.positions, people.covariances, exchanged, people.views
             )

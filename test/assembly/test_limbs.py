@@ -32,6 +32,17 @@ def test_sides_follow_the_nose(scenes):
     assert (sides.right_way(blank[None]) == 0.0).all()
 
 
+def test_joints_that_one_view_placed_do_not_turn_the_body_round(scenes):
+    groups, _ = limb_groups(scenes.skeleton)
+    sides = Sides(scenes.skeleton, groups)
+    names = list(scenes.skeleton.joint_names)
+    body, views = scenes.person(), np.full((1, 19), 2)
+    body[names.index("lShoulder")] += [0.4, -0.2, 0.0]  # on its ray, in front of the nose
+    assert sides.right_way(body[None], views).min() < 0.0
+    views[0, names.index("lShoulder")] = 1
+    assert (sides.right_way(body[None], views) == 0.0).all()
+
+
 def test_views_vote_by_what_they_see(scenes):
     groups, _ = limb_groups(scenes.skeleton)
     source = np.tile(np.arange(19), (1, 3, 1))
