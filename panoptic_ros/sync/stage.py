@@ -58,6 +58,7 @@ class SyncStage:
         self._closed: int | None = None  # the newest instant whose set was given or left out
         self._stamp = -1  # of the newest set
         self._newest = -1
+        self._first: int | None = None  # the newest stamp when the first frames came
         self._index = 0
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
@@ -177,7 +178,9 @@ class SyncStage:
         needed = min(FIRST_FRAMES, self._config.queue_limit)
         enough = all(len(q.frames) >= needed or q.ended for q in queues.values())
         oldest = min(q.frames[0].stamp for q in queues.values() if q.frames)
-        overdue = 0 < self._deadline_ns < self._newest - oldest
+        if self._first is None:
+            self._first = self._newest  # the first frames of a camera come several at once
+        overdue = 0 < self._deadline_ns < self._newest - self._first
         if not (enough or overdue or final):
             return None
         periods = {
