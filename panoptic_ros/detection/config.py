@@ -47,9 +47,9 @@ class DetectionConfig(Config):
         doc="Someone whose joints coincide this much with those of a better person is dropped; 1 = never.",
     )
     depth_margin: float = param(
-        0.4, unit="m", ge=0.0, le=100.0,
-        doc="With depth maps: a camera sees a joint that lies so little behind the measured surface, as it "
-        "is inside of a body, perhaps behind the person's own arm. Above 65: depth maps hide nothing.",
+        1.0, unit="m", ge=0.0, le=100.0,
+        doc="With depth maps: a camera sees a joint that lies so little behind the measured surface, as nets "
+        "know joints behind the person's own arm, or just behind somebody. Above 65: depth maps hide nothing.",
     )
 
 
