@@ -49,7 +49,7 @@ class DetectionConfig(Config):
     depth_margin: float = param(
         1.0, unit="m", ge=0.0, le=100.0,
         doc="With depth maps: a camera sees a joint that lies so little behind the measured surface, as nets "
-        "know joints behind the person's own arm, or just behind somebody. Above 65: depth maps hide nothing.",
+        "know joints behind the person's own arm, or just behind somebody. Above 65: nothing is hidden.",
     )
 
 
