@@ -26,7 +26,7 @@ class DepthPairing:
 
     Args:
         cameras: that have depth; the images of others do not wait.
-        patience_ns: None = for ever (replay).
+        patience_ns: of images, and so long depth maps are kept for one; None = for ever (replay).
     """
 
     def __init__(self, cameras: Iterable[str], patience_ns: int | None):
@@ -51,7 +51,11 @@ class DepthPairing:
         """A depth map has come; the pairs that are ready now."""
         if camera not in self._images:
             return []
-        self._depths[camera].append((stamp_ns, depth))
+        depths = self._depths[camera]
+        if self._patience is not None:  # those of a camera whose images fail must not pile up
+            while depths and not 0 <= stamp_ns - depths[0][0] <= self._patience:
+                depths.popleft()
+        depths.append((stamp_ns, depth))
         return self._ready(camera, None)
 
     def end(self, camera: str) -> list[Pair]:

@@ -1,10 +1,17 @@
 """Pairs depend on stamps alone, and nobody waits for ever."""
+import weakref
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from panoptic_ros.graph.depth_pairing import DepthPairing
 
 MS = 1_000_000
+
+
+class Blob:
+    def __init__(self, number):
+        self.number = number
 
 
 def run(order, images, depths, patience=None):
@@ -50,3 +57,22 @@ def test_live_an_image_waits_no_longer_than_the_patience():
     assert pairing.image("a", 0, 1) == []
     assert pairing.image("a", 90 * MS, 2) == []
     assert pairing.image("a", 120 * MS, 3) == [("a", 0, 1, None)]
+
+
+def test_live_depth_maps_of_failing_images_do_not_pile_up():
+    pairing = DepthPairing(["a"], 100 * MS)
+    kept = []
+    for number in range(50):
+        blob = Blob(number)
+        kept.append(weakref.ref(blob))
+        assert pairing.depth("a", number * 33 * MS, blob) == []
+    del blob
+    assert [ref().number for ref in kept if ref()] == [46, 47, 48, 49]
+    assert pairing.image("a", 49 * 33 * MS, 1)[0].depth.number == 49
+
+
+def test_live_depth_maps_of_before_a_clock_was_set_back_are_forgotten():
+    pairing = DepthPairing(["a"], 100 * MS)
+    assert pairing.depth("a", 900 * MS, "before") == []
+    assert pairing.depth("a", 10 * MS, "after") == []
+    assert pairing.image("a", 10 * MS, 1) == [("a", 10 * MS, 1, "after")]
