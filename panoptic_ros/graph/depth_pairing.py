@@ -32,6 +32,7 @@ class DepthPairing:
     def __init__(self, cameras: Iterable[str], patience_ns: int | None):
         self._images: dict[str, deque[tuple[int, Any]]] = {camera: deque() for camera in cameras}
         self._depths: dict[str, deque[tuple[int, Any]]] = {camera: deque() for camera in self._images}
+        self._over: set[str] = set()  # cameras whose depth has ended
         self._patience = patience_ns
 
     @property
@@ -59,10 +60,9 @@ class DepthPairing:
         return self._ready(camera, None)
 
     def end(self, camera: str) -> list[Pair]:
-        """The camera gives no more depth maps: nothing waits any more."""
-        waiting = self._images.pop(camera, deque())
-        depths = self._depths.pop(camera, deque())
-        return [Pair(camera, stamp, image, _of(depths, stamp)) for stamp, image in waiting]
+        """The camera gives no more depth maps: no image waits any more, those to come take what there is."""
+        self._over.add(camera)
+        return self._ready(camera, None) if camera in self._images else []
 
     def _ready(self, camera: str, late: int | None) -> list[Pair]:
         images, depths = self._images[camera], self._depths[camera]
@@ -70,7 +70,8 @@ class DepthPairing:
         while images:
             stamp, image = images[0]
             found = _of(depths, stamp)
-            if found is None and not depths and (late is None or stamp >= late):
+            waits = late is None or stamp >= late
+            if found is None and not depths and waits and camera not in self._over:
                 break
             images.popleft()
             pairs.append(Pair(camera, stamp, image, found))

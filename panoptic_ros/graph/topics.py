@@ -42,6 +42,8 @@ TOPICS: dict[str, Topic] = {
         Topic("compressed_image", "{camera}/image_raw/compressed", "ViewFrame",
               "sensor_msgs/msg/CompressedImage", "camera"),
         Topic("depth", "{camera}/depth_registered/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera"),
+        Topic("compressed_depth", "{camera}/depth_registered/image_raw/compressedDepth", "ViewFrame",
+              "sensor_msgs/msg/CompressedImage", "camera"),
         Topic("camera_info", "{camera}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
         Topic("detections", "{camera}/detections", "ViewDetections",
               "panoptic_msgs/msg/ViewDetections", "camera"),

@@ -12,12 +12,13 @@ from typing import Any
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.bags import BagReader
-from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of
+from panoptic_ros.io.messages import depth_from_message, frame_from_message, from_message, stamp_of
 from panoptic_ros.io.messages.family import decode_cdr
 
 SECOND = 1_000_000_000
 JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recording's have jumped
 TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
+DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the last is read
 LOOKED_AT = 20  # messages that tell the rate
 
 
@@ -48,7 +49,7 @@ class BagStream:
             yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
 
     def record(self, message: Any, number: int) -> Any:
-        """The `ViewDetections`, or the `ViewFrame` of that number, in a message.
+        """The `ViewDetections`, the `ViewFrame` of that number, or the depth map (h, w) m in a message.
 
         Raises:
             DataError: naming the bag and the topic.
@@ -56,6 +57,8 @@ class BagStream:
         try:
             if self.key == "detections":
                 return from_message(message, "ViewDetections")
+            if self.key in DEPTH_KEYS:
+                return depth_from_message(message, self.camera)
             return frame_from_message(message, self.camera, number)
         except DataError as error:
             raise self._named(error) from None

@@ -15,11 +15,15 @@ from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.quality import data_quality
 from panoptic_ros.nodes.streams import StreamEnds
 
+PARAMETERS = {"depths": "depth", "compressed_depths": "compressed_depth"}  # and the topic that each means
 PATIENCE_NS = 200_000_000  # live: by so much, in stamps, an image waits for its depth map
 
 
 class DepthInput:
-    """Images go through it: those of cameras of the node's parameter `depths` wait for their depth maps.
+    """Images go through it: those of cameras that have depth maps wait for them.
+
+    The node's parameter `depths` names the cameras whose maps come as images, `compressed_depths` those
+    whose maps come as compressedDepth.
 
     All calls come on the executor's thread.
 
@@ -28,9 +32,12 @@ class DepthInput:
     """
 
     def __init__(self, node: Node, flow: Flow, put: Callable[[Pair], None]):
-        named = node.declare_parameter("depths", Parameter.Type.STRING_ARRAY).value or []
+        self._kinds = {
+            camera: key for parameter, key in PARAMETERS.items()
+            for camera in node.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or []
+        }  # fmt: skip
         self._node, self._flow, self._put = node, flow, put
-        self._pairing = DepthPairing(named, None if flow.name == "replay" else PATIENCE_NS)
+        self._pairing = DepthPairing(self._kinds, None if flow.name == "replay" else PATIENCE_NS)
         self._topics: dict[str, str] = {}  # full name -> camera
         self._subscriptions: list[Any] = []
 
@@ -55,7 +62,7 @@ class DepthInput:
             self._put_all(self._pairing.depth(camera, stamp_of(message.header), message))
             ends.taken(name)
 
-        topic, quality = TOPICS["depth"], data_quality(self._flow, images=True)
+        topic, quality = TOPICS[self._kinds[camera]], data_quality(self._flow, images=True)
         subscription = self._node.create_subscription(
             message_class(topic.message), topic.of(camera), receive, quality
         )

@@ -57,9 +57,9 @@ class StageNode(Node):
     counted, reported on /diagnostics and dropped; any other error ends the node (see `fault`).
 
     Parameters: those of the stage's configuration; `flow` (live or replay), `window` (see
-    `graph.flow`), `cameras` (only these; empty: all of the rig), `depths` (detection: the cameras whose
-    images come with depth maps), `devices` (audio devices),
-    `audio_rate` and `audio_channels` (of audio_common_msgs, which do not tell).
+    `graph.flow`), `cameras` (only these; empty: all of the rig), `depths` and
+    `compressed_depths` (detection, see `DepthInput`), `devices` (audio devices), `audio_rate` and
+    `audio_channels` (of audio_common_msgs, which do not tell).
     """
 
     def __init__(

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import captures
+import cv2
 import numpy as np
 import pytest
 from recordings import write_bag
@@ -163,3 +164,35 @@ class TestImages:
 
     def test_skeleton_for_detections_is_not_asked_for(self, tmp_path):
         assert run(tmp_path, "--bag", self.bag(tmp_path / "b", (1280, 720)))[0] == 0
+
+    @pytest.mark.parametrize("in_process", [True, False])
+    def test_with_compressed_depth_maps(self, tmp_path, in_process, capsys):
+        path = self.bag(tmp_path / "images", (1280, 720))
+        levels = np.full((90, 160), 3000, np.uint16)
+        packed = np.concatenate([np.zeros(12, np.uint8), cv2.imencode(".png", levels)[1].reshape(-1)])
+        with BagReader(path) as old, BagWriter(tmp_path / "b") as new:
+            for topic, stamp, data, kind in old.raw():
+                new.write_raw(topic, kind, stamp, bytes(data))
+            for name, topic, how in (
+                ("cam0", "/cam0/depth_registered/image_raw/compressedDepth", "png"),
+                ("cam1", "/elsewhere/compressedDepth", "png"),
+                ("cam2", "/lab/cam2/depth_registered/image_raw/compressedDepth", "rvl"),
+            ):
+                message = compressed_image_message(
+                    ViewFrame(name, 0, 0, np.zeros((8, 8, 3), np.uint8)), bag_messages(), 90
+                )
+                new.write(topic, 0, replace(message, format=f"16UC1; compressedDepth {how}", data=packed))
+        named = "--depth-topic", "cam1=/elsewhere/compressedDepth"
+        out, way = tmp_path / "out", ["--in-process"] if in_process else []
+        given = ["--bag", str(tmp_path / "b"), *named, "--out", str(out), "--no-pictures"]
+        assert main(["run", *given, *way]) == 0
+        said = "".join(capsys.readouterr())
+        assert "camera cam2 goes without its depth maps" in said and "rvl" in said
+        with BagReader(out / "bag") as bag:
+            limits = {
+                topic.split("/")[1]: message.limit_rows
+                for topic, _, message in bag.messages() if topic.endswith("/detections")
+            }  # fmt: skip
+        assert limits["cam0"] and limits["cam1"] and not limits["cam2"] and not limits["cam3"]
+        assert main(["run", "--bag", str(path), *named, "--out", str(out)]) == 2
+        assert "no depth maps on /elsewhere" in capsys.readouterr().err

@@ -41,6 +41,14 @@ def test_pairs_do_not_depend_on_the_order_of_the_topics(order, images, depths):
     assert len({depth for _, depth in expected} - {None}) == sum(depth is not None for _, depth in expected)
 
 
+@given(stamps, stamps)
+def test_depth_maps_may_end_before_their_images_come(images, depths):
+    pairing = DepthPairing(["a"], None)
+    ready = [pair for stamp in depths for pair in pairing.depth("a", stamp, stamp)] + pairing.end("a")
+    ready += [pair for stamp in images for pair in pairing.image("a", stamp, stamp)]
+    assert [(pair.image, pair.depth) for pair in ready] == run("d" * 12, images, depths)
+
+
 def test_an_image_waits_for_its_depth_but_not_for_one_that_was_left_out():
     pairing = DepthPairing(["a"], None)
     assert pairing.image("b", 0, "other") == [("b", 0, "other", None)]

@@ -11,7 +11,23 @@ pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
 
 
-def test_images_go_on_with_their_depth_maps_and_after_the_last_without(ros):
+RAW = ("depths", "sensor_msgs/msg/Image", "a/depth_registered/image_raw")
+COMPRESSED = (
+    "compressed_depths", "sensor_msgs/msg/CompressedImage", "a/depth_registered/image_raw/compressedDepth"
+)  # fmt: skip
+
+
+def compressed(message):
+    """A CompressedImage with the stamp of a depth map; what is in it is nobody's business here."""
+    from panoptic_ros.nodes.family import ros_messages
+
+    return ros_messages().make(
+        "sensor_msgs/msg/CompressedImage", header=message.header, format="16UC1; compressedDepth png", data=[]
+    )
+
+
+@pytest.mark.parametrize(("parameter", "kind", "topic"), [RAW, COMPRESSED])
+def test_images_go_on_with_their_depth_maps_and_after_the_last_without(ros, parameter, kind, topic):
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
     from rclpy.parameter import Parameter
@@ -22,13 +38,12 @@ def test_images_go_on_with_their_depth_maps_and_after_the_last_without(ros):
     from panoptic_ros.nodes.streams import StreamEnds
 
     flow, pairs = make_flow("replay"), []
-    node = Node("taker", parameter_overrides=[Parameter("depths", value=["a"])])
+    node = Node("taker", parameter_overrides=[Parameter(parameter, value=["a"])])
     depths = DepthInput(node, flow, pairs.append)
     ends = StreamEnds(node, depths.over)
     depths.listen(["a", "b"], ends)
     source = Node("source")
-    kind = message_class("sensor_msgs/msg/Image")
-    publisher = source.create_publisher(kind, "a/depth_registered/image_raw", data_quality(flow, images=True))
+    publisher = source.create_publisher(message_class(kind), topic, data_quality(flow, images=True))
     frames = [
         ViewFrame("a", 10**9 * i, i, np.zeros((4, 6, 3), np.uint8), depth=np.full((2, 3), i, np.float32))
         for i in range(4)
@@ -38,7 +53,8 @@ def test_images_go_on_with_their_depth_maps_and_after_the_last_without(ros):
     depths.take_image("b", image_message(frames[0], ros_messages()))
     assert [pair.camera for pair in pairs] == ["b"]
     for frame in (frames[0], frames[2]):
-        publisher.publish(depth_message(frame, ros_messages()))
+        message = depth_message(frame, ros_messages())
+        publisher.publish(message if parameter == "depths" else compressed(message))
     announcer = StreamEnds(source, lambda topic: None)
     announcer.announce(publisher.topic_name, 2)
     executor = SingleThreadedExecutor()

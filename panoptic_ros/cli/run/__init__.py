@@ -18,6 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="a rosbag2 with detections or images; may be given several times")  # fmt: skip
     parser.add_argument("--topic", action="append", default=[], metavar="CAMERA=TOPIC",
                         help="with --bag: a camera's topic, where it does not tell by its name")  # fmt: skip
+    parser.add_argument("--depth-topic", action="append", default=[], metavar="CAMERA=TOPIC",
+                        help="with --bag: the same for the depth maps of a camera")  # fmt: skip
     parser.add_argument("--arrival-stamps", action="store_true",
                         help="with --bag: times of recording in place of the stamps in headers")  # fmt: skip
     parser.add_argument("--redetect", action="store_true",

@@ -12,7 +12,7 @@ from panoptic_ros.domain import Rig, SkeletonModel, ViewDetections
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import BagStream
+from panoptic_ros.io.bag_streams import DEPTH_KEYS, BagStream
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.models import read_card
@@ -36,8 +36,7 @@ def bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
         if args.cameras:
             rig = rig.subset(args.cameras.split(","))
         streams = _streams(args, bags, rig)
-        with_images = [s.camera for s in streams if s.key != "detections"]  # which know their depth
-        depths = _of_kind(args, bags, "depth", with_images, {})
+        depths, unreadable = _depths(args, bags, rig, streams)
         bag_of = {s: next(bag for bag in bags if bag.path == s.bag) for s in streams}
         counts = {s.camera: bag.counts[s.topic] for s, bag in bag_of.items()}
         absent = [name for name in rig.names if name not in counts]
@@ -54,7 +53,7 @@ def bag_plan(args: argparse.Namespace, parameters: dict[str, Any]) -> Plan:
         f"bag {_names(bags)}", rig, skeleton, configure(parameters), streams=streams + depths, stage=stage,
         depth_cameras=tuple(s.camera for s in depths), extras=extras, frame_count=sum(counts.values()),
         instants=max(counts.values()), frame_rate=rate,
-        notices=tuple(f"camera {name} of the rig is not in the bag" for name in absent),
+        notices=(*(f"camera {name} of the rig is not in the bag" for name in absent), *unreadable),
     )  # fmt: skip
 
 
@@ -73,6 +72,28 @@ def _streams(args: argparse.Namespace, bags: Sequence[BagReader], rig: Rig) -> t
         f"cameras {', '.join(rig.names)}; name their topics with --topic CAMERA=TOPIC; there are "
         f"{', '.join(sorted({t for bag in bags for t in bag.topics})) or 'no topics'}"
     )
+
+
+def _depths(
+    args: argparse.Namespace, bags: Sequence[BagReader], rig: Rig, streams: Sequence[BagStream]
+) -> tuple[tuple[BagStream, ...], list[str]]:
+    """The streams of depth maps of cameras with images, and a line for each that cannot be read."""
+    given = pairs(args.depth_topic, "--depth-topic")
+    for camera in given:
+        rig.camera(camera)  # a wrong name is told
+    cameras = [stream.camera for stream in streams if stream.key != "detections"]  # which know their depth
+    found = {s.camera: s for key in DEPTH_KEYS for s in _of_kind(args, bags, key, cameras, given)}
+    for camera, topic in given.items():
+        if camera not in found:
+            raise DataError(f"{_names(bags)}: no images of camera {camera}, or no depth maps on {topic}")
+    readable, problems = [], []
+    for stream in found.values():
+        try:
+            stream.first_record(next(bag for bag in bags if bag.path == stream.bag))
+            readable.append(stream)
+        except DataError as error:
+            problems.append(f"camera {stream.camera} goes without its depth maps: {error}")
+    return tuple(readable), problems
 
 
 def _of_kind(
@@ -102,8 +123,9 @@ def _find(bags: Sequence[BagReader], key: str, camera: str, given: str | None) -
     else:
         found = [row for row in rows if row[1] == usual] or [row for row in rows if row[1].endswith(usual)]
     if len(found) > 1:
+        option = "--depth-topic" if key in DEPTH_KEYS else "--topic"
         places = " and ".join(f"{topic} in {bag.path}" for bag, topic in found[:2])
-        raise DataError(f"camera {camera} may be {places}; choose with --topic {camera}=TOPIC or other bags")
+        raise DataError(f"camera {camera} may be {places}; choose with {option} {camera}=TOPIC or other bags")
     return found[0] if found else (bags[0], "")
 
 

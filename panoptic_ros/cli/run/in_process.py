@@ -17,7 +17,7 @@ from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.depth_pairing import DepthPairing, Pair
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import CHAIN, Pipeline
-from panoptic_ros.io.bag_streams import merged
+from panoptic_ros.io.bag_streams import DEPTH_KEYS, merged
 from panoptic_ros.io.messages import frame_from_message, from_message
 from panoptic_ros.stage import Notice, StageContext
 
@@ -111,7 +111,7 @@ def _pairs(plan: Plan, on_bad: Callable[[DataError], None]) -> Iterator[Pair]:
     """Messages of all cameras; images with their depth maps, as the detection node puts them together."""
     pairing = DepthPairing(plan.depth_cameras, None)
     for item in merged(plan.streams, on_bad):
-        take = pairing.depth if item.stream.key == "depth" else pairing.image
+        take = pairing.depth if item.stream.key in DEPTH_KEYS else pairing.image
         yield from take(item.stream.camera, item.stamp_ns, item.message)
     for camera in plan.depth_cameras:
         yield from pairing.end(camera)

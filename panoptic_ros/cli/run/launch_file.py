@@ -45,8 +45,12 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
     if plan.stage == "detection":
         compressed = bool(jpeg_quality) or any(s.key == "compressed_image" for s in plan.streams)
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
-            depths = [camera for camera in cameras if camera in plan.depth_cameras]
-            node = stage("detection", cameras=cameras, compressed=compressed, **_if_any("depths", depths))
+            packed = {s.camera for s in plan.streams if s.key == "compressed_depth"}
+            depths = {
+                "depths": [c for c in cameras if c in plan.depth_cameras and c not in packed],
+                "compressed_depths": [c for c in cameras if c in packed],
+            }
+            node = stage("detection", cameras=cameras, compressed=compressed, **_if_any(depths))
             processes[f"detection-{k}"] = [{**node, "name": f"detection_{k}"}]
     if plan.configs["offsets"].active:  # type: ignore[attr-defined]
         processes["offsets"] = [stage("offsets")]
@@ -57,9 +61,9 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
     return path
 
 
-def _if_any(parameter: str, names: list[str]) -> dict[str, list[str]]:
+def _if_any(parameters: dict[str, list[str]]) -> dict[str, list[str]]:
     """ROS knows no type for an empty list."""
-    return {parameter: names} if names else {}
+    return {name: values for name, values in parameters.items() if values}
 
 
 def _shares(cameras: list[str], live: bool) -> list[list[str]]:

@@ -8,6 +8,7 @@ from panoptic_ros.errors import UsageError
 _FILES = ("capture", "demo", "video")
 _MEANS_SOMETHING_FOR = {
     "arrival_stamps": ("bag",),
+    "depth_topic": ("bag",),
     "cameras": ("capture", "demo", "bag"),
     "frame_rate": (*_FILES, "device"),
     "jpeg": (*_FILES, "device"),

@@ -8,13 +8,14 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, ViewFrame
 from panoptic_ros.errors import DataError
+from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
+from panoptic_ros.io.messages.depths import depth_from_message
 from panoptic_ros.io.messages.family import Messages, stamp_of
 
 Array = np.ndarray
 _CHANNELS = {"bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4, "mono8": 1, "8UC1": 1,
              "bayer_rggb8": 1, "bayer_bggr8": 1, "bayer_gbrg8": 1, "bayer_grbg8": 1,
              "yuv422_yuy2": 2, "yuv422": 2}  # fmt: skip
-_DEPTHS = {"16UC1": np.uint16, "32FC1": np.float32}
 _TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "bgra8": cv2.COLOR_BGRA2BGR, "rgba8": cv2.COLOR_RGBA2BGR,
            "mono8": cv2.COLOR_GRAY2BGR, "8UC1": cv2.COLOR_GRAY2BGR,
            "bayer_rggb8": cv2.COLOR_BayerRGGB2BGR, "bayer_bggr8": cv2.COLOR_BayerBGGR2BGR,
@@ -68,23 +69,6 @@ def depth_message(frame: ViewFrame, family: Messages) -> Any:
     )
 
 
-def depth_from_message(message: Any, camera: str) -> Array:
-    """A depth map (h, w) float32 m from an Image of encoding 16UC1 (mm) or 32FC1 (m), as REP 118 has them.
-
-    Raises:
-        DataError: on another encoding or a wrong length.
-    """
-    encoding = str(message.encoding)
-    if encoding not in _DEPTHS:
-        raise DataError(
-            f"depth map of camera {camera} has encoding {encoding!r}; supported: 16UC1 (mm), 32FC1 (m)"
-        )
-    kind = np.dtype(_DEPTHS[encoding]).newbyteorder(">" if message.is_bigendian else "<")
-    depth = _rows(message, _bytes(message), kind.itemsize, f"depth map of camera {camera}")
-    depth = np.ascontiguousarray(depth).view(kind)
-    return depth.astype(np.float32) * np.float32(1e-3 if encoding == "16UC1" else 1.0)
-
-
 def frame_from_message(message: Any, camera: str, frame_number: int, depth: Any = None) -> ViewFrame:
     """A frame from Image or CompressedImage; the message has no number, so the caller counts.
 
@@ -94,46 +78,30 @@ def frame_from_message(message: Any, camera: str, frame_number: int, depth: Any 
     Raises:
         DataError: on encodings that are not supported, wrong lengths or broken JPEG.
     """
-    data = _bytes(message)
-    image = _decode(message, data, camera) if hasattr(message, "format") else _unpack(message, data, camera)
+    image = _decode(message, camera) if hasattr(message, "format") else _unpack(message, camera)
     depths = None if depth is None else depth_from_message(depth, camera)
     return ViewFrame(camera, stamp_of(message.header), frame_number, image, depth=depths)
 
 
-def _bytes(message: Any) -> Array:
-    if isinstance(message.data, bytes):
-        return np.frombuffer(message.data, np.uint8)
-    return np.asarray(message.data, np.uint8)
-
-
-def _decode(message: Any, data: Array, camera: str) -> Array:
+def _decode(message: Any, camera: str) -> Array:
+    data = byte_array(message)
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if image is None:
         raise DataError(f"compressed image of camera {camera} ({message.format!r}) cannot be decoded")
     return image
 
 
-def _unpack(message: Any, data: Array, camera: str) -> Array:
+def _unpack(message: Any, camera: str) -> Array:
     encoding, width, height = str(message.encoding), int(message.width), int(message.height)
     if encoding not in _CHANNELS:
         raise DataError(
             f"image of camera {camera} has encoding {encoding!r}; supported: {', '.join(_CHANNELS)}"
         )
-    rows = _rows(message, data, _CHANNELS[encoding], f"image of camera {camera}")
+    rows = pixel_rows(message, _CHANNELS[encoding], f"image of camera {camera}")
     pixels = rows.reshape(height, width, -1)
     if encoding in _TO_BGR:
         return cv2.cvtColor(np.ascontiguousarray(pixels), _TO_BGR[encoding])
     return pixels
-
-
-def _rows(message: Any, data: Array, pixel_bytes: int, what: str) -> Array:
-    """The bytes (height, width * pixel_bytes) of an image without the padding at the ends of its rows."""
-    width, height, step = int(message.width), int(message.height), int(message.step)
-    if not width or not height or step < width * pixel_bytes or data.size != step * height:
-        raise DataError(
-            f"{what}: {width} x {height} {message.encoding} with step {step} cannot have {data.size} bytes"
-        )
-    return data.reshape(height, step)[:, : width * pixel_bytes]
 
 
 def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:

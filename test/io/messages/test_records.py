@@ -33,8 +33,6 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.messages import (
     bag_messages,
     compressed_image_message,
-    depth_from_message,
-    depth_message,
     frame_from_message,
     from_message,
     image_message,
@@ -219,27 +217,3 @@ def test_damaged_messages_are_refused_or_read_but_never_break_the_reader(record)
         damage_something(message, own)
         with suppress(UserError):
             from_message(message, type(record).__name__)
-
-
-def test_depth_maps_of_both_encodings_of_rep_118():
-    metres = np.array([[1.5, 0.0, np.nan], [2.25, np.inf, 0.001]], np.float32)
-    frame = ViewFrame("cam0", 5, 0, np.zeros((4, 6, 3), np.uint8), depth=metres)
-    message = depth_message(frame, bag_messages())
-    assert message.encoding == "32FC1"
-    assert np.array_equal(depth_from_message(message, "cam0"), metres, equal_nan=True)
-    image = image_message(frame, bag_messages())
-    back = frame_from_message(image, "cam0", 0, message)
-    assert np.array_equal(back.depth, metres, equal_nan=True)
-    for order, bigendian in (("<", 0), (">", 1)):
-        padded = np.full((2, 5), 7777, f"{order}u2")
-        padded[:, :3] = [[1500, 0, 65535], [2250, 1, 2]]
-        message.encoding, message.step, message.is_bigendian = "16UC1", 10, bigendian
-        message.data = padded.view(np.uint8).reshape(-1)
-        expected = [[1.5, 0.0, 65.535], [2.25, 0.001, 0.002]]
-        assert depth_from_message(message, "cam0") == pytest.approx(np.array(expected))
-    message.encoding = "mono8"
-    with pytest.raises(DataError, match=r"encoding 'mono8'; supported: 16UC1 \(mm\), 32FC1 \(m\)"):
-        depth_from_message(message, "cam0")
-    message.encoding, message.step = "32FC1", 10
-    with pytest.raises(DataError, match="depth map of camera cam0: 3 x 2 32FC1 with step 10"):
-        depth_from_message(message, "cam0")
