@@ -17,6 +17,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import BSpline
 
+from panoptic_ros.timecode.baseline import Baseline
 from panoptic_ros.timecode.fit_kernels import gram_without, shape_rows
 
 Array = np.ndarray
@@ -64,7 +65,7 @@ class EdgeShape:
         return values + self.droop * _integral(values)
 
     def learn(
-        self, values: Array, low: int, grid: Array, places: Array, level: float, baseline: Array,
+        self, values: Array, low: int, grid: Array, places: Array, level: float, slow: Baseline,
         excess: float,
     ) -> None:  # fmt: skip
         """From a word whose fit has settled.
@@ -74,7 +75,7 @@ class EdgeShape:
             low: index of the first.
             grid, places: see `train_rows`.
             level: of the word, signed.
-            baseline: (T, N) orthonormal.
+            slow: what is left free.
             excess: variance of the word's edges over that from white noise.
         """
         count = len(values)
@@ -86,7 +87,7 @@ class EdgeShape:
         rows[OWN:-2] = shape_rows(low, count, grid, places, self._splines, self._knot, 4)
         rows[-2] = _integral(values) / -level
         rows[-1] = values / level
-        gram = gram_without(rows, baseline)
+        gram, _ = gram_without(rows, slow.basis, slow.step)
         own, shared = slice(0, OWN), slice(OWN, -1)
         gain = np.linalg.solve(gram[own, own], gram[own, OWN:])
         reduced = gram[OWN:, OWN:] - gram[OWN:, own] @ gain

@@ -101,23 +101,39 @@ def shape_rows(
 
 
 @_sum
-def products(one: Array, other: Array) -> Array:
-    """Of the rows of two matrices (I, N), (J, N); too small for a library that starts threads."""
-    out = np.empty((len(one), len(other)))
-    for i in range(len(one)):
-        for j in range(len(other)):
-            total = 0.0
-            for k in range(one.shape[1]):
-                total += one[i, k] * other[j, k]
-            out[i, j] = total
-    return out
+def hat_sums(rows: Array, step: int) -> Array:
+    """Products (I, K) of rows (I, N) with hats on every `step`-th sample, down to 0 on the next ones."""
+    count = rows.shape[1]
+    sums = np.zeros((len(rows), (count - 1) // step + 2))
+    for i in range(len(rows)):
+        row, out = rows[i], sums[i]
+        for j in range(step):
+            after = j / step
+            for k in range((count - 1 - j) // step + 1):
+                value = row[k * step + j]
+                out[k] += (1.0 - after) * value
+                out[k + 1] += after * value
+    return sums
 
 
 @_sum
-def gram_without(rows: Array, baseline: Array) -> Array:
-    """Products (I, I) of rows (I, N) without their part in an orthonormal baseline (T, N)."""
-    slow = products(rows, baseline)
-    out = np.empty((len(rows), len(rows)))
+def gram_without(rows: Array, basis: Array, step: int) -> tuple[Array, Array]:
+    """Products (I, I) of rows (I, N) without their part in a baseline, and that part (I, T).
+
+    Written out, since these are too small for a library that starts threads.
+
+    Args:
+        basis, step: see `baseline`.
+    """
+    sums = hat_sums(rows, step)
+    slow = np.empty((len(rows), len(basis)))
+    gram = np.empty((len(rows), len(rows)))
+    for i in range(len(rows)):
+        for j in range(len(basis)):
+            total = 0.0
+            for k in range(basis.shape[1]):
+                total += sums[i, k] * basis[j, k]
+            slow[i, j] = total
     for i in range(len(rows)):
         for j in range(i, len(rows)):
             total = 0.0
@@ -125,22 +141,21 @@ def gram_without(rows: Array, baseline: Array) -> Array:
                 total += rows[i, k] * rows[j, k]
             for k in range(slow.shape[1]):
                 total -= slow[i, k] * slow[j, k]
-            out[i, j] = out[j, i] = total
-    return out
+            gram[i, j] = gram[j, i] = total
+    return gram, slow
 
 
 @_jit
-def fit_step(rows: Array, baseline: Array) -> tuple[Array, Array, float, Array]:
+def fit_step(rows: Array, basis: Array, step: int) -> tuple[Array, Array, float, Array]:
     """Least squares of the last row by the others with a free baseline.
 
     Args:
         rows: see `train_rows`.
-        baseline: (T, N) orthonormal.
+        basis, step: see `baseline`.
 
     Returns: the solution, the inverse of the normal matrix, the squared error, the baseline's weights.
     """
-    slow = products(rows, baseline)
-    gram = products(rows, rows) - products(slow, slow)
+    gram, slow = gram_without(rows, basis, step)
     terms = len(gram) - 1
     normal, right = gram[:terms, :terms].copy(), gram[:terms, terms].copy()
     trace = np.trace(normal)
@@ -155,13 +170,17 @@ def fit_step(rows: Array, baseline: Array) -> tuple[Array, Array, float, Array]:
 
 
 @_jit
-def left_over(rows: Array, solution: Array, baseline: Array, weights: Array) -> Array:
+def left_over(rows: Array, solution: Array, basis: Array, step: int, weights: Array) -> Array:
     """What the fit does not explain (N,)."""
     error = rows[len(solution)].copy()
-    for k in range(len(weights)):
-        weight = weights[k]
-        for i in range(len(error)):
-            error[i] -= baseline[k, i] * weight
+    knots = np.zeros(basis.shape[1])
+    for j in range(len(weights)):
+        for k in range(len(knots)):
+            knots[k] += weights[j] * basis[j, k]
+    for j in range(step):
+        after = j / step
+        for k in range((len(error) - 1 - j) // step + 1):
+            error[k * step + j] -= (1.0 - after) * knots[k] + after * knots[k + 1]
     for k in range(len(solution)):
         factor = solution[k]
         for i in range(len(error)):
@@ -169,7 +188,7 @@ def left_over(rows: Array, solution: Array, baseline: Array, weights: Array) -> 
     return error
 
 
-@_jit
+@_sum
 def score_scatter(low: int, rows: Array, error: Array, grid: Array, places: Array, moves: int) -> Array:
     """Sum over batches of edges of the outer products of their scores, (moves, moves).
 
@@ -187,7 +206,10 @@ def score_scatter(low: int, rows: Array, error: Array, grid: Array, places: Arra
         if end <= begin:
             continue
         for j in range(moves):
-            score[j] = (rows[2 + j, begin:end] * error[begin:end]).sum()
+            total = 0.0
+            for i in range(begin, end):
+                total += rows[2 + j, i] * error[i]
+            score[j] = total
         for j in range(moves):
             for i in range(moves):
                 scatter[j, i] += score[j] * score[i]
@@ -195,7 +217,7 @@ def score_scatter(low: int, rows: Array, error: Array, grid: Array, places: Arra
     return scatter
 
 
-@_jit
+@_sum
 def misfit(low: int, rows: Array, error: Array, grid: Array, places: Array) -> float:
     """How far, in squared samples, what all edges leave alike may have moved them.
 
@@ -211,20 +233,25 @@ def misfit(low: int, rows: Array, error: Array, grid: Array, places: Array) -> f
                 mean[j] += sign * error[first + j]
             inside += 1
         sign = -sign
-    noise = SURELY * 2 * BESIDE * (error * error).mean() * inside
+    power, steep = 0.0, 0.0
+    for i in range(len(error)):
+        power += error[i] * error[i]
+        steep += rows[2, i] * rows[2, i]
+    noise = SURELY * 2 * BESIDE * power / len(error) * inside
     excess = max(0.0, (mean * mean).sum() - noise) / max(1, inside)
-    return excess / (2 * BESIDE - 1) / (rows[2] * rows[2]).sum()
+    return excess / (2 * BESIDE - 1) / steep
 
 
 @_jit
 def fit_train(
-    low: int, values: Array, grid: Array, places: Array, shape: Array, baseline: Array, limits: Array,
-    bending: bool,
+    low: int, values: Array, grid: Array, places: Array, shape: Array, basis: Array, step: int,
+    limits: Array, bending: bool,
 ) -> tuple[bool, Array, float, Array, Array, Array, float]:  # fmt: skip
     """Fit grid and level of a word with known edges by Gauss and Newton; samples far off are left out.
 
     Args:
         grid: (3,) a guess.
+        basis, step: see `baseline`.
         limits: see `timing.LIMITS`.
 
     Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without outliers,
@@ -237,10 +264,10 @@ def fit_train(
     nothing = np.zeros((3, 3))
     rows = np.zeros((1, 1))
     error = values
-    freedom = max(1, len(values) - len(baseline) - terms)
-    for step in range(int(steps)):
+    freedom = max(1, len(values) - len(basis) - terms)
+    for turn in range(int(steps)):
         rows = train_rows(low, clean, grid, places, shape, terms)
-        solution, inverse, square, weights = fit_step(rows, baseline)
+        solution, inverse, square, weights = fit_step(rows, basis, step)
         level = solution[0]
         if abs(level) < 1e-9 or not np.isfinite(solution).all():
             return False, grid, level, nothing, nothing, clean, 0.0
@@ -252,9 +279,9 @@ def fit_train(
         noise = np.sqrt(square / freedom)
         moved = max(abs(change[0]), half * abs(change[1]))
         finished = moved <= settled * sigma + 0.1 * noise / abs(level) * np.sqrt(inverse[2, 2])
-        if not finished and step + 1 < int(steps):
+        if not finished and turn + 1 < int(steps):
             continue
-        error = left_over(rows, solution, baseline, weights)
+        error = left_over(rows, solution, basis, step, weights)
         if cleaned or not finished:
             break
         spread = 1.4826 * np.median(np.abs(error[::4]))
@@ -282,9 +309,9 @@ def fit_train(
 @lru_cache(maxsize=1)
 def compile_fit() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
-    values, baseline = np.sin(np.arange(400.0)), np.ones((1, 400)) / 20.0
+    values, basis = np.sin(np.arange(400.0)), np.ones((1, 401)) / 20.0
     grid, places, shape = np.array([200.0, 20.0, 0.0]), np.arange(-4.0, 5.0), np.ones((2, 3, 4))
     limits = np.array([2.0, 0.1, 0.1, 4.0, 0.2, 1.0, 1.0])
-    fit_train(0, values, grid, places, shape, baseline, limits, False)
-    gram_without(baseline, baseline)
+    fit_train(0, values, grid, places, shape, basis, 1, limits, False)
+    gram_without(values[None], basis, 1)
     shape_rows(0, 400, grid, places, shape, 1.0, 2)

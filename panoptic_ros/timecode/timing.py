@@ -1,7 +1,7 @@
 """When exactly a word began: least squares of its known edge train on the raw samples.
 
 With the bits known, the signal is known up to start, cell length, level and its slow change, and a
-baseline below `BASELINE_HZ` (DC, hum), which is projected out. For white noise this is the
+baseline (DC, hum), which is projected out. For white noise this is the
 maximum-likelihood estimate, whose variance is that of Cramer and Rao for these edges. Besides the variance
 that white noise gives, there is one from what batches of edges say: there jitter and echoes show. What all
 edges leave alike, as clipping and wrong shapes do, stays unseen there: `unseen` says how much it may be.
@@ -13,13 +13,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from panoptic_ros.timecode.baseline import baseline
 from panoptic_ros.timecode.edge_shape import EdgeShape
 from panoptic_ros.timecode.fit_kernels import fit_train
 from panoptic_ros.timecode.kernels import edge_places
 from panoptic_ros.timecode.line_kernels import jumps
 
 Array = np.ndarray
-BASELINE_HZ = 330.0
 MARGIN = 0.25  # cells before the first and after the last edge
 STEPS = 8.0  # of Gauss and Newton
 SETTLED = 0.04  # standard deviations of an edge: the next step would be the square of that
@@ -73,9 +73,9 @@ class WordFit:
 
     def teach(self, shape: EdgeShape, sample_rate: int) -> None:
         """Let the word teach the shape of a step."""
-        baseline = _baseline_of(len(self.clean), sample_rate)
+        slow = baseline(len(self.clean), sample_rate)
         excess = self.observed[0, 0] / max(self.covariance[0, 0], 1e-12)
-        shape.learn(self.clean, self.low, self.grid, self.places, self.level, baseline, excess)
+        shape.learn(self.clean, self.low, self.grid, self.places, self.level, slow, excess)
 
 
 def fit_word(
@@ -103,9 +103,9 @@ def fit_word(
     values = raw[low - first_index : high - first_index]
     places = edge_places(bits)
     straight = shape.straighten(values)
+    slow = baseline(len(values), sample_rate)
     settled, found, level, covariance, observed, clean, unlike = fit_train(
-        low, straight, grid, places, shape.table, _baseline_of(len(values), sample_rate),
-        _limits(sample_rate), bending,
+        low, straight, grid, places, shape.table, slow.basis, slow.step, _limits(sample_rate), bending
     )  # fmt: skip
     if not settled:
         return None
@@ -121,20 +121,3 @@ def _limits(sample_rate: int) -> Array:
     """For `fit_train`."""
     sigma = max(EDGE_SECONDS * sample_rate, EDGE_SAMPLES)
     return np.array([STEPS, SETTLED, LOST, OUTLIER, GROSS, sigma, SHAKEN_SECONDS * sample_rate])
-
-
-def _baseline_of(count: int, sample_rate: int) -> Array:
-    return _baseline(count, max(4, int(2.0 * BASELINE_HZ * count / sample_rate)))
-
-
-@lru_cache(maxsize=64)
-def _baseline(count: int, terms: int) -> Array:
-    """Orthonormal slow functions (terms + 2, count).
-
-    Cosines are level at both ends; hum and what droop leaves are not: a line and a parabola come with them.
-    """
-    at = (np.arange(count) + 0.5) / count
-    slow = np.vstack([np.cos(np.pi * np.arange(terms)[:, None] * at), at, at * at])
-    basis = np.ascontiguousarray(np.linalg.qr(slow.T)[0].T)
-    basis.flags.writeable = False
-    return basis
