@@ -6,14 +6,13 @@ import importlib
 import os
 import signal
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NoReturn
 
 import panoptic_ros
 from panoptic_ros.errors import PanopticError, UsageError
+from panoptic_ros.io.kernel_cache import find_room_for_kernels, full_disk_told
 
 VERBS: dict[str, str] = {
     "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
@@ -38,7 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     name = f"panoptic {verb}".strip()
     try:
         args = _parser(verb).parse_args(arguments)
-        return int(importlib.import_module(f"panoptic_ros.cli.{args.verb}").run(args) or 0)
+        with full_disk_told():
+            return int(importlib.import_module(f"panoptic_ros.cli.{args.verb}").run(args) or 0)
     except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -94,14 +94,6 @@ def _listen_to_signals() -> None:
             signal.signal(number, end)
 
 
-def _find_room_for_kernels() -> None:
-    """numba keeps compiled kernels beside their source or in the home folder, and fails without both."""
-    places = [Path(panoptic_ros.__file__).parent, Path(os.environ.get("HOME", "/nowhere"))]
-    if "NUMBA_CACHE_DIR" not in os.environ and not any(os.access(place, os.W_OK) for place in places):
-        own = Path(tempfile.gettempdir()) / f"panoptic_ros-kernels-{os.getuid()}"
-        os.environ["NUMBA_CACHE_DIR"] = str(own)
-
-
 def program() -> None:
     """The installed program.
 
@@ -109,7 +101,7 @@ def program() -> None:
     interpreter would otherwise forget our exit code and kill itself with the signal.
     """
     _listen_to_signals()
-    _find_room_for_kernels()
+    find_room_for_kernels()
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -13,6 +13,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError
+from panoptic_ros.io.kernel_cache import find_room_for_kernels, full_disk_told
 
 
 @contextmanager
@@ -54,6 +55,7 @@ def run_nodes(
     Returns:
         the exit code: 0, or that of the error that ended a node, which is printed in one line.
     """
+    find_room_for_kernels()
     try:
         start_ros(arguments)
     except EnvironmentProblem as error:
@@ -62,14 +64,9 @@ def run_nodes(
     nodes: Sequence[Any] = ()
     executor = SingleThreadedExecutor()
     try:
-        nodes = make()
-        for node in nodes:
-            executor.add_node(node)
-        while rclpy.ok() and wanted():
-            executor.spin_once(timeout_sec=0.2)
-            sick = next((node for node in nodes if not node.healthy), None)
-            if sick is not None and rclpy.ok():  # the end by a signal may reach a node's thread first
-                raise sick.fault or ContractError(f"node {sick.get_name()} broke down; see above")
+        with full_disk_told():
+            nodes = make()
+            _spin(executor, nodes, wanted)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except PanopticError as error:
@@ -87,6 +84,16 @@ def run_nodes(
                 node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _spin(executor: Any, nodes: Sequence[Any], wanted: Callable[[], bool]) -> None:
+    for node in nodes:
+        executor.add_node(node)
+    while rclpy.ok() and wanted():
+        executor.spin_once(timeout_sec=0.2)
+        sick = next((node for node in nodes if not node.healthy), None)
+        if sick is not None and rclpy.ok():  # the end by a signal may reach a node's thread first
+            raise sick.fault or ContractError(f"node {sick.get_name()} broke down; see above")
 
 
 def leave(code: int) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.queues import Waiting
+from panoptic_ros.io.kernel_cache import full_disk_told
 from panoptic_ros.nodes.runtime import quiet_at_shutdown
 
 
@@ -85,8 +86,9 @@ class Worker:
                     return
             self._busy_since = time.monotonic()
             try:
-                for item in batch:
-                    self._work(item)
+                with full_disk_told():
+                    for item in batch:
+                        self._work(item)
             except PanopticError as error:
                 self.fault = error
                 return

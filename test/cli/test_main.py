@@ -1,5 +1,5 @@
 """The entry point: exit codes, one line per mistake, and interruptions whatever they come out as."""
-import os
+import errno
 import time
 
 import pytest
@@ -25,6 +25,8 @@ def raising(monkeypatch):
     [
         (DataError("x is bad"), 2, "panoptic config: x is bad"),
         (ContractError("a bug"), 1, "panoptic config: a bug"),
+        (OSError(errno.ENOSPC, "Disk full"), 2, "panoptic config: Disk full: make room, also where compiled "
+         "kernels are kept (50 MB beside the program, in the home folder, or in NUMBA_CACHE_DIR)"),
         (KeyboardInterrupt(), 2, "panoptic config: interrupted"),
     ],
 )
@@ -60,16 +62,3 @@ def test_help_of_every_verb(capsys, verb):
     with pytest.raises(SystemExit) as end:
         entry.main([verb, "--help"])
     assert end.value.code == 0 and f"panoptic {verb}" in capsys.readouterr().out
-
-
-def test_kernels_find_room_without_a_home(monkeypatch, tmp_path):
-    """A read-only installation and no home folder: numba would refuse to import."""
-    monkeypatch.setattr(os, "environ", {"HOME": str(tmp_path)})
-    entry._find_room_for_kernels()
-    assert "NUMBA_CACHE_DIR" not in os.environ
-    monkeypatch.setattr(os, "access", lambda place, mode: False)
-    entry._find_room_for_kernels()
-    assert "panoptic_ros-kernels" in os.environ["NUMBA_CACHE_DIR"]
-    monkeypatch.setattr(os, "environ", {"NUMBA_CACHE_DIR": "mine"})
-    entry._find_room_for_kernels()
-    assert os.environ["NUMBA_CACHE_DIR"] == "mine"
