@@ -14,6 +14,7 @@ from launch_ros.actions import Node
 
 from panoptic_ros.capture import depth_files, open_capture_folder
 from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.build import with_shared
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import ros_name
 from panoptic_ros.io.models import DEFAULT_MODEL
@@ -52,6 +53,7 @@ def start_graph(context):
     depths = find_depths(given)
     flow = given["flow"] or ("replay" if given["capture"] else "live")
     settings = yaml.safe_load(Path(given["config"]).read_text()) if given["config"] else {}
+    settings = with_shared(settings or {})
     audio = given["audio"].split()
     common = {"rig": str(rig_file), "flow": flow}
     quality = {"jpeg_quality": int(given["jpeg_quality"])}
@@ -66,7 +68,7 @@ def start_graph(context):
         own = {"camera": camera, **common, **quality, **source}
         actions.append(node("camera", f"camera_{ros_name(camera)}", own))
     for name, spec in NODES.items():
-        own = {"flow": flow, "cameras": list(sources), **(settings or {}).get(name, {})}
+        own = {"flow": flow, "cameras": list(sources), **settings.get(name, {})}
         if spec.takes[0] in ("audio", "timecode"):
             if not audio:
                 continue

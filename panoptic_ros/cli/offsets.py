@@ -2,23 +2,33 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.clocks_from_motion import find_clocks
-from panoptic_ros.io.files import write_json
-from panoptic_ros.offsets import CameraClocks
+from panoptic_ros.io.clock_offsets import SavedOffset, read_offsets, write_clocks
+from panoptic_ros.offsets import CameraClocks, regroup
 from panoptic_ros.params import Config
 from panoptic_ros.stage import StageContext
 
-FORMAT = "panoptic-offsets-1"
+
+def add_saved_option(parser: argparse.ArgumentParser) -> None:
+    """Offsets that were found before."""
+    parser.add_argument(
+        "--offsets", type=Path, metavar="FILE",
+        help="add these offsets, found before, to the stamps; for latencies that last (see docs/offsets.md)",
+    )  # fmt: skip
 
 
 def add_offset_options(parser: argparse.ArgumentParser) -> None:
-    """The options."""
+    """The options of a verb that solves a recording."""
+    add_saved_option(parser)
     parser.add_argument(
         "--offsets-from-motion", action="store_true",
         help="find the cameras' clock offsets and drifts from the motion of people, and correct the stamps",
@@ -39,18 +49,64 @@ def correct(
     """The sets with corrected stamps, if that is asked for; prints and writes what was found.
 
     Raises:
-        UsageError: on options without --offsets-from-motion.
+        UsageError: on options that do not go together.
     """
+    if args.offsets and args.offsets_from_motion:
+        raise UsageError("give --offsets FILE or --offsets-from-motion, which finds them anew, not both")
     if not args.offsets_from_motion:
         if args.offsets_out or args.trusted_camera:
             raise UsageError("--offsets-out and --trusted-camera need --offsets-from-motion")
-        return list(sets)
+        return list(sets) if args.offsets is None else _moved(sets, context, args)
     found = find_clocks(sets, context, configs, args.trusted_camera)
     if not args.quiet:
         print("\n".join(clock_lines(found.clocks)))
     if args.offsets_out:
-        write_json(args.offsets_out, clocks_document(found.clocks))
+        write_clocks(args.offsets_out, found.clocks)
     return found.sets
+
+
+def _moved(sets: Sequence[DetectionSet], context: StageContext, args: Any) -> list[DetectionSet]:
+    """The sets grouped anew by stamps plus saved offsets."""
+    saved = saved_offsets(args.offsets, context.rig.names)
+    if not args.quiet:
+        print("\n".join(saved_lines(saved, context.rig.names)))
+    frames = Counter(view.camera for item in sets for view in item.views)
+    corrections = {
+        name: np.full(count, 1e9 * saved[name].offset_s if name in saved else 0.0)
+        for name, count in frames.items()
+    }
+    return regroup(sets, corrections)
+
+
+def saved_offsets(path: Path, cameras: Sequence[str]) -> dict[str, SavedOffset]:
+    """The offsets of a file for these cameras.
+
+    Raises:
+        UsageError: if it corrects none of them.
+        DataError: if it cannot be read.
+    """
+    saved = {name: offset for name, offset in read_offsets(path).items() if name in cameras}
+    if not saved:
+        raise UsageError(f"{path} corrects none of the cameras {', '.join(cameras)}; leave --offsets out")
+    return saved
+
+
+def saved_lines(saved: Mapping[str, SavedOffset], cameras: Sequence[str]) -> list[str]:
+    """What is applied, in words."""
+    width = max(len(name) for name in cameras)
+    lines = ["offsets as saved (added to the stamps, without drifts):"]
+    for name in cameras:
+        text = "stamps kept"
+        if name in saved:
+            text = f"{1e3 * saved[name].offset_s:+8.2f} ms +- {1e3 * saved[name].offset_std_s:.2f}"
+        lines.append(f"  {name:<{width}}  {text}")
+    lines += [
+        f"  the clock of {name} drifts by {60e3 * saved[name].drift:+.1f} ms a minute: its offset does not "
+        "last, find it again"
+        for name in cameras
+        if name in saved and saved[name].drifts
+    ]
+    return lines
 
 
 def clock_lines(clocks: CameraClocks) -> list[str]:
@@ -78,26 +134,3 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
     if not clocks.converged:
         lines.append(f"  the estimate still moved after {clocks.iterations} iterations; trust it less")
     return lines
-
-
-def clocks_document(clocks: CameraClocks) -> dict[str, Any]:
-    """The clocks as JSON, SI units."""
-    cameras = [
-        {
-            "name": name,
-            "offset_s": float(clocks.offsets[c]),
-            "offset_std_s": float(clocks.deviations[c]),
-            "drift": float(clocks.drifts[c]),
-            "drift_std": float(clocks.drift_deviations[c]),
-            "known": bool(clocks.known[c]),
-            "applied": bool(clocks.applied[c]),
-            "strays_s": float(clocks.strays[c]),
-            "joint_speed_m_per_s": float(clocks.speed[c]),
-            "rays": int(clocks.rays[c]),
-        }
-        for c, name in enumerate(clocks.cameras)
-    ]
-    return {
-        "format": FORMAT, "reference_ns": clocks.reference_ns, "detector_bias_m": clocks.bias,
-        "iterations": clocks.iterations, "converged": clocks.converged, "cameras": cameras,
-    }  # fmt: skip

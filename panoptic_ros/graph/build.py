@@ -10,6 +10,8 @@ from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.params import Config, from_text, load
 from panoptic_ros.stage import Stage, StageContext
 
+SHARED = {("offsets", "delays_ms"): ("sync", "delays_ms")}  # what counts unless a parameter is given
+
 
 def resolve(path: str) -> Any:
     """The object that "module:name" names."""
@@ -37,9 +39,17 @@ def configure(values: Mapping[str, Mapping[str, Any]]) -> dict[str, Config]:
     """
     for stage in values:
         config_class(stage)
-    return {
-        stage: load(config_class(stage), values.get(stage, {}), where=f"{stage}.") for stage in NODES
-    }
+    given = with_shared(values)
+    return {stage: load(config_class(stage), given.get(stage, {}), where=f"{stage}.") for stage in NODES}
+
+
+def with_shared(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """{stage: {parameter: value}} with the parameters that two stages must agree in given to both."""
+    given = {stage: dict(own) for stage, own in values.items()}
+    for (stage, name), (other, source) in SHARED.items():
+        if source in given.get(other, {}):
+            given.setdefault(stage, {}).setdefault(name, given[other][source])
+    return given
 
 
 def parse_setting(text: str) -> tuple[str, str, Any]:

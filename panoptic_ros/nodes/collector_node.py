@@ -11,7 +11,7 @@ from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.nodes.family import message_class
-from panoptic_ros.nodes.quality import collecting_quality
+from panoptic_ros.nodes.quality import CLOCKS, collecting_quality
 from panoptic_ros.nodes.streams import StreamEnds
 
 
@@ -36,6 +36,7 @@ class CollectorNode(Node):
         for subscription in self._kept:
             self._open.add(subscription.topic_name)
             self._ends.watch(subscription.topic_name)
+        self._kept.append(self._subscribe("clock_models", ""))  # has no end
         self._kept.append(
             self.create_subscription(
                 message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", self._take_status, 100
@@ -60,10 +61,11 @@ class CollectorNode(Node):
             except DataError as error:
                 self.bad_messages += 1
                 self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
-            self._ends.taken(subscription.topic_name)
+            if not topic.latched:
+                self._ends.taken(subscription.topic_name)
 
-        kind = message_class(topic.message)
-        subscription = self.create_subscription(kind, topic.of(camera), take, self._quality)
+        kind, quality = message_class(topic.message), CLOCKS if topic.latched else self._quality
+        subscription = self.create_subscription(kind, topic.of(camera), take, quality)
         return subscription
 
     def _end(self, topic: str) -> None:

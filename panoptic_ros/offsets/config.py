@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, param
+from panoptic_ros.params import Config, named_numbers, param
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,3 +27,12 @@ class OffsetsConfig(Config):
         doc="A camera whose stamps are right; empty: those of most cameras if they agree, else offsets "
         "have mean 0.",
     )
+    delays_ms: tuple[str, ...] = param(
+        (), unit="ms",
+        doc="What is known of the clocks already, as in sync.delays_ms and equal to it (its default); what "
+        "is found comes on top.",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        Config.__post_init__(self)
+        named_numbers("OffsetsConfig.delays_ms", self.delays_ms)

@@ -15,10 +15,12 @@ from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.estimate import fit_clocks
 from panoptic_ros.offsets.filter import ClockFilter
 from panoptic_ros.offsets.frames import CameraFrame, camera_frames
+from panoptic_ros.offsets.news import News
 from panoptic_ros.offsets.passes import PRIOR_DRIFT, PRIOR_OFFSET, SCALES
 from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.offsets.uncertainty import honest_information
-from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.params import named_numbers, of_name
+from panoptic_ros.stage import StageContext, StepResult
 
 Array = np.ndarray
 SECOND = 1_000_000_000
@@ -38,6 +40,8 @@ class OffsetsStage:
     def __init__(self, config: OffsetsConfig, context: StageContext):
         self._config, self._rig, self._skeleton = config, context.rig, context.skeleton
         self._arrays = RigArrays.of(context.rig)
+        delays = named_numbers("OffsetsConfig.delays_ms", config.delays_ms)
+        self._delays = {name: round(1e6 * of_name(delays, name)) for name in context.rig.names}
         if config.trusted_camera and config.trusted_camera not in context.rig.names:
             raise ConfigError(
                 f"offsets.trusted_camera = {config.trusted_camera!r} is no camera of the rig; it has "
@@ -55,7 +59,7 @@ class OffsetsStage:
         self._tracked: list[TrackedPoseSet] = []
         self._in_force: CameraClocks | None = None
         self._correcting = np.zeros(count, bool)
-        self._told = False
+        self._news = News(self._rig.names)
 
     def step(self, item: ViewDetections | TrackedPoseSet) -> StepResult[ClockModel]:
         """Take a view or tracked people.
@@ -86,7 +90,9 @@ class OffsetsStage:
         """Let a frame wait for the end of its block, if it is its camera's turn."""
         turn = self._turns.get(view.camera, self._arrays.index.get(view.camera, 0))
         if turn % -(-len(self._rig) // ALL_FRAMES) == 0:
-            single = DetectionSet(0, view.stamp_ns, view.skeleton_hash, (replace(view, maps=None),))
+            stamp = max(0, view.stamp_ns + self._delays.get(view.camera, 0))
+            bare = replace(view, maps=None, stamp_ns=stamp)
+            single = DetectionSet(0, stamp, view.skeleton_hash, (bare,))
             self._frames += camera_frames([single], self._arrays, self._skeleton)
         self._turns[view.camera] = turn + 1
 
@@ -97,15 +103,16 @@ class OffsetsStage:
         frames = [frame for frame in self._frames if self._master(frame) <= last]
         rest = [frame for frame in self._frames if self._master(frame) > last]
         inside = [frame for frame in frames if self._master(frame) >= first]
-        clocks, notices = self._estimate(inside, reference)
+        clocks, jumps = self._estimate(inside, reference)
         self._frames = deque(rest, maxlen=FRAME_LIMIT)
         self._tracked = self._tracked[-1:]
         self._in_force = clocks
         newly = clocks.applied & clocks.known
         models = [model for model, new in zip(clocks.models(), newly) if new]
-        return StepResult(tuple(models), notices)
+        return StepResult(tuple(models), self._news.of(clocks, jumps, 1e-9 * (last - first)))
 
-    def _estimate(self, frames: list[CameraFrame], reference: int) -> tuple[CameraClocks, tuple[Notice, ...]]:
+    def _estimate(self, frames: list[CameraFrame], reference: int) -> tuple[CameraClocks, Array]:
+        """The clocks, and how far (C,) s each of them has jumped."""
         count, before = len(self._rig), self._in_force
         if before is not None:
             self._filter.move(1e-9 * (reference - before.reference_ns))
@@ -128,18 +135,7 @@ class OffsetsStage:
         if before is not None:
             clocks = clocks.after(before, self._config.trusted_camera)
         self._correcting = clocks.applied
-        return clocks, (*_jump_notices(clocks, jumps), *self._notices(clocks))
-
-    def _notices(self, clocks: CameraClocks) -> tuple[Notice, ...]:
-        """Told once: which cameras' clocks are corrected."""
-        if self._told or not clocks.applied.any():
-            return ()
-        self._told = True
-        text = ", ".join(
-            f"{name} {1e3 * offset:+.1f} ms"
-            for name, offset, use in zip(clocks.cameras, clocks.offsets, clocks.applied) if use
-        )  # fmt: skip
-        return (Notice("offsets.corrected", "info", f"stamps are corrected from motion: {text}"),)
+        return clocks, jumps
 
     def _master(self, frame: CameraFrame) -> int:
         """Time of a frame on the time line of the tracked people."""
@@ -149,14 +145,3 @@ class OffsetsStage:
         since = frame.stamp_ns - clocks.reference_ns
         return frame.stamp_ns + round(1e9 * clocks.offsets[c] + clocks.drifts[c] * since)
 
-
-def _jump_notices(clocks: CameraClocks, jumps: Array) -> tuple[Notice, ...]:
-    return tuple(
-        Notice(
-            "offsets.jump", "warning",
-            f"the clock of camera {name} has jumped by about {-1e3 * jump:+.0f} ms against the others; what "
-            "was known of it is forgotten, and found anew from motion",
-            {"camera": name, "jump_s": -float(jump)},
-        )
-        for name, jump in zip(clocks.cameras, jumps) if jump
-    )  # fmt: skip

@@ -1,6 +1,8 @@
 """Clocks from motion while a bag is run."""
 from dataclasses import replace
 
+import numpy as np
+import pytest
 from recordings import write_bag
 
 from panoptic_ros.cli.main import main
@@ -31,7 +33,7 @@ def take():
     return simulation.rig, sets
 
 
-def test_run_takes_offsets_beside_the_chain(tmp_path):
+def test_run_finds_offsets_beside_the_chain_and_the_next_one_takes_them(tmp_path, capsys):
     rig, sets = take()
     views = sorted((v for item in sets for v in item.views), key=lambda v: v.stamp_ns)
     bag = write_bag(tmp_path / "bag", views, rig, SKELETON)
@@ -39,6 +41,23 @@ def test_run_takes_offsets_beside_the_chain(tmp_path):
     settings = ["--set", "offsets.active=true", "--set", "offsets.block_s=0.7"]
     assert main([*arguments, *settings]) == 0
     assert read_json(tmp_path / "out" / "skeletons.json.gz")["frames"]
+    saved = tmp_path / "saved.json"
+    (tmp_path / "out" / "offsets.json").rename(saved)
+    found = {camera["name"]: camera["offset_s"] for camera in read_json(saved)["cameras"]}
+    assert found[rig.names[1]] == pytest.approx(LATE_S, abs=4e-3)
+    assert any(f"from motion: {rig.names[1]} +" in text for text in told(tmp_path / "out"))
+
+    assert main([*arguments, "--offsets", str(saved)]) == 0  # from the first frame on
+    assert not (tmp_path / "out" / "offsets.json").exists()
+    assert any(text.startswith(f"{rig.names[1]}  ") and "+-" in text for text in told(tmp_path / "out"))
+    assert read_json(tmp_path / "out" / "skeletons.json.gz")["frames"][0]["skeletons"]
+
+    assert main([*arguments, "--offsets", str(saved), "--set", "sync.delays_ms=a=1"]) == 2
+    assert "--offsets" in capsys.readouterr().err
+
+
+def told(out):
+    return [notice["text"] for notice in read_json(out / "report.json")["notices"]]
 
 
 def test_solve_prints_and_writes_the_offsets(tmp_path, capsys):
@@ -55,3 +74,23 @@ def test_solve_prints_and_writes_the_offsets(tmp_path, capsys):
     found = [camera["offset_s"] for camera in cameras]
     assert abs(found[1] - LATE_S) < 2e-3 and cameras[1]["applied"]
     assert max(abs(offset) for i, offset in enumerate(found) if i != 1) < 2e-3
+
+    corrected = read_json(tmp_path / "s.json.gz")
+    assert main(["solve", *files, *out[:2], "--offsets", str(tmp_path / "offsets.json")]) == 0
+    assert f"{rig.names[1]}    +" in capsys.readouterr().out
+    again = read_json(tmp_path / "s.json.gz")
+    joints = [np.array(d["frames"][20]["skeletons"][0]["joints"], float) for d in (corrected, again)]
+    np.testing.assert_allclose(*joints, atol=2e-3)  # a drift of 50 ppm is all that is left out
+
+
+def test_offsets_that_cannot_be_meant_are_told(tmp_path, capsys):
+    rig, sets = take()
+    write_rig(tmp_path / "rig.json", rig)
+    write_detections(tmp_path / "detections.json.gz", JOINTS, sets[:2])
+    (tmp_path / "o.json").write_text('{"format": "panoptic-offsets-1", "cameras": []}')
+    files = ["--rig", str(tmp_path / "rig.json"), "--detections", str(tmp_path / "detections.json.gz")]
+    saved = ["--out", str(tmp_path / "s.json.gz"), "--offsets", str(tmp_path / "o.json")]
+    assert main(["solve", *files, *saved]) == 2
+    assert "corrects none of the cameras" in capsys.readouterr().err
+    assert main(["solve", *files, *saved, "--offsets-from-motion"]) == 2
+    assert "not both" in capsys.readouterr().err

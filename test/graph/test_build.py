@@ -56,3 +56,10 @@ def test_statistics_as_text():
     values = statistics.values()
     assert values["step_p50_ms"] == "2.000" and values["dropped.queue_full"] == "2"
     assert values["notice.sync.late_frame"] == "1"
+
+
+def test_what_two_stages_must_agree_in_is_given_to_both():
+    configs = configure({"sync": {"delays_ms": ["a=3"]}})
+    assert configs["offsets"].delays_ms == configs["sync"].delays_ms == ("a=3",)
+    configs = configure({"sync": {"delays_ms": ["a=3"]}, "offsets": {"delays_ms": ["a=4"]}})
+    assert configs["offsets"].delays_ms == ("a=4",)

@@ -103,6 +103,17 @@ def test_of_many_cameras_some_frames_of_each_are_kept(capture, monkeypatch):
     assert np.ptp(errors) < 3e-3
 
 
+def test_known_delays_are_left_out_of_what_is_found(capture):
+    delays = {name: round(1e3 * offset, 3) for name, offset in zip(capture.rig.names, capture.offsets)}
+    config = OffsetsConfig(
+        active=True, block_s=1.0, delays_ms=tuple(f"{name}={ms}" for name, ms in delays.items())
+    )
+    models, _ = run(capture, OffsetsStage(config, capture.context))
+    end = int(capture.ticks[-1])
+    for model in models:
+        assert abs(shift(model, end)) < 3e-3  # the drifts
+
+
 def test_off_by_default(capture):
     models, notices = run(capture, OffsetsStage(OffsetsConfig(), capture.context))
     assert models == notices == []

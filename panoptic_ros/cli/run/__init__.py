@@ -4,6 +4,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from panoptic_ros.cli.offsets import add_saved_option
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, number
 from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
     parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
                         help="stop after so many seconds")  # fmt: skip
+    add_saved_option(parser)
     add_parameter_options(parser)
 
 

@@ -44,7 +44,7 @@ def finish(
         frames_in={name: len(views) for name, views in results.views.items()},
         dropped=_dropped(counted),
         latency_ms=_latencies(counted),
-        notices=[*_plan_notices(plan), *notices],
+        notices=[*_plan_notices(plan), *_clock_notices(plan, results), *notices],
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
     )
     if pictures:
@@ -55,10 +55,11 @@ def finish(
 
 
 def _sets(plan: Plan, results: Results) -> list[DetectionSet]:
-    """The detection sets of the run, made once more from its views: sync is deterministic."""
+    """The detection sets of the run, made once more from its views, by the last clocks that it found."""
     stage = make_stage("sync", plan.configs["sync"], StageContext(plan.rig, plan.skeleton))
     views = sorted((v for views in results.views.values() for v in views), key=lambda v: v.stamp_ns)
-    return [item for r in (*map(stage.step, views), stage.flush()) for item in r.outputs]
+    steps = [stage.step(item) for item in (*results.clocks.values(), *views)]
+    return [item for result in (*steps, stage.flush()) for item in result.outputs]
 
 
 def _pictures(plan: Plan, results: Results, sets: list[DetectionSet]) -> None:
@@ -100,3 +101,16 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
 
 def _plan_notices(plan: Plan) -> list[Notice]:
     return [Notice(f"capture.{i}", "info", text) for i, text in enumerate(plan.notices)]
+
+
+def _clock_notices(plan: Plan, results: Results) -> list[Notice]:
+    """What was found of the clocks, where that was asked for."""
+    if not plan.configs["offsets"].active:  # type: ignore[attr-defined]
+        return []
+    found = [
+        f"{name} {1e-6 * model.offset_ns:+.2f} ms +- {1e3 * model.covariance[0, 0] ** 0.5:.2f}"
+        for name, model in sorted(results.clocks.items())
+    ]
+    kept = [name for name in plan.rig.names if name not in results.clocks]
+    words = (", ".join(names) or "none" for names in (found, kept))
+    return [Notice("offsets.found", "info", "stamps corrected from motion: {}; kept: {}".format(*words))]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import demo_capture, open_capture_folder, open_files
+from panoptic_ros.cli.offsets import saved_lines, saved_offsets
 from panoptic_ros.cli.options import read_parameters, with_defaults, with_occluders
 from panoptic_ros.cli.run.bag_plan import bag_plan
 from panoptic_ros.cli.run.plan import Plan, find_detector, pairs, require_two
@@ -40,7 +41,24 @@ def make_plan(args: argparse.Namespace) -> Plan:
     check_names(plan.rig.names)
     table = plan.configs["assembly"].bias_table  # type: ignore[attr-defined]
     rig = with_occluders(plan.rig, args.occluders)
+    plan = _with_offsets(plan, args.offsets)
     return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
+
+
+def _with_offsets(plan: Plan, path: Path | None) -> Plan:
+    """The plan with offsets that were found before as delays of the cameras."""
+    if path is None:
+        return plan
+    sync, offsets = plan.configs["sync"], plan.configs["offsets"]
+    if sync.delays_ms:  # type: ignore[attr-defined]
+        raise UsageError("--offsets and sync.delays_ms both tell how late stamps are; give one of them")
+    saved = saved_offsets(path, plan.rig.names)
+    delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())
+    configs = {
+        **plan.configs, "sync": replace(sync, delays_ms=delays), "offsets": replace(offsets, delays_ms=delays)
+    }  # fmt: skip
+    told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names))
+    return replace(plan, configs=configs, notices=(*plan.notices, *told))
 
 
 def _recorded_plan(

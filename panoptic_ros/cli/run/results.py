@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.cli.run.plan import Plan
-from panoptic_ros.domain import RefinedPoseSet, ViewDetections
+from panoptic_ros.domain import ClockModel, RefinedPoseSet, ViewDetections
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.clock_offsets import write_models
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.plain_formats import write_skeletons
+from panoptic_ros.params import named_numbers
 
 MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
 
@@ -65,6 +67,7 @@ class Results:
         self.folder = folder
         self.poses: list[RefinedPoseSet] = []
         self.views: dict[str, list[ViewDetections]] = {name: [] for name in plan.rig.names}
+        self.clocks: dict[str, ClockModel] = {}  # the newest of every camera whose clock was found
         self._plan = plan
         self._on_record = on_record
         self._bag = BagWriter(folder / "bag")
@@ -72,7 +75,7 @@ class Results:
         self._started = False
 
     def take(self, key: str, record: Any) -> None:
-        """A record of the topic of that key; others than detections and skeletons are not kept."""
+        """A record of the topic of that key; detections, skeletons and clocks are kept."""
         if key == "detections":
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns, record.camera)
@@ -82,13 +85,19 @@ class Results:
             self._write(key, record, record.stamp_ns)
             self._write_markers(record)
             self.poses.append(record)
+        elif key == "clock_models" and record.device in self.views:
+            self.clocks[record.device] = record
         self._on_record(key, record)
 
     def close(self) -> None:
-        """Write the skeletons and finish the bag."""
+        """Write the skeletons, and the clocks that were found, and finish the bag."""
         self._start(0)
         self._bag.close()
         write_skeletons(self.folder / "skeletons.json.gz", self._plan.skeleton.joint_names, self.poses)
+        if self.clocks:
+            config: Any = self._plan.configs["sync"]
+            delays = named_numbers("SyncConfig.delays_ms", config.delays_ms)
+            write_models(self.folder / "offsets.json", self.clocks.values(), delays)
 
     def __enter__(self) -> Results:
         return self

@@ -1,0 +1,105 @@
+"""The plain format of cameras' clock offsets that were found from motion: `panoptic-offsets-1`."""
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import ClockModel
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import read_json, write_json
+from panoptic_ros.offsets import CameraClocks
+from panoptic_ros.params import of_name
+
+FORMAT = "panoptic-offsets-1"
+SURE = 3.0  # standard deviations from which on a drift is more than chance
+
+
+@dataclass(frozen=True, slots=True)
+class SavedOffset:
+    """What a camera's stamps lack, s, and the drift of its clock; with standard deviations."""
+
+    offset_s: float
+    offset_std_s: float = 0.0
+    drift: float = 0.0
+    drift_std: float = 0.0
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the clock drifts for sure, so that the offset does not last."""
+        return abs(self.drift) > SURE * self.drift_std
+
+
+def write_clocks(path: Path, clocks: CameraClocks) -> None:
+    """Write an estimate from a recording, SI units."""
+    cameras = [
+        {
+            "name": name,
+            "offset_s": float(clocks.offsets[c]),
+            "offset_std_s": float(clocks.deviations[c]),
+            "drift": float(clocks.drifts[c]),
+            "drift_std": float(clocks.drift_deviations[c]),
+            "known": bool(clocks.known[c]),
+            "applied": bool(clocks.applied[c]),
+            "strays_s": float(clocks.strays[c]),
+            "joint_speed_m_per_s": float(clocks.speed[c]),
+            "rays": int(clocks.rays[c]),
+        }
+        for c, name in enumerate(clocks.cameras)
+    ]
+    document = {
+        "format": FORMAT, "reference_ns": clocks.reference_ns, "detector_bias_m": clocks.bias,
+        "iterations": clocks.iterations, "converged": clocks.converged, "cameras": cameras,
+    }  # fmt: skip
+    write_json(path, document)
+
+
+def write_models(path: Path, models: Iterable[ClockModel], delays_ms: Mapping[str, float]) -> None:
+    """Write the newest clocks of a run, all of which are in use.
+
+    Args:
+        delays_ms: what was added to stamps besides, see `SyncConfig.delays_ms`.
+    """
+    cameras = [
+        {
+            "name": model.device,
+            "offset_s": 1e-9 * model.offset_ns + 1e-3 * of_name(delays_ms, model.device),
+            "offset_std_s": float(np.sqrt(model.covariance[0, 0])),
+            "drift": model.drift,
+            "drift_std": float(np.sqrt(model.covariance[1, 1])),
+            "applied": True,
+            "reference_ns": model.reference_ns,
+        }
+        for model in models
+    ]
+    write_json(path, {"format": FORMAT, "cameras": cameras})
+
+
+def read_offsets(path: Path) -> dict[str, SavedOffset]:
+    """The offsets that are to be applied, by camera.
+
+    Raises:
+        DataError: naming the file and what is wrong with it.
+    """
+    document = read_json(path)
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise DataError(f"{path} is no {FORMAT} file; --offsets-out of `panoptic solve` writes one")
+    try:
+        return {
+            str(row["name"]): SavedOffset(*(_number(row, key) for key in SavedOffset.__slots__))
+            for row in document["cameras"]
+            if row["applied"]
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{path}: not as the format says: {error!r}") from None
+
+
+def _number(row: Mapping[str, Any], key: str) -> float:
+    value = float(row[key])
+    if not math.isfinite(value):
+        raise ValueError(f"{key} of {row['name']} is {value}")
+    return value
