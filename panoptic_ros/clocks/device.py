@@ -78,7 +78,8 @@ class DeviceClock:
         notices = self._check_rate(reading.timecode)
         stamp = max(0, reading.stamp_ns - self._delay_ns)
         expected, tolerance = self._expect(stamp)
-        master = self._timeline.master_ns(self._name, reading.timecode, expected)
+        onward = bool(self._points) and stamp > self._points[-1].device_ns  # time itself does not go back
+        master = self._timeline.master_ns(self._name, reading.timecode, expected if onward else None)
         noise = reading.std_samples * self._samples.period
         point = Point(stamp, master, reading.start_sample, noise)
         if expected is not None and abs(master - expected) > tolerance * SECOND:
@@ -131,11 +132,17 @@ class DeviceClock:
         gap = abs(stamp - last.device_ns) / SECOND
         model = self._model
         if model is None or model.segment != self._segment:
-            recent = [self._points[k] for k in range(max(0, len(self._points) - 5), len(self._points))]
-            ahead = sorted(point.master_ns - point.device_ns for point in recent)[len(recent) // 2]
+            count = len(self._points)
+            newest = [self._points[k] for k in range(max(0, count - FEW_POINTS), count)]
+            aheads = [point.master_ns - point.device_ns for point in newest]
+            ahead = sorted(aheads[-5:])[len(aheads[-5:]) // 2]
             drift = model.drift if model is not None else 0.0
+            base = self._config.jump_s
+            if len(aheads) >= 5:
+                scatter = (max(aheads) - min(aheads)) / SECOND
+                base = min(max(NOISE_FACTOR * scatter, LEAST_TOLERANCE), base)
             return stamp + ahead + round(drift * (stamp - last.device_ns)), (
-                self._config.jump_s + min(UNKNOWN_DRIFT * gap, LARGEST_GROWTH)
+                base + min(UNKNOWN_DRIFT * gap, LARGEST_GROWTH)
             )
         noise = self._config.jump_s if self._noise is None else NOISE_FACTOR * self._noise
         base = min(max(noise, LEAST_TOLERANCE), self._config.jump_s)
@@ -213,7 +220,8 @@ class DeviceClock:
             return None
         by_samples = (stray.sample - last.sample) * samples.period
         miss = (stray.master_ns - last.master_ns) / SECOND - by_samples
-        allowed = max(tolerance, 1e-3) + min(UNKNOWN_DRIFT * by_samples, LARGEST_GROWTH)
+        allowed = max(min(tolerance, self._config.jump_s), 1e-3)
+        allowed += min(UNKNOWN_DRIFT * by_samples, LARGEST_GROWTH)
         causes: dict[Cause, float] = {"timecode": abs(miss - jump / SECOND), "clock": abs(miss)}
         likely = min(causes, key=lambda cause: causes[cause])
         return likely if causes[likely] <= allowed else None

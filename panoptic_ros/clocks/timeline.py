@@ -47,12 +47,23 @@ class Timeline:
         self._places: dict[str, _Place] = {}
 
     def master_ns(self, device: str, timecode: Timecode, expected_ns: int | None = None) -> int:
-        """Master time of a label, on the day nearest to `expected_ns`, or to the device's newest time."""
+        """Master time of a label, on the day nearest to `expected_ns`, or to the device's newest time.
+
+        A day that another device has not lived through is not expected.
+        """
         place = self._places.get(device)
         if place is None:
             return self._join(device, timecode)
         raw = day_ns(timecode) + self._shifts[place.jumps]
-        return _nearest_day(raw, timecode, place.newest_ns if expected_ns is None else expected_ns)
+        if expected_ns is None or self._ahead_of_others(device, expected_ns - day_length_ns(timecode) // 2):
+            expected_ns = place.newest_ns
+        return _nearest_day(raw, timecode, expected_ns)
+
+    def _ahead_of_others(self, device: str, master_ns: int) -> bool:
+        """Whether there are other devices that are heard, and all of their times are before this one."""
+        silent = self.silent()
+        others = [p.newest_ns for n, p in self._places.items() if n != device and n not in silent]
+        return bool(others) and max(others) < master_ns
 
     def heard(self, device: str, master_ns: int) -> None:
         """A device has come to this master time."""

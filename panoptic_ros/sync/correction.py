@@ -4,6 +4,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,6 +20,7 @@ HELD = 64  # frames of a camera that wait for a clock
 GAP_S = 0.3  # a longer step between frames may hide a jump of the clock
 ODD_STEP = 0.2  # of a period, from whole periods
 PATIENCE_S = 2.0  # of frames, for a clock to be heard again after a gap
+BEFORE_JUMP = "its clock jumped before anything was known of it"
 RECENT = 9  # frame steps that tell a camera's period
 
 
@@ -113,6 +115,8 @@ class StampCorrection:
 
     def _release(self, camera: _Camera, notices: list[Notice]) -> list[ViewDetections]:
         """The held frames, if a model knows their time."""
+        if camera.newest is None:
+            self._drop_unknown(camera, notices)
         if not camera.held or camera.model is None:
             return []
         first, last = camera.held[0].stamp_ns, camera.held[-1].stamp_ns
@@ -131,6 +135,18 @@ class StampCorrection:
         camera.held.clear()
         camera.told = False
         return self._moved(views, camera.model, notices)
+
+    def _drop_unknown(self, camera: _Camera, notices: list[Notice]) -> None:
+        """A clock that jumps before its first model takes the time of the frames before with it."""
+        model, held = camera.model, camera.held
+        if model is None or model.segment == 0:
+            return
+        steps = [later.stamp_ns - view.stamp_ns for view, later in pairwise(held)]
+        jumps = [k + 1 for k, step in enumerate(steps) if not 0 < step <= GAP_S * SECOND]
+        for _ in range(jumps[-1] if jumps else 0):
+            notices.append(_lost(held.popleft(), BEFORE_JUMP))
+        while held and held[0].stamp_ns < model.from_ns:
+            notices.append(_lost(held.popleft(), BEFORE_JUMP))
 
     # ------------------------------------------------------------------ what is regular
 

@@ -23,6 +23,7 @@ class _Camera:
     period: int = 0
     back: deque[ViewDetections] = field(default_factory=lambda: deque(maxlen=HELD))
     early: list[ViewDetections] = field(default_factory=list)  # after a step of seconds
+    waits: int = 0  # arrivals since the first of these
     ahead: bool = False
     told: bool = False
     goes_on: bool = False  # it gave a good frame since others went back
@@ -47,8 +48,13 @@ class JumpGuard:
         self._anybody_early = False
         self._refused = 0  # frames since the last good one of any camera
 
-    def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
-        """The frames that may be grouped, on a time line that never goes back."""
+    def take(self, view: ViewDetections, arrived: bool = True) -> tuple[list[ViewDetections], list[Notice]]:
+        """The frames that may be grouped, on a time line that never goes back.
+
+        Args:
+            arrived: False for a frame that was held and comes together with the one before, so that it
+                does not show what other cameras do meanwhile.
+        """
         if self._shift:
             view = replace(view, stamp_ns=view.stamp_ns + self._shift)
         camera = self._cameras[view.camera]
@@ -56,7 +62,7 @@ class JumpGuard:
             return self._hold(camera, view)
         camera.back.clear()
         if self._live and self._steps_ahead(camera, view):
-            return self._wait(camera, view)
+            return self._wait(camera, view, arrived)
         self._accept(camera, view.stamp_ns)
         return [view], self._expose(camera) if self._anybody_early else []
 
@@ -84,22 +90,25 @@ class JumpGuard:
         step = view.stamp_ns - camera.newest
         return step > AHEAD_NS and step - (others - camera.others) > AHEAD_NS
 
-    def _wait(self, camera: _Camera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+    def _wait(
+        self, camera: _Camera, view: ViewDetections, arrived: bool
+    ) -> tuple[list[ViewDetections], list[Notice]]:
         """Either the clock jumped, or all had a pause: then another one steps on as well, or none goes on."""
         if camera.ahead:
-            self._refused += 1
+            self._refused += arrived
             return [], self._tell(camera, view, "ahead of the other cameras")
         camera.early.append(view)
+        camera.waits += arrived
         self._anybody_early = True
         paused = [
             c for c in self._cameras.values()
             if c.early and abs(c.early[-1].stamp_ns - view.stamp_ns) < AHEAD_NS
         ]  # fmt: skip
-        if len(paused) < 2 and len(camera.early) <= SURE:
+        if len(paused) < 2 and camera.waits <= SURE:
             return [], []
         views = sorted((v for c in paused for v in c.early), key=lambda v: v.stamp_ns)
         for each in paused:
-            each.early = []
+            each.early, each.waits = [], 0
         for released in views:
             self._accept(self._cameras[released.camera], released.stamp_ns)
         return views, []
@@ -112,7 +121,7 @@ class JumpGuard:
                 camera.ahead = True
                 for view in camera.early:
                     notices += self._tell(camera, view, "ahead of the other cameras")
-                camera.early = []
+                camera.early, camera.waits = [], 0
         self._anybody_early = False
         return notices
 

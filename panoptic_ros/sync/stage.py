@@ -129,8 +129,8 @@ class SyncStage:
 
     def _guarded(self, views: Iterable[ViewDetections], notices: list[Notice]) -> list[ViewDetections]:
         passed: list[ViewDetections] = []
-        for view in views:
-            good, told = self._guard.take(view)
+        for k, view in enumerate(views):
+            good, told = self._guard.take(view, arrived=k == 0)
             passed += good
             notices += told
         return passed

@@ -77,6 +77,41 @@ def test_a_clock_that_jumps_has_a_new_line_within_a_quarter_of_a_second(step):
     assert abs(world.error("cam", 40)) < 1e-6
 
 
+@pytest.mark.parametrize("at", [0.4, 5.0])
+@pytest.mark.parametrize("step", [-0.005, 0.001, 0.3, -86_400.0])
+def test_a_clock_that_jumps_in_its_first_second(at, step):
+    """Before there is a model; also by exactly a day, after which labels are the same."""
+    world = World()
+    world.device("cam")
+    world.hear("cam", 0, at)
+    world.clock["cam"][0] += round(step * SECOND)
+    world.hear("cam", at, at + 1.5)
+    assert world.notices == [("clocks.jump", "cam")] and world.models["cam"].segment == 1
+    assert abs(world.error("cam", at + 1.5)) < 1e-6
+
+
+@pytest.mark.parametrize("frames", [1, -5, 90_000])
+@pytest.mark.parametrize("step", [0.41, -3600.0, 86_400.0, -86_400.0])
+def test_the_timecode_and_a_clock_that_jump_together(step, frames):
+    world = World()
+    for name in "abc":
+        world.device(name, drift=1e-5)
+    world.hear_all("abc", 0, 5)
+    world.label_shift = frames
+    world.clock["a"][0] += round(step * SECOND)
+    world.hear_all("abc", 5, 8)
+    assert [abs(world.error(name, 8)) < 1e-5 for name in "abc"] == [True] * 3
+    assert sorted(world.notices) == [("clocks.jump", "a"), *(("clocks.timecode_jump", n) for n in "bc")]
+
+
+def test_a_device_that_was_off_for_a_night_counts_its_days():
+    world = World()
+    world.device("cam")
+    world.hear("cam", 0, 3)
+    world.hear("cam", 50_400, 50_403)
+    assert world.notices == [] and abs(world.error("cam", 50_403)) < 1e-6
+
+
 def test_master_time_runs_on_where_the_timecode_jumps_for_all():
     world = World()
     for name, drift in (("a", 5e-5), ("b", -5e-5)):

@@ -122,6 +122,34 @@ def test_a_gap_while_nothing_is_heard_is_trusted_after_two_seconds(bench):
     assert all(len(set(f.values())) == 1 for f in frames)
 
 
+@pytest.mark.parametrize("step", [6.0, 86_400.0])
+def test_a_clock_that_jumps_while_nothing_is_heard_hurts_no_other_camera(bench, step):
+    """Its frames are held, and come all at once: that is no pause of all cameras."""
+    step_ns = round(step * SECOND)
+    items = [_model(c, 0, 11 * SECOND, 0) for c in "abc"]
+    items += capture(bench, 8, lambda c, t: t + (step_ns if c == "b" and t > 12 * SECOND else 0))
+    heard = _model("b", -step_ns, 16 * SECOND + step_ns, 1)
+    items.insert(3 + 3 * 190, replace(heard, from_ns=15 * SECOND + step_ns))
+    sync = bench.stage(clocks=("a=a", "b=b", "c=c"), deadline_s=0.5)
+    frames, _, warnings = groups(bench, sync, items)
+    assert len(frames) == 240 and all(len(set(f.values())) == 1 for f in frames)
+    assert warnings.count("sync.clock_jump") == 1 and "sync.late_frame" not in warnings
+    assert all({"a", "c"} <= f.keys() for f in frames) and "b" in frames[-1]
+
+
+@pytest.mark.parametrize("step", [0.033, -0.3, -5.0, 3600.0])
+def test_frames_before_a_jump_that_nobody_knew_of_are_left_out(bench, step):
+    """The clock jumps before its first model: what is known of it holds from there on."""
+    step_ns, jump = round(step * SECOND), 10 * SECOND + 410_000_000
+    start = 7200 * SECOND
+    items = capture(bench, 4, lambda c, t: start + t + (step_ns if c == "b" and t > jump else 0))
+    first = replace(_model("b", -step_ns, start + jump + step_ns + SECOND, 1), from_ns=start + jump + step_ns)
+    items.insert(3 * 45, first)
+    frames, _, warnings = groups(bench, bench.stage(clocks=("b=b",)), items)
+    assert all(len(set(f.values())) == 1 for f in frames) and len(frames) == 120
+    assert sum("b" in f for f in frames) == 120 - 13 and warnings == ["sync.no_clock"] * 13
+
+
 def test_a_swap_of_two_cameras(bench):
     """Names swap with the clocks: both are held until their new lines are known."""
     offsets = {"a": 0, "b": 500 * SECOND, "c": -20 * SECOND}
