@@ -4,13 +4,12 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
-import signal
 import sys
-import time
 from collections.abc import Sequence
 from typing import NoReturn
 
 import panoptic_ros
+from panoptic_ros.cli.interruption import interrupted, listen_to_signals
 from panoptic_ros.errors import PanopticError, UsageError
 from panoptic_ros.io.kernel_cache import find_room_for_kernels, full_disk_told
 
@@ -44,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except (Exception, KeyboardInterrupt) as error:
         # libraries turn an interruption that meets them into errors of their own
-        if _asked_to_end or isinstance(error, KeyboardInterrupt):
+        if interrupted() or isinstance(error, KeyboardInterrupt):
             print(f"{name}: interrupted", file=sys.stderr)
             return 2
         if not isinstance(error, PanopticError):
@@ -73,34 +72,13 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     return parser
 
 
-_asked_to_end: list[float] = []  # when, s
-TIDYING_S = 5.0  # further requests within this time must not cut the tidying up short
-
-
-def _listen_to_signals() -> None:
-    """Let SIGINT, SIGTERM and SIGHUP interrupt the program, but not the tidying up that follows.
-
-    What is ignored stays so: `nohup`, and jobs in the background of a script.
-    """
-
-    def end(number: int, frame: object) -> None:
-        now = time.monotonic()
-        if not _asked_to_end or now - _asked_to_end[-1] > TIDYING_S:
-            _asked_to_end.append(now)
-            raise KeyboardInterrupt
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, end)
-
-
 def program() -> None:
     """The installed program.
 
     Leaves at once unless all is well: after an interruption of code that was run by exec(), the
     interpreter would otherwise forget our exit code and kill itself with the signal.
     """
-    _listen_to_signals()
+    listen_to_signals()
     find_room_for_kernels()
     code = main()
     sys.stdout.flush()

@@ -12,7 +12,8 @@ from panoptic_ros.domain import DetectionSet, Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.rig_check import RigReport, check_rig
 from panoptic_ros.io.plain_formats import read_detections
-from panoptic_ros.io.rigs import WRITABLE, read_rig, write_rig
+from panoptic_ros.io.rigs import WRITABLE, find_rig, read_rig, write_rig
+from panoptic_ros.io.rigs.camera_info import POSES
 from panoptic_ros.io.skeletons import load_skeleton, map_joints
 
 LARGEST_SAMPLE = 200  # detection sets that are looked at
@@ -22,11 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     check = actions.add_parser("check", help="say in plain words whether the views agree")
-    check.add_argument("rig", type=Path, help="calibration file or folder")
+    check.add_argument("rig", type=Path, help="calibration file, or a folder with one")
     check.add_argument("--detections", type=Path, help="detections.json(.gz): 2D people of the same cameras")
     check.add_argument("--json", action="store_true", help="print the findings as JSON")
     convert = actions.add_parser("convert", help="write a calibration in another format, in metres and z up")
-    convert.add_argument("source", type=Path, metavar="IN", help="calibration file or folder")
+    convert.add_argument("source", type=Path, metavar="IN", help="calibration file, or a folder with one")
     convert.add_argument("target", type=Path, metavar="OUT", help="file or, for camera_info, folder to write")
     convert.add_argument("--format", choices=WRITABLE, help="default: from the name of OUT")
     convert.add_argument("--cameras", help="only these, names separated by commas")
@@ -46,6 +47,8 @@ def _read(args: argparse.Namespace, path: Path) -> Rig:
         panels = [int(word) for word in _words(args.panels)]
     except ValueError:
         raise UsageError(f"--panels {args.panels!r} is no list of whole numbers") from None
+    if path.is_dir() and not (path / POSES).is_file():  # a capture folder, or what a run left
+        path = find_rig(path)
     return read_rig(path, unit=args.unit, types=_words(args.types), panels=panels)
 
 

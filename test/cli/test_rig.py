@@ -46,6 +46,17 @@ def test_a_good_rig_is_reported_as_such(tmp_path: Path, rig: Rig, capsys: pytest
     assert "the views agree" in out and "c2" in out
 
 
+def test_the_rig_of_a_capture_folder(tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rig", "check", str(tmp_path)]) == 2
+    assert "has no rig" in capsys.readouterr().err
+    write_rig(tmp_path / "rig.json", rig)
+    assert main(["rig", "check", str(tmp_path)]) == 0
+    assert main(["rig", "convert", str(tmp_path), str(tmp_path / "infos")]) == 0
+    capsys.readouterr()
+    assert main(["rig", "check", str(tmp_path / "infos")]) == 0
+    assert "c2" in capsys.readouterr().out
+
+
 def test_a_bad_rig_is_named_with_exit_code_2(
     tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]
 ) -> None:

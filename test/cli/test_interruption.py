@@ -1,0 +1,59 @@
+"""Requests to end interrupt, or are told, and are not heard twice while a program tidies up."""
+import os
+import signal
+
+import pytest
+
+from panoptic_ros.cli import interruption
+
+
+@pytest.fixture(autouse=True)
+def as_before(monkeypatch):
+    monkeypatch.setattr(interruption, "_asked", [])
+    handlers = {number: signal.getsignal(number) for number in interruption.SIGNALS}
+    yield
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def send(number):
+    os.kill(os.getpid(), number)
+
+
+@pytest.mark.parametrize("number", interruption.SIGNALS)
+def test_a_request_interrupts_once_while_the_program_tidies_up(number):
+    interruption.listen_to_signals()
+    with pytest.raises(KeyboardInterrupt):
+        send(number)
+    send(number)
+    assert interruption.interrupted()
+
+
+def test_what_is_ignored_stays_ignored():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    interruption.listen_to_signals()
+    with interruption.first_request_told() as asked:
+        send(signal.SIGHUP)
+        assert not asked()
+    assert not interruption.interrupted()
+
+
+@pytest.mark.parametrize("number", interruption.SIGNALS)
+def test_the_first_request_is_told_and_a_later_one_interrupts(number, monkeypatch):
+    interruption.listen_to_signals()
+    with pytest.raises(KeyboardInterrupt), interruption.first_request_told() as asked:
+        assert not asked()
+        send(number)
+        assert asked()
+        send(number)  # impatient
+        monkeypatch.setattr(interruption, "TIDYING_S", -1.0)
+        send(number)
+    with pytest.raises(KeyboardInterrupt):
+        send(number)
+
+
+def test_where_it_is_not_wanted_requests_interrupt():
+    interruption.listen_to_signals()
+    with pytest.raises(KeyboardInterrupt), interruption.first_request_told(False) as asked:
+        assert not asked()
+        send(signal.SIGINT)
