@@ -17,16 +17,13 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
     """Gauss-Newton with Cauchy weights on the picked observations; x, normal and residuals in place.
 
     residuals: (V,) in standard deviations, -1 where a view has no pick or was gated.
-    table: (V, TABLE), for the observations side by side: rotation, translation at the view's instant,
-    point on the plane, information, view.
-    Returns the number of views in the last normal matrix.
+    table: (V, TABLE), see `_tabulate`. Returns the number of views in the last normal matrix.
     """
     used = _tabulate(shift, picks, plane, precision, cams, residuals, table)
     softness = 1.0 / (rules[1] * rules[1])
     gate = (rules[2] * (1.0 if used > FEW else FEW_FACTOR)) ** 2
     x0, x1, x2 = x[0], x[1], x[2]
-    count = 0
-    step = -1
+    count, step = 0, -1
     while step < steps:
         step += 1
         n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
@@ -74,16 +71,16 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
     normal[:] = 0.0
     normal[0, 0], normal[1, 0], normal[1, 1] = n00, n10, n11
     normal[2, 0], normal[2, 1], normal[2, 2] = n20, n21, n22
-    for k in range(used):
-        view = int(table[k, 15])
-        if residuals[view] >= 0.0:
-            residuals[view] = np.sqrt(residuals[view])
+    _take_roots(residuals, table[:used, 15])
     return count
 
 
 @njit(cache=True, error_model="numpy")
 def _tabulate(shift, picks, plane, precision, cams, residuals, table):
-    """Write the picked observations into the rows of the table; returns their number."""
+    """Write the picked observations into the rows of the table; returns their number.
+
+    A row: rotation, translation at the view's instant, point on the plane, information, view.
+    """
     rotations, translations, delays = cams
     used = 0
     for v in range(len(picks)):
@@ -102,6 +99,15 @@ def _tabulate(shift, picks, plane, precision, cams, residuals, table):
         table[used, 15] = v
         used += 1
     return used
+
+
+@njit(cache=True, error_model="numpy")
+def _take_roots(residuals, views):
+    """Squared residuals of these views to residuals, in place."""
+    for k in range(len(views)):
+        view = int(views[k])
+        if residuals[view] >= 0.0:
+            residuals[view] = np.sqrt(residuals[view])
 
 
 @njit(cache=True, error_model="numpy")

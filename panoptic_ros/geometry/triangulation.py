@@ -106,39 +106,26 @@ def triangulate_robust(
     if start is not None:
         points = np.where(np.isfinite(start).all(-1, keepdims=True), start, points)
     safe = np.where(given[..., None], plane, 0.0)
-    weights = given.astype(float)
     solvable = np.isfinite(points).all(-1)
     x = np.where(solvable[:, None], points, 0.0)
-    damping = 1e-9 * np.eye(3)
-    normal = np.broadcast_to(np.eye(3), (len(x), 3, 3))
-    residual = np.zeros(given.shape)
     for step in range(iterations + 1):
-        local = np.einsum("cij,nj->nci", stack.rotations, x) + stack.translations
-        front = local[..., 2] > 1e-3
-        inverse = 1.0 / np.where(front, local[..., 2], 1.0)
-        projected = local[..., :2] * inverse[..., None]
-        error = safe - projected
+        error, jacobian, front = _linearised(stack, x, safe)
         residual = np.where(front, np.linalg.norm(error, axis=-1) * precision, np.inf)
         residual = np.where(given, residual, 0.0)
         weights = given / (1.0 + (residual / cauchy) ** 2)
         if step >= iterations - 2:
             weights = np.where(residual < gate, weights, 0.0)
-        jacobian = inverse[..., None, None] * (
-            stack.rotations[:, :2] - projected[..., None] * stack.rotations[:, 2][:, None, :]
-        )
         w = weights * precision**2
         normal = np.einsum("nc,ncki,nckj->nij", w, jacobian, jacobian)
         if step == iterations:
             break
         right = np.einsum("nc,ncki,nck->ni", w, jacobian, error)
-        scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        delta = np.linalg.solve(normal + damping * np.maximum(scale, 1e-6), right[..., None])[..., 0]
+        delta = np.linalg.solve(_damped(normal, 1e-6), right[..., None])[..., 0]
         length = np.linalg.norm(delta, axis=-1, keepdims=True)
         x = x + delta * np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))  # at most 0.5 m a step
     inliers = given & (weights > 0.0)
     good = solvable & (inliers.sum(1) >= 2)
-    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-    covariances = np.linalg.inv(np.where(good[:, None, None], normal + damping * scale, np.eye(3)))
+    covariances = np.linalg.inv(np.where(good[:, None, None], _damped(normal), np.eye(3)))
     pixels = np.where(given, residual / np.maximum(precision, 1e-12) * stack.focals, np.nan)
     return Triangulated(
         np.where(good[:, None], x, np.nan),
@@ -146,3 +133,21 @@ def triangulate_robust(
         np.where(good[:, None], pixels, np.nan),
         inliers & good[:, None],
     )
+
+
+def _linearised(stack: ProjectionStack, points: Array, plane: Array) -> tuple[Array, Array, Array]:
+    """Errors (N, C, 2) on the plane, d projection / d point (N, C, 2, 3), and what lies in front (N, C)."""
+    local = np.einsum("cij,nj->nci", stack.rotations, points) + stack.translations
+    front = local[..., 2] > 1e-3
+    inverse = 1.0 / np.where(front, local[..., 2], 1.0)
+    projected = local[..., :2] * inverse[..., None]
+    jacobian = inverse[..., None, None] * (
+        stack.rotations[:, :2] - projected[..., None] * stack.rotations[:, 2][:, None, :]
+    )
+    return plane - projected, jacobian, front
+
+
+def _damped(normal: Array, least: float = 0.0) -> Array:
+    """Matrices (N, 3, 3) with a little of their trace, or of `least`, added to their diagonals."""
+    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    return normal + 1e-9 * np.eye(3) * np.maximum(scale, least)
