@@ -14,8 +14,8 @@ next (`following`, `decoder`). A word's start is a least-squares fit of the know
 (`edge_shape`) and the speed from the last ones (`pace`). The stated deviation is what the scatter of edges
 and of words says, and what all edges of a word leave alike. A word that clicks or noise contradict is
 reported only between others that do not; user bits are the last that were certain, 0 before (`user_bits`).
-Loops are compiled (`kernels`, `fit_kernels`, `line_kernels`, `click_kernels`); `cells` is what they are
-tested against.
+Loops are compiled (`kernels`, `fit_kernels`, `shape_kernels`, `line_kernels`, `click_kernels`); `cells` is
+what they are tested against.
 
 Limits: 23.976 to 30 fps at 0.78 to 1.27 times their speed, forwards and backwards, 8 to 96 kHz; down to
 -6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speed changes of 3 % at 3 Hz need 15 dB

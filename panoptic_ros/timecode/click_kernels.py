@@ -8,6 +8,7 @@ from numba import njit
 
 Array = np.ndarray
 EVERY = 7  # th sample tells the level; no multiple of a half cell's length
+TOGETHER = 64  # samples that are looked at in one go
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -18,8 +19,9 @@ def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
     levels = np.empty(pieces)
     for k in range(pieces):
         end = len(signal) if k == pieces - 1 else (k + 1) * piece
-        values = np.sort(np.abs(signal[k * piece : end : every]))
-        levels[k] = values[int(share * (len(values) - 1))]
+        values = np.abs(signal[k * piece : end : every])
+        place = int(share * (len(values) - 1))
+        levels[k] = np.partition(values, place)[place]
     wide = levels.copy()
     for k in range(pieces):
         wide[k] = max(levels[k], levels[max(0, k - 1)], levels[min(pieces - 1, k + 1)])
@@ -30,13 +32,49 @@ def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
 def limit(signal: Array, piece: int, share: float, clip: float, blank: float) -> None:
     """Cut off what is far above the level of its neighbourhood, in place; nought what is farther."""
     levels = piece_levels(signal, piece, share, EVERY)
-    for i in range(len(signal)):
-        level = levels[min(i // piece, len(levels) - 1)]
-        value = abs(signal[i])
-        if value > blank * level:
-            signal[i] = 0.0
-        elif value > clip * level:
-            signal[i] = clip * level if signal[i] > 0.0 else -clip * level
+    for k in range(len(levels)):
+        end = len(signal) if k == len(levels) - 1 else (k + 1) * piece
+        most, least = clip * levels[k], blank * levels[k]
+        for i in range(k * piece, end):
+            value = signal[i]
+            kept = min(max(value, -most), most)
+            signal[i] = kept if abs(value) <= least else 0.0
+
+
+@_jit
+def _above_baseline(raw: Array, reach: int) -> Array:
+    """Samples without the mean of those up to `reach` to both sides."""
+    count = len(raw)
+    sums = np.empty(count + 1)
+    sums[0] = 0.0
+    for i in range(count):
+        sums[i + 1] = sums[i] + raw[i]
+    high = np.empty(count)
+    for i in range(min(reach, count)):
+        top = min(count, i + reach + 1)
+        high[i] = raw[i] - sums[top] / top
+    each = 1.0 / (2 * reach + 1)
+    for i in range(reach, count - reach):
+        high[i] = raw[i] - (sums[i + reach + 1] - sums[i - reach]) * each
+    for i in range(max(reach, count - reach), count):
+        high[i] = raw[i] - (sums[count] - sums[i - reach]) / (count - i + reach)
+    return high
+
+
+@_jit
+def _first_beyond(values: Array, begin: int, end: int, most: float) -> int:
+    """Index of the first of some values whose magnitude is more than another; the end if there is none."""
+    while begin < end:
+        part = min(begin + TOGETHER, end)
+        beyond = 0
+        for i in range(begin, part):
+            beyond += abs(values[i]) > most
+        if beyond:
+            while abs(values[begin]) <= most:
+                begin += 1
+            return begin
+        begin = part
+    return end
 
 
 @_jit
@@ -48,20 +86,15 @@ def bridge_clicks(raw: Array, reach: int, piece: int, share: float, most: float,
         longest: samples of a burst; what lasts longer is no click.
     """
     count = len(raw)
-    sums = np.empty(count + 1)
-    sums[0] = 0.0
-    for i in range(count):
-        sums[i + 1] = sums[i] + raw[i]
-    high = np.empty(count)
-    for i in range(count):
-        low, top = max(0, i - reach), min(count, i + reach + 1)
-        high[i] = raw[i] - (sums[top] - sums[low]) / (top - low)
+    high = _above_baseline(raw, reach)
     levels = piece_levels(high, piece, share, EVERY)
     clean = raw.copy()
     i = 0
     while i < count:
-        if abs(high[i]) <= most * levels[min(i // piece, len(levels) - 1)]:
-            i += 1
+        k = min(i // piece, len(levels) - 1)
+        end = count if k == len(levels) - 1 else (k + 1) * piece
+        i = _first_beyond(high, i, end, most * levels[k])
+        if i == end:
             continue
         end, quiet = i + 1, 0
         while end < count and quiet < 3:
@@ -77,8 +110,52 @@ def bridge_clicks(raw: Array, reach: int, piece: int, share: float, most: float,
     return clean
 
 
+@_jit
+def high_pass(samples: Array, hats: Array, low_pass: Array, step: int) -> Array:
+    """Samples (N,) without what a symmetric low pass leaves of them, those in the middle of a stretch.
+
+    Args:
+        hats: (K,) the samples' `hat_sums`.
+        low_pass: (2 M + 1,) for every `step`-th sample; M + 2 times that are lost at both ends.
+    """
+    side = len(low_pass) // 2
+    low = np.zeros(len(hats) - 2 * side)
+    for j in range(len(low_pass)):
+        for k in range(len(low)):
+            low[k] += low_pass[j] * hats[j + k]
+    lost = (side + 2) * step
+    high = samples[lost : len(samples) - lost].copy()
+    for j in range(step):
+        after = j / step
+        for k in range((len(high) - 1 - j) // step + 1):
+            high[k * step + j] -= (1.0 - after) * low[k + 2] + after * low[k + 3]
+    return high
+
+
+@_jit
+def between(samples: Array, weights: Array) -> Array:
+    """Samples with others between them; M are lost at both ends.
+
+    Args:
+        weights: (U, 2 M) of the samples beside each place.
+    """
+    places, beside = len(weights) + 1, weights.shape[1] // 2
+    count = len(samples) - 2 * beside
+    fine = np.empty((count, places))
+    fine[:, 0] = samples[beside : beside + count]
+    for p in range(places - 1):
+        values = np.zeros(count)
+        for j in range(2 * beside):
+            for i in range(count):
+                values[i] += weights[p, j] * samples[i + j + 1]
+        fine[:, p + 1] = values
+    return fine.ravel()
+
+
 @lru_cache(maxsize=1)
 def compile_conditioning() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
     limit(np.ones(400), 100, 0.8, 2.0, 3.0)
     bridge_clicks(np.ones(400), 20, 100, 0.8, 2.0, 5)
+    high_pass(np.ones(400), np.ones(400), np.ones(5), 1)
+    between(np.ones(400), np.ones((1, 4)))

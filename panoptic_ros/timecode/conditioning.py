@@ -2,14 +2,17 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import firwin
 
-from panoptic_ros.timecode.click_kernels import bridge_clicks, limit
+from panoptic_ros.timecode.click_kernels import between, bridge_clicks, high_pass, limit
+from panoptic_ros.timecode.fit_kernels import hat_sums
 
 Array = np.ndarray
 FILTER_SECONDS = 0.014
+KNOT_HZ = 6000.0  # at least: what lies below the corner is worked out so often, with lines between
 FINE_RATE = 32_000  # Hz, at least: edges lie between samples
+BESIDE = 16  # samples to both sides of those that are put between
+WINDOW = "kaiser", 4.5
 LEVEL_SECONDS = 0.0125
 LEVEL_SHARE = 0.8  # of the samples lie below the level; drooping recordings are mostly far below
 CLIP = 1.8  # times the level; edges overshoot by less
@@ -28,19 +31,15 @@ class Conditioner:
 
     def __init__(self, sample_rate: int, corner_hz: float):
         self.up = max(1, -(-FINE_RATE // sample_rate))
-        self._half = int(0.5 * FILTER_SECONDS * sample_rate)
+        self._step = max(1, int(sample_rate / KNOT_HZ))
+        knots = int(0.5 * FILTER_SECONDS * sample_rate / self._step) - 2  # of the low pass, to each side
+        low = firwin(2 * knots + 1, corner_hz, window=WINDOW, fs=sample_rate / self._step)
+        self._low_pass = low / self._step  # hats are so large
+        self._between = _between(self.up)
+        self._half = (knots + 2) * self._step + (BESIDE if self.up > 1 else 0)
         self._beside = int((BASELINE_SECONDS + CLICK_SECONDS) * sample_rate) + 2
         self.reach = self._half + self._beside
-        rate = sample_rate * self.up
-        taps = 2 * self._half * self.up + 1
-        high = firwin(taps, corner_hz, pass_zero=False, window=("kaiser", 4.5), fs=rate)
-        if self.up > 1:  # the images of the signal above its band go too
-            low = firwin(taps, 0.48 * sample_rate, window=("kaiser", 4.5), fs=rate)
-            high = high + low
-            high[taps // 2] -= 1.0  # both filters of symmetric kernels: band = high + low - all
-        self._kernel = high * self.up
-        self._spectra: dict[int, Array] = {}
-        self._piece = max(8, int(LEVEL_SECONDS * rate))
+        self._piece = max(8, int(LEVEL_SECONDS * sample_rate * self.up))
         self._clicks = (
             int(BASELINE_SECONDS * sample_rate), max(8, int(LEVEL_SECONDS * sample_rate)),
             LEVEL_SHARE, CLICK, max(2, int(CLICK_SECONDS * sample_rate)),
@@ -61,18 +60,15 @@ class Conditioner:
             self._history = joined
             return np.zeros(0)
         self._history = joined[-2 * self._half :]
-        signal = self._filtered(joined)
+        signal = high_pass(joined, hat_sums(joined[None], self._step)[0], self._low_pass, self._step)
+        if self.up > 1:
+            signal = between(signal, self._between)
         limit(signal, self._piece, LEVEL_SHARE, CLIP, BLANK)
         return signal
 
-    def _filtered(self, joined: Array) -> Array:
-        """The part of the convolution that needs no samples from outside."""
-        fine = joined
-        if self.up > 1:
-            fine = np.zeros(len(joined) * self.up)
-            fine[:: self.up] = joined
-        length = next_fast_len(len(fine), real=True)
-        if length not in self._spectra:
-            self._spectra = {length: rfft(self._kernel, length)}  # all chunks but the last are alike
-        out = irfft(rfft(fine, length) * self._spectra[length], length)
-        return out[len(self._kernel) - 1 : len(fine)]
+
+def _between(up: int) -> Array:
+    """What samples (up - 1, 2 M) beside a place count for it, for places between two samples."""
+    away = np.arange(1 - BESIDE, BESIDE + 1) - np.arange(1, up)[:, None] / up
+    rows = np.sinc(away) * np.i0(WINDOW[1] * np.sqrt(1.0 - (away / BESIDE) ** 2))
+    return rows / rows.sum(axis=1, keepdims=True)

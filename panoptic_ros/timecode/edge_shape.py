@@ -11,6 +11,7 @@ fit of the guess would see it: so learning takes the scatter away, and leaves th
 """
 from __future__ import annotations
 
+import math
 from collections import deque
 from functools import lru_cache
 
@@ -18,7 +19,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from panoptic_ros.timecode.baseline import Baseline
-from panoptic_ros.timecode.fit_kernels import gram_without, shape_rows
+from panoptic_ros.timecode.fit_kernels import gram_without, train_rows
+from panoptic_ros.timecode.shape_kernels import shape_rows
 
 Array = np.ndarray
 PHASES = 32  # places between two samples
@@ -80,13 +82,13 @@ class EdgeShape:
         """
         count = len(values)
         rows = np.empty((len(self._splines) + OWN + 2, count))
-        time = (np.arange(low, low + count) - grid[0]) / count
-        guess = shape_rows(low, count, grid, places, self._guess, 0.0, 2)
-        wave, slope = _square(low, count, grid, places) + guess[0], guess[1]
-        rows[:OWN] = wave, wave * time, wave * time**2, slope, slope * time
-        rows[OWN:-2] = shape_rows(low, count, grid, places, self._splines, self._knot, 4)
+        guess = train_rows(low, values / level, grid, places, self._guess, 4)
+        rows[:2] = guess[:2]  # the wave, and that times time from -1 to 1
+        rows[2] = guess[1] * np.linspace(-1.0, 1.0, count)
+        rows[3:OWN] = guess[2:4]
+        shape_rows(rows[OWN:-2], low, grid, places, self._splines, self._knot)
         rows[-2] = _integral(values) / -level
-        rows[-1] = values / level
+        rows[-1] = guess[4]
         gram, _ = gram_without(rows, slow.basis, slow.step)
         own, shared = slice(0, OWN), slice(OWN, -1)
         gain = np.linalg.solve(gram[own, own], gram[own, OWN:])
@@ -106,21 +108,26 @@ class EdgeShape:
         """The correction and the droop, if there is one."""
         along = self._along.copy()
         along[-1] = 0.0
-        solution, inverse = _constrained(self._normal + self._prior, self._right, along)
-        least = max(SURE * np.sqrt(inverse[-1, -1]), self._least_droop)
-        if solution[-1] < least or not self._drooping():
-            without = self._normal[:-1, :-1] + self._prior[:-1, :-1]
-            solution = np.append(_constrained(without, self._right[:-1], along[:-1])[0], 0.0)
+        normal = self._normal + self._prior
+        drooping = self._drooping()
+        if drooping:
+            solution, inverse = _constrained(normal, self._right, along)
+            drooping = solution[-1] >= max(SURE * np.sqrt(inverse[-1, -1]), self._least_droop)
+        if not drooping:
+            solution = np.append(_constrained(normal[:-1, :-1], self._right[:-1], along[:-1])[0], 0.0)
         self._solution = solution
         self.droop = float(solution[-1])
         more = np.tensordot(solution[:-1], self._splines, axes=1)
         self.table = self._guess + np.stack([more, _slope(more)])
+        self.table.flags.writeable = False
 
     def _drooping(self) -> bool:
         """Whether words agree that there is droop; hum looks like it now and then."""
-        count = len(self._droops) / ALIKE_WORDS
-        mean, scatter = float(np.mean(self._droops)), float(np.std(self._droops))
-        return count >= 1.0 and mean > SURE * max(scatter, self._least_droop) / np.sqrt(count)
+        words = len(self._droops)
+        count = words / ALIKE_WORDS
+        mean = sum(self._droops) / words
+        scatter = math.sqrt(sum((droop - mean) ** 2 for droop in self._droops) / words)
+        return count >= 1.0 and mean > SURE * max(scatter, self._least_droop) / math.sqrt(count)
 
 
 def _constrained(normal: Array, right: Array, along: Array) -> tuple[Array, Array]:
@@ -147,13 +154,6 @@ def _integral(values: Array) -> Array:
     """Of samples without their mean, by trapezia."""
     even = values - values.mean()
     return np.cumsum(even) - 0.5 * even
-
-
-def _square(low: int, count: int, grid: Array, places: Array) -> Array:
-    """Signs of a word's wave (N,)."""
-    edges = np.ceil(grid[0] + grid[1] * (places + grid[2] * places**2) - low)
-    passed = np.searchsorted(edges, np.arange(count), side="right")
-    return np.where(passed % 2 == 1, 1.0, -1.0)
 
 
 def _places(reach: int) -> Array:

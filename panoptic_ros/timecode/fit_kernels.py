@@ -66,40 +66,6 @@ def train_rows(low: int, values: Array, grid: Array, places: Array, shape: Array
     return rows
 
 
-@_jit
-def shape_rows(
-    low: int, count: int, grid: Array, places: Array, splines: Array, knot: float, wide: int
-) -> Array:
-    """How each function of the shape of a step shows in a word, (J, N).
-
-    Args:
-        splines: (J, P + 1, 2 R) their tables, see the module.
-        knot: samples by which each begins after the one before; 0 if they all cover everything.
-        wide: how many of them there are at any place.
-    """
-    phases, reach = splines.shape[1] - 1, splines.shape[2] // 2
-    rows = np.zeros((len(splines), count))
-    middle, cell, bend = grid
-    sign = 1.0
-    for k in range(len(places)):
-        u = places[k]
-        edge = middle + cell * (u + bend * u * u) - low
-        after = int(np.ceil(edge))
-        place = (after - edge) * phases
-        below = min(int(place), phases - 1)
-        part = place - below
-        first = after - reach
-        for j in range(max(0, -first), min(2 * reach, count - first)):
-            last = len(splines) - 1
-            if knot > 0.0:
-                last = min(int((j + place / phases) / knot), last)
-            for s in range(max(0, last - wide + 1), last + 1):
-                value = splines[s, below, j] * (1.0 - part) + splines[s, below + 1, j] * part
-                rows[s, first + j] += sign * value
-        sign = -sign
-    return rows
-
-
 @_sum
 def hat_sums(rows: Array, step: int) -> Array:
     """Products (I, K) of rows (I, N) with hats on every `step`-th sample, down to 0 on the next ones."""
@@ -309,9 +275,11 @@ def fit_train(
 @lru_cache(maxsize=1)
 def compile_fit() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
-    values, basis = np.sin(np.arange(400.0)), np.ones((1, 401)) / 20.0
-    grid, places, shape = np.array([200.0, 20.0, 0.0]), np.arange(-4.0, 5.0), np.ones((2, 3, 4))
+    values, grid, places = np.sin(np.arange(400.0)), np.array([200.0, 20.0, 0.0]), np.arange(-4.0, 5.0)
+    basis, shape = np.ones((1, 401)) / 20.0, np.ones((2, 3, 4))
+    basis.flags.writeable = shape.flags.writeable = False  # as the real ones: other types for numba
     limits = np.array([2.0, 0.1, 0.1, 4.0, 0.2, 1.0, 1.0])
     fit_train(0, values, grid, places, shape, basis, 1, limits, False)
-    gram_without(values[None], basis, 1)
-    shape_rows(0, 400, grid, places, shape, 1.0, 2)
+    rows = train_rows(0, values, grid, places, shape, 4)
+    gram_without(rows, basis, 1)
+    hat_sums(rows, 1)

@@ -13,6 +13,7 @@ from panoptic_ros.timecode.fit_kernels import compile_fit
 from panoptic_ros.timecode.kernels import compile_kernels
 from panoptic_ros.timecode.line_kernels import compile_lines
 from panoptic_ros.timecode.rates import with_rate
+from panoptic_ros.timecode.shape_kernels import compile_shape
 from panoptic_ros.timecode.words import WORD_CELLS
 
 LONGEST_GAP = 250  # words; over more, the speed is not known well enough to count on
@@ -43,6 +44,7 @@ class TimecodeStage:
         self._devices: dict[str, _Device] = {}
         compile_kernels()
         compile_fit()
+        compile_shape()
         compile_conditioning()
         compile_lines()
 
