@@ -98,7 +98,8 @@ def saved_lines(saved: Mapping[str, SavedOffset], cameras: Sequence[str]) -> lis
     for name in cameras:
         text = "stamps kept"
         if name in saved:
-            text = f"{1e3 * saved[name].offset_s:+8.2f} ms +- {1e3 * saved[name].offset_std_s:.2f}"
+            text = f"{1e3 * saved[name].offset_s:+8.2f} ms"
+            text += f" +- {1e3 * saved[name].offset_std_s:.2f}" if saved[name].offset_std_s else ""
         lines.append(f"  {name:<{width}}  {text}")
     lines += [
         f"  the clock of {name} drifts by {60e3 * saved[name].drift:+.1f} ms a minute: its offset does not "

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,9 @@ from panoptic_ros.domain import ClockModel
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import read_json, write_json
 from panoptic_ros.offsets import CameraClocks
-from panoptic_ros.params import of_name
 
 FORMAT = "panoptic-offsets-1"
+MORE = ("offset_std_s", "drift", "drift_std")  # 0 where a file lacks them
 SURE = 3.0  # standard deviations from which on a drift is more than chance
 
 
@@ -58,25 +58,27 @@ def write_clocks(path: Path, clocks: CameraClocks) -> None:
     write_json(path, document)
 
 
-def write_models(path: Path, models: Iterable[ClockModel], delays_ms: Mapping[str, float]) -> None:
-    """Write the newest clocks of a run, all of which are in use.
+def write_models(path: Path, models: Mapping[str, ClockModel], delays_ms: Mapping[str, float]) -> None:
+    """Write what a run ends with: the newest clocks of cameras, on top of delays that were given.
 
     Args:
-        delays_ms: what was added to stamps besides, see `SyncConfig.delays_ms`.
+        models, delays_ms: by camera. A camera with a delay alone keeps it, without a deviation.
     """
-    cameras = [
-        {
-            "name": model.device,
-            "offset_s": 1e-9 * model.offset_ns + 1e-3 * of_name(delays_ms, model.device),
+    rows: dict[str, dict[str, Any]] = {
+        name: {"name": name, "applied": True, "offset_s": 1e-3 * delay} for name, delay in delays_ms.items()
+    }
+    for name, model in models.items():
+        given = rows.get(name, {"offset_s": 0.0})["offset_s"]
+        rows[name] = {
+            "name": name,
+            "applied": True,
+            "offset_s": given + 1e-9 * model.offset_ns,
             "offset_std_s": float(np.sqrt(model.covariance[0, 0])),
             "drift": model.drift,
             "drift_std": float(np.sqrt(model.covariance[1, 1])),
-            "applied": True,
             "reference_ns": model.reference_ns,
         }
-        for model in models
-    ]
-    write_json(path, {"format": FORMAT, "cameras": cameras})
+    write_json(path, {"format": FORMAT, "cameras": list(rows.values())})
 
 
 def read_offsets(path: Path) -> dict[str, SavedOffset]:
@@ -90,7 +92,7 @@ def read_offsets(path: Path) -> dict[str, SavedOffset]:
         raise DataError(f"{path} is no {FORMAT} file; --offsets-out of `panoptic solve` writes one")
     try:
         return {
-            str(row["name"]): SavedOffset(*(_number(row, key) for key in SavedOffset.__slots__))
+            str(row["name"]): SavedOffset(_number(row, "offset_s"), *(_number(row, key, 0.0) for key in MORE))
             for row in document["cameras"]
             if row["applied"]
         }
@@ -98,8 +100,8 @@ def read_offsets(path: Path) -> dict[str, SavedOffset]:
         raise DataError(f"{path}: not as the format says: {error!r}") from None
 
 
-def _number(row: Mapping[str, Any], key: str) -> float:
-    value = float(row[key])
+def _number(row: Mapping[str, Any], key: str, default: float | None = None) -> float:
+    value = float(row[key] if default is None else row.get(key, default))
     if not math.isfinite(value):
         raise ValueError(f"{key} of {row['name']} is {value}")
     return value

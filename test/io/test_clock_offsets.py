@@ -25,9 +25,10 @@ def test_an_estimate_comes_back_where_it_is_applied(tmp_path):
 
 def test_clocks_of_a_run_come_back_with_the_delays_that_they_came_on_top_of(tmp_path):
     model = ClockModel("a", 10**9, 2e6, 1e-5, np.diag([1e-8, 1e-10]))
-    write_models(tmp_path / "o.json", [model], {"a": 30.0})
+    write_models(tmp_path / "o.json", {"a": model}, {"a": 30.0, "b": -5.0})
     saved = read_offsets(tmp_path / "o.json")
-    assert saved["a"].offset_s == pytest.approx(0.032)
+    assert saved["a"].offset_s == pytest.approx(0.032) and saved["b"].offset_s == pytest.approx(-0.005)
+    assert saved["a"].offset_std_s == pytest.approx(1e-4) and saved["b"].offset_std_s == 0.0
     assert not saved["a"].drifts  # 1e-5 +- 1e-5
 
 

@@ -18,7 +18,7 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.plain_formats import write_skeletons
-from panoptic_ros.params import named_numbers
+from panoptic_ros.params import named_numbers, of_name
 
 MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
 
@@ -96,8 +96,9 @@ class Results:
         write_skeletons(self.folder / "skeletons.json.gz", self._plan.skeleton.joint_names, self.poses)
         if self.clocks:
             config: Any = self._plan.configs["sync"]
-            delays = named_numbers("SyncConfig.delays_ms", config.delays_ms)
-            write_models(self.folder / "offsets.json", self.clocks.values(), delays)
+            given = named_numbers("SyncConfig.delays_ms", config.delays_ms)
+            delays = {name: of_name(given, name) for name in self.views if of_name(given, name)}
+            write_models(self.folder / "offsets.json", self.clocks, delays)
 
     def __enter__(self) -> Results:
         return self
