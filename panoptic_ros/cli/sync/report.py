@@ -25,6 +25,10 @@ from panoptic_ros.view.sync_plot import write_sync_plot
 
 FORMAT = "panoptic-sync-report-1"
 SECOND = 1_000_000_000
+UNSEEN = (
+    "stamps cannot show what is wrong by a constant, e.g. a latency of 30 ms; where people move, "
+    "`panoptic solve --offsets-from-motion` finds it (live: offsets.active)"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -177,5 +181,7 @@ def _table(document: dict[str, Any]) -> list[str]:
         )
     lines += [f"{note['severity']}: {note['text']}" for note in document["notices"]]
     if not document["notices"]:
-        lines.append("nothing is wrong with these clocks")
+        lines.append("nothing is wrong with these clocks as far as stamps tell")
+    if grouping:
+        lines.append(UNSEEN)
     return lines
