@@ -5,6 +5,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+PERIODS = 3  # between frames: a camera that gives none for so long has failed
+LONGEST_NS = 2_000_000_000  # time between frames that is taken for a rate, not for a pause
+
 
 class Waiting(Protocol):
     """A queue between a node's callbacks and its worker. Not thread-safe."""
@@ -49,12 +52,13 @@ class NewestInstant:
         cameras: names.
         depth: frames that are kept per camera.
         patience_ns: a camera whose newest frame is this much older than the newest of all is not
-            waited for.
+            waited for; of slow cameras, `PERIODS` times between their frames.
     """
 
     def __init__(self, cameras: Sequence[str], depth: int = 4, patience_ns: int = 500_000_000):
         self._frames: dict[str, deque[tuple[int, Any]]] = {name: deque() for name in cameras}
         self._seen: dict[str, int] = dict.fromkeys(cameras, -1)
+        self._periods: dict[str, int] = dict.fromkeys(cameras, 0)
         self._depth = depth
         self._patience_ns = patience_ns
         self._dropped = 0
@@ -63,6 +67,8 @@ class NewestInstant:
         """See `Waiting`."""
         frames = self._frames[key]
         frames.append((stamp_ns, item))
+        if self._seen[key] >= 0:
+            self._periods[key] = min(stamp_ns - self._seen[key], LONGEST_NS)
         self._seen[key] = stamp_ns
         dropped, self._dropped = self._dropped, 0
         if len(frames) > self._depth:
@@ -73,11 +79,14 @@ class NewestInstant:
     def take(self) -> list[Any]:
         """The frames nearest to the newest stamp that all living cameras have reached."""
         newest = max(self._seen.values())
-        living = [name for name, stamp in self._seen.items() if newest - stamp <= self._patience_ns]
+        living = [name for name, stamp in self._seen.items() if newest - stamp <= self._patience(name)]
         if newest < 0 or any(not self._frames[name] for name in living):
             return []
         instant = min(self._frames[name][-1][0] for name in living)
         return [self._nearest(name, instant) for name in living]
+
+    def _patience(self, camera: str) -> int:
+        return max(self._patience_ns, PERIODS * self._periods[camera])
 
     def _nearest(self, camera: str, instant: int) -> Any:
         frames = self._frames[camera]

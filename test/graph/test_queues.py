@@ -38,6 +38,21 @@ def test_a_dead_camera_is_not_waited_for():
     assert queue.take() == ["a3"]
 
 
+def test_a_slow_camera_is_no_dead_one():
+    queue, ms = NewestInstant(["a", "b"]), 1_000_000
+    for i in range(2):
+        queue.put("a", 700 * i * ms, f"a{i}")
+        queue.put("b", (700 * i + 50) * ms, f"b{i}")
+    assert queue.take() == ["a1", "b1"]
+    queue.put("a", 1400 * ms, "a2")  # b is 650 ms behind
+    assert queue.take() == []
+    queue.put("b", 1450 * ms, "b2")
+    assert queue.take() == ["a2", "b2"]
+    for i in range(3, 7):
+        queue.put("a", 700 * i * ms, f"a{i}")
+    assert queue.take() == ["a6"]
+
+
 def test_depth_is_bounded():
     queue = NewestInstant(["a", "b"], depth=3)
     assert sum(queue.put("a", i, i) for i in range(10)) == 7
