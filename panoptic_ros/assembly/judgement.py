@@ -9,13 +9,15 @@ SAME_JOINTS = 3  # joints that such skeletons must share
 
 
 @njit(cache=True, error_model="numpy")
-def judge_joints(positions, normals, residuals, picks, scores, inflation, extra):
+def judge_joints(positions, normals, residuals, picks, scores, observed, inflation, extra):
     """Covariances, their largest deviations, scores and numbers of views of solved joints.
 
     Args:
         positions: (P, J, 3) m. normals: (P, J, 3, 3) 1/m^2, lower triangles.
         residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and column in scores (D, J).
-        inflation, extra: covariances are multiplied by inflation * (1 + extra / (views - 1)).
+        observed: (P, J) number of views whose 2D person shows each joint, also where that was not used.
+        inflation, extra: covariances are multiplied by inflation * (1 + (extra + unused) / (views - 1)):
+            few views, and views that disagree, may have met by chance.
 
     Returns:
         covariances (P, J, 3, 3) m^2, NaN where singular or where there is no position;
@@ -35,7 +37,8 @@ def judge_joints(positions, normals, residuals, picks, scores, inflation, extra)
                     total += scores[picks[p, j, v, 0], picks[p, j, v, 1]]
             mean[p, j] = total / max(views[p, j], 1)
             if np.isfinite(positions[p, j, 0]):
-                factor = inflation * (1.0 + extra / max(views[p, j] - 1, 1))
+                unused = max(observed[p, j] - views[p, j], 0)
+                factor = inflation * (1.0 + (extra + unused) / max(views[p, j] - 1, 1))
                 _invert(normals[p, j], factor, covariances[p, j])
                 if np.isfinite(covariances[p, j, 0, 0]):
                     worst[p, j] = largest_eigenvalue(covariances[p, j])

@@ -19,7 +19,7 @@ from panoptic_ros.domain import ProposalSet, SkeletonModel
 Array = np.ndarray
 
 CHOICE_SIGMA = 0.07  # m, by which joints differ from where they should be
-FARTHEST = 0.6  # m, no node beyond is looked at
+FARTHEST = 0.3  # m, from where a joint should be; nodes beyond are another limb's, or somebody else's
 WORST_DISTANCE = 3.0  # half squared deviation beyond which it says no more, from where it should be
 WORST_MOVE = 2.0  # and from where it was triangulated
 OWN_VOTE = 0.1  # of a triangulated joint without a node

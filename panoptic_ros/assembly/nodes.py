@@ -14,11 +14,19 @@ from panoptic_ros.domain import ProposalSet
 Array = np.ndarray
 
 NODE_VIEWS = 2  # that support a node
+CHANCE = 0.2  # by which votes are higher when the share of wrong nodes is less by e
+WRONG_SIGMA = 0.16  # m, of a wrong node, which is a joint of another limb, or of a neighbour
 
 
 def has_maps(item: ProposalSet) -> bool:
     """Whether the nodes say more than the 2D people that they came with."""
     return len(item.nodes) > 0 and any(view.maps is not None for view in item.detections.views)
+
+
+def node_doubts(votes: Array) -> Array:
+    """Variances (N,) m^2 of joints at nodes of these votes (N,) because a node may be the wrong one."""
+    variances: Array = np.exp(-votes / CHANCE) * WRONG_SIGMA**2
+    return variances
 
 
 def take_nodes(item: ProposalSet, expected: Array, weak: Array, gate: float) -> Array:

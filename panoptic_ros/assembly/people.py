@@ -16,7 +16,7 @@ from panoptic_ros.assembly.judgement import (
     second_skeletons,
 )
 from panoptic_ros.assembly.map_votes import chosen_nodes
-from panoptic_ros.assembly.nodes import has_maps, take_nodes
+from panoptic_ros.assembly.nodes import has_maps, node_doubts, take_nodes
 from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.consensus.grouping import Scene
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift
@@ -31,7 +31,8 @@ class People:
     """Skeletons of one instant: P people of the K solved.
 
     kept: (P,) which of the solved. positions (P, J, 3), covariances (P, J, 3, 3), scores (P, J),
-    views (P, J).
+    views (P, J). doubts: (P, J) m^2, variance besides, as a node may be the wrong one; without it for
+    guidance, which is to follow what was chosen.
     """
 
     kept: Array
@@ -39,12 +40,13 @@ class People:
     covariances: Array
     scores: Array
     views: Array
+    doubts: Array
 
     def rows(self, which: Array) -> People:
         """Some of the people."""
         return People(
             self.kept[which], self.positions[which], self.covariances[which], self.scores[which],
-            self.views[which],
+            self.views[which], self.doubts[which],
         )  # fmt: skip
 
     def pose_set(
@@ -55,8 +57,9 @@ class People:
         states = np.where(measured, MEASURED, MISSING)
         newest = max((view.stamp_ns for view in item.detections.views), default=-1)
         person = self.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
+        covariances = self.covariances + self.doubts[..., None, None] * np.eye(3)
         return PoseSet(
-            item.index, item.stamp_ns, skeleton_hash, self.positions, self.covariances, self.scores,
+            item.index, item.stamp_ns, skeleton_hash, self.positions, covariances, self.scores,
             self.views, states, person, max(newest, item.stamp_ns), shift,
         )  # fmt: skip
 
@@ -75,21 +78,21 @@ def finish(
     expected = found.guide.positions
     covariances, worst, scores, views = judge_joints(
         solved.positions, solved.normals, solved.residuals, solved.picks, scene.evidence.scores,
-        cauchy_correction(config.cauchy), config.covariance_inflation,
+        observed, cauchy_correction(config.cauchy), config.covariance_inflation,
     )  # fmt: skip
     good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
     drop_long_bones(solved.positions, worst, good, _bones(skeleton.bones), config.max_bone)
     positions = np.where(good[..., None], solved.positions, np.nan)
     covariances = np.where(good[..., None, None], covariances, np.nan)
-    views, scores = np.where(good, views, 0), np.where(good, scores, 0.0)
+    views, scores, doubts = np.where(good, views, 0), np.where(good, scores, 0.0), np.zeros(good.shape)
     if config.node_distance > 0.0 and has_maps(item):
-        _use_nodes(item, expected, positions, covariances, scores, views, config)
+        _use_nodes(item, expected, positions, covariances, scores, views, doubts, config)
     if config.vote_distance > 0.0 and len(item.nodes):
-        _move_to_votes(item, expected, positions, covariances, scores, views, skeleton, config)
+        _move_to_votes(item, expected, positions, covariances, scores, views, doubts, skeleton, config)
     place_disputed(
         scene, found.grouping, found.source, expected, positions, covariances, scores, views, skeleton
     )
-    _derive(positions, covariances, scores, views, skeleton)
+    _derive(positions, covariances, scores, views, doubts, skeleton)
     lost = (found.grouping.member < 0).all(axis=1)  # they have nodes and nothing else
     good |= lost[:, None] & np.isfinite(positions[..., 0])
     possible = possible_people(
@@ -97,7 +100,7 @@ def finish(
     )
     kept = np.flatnonzero(possible)
     kept = kept[~second_skeletons(positions[kept], views[kept])]
-    return People(kept, positions[kept], covariances[kept], scores[kept], views[kept])
+    return People(kept, positions[kept], covariances[kept], scores[kept], views[kept], doubts[kept])
 
 
 @cache
@@ -123,7 +126,7 @@ def _bones(bones: tuple[tuple[int, int], ...]) -> Array:
 
 def _use_nodes(
     item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
-    config: AssemblyConfig,
+    doubts: Array, config: AssemblyConfig,
 ) -> None:  # fmt: skip
     """Put voted nodes in place of joints that are missing, or less certain than nodes, in place."""
     missing = np.isnan(positions[..., 0])
@@ -135,11 +138,12 @@ def _use_nodes(
     nodes = chosen[p, j]
     positions[p, j], covariances[p, j] = item.nodes[nodes], config.node_sigma**2 * np.eye(3)
     scores[p, j], views[p, j] = item.node_scores[nodes], item.node_views[nodes]
+    doubts[p, j] = node_doubts(item.node_scores[nodes])
 
 
 def _move_to_votes(
     item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
-    skeleton: SkeletonModel, config: AssemblyConfig,
+    doubts: Array, skeleton: SkeletonModel, config: AssemblyConfig,
 ) -> None:  # fmt: skip
     """Put joints at the votes of the maps, in place; one that moves far is the node and no more itself."""
     chosen = chosen_nodes(positions, expected, item, config.vote_distance, skeleton)
@@ -150,16 +154,19 @@ def _move_to_votes(
     p, j, nodes = p[far], j[far], nodes[far]
     covariances[p, j] = config.node_sigma**2 * np.eye(3)
     scores[p, j], views[p, j] = item.node_scores[nodes], item.node_views[nodes]
+    doubts[p, j] = node_doubts(item.node_scores[nodes])
 
 
 def _derive(
-    positions: Array, covariances: Array, scores: Array, views: Array, skeleton: SkeletonModel
-) -> None:
+    positions: Array, covariances: Array, scores: Array, views: Array, doubts: Array,
+    skeleton: SkeletonModel,
+) -> None:  # fmt: skip
     """Fill joints that are means of others, in place, with the covariance of the mean."""
     for joint, parts in skeleton.derived:
         parts = list(parts)
         positions[:, joint] = positions[:, parts].mean(axis=1)
         covariances[:, joint] = covariances[:, parts].sum(axis=1) / len(parts) ** 2
+        doubts[:, joint] = doubts[:, parts].sum(axis=1) / len(parts) ** 2
         there = np.isfinite(positions[:, joint, 0])
         scores[:, joint] = np.where(there, scores[:, parts].min(axis=1), 0.0)
         views[:, joint] = np.where(there, views[:, parts].min(axis=1), 0)

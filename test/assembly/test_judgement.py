@@ -39,12 +39,13 @@ def full(lower):
 
 def test_covariances_are_inverse_normals_inflated():
     positions, normals, residuals, picks, scores = solved(0)
-    result, worst, mean, views = judge_joints(
-        positions, normals, residuals, picks, scores, 1.1, 0.8
-    )
     there, used = np.isfinite(positions[..., 0]), residuals >= 0.0
+    unused = np.arange(JOINTS) % 3
+    result, worst, mean, views = judge_joints(
+        positions, normals, residuals, picks, scores, used.sum(-1) + unused, 1.1, 0.8
+    )
     assert (views == used.sum(-1)).all() and (np.isfinite(result[..., 0, 0]) == there).all()
-    factor = 1.1 * (1.0 + 0.8 / np.maximum(views - 1, 1))
+    factor = 1.1 * (1.0 + (0.8 + unused) / np.maximum(views - 1, 1))
     expected = np.linalg.inv(full(normals)) * factor[..., None, None]
     assert np.allclose(result[there], expected[there], rtol=1e-9, atol=0.0)
     assert np.allclose(worst[there], np.linalg.eigvalsh(expected)[there][:, -1])
@@ -56,7 +57,7 @@ def test_covariances_are_inverse_normals_inflated():
 def test_singular_normals_give_no_covariance():
     result, worst, *_ = judge_joints(
         np.zeros((1, 1, 3)), np.zeros((1, 1, 3, 3)), -np.ones((1, 1, 2)), -np.ones((1, 1, 2, 2), np.int64),
-        np.ones((1, 1)), 1.0, 0.8,
+        np.ones((1, 1)), np.zeros((1, 1), np.int64), 1.0, 0.8,
     )  # fmt: skip
     assert np.isnan(result).all() and worst[0, 0] == 0.0
 

@@ -64,8 +64,8 @@ def test_the_node_where_the_joint_should_be_beats_the_one_where_views_put_it():
 
 
 def test_a_bone_unlike_that_of_the_other_side_is_not_believed():
-    people = [[[0.0, 0, 1], [0.3, 0, 1], [-0.8, 0, 1]]]  # the right arm is too long
-    item = proposals([[-0.8, 0, 1], [-0.31, 0, 1]], [2, 2], shown=[2], votes=[0.3, 0.3])
+    people = [[[0.0, 0, 1], [0.3, 0, 1], [-0.5, 0, 1]]]  # the right arm is too long
+    item = proposals([[-0.5, 0, 1], [-0.31, 0, 1]], [2, 2], shown=[2], votes=[0.3, 0.3])
     assert choose(people, item, skeleton=ARMS) == [[-1, -1, 1]]
 
 
@@ -78,3 +78,10 @@ def test_bone_differences_by_hand():
     middle = bone_differences(np.array([[[0.0, 0, 1]]]), uneven, 0, ARMS)
     assert np.allclose(middle, 0.5 * (0.1 / 0.06) ** 2 * 2)
     assert (bone_differences(places, positions[:, :2], 1, PAIR) == 0.0).all()
+
+
+def test_nodes_far_from_where_a_joint_should_be_are_not_looked_at():
+    item = proposals([[0.15, 0, 1], [0.4, 0, 1]], [0, 0], votes=[0.5, 0.9])
+    expected = [[[0.0, 0, 1], [np.nan] * 3]]
+    assert choose([[[0.4, 0, 1], [9.0, 0, 1]]], item, expected) == [[1, -1]]  # it was triangulated there
+    assert choose([[[0.6, 0, 1], [9.0, 0, 1]]], item, expected) == [[0, -1]]

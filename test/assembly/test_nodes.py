@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.nodes import take_nodes
+from panoptic_ros.assembly.nodes import node_doubts, take_nodes
 from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.domain import ScoreMaps
 
@@ -37,6 +37,8 @@ def test_a_lost_joint_comes_from_its_node(scenes):
     pose = stage.step(second).outputs[0]
     assert np.array_equal(pose.positions[0, wrist], node)
     assert pose.views[0, wrist] == 2 and pose.scores[0, wrist] == 0.5
+    variance = AssemblyConfig().node_sigma ** 2 + node_doubts(np.array([0.5]))
+    assert np.allclose(pose.covariances[0, wrist], variance * np.eye(3))
     off = AssemblyStage(AssemblyConfig(node_distance=0.0), scenes.context(rig))
     off.step(first)
     assert np.isnan(off.step(second).outputs[0].positions[0, wrist]).all()
@@ -48,3 +50,8 @@ def test_nodes_serve_once_and_the_nearest_first(scenes):
     expected[:, 0] = [[0.06, 0, 0], [0.02, 0, 0], [0.21, 0, 0]]
     chosen = take_nodes(item, expected, np.ones((3, 19), bool), 0.1)
     assert chosen[:, 0].tolist() == [-1, 0, 1] and (chosen[:, 1:] == -1).all()
+
+
+def test_nodes_with_few_votes_are_doubted_more():
+    doubts = np.sqrt(node_doubts(np.array([0.1, 0.3, 0.5, 0.9])))
+    assert (np.diff(doubts) < 0.0).all() and doubts[0] > 0.1 and doubts[-1] < 0.02
