@@ -54,6 +54,11 @@ class RefinementConfig(Config):
     bone_frames: int = param(
         10, ge=1, le=100000, doc="Frames after which a learnt bone length is used."
     )
+    lasting_share: float = param(
+        0.5, ge=0.0, le=1.0,
+        doc="Share of the variance of measurements whose errors last, as a limb that is hidden or taken for "
+        "another stays so for many frames: smoothing does not remove it. Of detectors with biases only.",
+    )
     bias_floor: float = param(
         -1.0, unit="m", ge=-1.0, le=1.0,
         doc="Standard deviation added to every joint at the end for constant biases of the detector, which "

@@ -33,6 +33,7 @@ class Moment:
         states, covariances: with this instant's measurement. NaN = unknown.
         measured: (J,) bool. scores (J,), views (J,): of the measurement. person_score.
         ages: (J,) s since each joint was measured. seen: the person is in this set.
+        noises: (J, 3, 3) m^2, of the latest measurement of each joint, 0 before any.
     """
 
     stamp_ns: int
@@ -48,11 +49,15 @@ class Moment:
     ages: Array
     person_score: float
     seen: bool
+    noises: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Smoothed:
-    """One person, refined: positions (J, 3), covariances (J, 3, 3), scores, views, states (J,)."""
+    """One person, refined: positions (J, 3), covariances (J, 3, 3), scores, views, states (J,).
+
+    lasting: (J, 3, 3) m^2, what errors that last add to the covariances; it is no noise to smooth with.
+    """
 
     positions: Array
     covariances: Array
@@ -60,13 +65,15 @@ class Smoothed:
     views: Array
     states: Array
     person_score: float
+    lasting: Array
 
 
 class PersonMotion:
     """Filter and recent moments of one person."""
 
-    def __init__(self, config: RefinementConfig, joints: int, lasting: LastingErrors):
-        self._config, self._joints = config, joints
+    def __init__(self, config: RefinementConfig, joints: int, lasting: LastingErrors, share: float):
+        """share: of the variance of measurements, of errors that last."""
+        self._config, self._joints, self._share = config, joints, share
         self._moments: list[Moment] = []
         self._tuning = Tuning(joints, lasting)
         self._still = np.zeros((joints, 3, 3))
@@ -80,16 +87,17 @@ class PersonMotion:
             noise = self._process_noise(last, dt)
             states, covariances = predict_states(last.states, last.covariances, dt, noise)
             ages, scores, person_score = last.ages + dt, last.scores, last.person_score
+            noises = last.noises
             states[ages > self._config.max_gap] = np.nan
         else:
             dt, states = 0.0, np.full((self._joints, 6), np.nan)
             noise = np.full(self._joints, self._config.process_noise)
             covariances, ages = np.zeros((self._joints, 6, 6)), np.zeros(self._joints)
-            scores, person_score = np.zeros(self._joints), 0.0
+            scores, person_score, noises = np.zeros(self._joints), 0.0, self._still
         nothing = np.zeros(self._joints)
         self._moments.append(
             Moment(stamp_ns, dt, noise, states, covariances, states.copy(), covariances.copy(), nothing > 0.0,
-                   scores.copy(), nothing.astype(int), ages, person_score, False)
+                   scores.copy(), nothing.astype(int), ages, person_score, False, noises)
         )  # fmt: skip
 
     def _process_noise(self, last: Moment, dt: float) -> Array:
@@ -130,6 +138,7 @@ class PersonMotion:
         now.scores = np.where(measured, scores, now.scores)
         now.views = np.where(measured, views, 0)
         now.ages = np.where(measured, 0.0, now.ages)
+        now.noises = np.where(measured[:, None, None], covariances, now.noises)
 
     def seen_after(self, stamp_ns: int) -> bool:
         """Whether the person was seen in a kept instant that is still to come after this one."""
@@ -179,7 +188,8 @@ class PersonMotion:
         """Positions with their states; gaps that are too long or too uncertain are missing."""
         config = self._config
         spread = self._tuning.scale * covariances[:, :3, :3]
-        sigma = np.sqrt(np.trace(spread, axis1=1, axis2=2) / 3.0)
+        lasting = self._lasting_part(target)
+        sigma = np.sqrt(np.trace(spread + lasting, axis1=1, axis2=2) / 3.0)
         known = np.isfinite(states[:, 0])
         bridged = known & ~target.measured & (sigma < config.max_sigma)
         filled = bridged & again
@@ -193,5 +203,14 @@ class PersonMotion:
         return Smoothed(
             np.where(there[:, None], states[:, :3], np.nan),
             np.where(there[:, None, None], spread, np.nan),
-            np.where(there, scores, 0.0), target.views, kind, target.person_score,
+            np.where(there, scores, 0.0), target.views, kind, target.person_score, lasting,
         )  # fmt: skip
+
+    def _lasting_part(self, target: Moment) -> Array:
+        """Covariances (J, 3, 3) m^2 of errors that last.
+
+        A joint that is not measured now was lost to what made it err before: nothing is taken off.
+        """
+        share = np.where(target.measured, self._share, float(self._share > 0.0))
+        lasting: Array = share[:, None, None] * target.noises
+        return lasting

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class RefinementStage:
         self._hash = context.skeleton.hash  # computed at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
         self._floor = bias_floor(config.bias_floor, context.skeleton)
+        self._lasting_share = config.lasting_share if self._floor.any() else 0.0
         self.reset()
         for example in _examples(context.skeleton):
             self.step(example)
@@ -78,7 +80,9 @@ class RefinementStage:
         self._clock.take(item)
         for number in item.ids.tolist():
             if number not in self._people:
-                self._people[number] = PersonMotion(self._config, len(self._skeleton), self._lasting)
+                self._people[number] = PersonMotion(
+                    self._config, len(self._skeleton), self._lasting, self._lasting_share
+                )
                 self._lengths.setdefault(number, BoneLengths(self._bones))
         rows = {int(number): k for k, number in enumerate(item.ids)}
         for number, motion in self._people.items():
@@ -100,7 +104,7 @@ class RefinementStage:
             person = self._people[number].smoothed(item.stamp_ns, instant_ns)
             if person is not None and (person.states != JointState.MISSING).any():
                 numbers.append(number)
-                people.append(self._with_bones(number, person))
+                people.append(_as_stated(self._with_bones(number, person)))
         horizon = self._config.max_gap + self._config.lag
         for number in [n for n, motion in self._people.items() if motion.unseen > horizon]:
             if not self._people[number].seen_after(item.stamp_ns):
@@ -119,9 +123,12 @@ class RefinementStage:
             person.positions, person.covariances, person.states != JointState.MISSING,
             self._config.bone_sigma, self._config.bone_frames,
         )  # fmt: skip
-        return Smoothed(
-            positions, covariances, person.scores, person.views, person.states, person.person_score
-        )
+        return replace(person, positions=positions, covariances=covariances)
+
+
+def _as_stated(person: Smoothed) -> Smoothed:
+    """The person with the errors that last in its covariances: bones are pulled as they were smoothed."""
+    return replace(person, covariances=person.covariances + person.lasting)
 
 
 def _passed_through(item: TrackedPoseSet) -> RefinedPoseSet:

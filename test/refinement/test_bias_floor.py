@@ -37,7 +37,7 @@ def run(times, model=MODEL, **settings):
 def test_floors_are_added_to_what_smoothing_says(enabled, model, asked, floors):
     times = [i / 25 for i in range(20)]
     plain = run(times, KNOWN, enabled=enabled, bias_floor=0.0)
-    stated = run(times, model, enabled=enabled, bias_floor=asked)
+    stated = run(times, model, enabled=enabled, bias_floor=asked, lasting_share=0.0)
     for a, b in zip(plain, stated):
         assert np.array_equal(a.positions, b.positions)
         expected = np.array(floors)[:, None, None] ** 2 * np.eye(3)
@@ -47,3 +47,34 @@ def test_floors_are_added_to_what_smoothing_says(enabled, model, asked, floors):
 def test_the_last_instants_before_a_long_gap_keep_their_people():
     times = [i / 25 for i in range(10)] + [3.0 + i / 25 for i in range(10)]
     assert [len(output.ids) for output in run(times)] == [1] * 20
+
+
+def covariance_of_elbow(times, lost=(), **settings):
+    """Of the last instant, with the elbow lost at some of them."""
+    stage = RefinementStage(RefinementConfig(**settings), StageContext(None, KNOWN))
+    for i, t in enumerate(times):
+        item = tracked(i, t)
+        if i in lost:
+            gone = np.array([[False, True]])
+            states = np.where(gone, JointState.MISSING, item.states)
+            item = replace(
+                item, positions=np.where(gone[..., None], np.nan, item.positions), states=states,
+                scores=np.where(gone, 0.0, item.scores), views=np.where(gone, 0, item.views),
+                covariances=np.where(gone[..., None, None], np.nan, item.covariances),
+            )  # fmt: skip
+        stage.step(item)
+    return stage.flush().outputs[-1].covariances[0, 1]
+
+
+@pytest.mark.parametrize("lost, kept", [((), 0.3), ((18, 19), 1.0)])
+def test_smoothing_leaves_the_share_of_errors_that_last(lost, kept):
+    times = [i / 25 for i in range(20)]
+    plain, stated = (covariance_of_elbow(times, lost, lasting_share=share) for share in (0.0, 0.3))
+    arrived = 1e-4 / (1.0 + RefinementConfig().few_views_relief / 2)
+    assert np.allclose(stated - plain, kept * arrived * np.eye(3), atol=1e-15)
+
+
+def test_errors_of_detectors_without_known_biases_do_not_last():
+    times = [i / 25 for i in range(20)]
+    plain, same = (run(times, lasting_share=share)[-1] for share in (0.0, 0.5))
+    assert np.array_equal(plain.covariances, same.covariances)
