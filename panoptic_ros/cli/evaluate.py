@@ -115,7 +115,8 @@ def read_sequence(path: Path) -> SkeletonSequence:
         return SkeletonSequence(
             plain.joint_names,
             tuple(
-                SkeletonFrame(f.stamp_ns, f.ids, f.positions, f.covariances, f.ignore) for f in plain.frames
+                SkeletonFrame(f.stamp_ns, f.ids, f.positions, f.covariances, f.ignore, f.views)
+                for f in plain.frames
             ),
         )
     except DataError as error:

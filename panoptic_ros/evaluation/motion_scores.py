@@ -1,7 +1,7 @@
 """Smoothness of the motion and consistency of the reported covariances."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,20 @@ from panoptic_ros.evaluation.pairing import FramePair
 Array = np.ndarray
 
 
+VIEWS = ("predicted, filled", "1 or 2 views", "3 views", "4 views", "5 views and more")
+FIRST_VIEWS = (0, 1, 3, 4, 5)  # number of views from which joints are of these kinds
+
+
+@dataclass(frozen=True, slots=True)
+class ConsistencyOfSome:
+    """NEES, as in `Consistency`, of the joints that a certain number of views measured."""
+
+    kind: str
+    mean_per_dof: float
+    cover95: float
+    joints: int
+
+
 @dataclass(frozen=True, slots=True)
 class Consistency:
     """Normalised estimation error squared (NEES) of all matched joints with a covariance.
@@ -20,12 +34,14 @@ class Consistency:
     median_per_expected: its median over that of chi2 with 3 degrees of freedom; 1 = consistent.
     cover95: share of joints within their 95 % ellipsoid.
     joints: how many joints count.
+    by_views: of joints that so many views measured, as far as the result tells.
     """
 
     mean_per_dof: float
     median_per_expected: float
     cover95: float
     joints: int
+    by_views: tuple[ConsistencyOfSome, ...]
 
 
 def acceleration_error(pairs: Sequence[FramePair]) -> float:
@@ -53,7 +69,7 @@ def acceleration_error(pairs: Sequence[FramePair]) -> float:
 
 def score_consistency(pairs: Sequence[FramePair]) -> Consistency | None:
     """NEES of all matched joints; None if no covariances were reported."""
-    values = [np.empty(0)]
+    values, numbers = [np.empty(0)], [np.empty(0, np.int64)]
     for pair in pairs:
         rows, columns = pair.matches.T
         error = pair.result[columns] - pair.truth[rows]
@@ -61,15 +77,31 @@ def score_consistency(pairs: Sequence[FramePair]) -> Consistency | None:
         good = ~(np.isnan(error).any(-1) | np.isnan(covariance).any((-1, -2)))
         scaled = np.linalg.solve(covariance[good], error[good][..., None])[..., 0]
         values.append((error[good] * scaled).sum(-1))
-    nees = np.concatenate(values)
+        numbers.append(pair.views[columns][good])
+    nees, views = np.concatenate(values), np.concatenate(numbers)
     if not nees.size:
         return None
     return Consistency(
         mean_per_dof=float(nees.mean() / 3.0),
         median_per_expected=float(np.median(nees) / chi2.ppf(0.5, 3)),
-        cover95=float((nees < chi2.ppf(0.95, 3)).mean()),
+        cover95=_cover(nees),
         joints=int(nees.size),
+        by_views=tuple(_by_views(nees, views)),
     )
+
+
+def _by_views(nees: Array, views: Array) -> Iterator[ConsistencyOfSome]:
+    """The consistency of joints (N,) that so many views (N,) measured, where there are some."""
+    kinds = np.searchsorted(FIRST_VIEWS, views, side="right") - 1  # -1 = not told
+    for kind, name in enumerate(VIEWS):
+        own = nees[kinds == kind]
+        if own.size:
+            yield ConsistencyOfSome(name, float(own.mean() / 3.0), _cover(own), int(own.size))
+
+
+def _cover(nees: Array) -> float:
+    """Share within the 95 % ellipsoid."""
+    return float((nees < chi2.ppf(0.95, 3)).mean())
 
 
 def _errors(pair: FramePair) -> dict[tuple[int, int], Array]:

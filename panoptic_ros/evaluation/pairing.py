@@ -40,6 +40,7 @@ class FramePair:
     result_ids: Array  # (R,)
     result: Array  # (R, J, 3) m
     covariances: Array  # (R, J, 3, 3) m^2
+    views: Array  # (R, J) that measured each joint, see `SkeletonFrame`
     matches: Array  # (M, 2) rows of truth and result
     distances: Array  # (M, J) m, NaN where either joint is missing
 
@@ -160,7 +161,7 @@ def _pair(motion: TruthMotion, truth: SkeletonFrame, result: SkeletonFrame | Non
         nobody = SkeletonFrame(truth.stamp_ns, np.empty(0), np.empty((0, *truth.positions.shape[1:])))
         return FramePair(
             truth.stamp_ns, None, truth.ids[counted], truth.positions[counted], nobody.ids,
-            nobody.positions, nobody.covariances, np.empty((0, 2), np.int64),
+            nobody.positions, nobody.covariances, nobody.views, np.empty((0, 2), np.int64),
             np.empty((0, truth.positions.shape[1])),
         )  # fmt: skip
     people = motion.moved(truth, result.stamp_ns)
@@ -172,7 +173,8 @@ def _pair(motion: TruthMotion, truth: SkeletonFrame, result: SkeletonFrame | Non
     matches = np.stack([_renumber(counted)[matches[:, 0]], _renumber(kept)[matches[:, 1]]], axis=-1)
     return FramePair(
         result.stamp_ns, result.stamp_ns - truth.stamp_ns, truth.ids[counted], people[counted],
-        result.ids[kept], result.positions[kept], result.covariances[kept], matches, distances,
+        result.ids[kept], result.positions[kept], result.covariances[kept], result.views[kept], matches,
+        distances,
     )  # fmt: skip
 
 

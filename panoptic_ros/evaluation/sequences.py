@@ -22,6 +22,7 @@ class SkeletonFrame:
         positions: (P, J, 3) m, NaN where missing.
         covariances: (P, J, 3, 3) m^2, NaN where not reported; None stands for NaN everywhere.
         ignored: (P,) bool, truth only: the person may be reported or not; None = nobody.
+        views: (P, J) that measured each joint, 0 = predicted or filled, -1 = not told; None = -1 everywhere.
 
     Raises:
         DataError: on shapes that do not fit or ids that stand twice.
@@ -32,6 +33,7 @@ class SkeletonFrame:
     positions: Array
     covariances: Array | None = None
     ignored: Array | None = None
+    views: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
@@ -48,6 +50,9 @@ class SkeletonFrame:
         if self.ignored is None:
             object.__setattr__(self, "ignored", np.zeros(len(ids), bool))
         shapes.store("ignored", bool, "P")
+        if self.views is None:
+            object.__setattr__(self, "views", np.full(positions.shape[:2], -1))
+        shapes.store("views", np.int64, "P J")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,10 +100,12 @@ def _reorder(frame: SkeletonFrame, order: list[int]) -> SkeletonFrame:
     people = len(frame.ids)
     nowhere = np.full((people, 1, 3), np.nan)
     unknown = np.full((people, 1, 3, 3), np.nan)
+    untold = np.full((people, 1), -1)
     return SkeletonFrame(
         frame.stamp_ns,
         frame.ids,
         np.concatenate([frame.positions, nowhere], axis=1)[:, order],
         np.concatenate([frame.covariances, unknown], axis=1)[:, order],
         frame.ignored,
+        np.concatenate([frame.views, untold], axis=1)[:, order],
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 import math
 
 from panoptic_ros.evaluation.identity_scores import IdentityScores
+from panoptic_ros.evaluation.motion_scores import Consistency, ConsistencyOfSome
 from panoptic_ros.evaluation.pcp import PcpReport
 from panoptic_ros.evaluation.report import Report
 
@@ -28,6 +29,8 @@ def report_table(report: Report, joints: bool = True) -> str:
         ("acceleration error", f"{_number(report.acceleration_error, 1)} m/s^2"),
         ("NEES", _consistency(report)),
     ]  # fmt: skip
+    if report.consistency is not None:
+        rows += [(f"  {some.kind}", _consistency_of(some)) for some in report.consistency.by_views]
     lines = [f"{name:<20}{text}" for name, text in rows]
     return "\n".join([*lines, "", *_joint_rows(report)] if joints else lines)
 
@@ -67,10 +70,12 @@ def _over_gaps(identities: IdentityScores) -> str:
 def _consistency(report: Report) -> str:
     if report.consistency is None:
         return "no covariances were reported"
-    nees = report.consistency
+    return f"{_consistency_of(report.consistency)} (per degree of freedom, 1 = consistent)"
+
+
+def _consistency_of(nees: Consistency | ConsistencyOfSome) -> str:
     return (
-        f"{nees.mean_per_dof:.2f} per degree of freedom (1 = consistent), "
-        f"{nees.cover95:.3f} within the 95 % ellipsoid, {nees.joints} joints"
+        f"{nees.mean_per_dof:.2f}, {nees.cover95:.3f} within the 95 % ellipsoid, {nees.joints} joints"
     )
 
 

@@ -95,7 +95,10 @@ class PlainDetections:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlainSkeletonFrame:
-    """Skeletons of one instant: (P,), (P, J, 3) m, (P, J), (P, J, 3, 3) m^2, (P,)."""
+    """Skeletons of one instant: (P,), (P, J, 3) m, (P, J), (P, J, 3, 3) m^2, (P,), (P, J).
+
+    views: that measured each joint; 0 = it is predicted or filled, -1 = not told.
+    """
 
     index: int
     stamp_ns: int
@@ -104,6 +107,7 @@ class PlainSkeletonFrame:
     scores: Array
     covariances: Array
     ignore: Array
+    views: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,6 +172,8 @@ def read_skeletons(path: Path) -> PlainSkeletons:
             positions, _ = _joint_rows([p["joints"] for p in people], len(names), 3, where, scored=False)
             there = np.isfinite(positions).all(-1)
             scores = np.array([p.get("scores") or t for p, t in zip(people, there.astype(float))], float)
+            unknown = [-1] * len(names)
+            views = np.array([p.get("views") or unknown for p in people], np.int64)
             covariances = np.full((*positions.shape, 3), np.nan)
             for k, person in enumerate(people):
                 for j, upper in enumerate(person.get("covariances") or []):
@@ -180,6 +186,7 @@ def read_skeletons(path: Path) -> PlainSkeletons:
                     np.array([int(p["id"]) for p in people], np.int64), positions,
                     scores.reshape(positions.shape[:2]), covariances,
                     np.array([bool(p.get("ignore", False)) for p in people], bool),
+                    views.reshape(positions.shape[:2]),
                 )
             )  # fmt: skip
         except (KeyError, TypeError, AttributeError, ValueError) as error:

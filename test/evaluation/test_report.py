@@ -143,6 +143,23 @@ def test_known_covariances_give_known_consistency(build):
     assert nees.mean_per_dof == pytest.approx(3.0) and nees.cover95 == 0.0
 
 
+def test_consistency_is_told_by_number_of_views(build):
+    covariance = np.broadcast_to(0.01**2 * np.eye(3), (2, 4, 3, 3))
+    views = np.array([[0, 1, 2, 3], [3, 5, 9, -1]])
+    offset = np.where(views < 3, 0.03, 0.02)[..., None] * [1.0, 0.0, 0.0]
+    result = build.sequence(
+        build.frame(i, [0, 1], build.people_at(i) + offset, covariances=covariance, views=views)
+        for i in range(10)
+    )
+    nees = evaluate(build.walk(10), result).consistency
+    assert nees is not None
+    told = {some.kind: (round(some.mean_per_dof, 6), some.joints) for some in nees.by_views}
+    assert told == {
+        "predicted, filled": (3.0, 10), "1 or 2 views": (3.0, 20),
+        "3 views": (round(4 / 3, 6), 20), "5 views and more": (round(4 / 3, 6), 20),
+    }  # fmt: skip
+
+
 def test_acceleration_error_of_a_zigzag(build):
     zigzag = build.sequence(
         build.frame(i, [0, 1], build.people_at(i) + [0.0, 0.0, 0.01 * (i % 2)]) for i in range(10)
