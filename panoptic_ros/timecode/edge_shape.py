@@ -20,7 +20,7 @@ from scipy.interpolate import BSpline
 
 from panoptic_ros.timecode.baseline import Baseline
 from panoptic_ros.timecode.fit_kernels import gram_without, train_rows
-from panoptic_ros.timecode.shape_kernels import shape_rows
+from panoptic_ros.timecode.shape_kernels import OWN, PLACE, corrected, integrated, shape_rows, without_own
 
 Array = np.ndarray
 PHASES = 32  # places between two samples
@@ -36,7 +36,6 @@ MEMORY = 300.0  # words; half of them at first, since the first ones were fitted
 LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond
 SURE = 4.0  # standard deviations from which on droop is believed
 ALIKE_WORDS = 3.0  # that count as one, since hum repeats
-OWN, PLACE = 5, 3  # unknowns of each word alone: its level, that times time twice, its place, its length
 LEAST_NOISE = 0.01  # of the level: what splines cannot say
 
 
@@ -64,7 +63,7 @@ class EdgeShape:
         """Samples (N,) without droop; a baseline is left."""
         if self.droop == 0.0:
             return values
-        return values + self.droop * _integral(values)
+        return values + self.droop * integrated(values)
 
     def learn(
         self, values: Array, low: int, grid: Array, places: Array, level: float, slow: Baseline,
@@ -80,27 +79,18 @@ class EdgeShape:
             slow: what is left free.
             excess: variance of the word's edges over that from white noise.
         """
-        count = len(values)
-        rows = np.empty((len(self._splines) + OWN + 2, count))
-        guess = train_rows(low, values / level, grid, places, self._guess, 4)
-        rows[:2] = guess[:2]  # the wave, and that times time from -1 to 1
-        rows[2] = guess[1] * np.linspace(-1.0, 1.0, count)
-        rows[3:OWN] = guess[2:4]
-        shape_rows(rows[OWN:-2], low, grid, places, self._splines, self._knot)
-        rows[-2] = _integral(values) / -level
-        rows[-1] = guess[4]
+        train = train_rows(low, values, grid, places, self._guess, 4)
+        rows = shape_rows(train, level, low, grid, places, self._splines, self._knot)
         gram, _ = gram_without(rows, slow.basis, slow.step)
-        own, shared = slice(0, OWN), slice(OWN, -1)
-        gain = np.linalg.solve(gram[own, own], gram[own, OWN:])
-        reduced = gram[OWN:, OWN:] - gram[OWN:, own] @ gain
+        reduced = without_own(gram)
         known = np.append(self._solution, -1.0)
-        noise = (float(known @ reduced @ known) / count + LEAST_NOISE**2) * max(1.0, excess)
+        noise = (float(known @ reduced @ known) / len(values) + LEAST_NOISE**2) * max(1.0, excess)
         keep = 1.0 - 1.0 / min(MEMORY, 0.5 * self.words + 4.0)
         alone = np.linalg.solve(reduced[:-1, :-1] / noise + self._prior, reduced[:-1, -1] / noise)
         self._droops.append(float(alone[-1]))
         self._normal = keep * self._normal + reduced[:-1, :-1] / noise
         self._right = keep * self._right + reduced[:-1, -1] / noise
-        self._along = keep * self._along + gram[PLACE, shared] / noise
+        self._along = keep * self._along + gram[PLACE, OWN:-1] / noise
         self.words += 1
         self._solve()
 
@@ -117,8 +107,7 @@ class EdgeShape:
             solution = np.append(_constrained(normal[:-1, :-1], self._right[:-1], along[:-1])[0], 0.0)
         self._solution = solution
         self.droop = float(solution[-1])
-        more = np.tensordot(solution[:-1], self._splines, axes=1)
-        self.table = self._guess + np.stack([more, _slope(more)])
+        self.table = corrected(self._guess, self._splines, solution[:-1])
         self.table.flags.writeable = False
 
     def _drooping(self) -> bool:
@@ -148,12 +137,6 @@ def _prior(count: int) -> Array:
     prior[:-1, :-1] = 0.5 * (odd + even) * np.eye(count) + 0.5 * (even - odd) * np.eye(count)[::-1]
     prior[-1, -1] = DROOP_SPREAD**-2
     return prior
-
-
-def _integral(values: Array) -> Array:
-    """Of samples without their mean, by trapezia."""
-    even = values - values.mean()
-    return np.cumsum(even) - 0.5 * even
 
 
 def _places(reach: int) -> Array:
@@ -189,13 +172,14 @@ def _guess(sample_rate: int, reach: int) -> Array:
 
 @lru_cache(maxsize=8)
 def _splines(reach: int, knot: float) -> Array:
-    """(J, P + 1, 2 R): cubic B-splines inside of the reach."""
+    """(J, 2, P + 1, 2 R): cubic B-splines inside of the reach and their slopes."""
     places = _places(reach)
     knots = np.arange(-reach, reach + 0.5 * knot, knot)
     out = []
     for first in range(len(knots) - 4):
         spline = BSpline.basis_element(knots[first : first + 5], extrapolate=False)
-        out.append(np.nan_to_num(spline(places)))
+        value = np.nan_to_num(spline(places))
+        out.append(np.stack([value, _slope(value)]))
     table = np.array(out)
     table.flags.writeable = False
     return table

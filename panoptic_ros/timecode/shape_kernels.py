@@ -1,4 +1,4 @@
-"""The loop of learning the shape of a step, compiled."""
+"""The loops of learning the shape of a step, compiled."""
 from __future__ import annotations
 
 from functools import lru_cache
@@ -7,19 +7,44 @@ import numpy as np
 from numba import njit
 
 Array = np.ndarray
+OWN, PLACE = 5, 3  # unknowns of each word alone: its level, that times time twice, its place, its length
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @_jit
-def shape_rows(rows: Array, low: int, grid: Array, places: Array, splines: Array, knot: float) -> None:
-    """Write how each cubic spline of the shape of a step shows in a word to rows (J, N).
+def integrated(values: Array) -> Array:
+    """Integral (N,) of samples without their mean, by trapezia."""
+    mean, total = values.mean(), 0.0
+    out = np.empty(len(values))
+    for i in range(len(values)):
+        even = values[i] - mean
+        out[i] = total + 0.5 * even
+        total += even
+    return out
+
+
+@_jit
+def shape_rows(
+    train: Array, level: float, low: int, grid: Array, places: Array, splines: Array, knot: float
+) -> Array:
+    """What a word consists of, (`OWN` + J + 2, N).
+
+    Those of the word alone, the splines of the shape, the droop, the samples; levels are 1.
 
     Args:
-        splines: (J, P + 1, 2 R) their tables, see `fit_kernels`.
+        train: (5, N) the word's `train_rows`.
+        level: of the word, signed.
+        splines: (J, 2, P + 1, 2 R) cubic, tables as in `fit_kernels`.
         knot: samples by which each begins after the one before.
     """
-    phases, reach = splines.shape[1] - 1, splines.shape[2] // 2
-    rows[:] = 0.0
+    count, functions = train.shape[1], len(splines)
+    phases, reach = splines.shape[2] - 1, splines.shape[3] // 2
+    rows = np.zeros((OWN + functions + 2, count))
+    rows[:2], rows[3:OWN] = train[:2], train[2:4]
+    for i in range(count):
+        rows[2, i] = train[1, i] * (2.0 * i / (count - 1.0) - 1.0)
+    rows[-1] = train[4] / level
+    rows[-2] = -integrated(rows[-1])
     middle, cell, bend = grid
     sign = 1.0
     for k in range(len(places)):
@@ -30,17 +55,45 @@ def shape_rows(rows: Array, low: int, grid: Array, places: Array, splines: Array
         below = min(int(place), phases - 1)
         part = place - below
         first = after - reach
-        for j in range(max(0, -first), min(2 * reach, rows.shape[1] - first)):
-            last = min(int((j + place / phases) / knot), len(splines) - 1)
+        for j in range(max(0, -first), min(2 * reach, count - first)):
+            last = min(int((j + place / phases) / knot), functions - 1)
             for s in range(max(0, last - 3), last + 1):
-                value = splines[s, below, j] * (1.0 - part) + splines[s, below + 1, j] * part
-                rows[s, first + j] += sign * value
+                value = splines[s, 0, below, j] * (1.0 - part) + splines[s, 0, below + 1, j] * part
+                rows[OWN + s, first + j] += sign * value
         sign = -sign
+    return rows
+
+
+@_jit
+def without_own(gram: Array) -> Array:
+    """Products (I, I) of a word's rows without their part in what is its own, (I - `OWN`, I - `OWN`)."""
+    rest = gram.copy()
+    for k in range(OWN):
+        for i in range(k + 1, len(rest)):
+            factor = rest[i, k] / rest[k, k]
+            for j in range(k + 1, len(rest)):
+                rest[i, j] -= factor * rest[k, j]
+    return rest[OWN:, OWN:].copy()
+
+
+@_jit
+def corrected(guess: Array, splines: Array, weights: Array) -> Array:
+    """The table (2, P + 1, 2 R) of a step: a guess and weighted splines, see `shape_rows`."""
+    table = guess.copy()
+    for s in range(len(splines)):
+        for row in range(2):
+            for p in range(table.shape[1]):
+                for j in range(table.shape[2]):
+                    table[row, p, j] += weights[s] * splines[s, row, p, j]
+    return table
 
 
 @lru_cache(maxsize=1)
 def compile_shape() -> None:
-    """Compile this for the types that it is called with, or take it from numba's cache."""
-    splines = np.ones((2, 3, 4))
-    splines.flags.writeable = False  # as the real ones: another type for numba
-    shape_rows(np.empty((2, 40)), 0, np.array([20.0, 4.0, 0.0]), np.arange(-4.0, 5.0), splines, 1.0)
+    """Compile all of this for the types that it is called with, or take it from numba's cache."""
+    train, guess, splines = np.ones((5, 40)), np.ones((2, 3, 4)), np.ones((2, 2, 3, 4))
+    guess.flags.writeable = splines.flags.writeable = False  # as the real ones: other types for numba
+    integrated(train[0])
+    shape_rows(train, 1.0, 0, np.array([20.0, 4.0, 0.0]), np.arange(-4.0, 5.0), splines, 1.0)
+    without_own(np.eye(OWN + 2))
+    corrected(guess, splines, np.ones(2))
