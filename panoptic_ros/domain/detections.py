@@ -20,7 +20,6 @@ class ViewFrame:
         stamp_ns: mid-exposure, on the camera's clock.
         frame_number: counts the frames that the device gave, so gaps are visible.
         image: (H, W, 3) uint8, BGR. Not copied; a read-only view is kept.
-        exposure_ns: 0 = not known.
         depth: (h, w) float32 m along the camera's z axis, of the same field of view as the image, e.g. of
             every second pixel; 0 and what is not finite = unknown (REP 118). None = the camera has no depth.
     """
@@ -29,7 +28,6 @@ class ViewFrame:
     stamp_ns: int
     frame_number: int
     image: Array
-    exposure_ns: int = 0
     depth: Array | None = None
 
     def __post_init__(self) -> None:

@@ -26,7 +26,7 @@ class CollectorNode(Node):
     def __init__(self, flow: Flow, cameras: Iterable[str], on_record: Callable[[str, Any], None]):
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
-        self.bad_messages = 0
+        self._bad_messages = 0
         self.diagnostics: dict[str, dict[str, str]] = {}
         self._on_record = on_record
         self._quality = collecting_quality(flow)
@@ -59,7 +59,8 @@ class CollectorNode(Node):
             try:
                 self._on_record(key, from_message(message, topic.record))
             except DataError as error:
-                self.bad_messages += 1
+                self._bad_messages += 1
+                self.diagnostics[self.get_name()] = {"dropped.bad_message": str(self._bad_messages)}
                 self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
             if not topic.latched:
                 self._ends.taken(subscription.topic_name)

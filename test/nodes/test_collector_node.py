@@ -35,12 +35,16 @@ def test_waits_for_detections_that_come_after_the_last_skeletons():
             executor.spin_once(timeout_sec=0.05)
 
     ends.publish(kind(topic="/skeletons", count=0))
-    ends.publish(kind(topic=f"/{camera.name}/detections", count=1))
+    ends.publish(kind(topic=f"/{camera.name}/detections", count=2))
     spin(1.5)
     assert not collector.over
-    views.publish(to_message(captures.view(camera, 0, 0), ros_messages()))
+    bad, good = (to_message(captures.view(camera, k, 0), ros_messages()) for k in range(2))
+    bad.person_count = 77
+    views.publish(bad)
+    views.publish(good)
     spin(15.0, lambda: collector.over)
     assert collector.over and taken == ["detections"]
+    assert collector.diagnostics["collector"] == {"dropped.bad_message": "1"}
     executor.shutdown()
     for node in (collector, sender):
         node.destroy_node()
