@@ -181,7 +181,7 @@ class DeviceClock:
             cause = self._cause(strays[0], jump, tolerance)
             if cause is not None or agreeing >= self._config.jump_words + MORE_WORDS:
                 return self._jump(strays, jump, cause or "clock")
-        if len(self._strays) == NOISY_WORDS:
+        if len(self._strays) == NOISY_WORDS and agreeing < self._config.jump_words:
             return self._noisier()
         return ()
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -198,12 +198,13 @@ def _of_phases(cameras: Sequence[CameraClock]) -> list[Notice]:
 
 
 def timecode_findings(models: Mapping[str, ClockModel], told: Sequence[Notice]) -> tuple[Notice, ...]:
-    """What clock models of devices and the notices of the clocks stage mean.
+    """What clock models of devices and the notices about their timecode mean.
 
     Args:
         models: the last one of every device.
+        told: by the stages; what was told of a device more often is said once, with how often.
     """
-    notices = [notice for notice in told if notice.code != "clocks.stamp_back"]
+    notices = _each_once([notice for notice in told if notice.code != "clocks.stamp_back"])
     for name, model in models.items():
         if abs(model.drift) > RATE_OFF:
             text = (
@@ -213,6 +214,17 @@ def timecode_findings(models: Mapping[str, ClockModel], told: Sequence[Notice]) 
             )
             notices.append(Notice("sync_report.timecode_rate", "warning", text, {"device": name}))
     return tuple(notices)
+
+
+def _each_once(told: Sequence[Notice]) -> list[Notice]:
+    kinds: dict[tuple[str, str], list[Notice]] = {}
+    for notice in told:
+        kinds.setdefault((notice.code, str(notice.values.get("device"))), []).append(notice)
+    return [_with_count(same[0], len(same)) for same in kinds.values()]
+
+
+def _with_count(notice: Notice, count: int) -> Notice:
+    return notice if count == 1 else replace(notice, text=f"{notice.text} (the first of {count})")
 
 
 def _warning(code: str, camera: CameraClock, text: str) -> Notice:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from panoptic_ros.stage import Notice
+
 
 class StageStatistics:
     """What went in and out of a stage, what was dropped and why, and how long a step takes."""
@@ -15,7 +17,14 @@ class StageStatistics:
         self.given = 0
         self.dropped: Counter[str] = Counter()
         self.notices: Counter[str] = Counter()
+        self._latest: dict[str, str] = {}  # texts of warnings by code
         self._durations: deque[int] = deque(maxlen=20000)  # ns
+
+    def take(self, notice: Notice) -> None:
+        """Count a notice, and remember the newest warning of its kind."""
+        self.notices[notice.code] += 1
+        if notice.severity != "info":
+            self._latest[notice.code] = notice.text
 
     def add_duration(self, duration_ns: int) -> None:
         """Remember how long one step took."""
@@ -34,4 +43,5 @@ class StageStatistics:
         rows |= {"step_p50_ms": f"{p50:.3f}", "step_p99_ms": f"{p99:.3f}"}
         rows |= {f"dropped.{cause}": str(n) for cause, n in sorted(self.dropped.items())}
         rows |= {f"notice.{code}": str(n) for code, n in sorted(self.notices.items())}
+        rows |= {f"latest.{code}": text for code, text in sorted(self._latest.items())}
         return rows

@@ -25,15 +25,18 @@ END_OF_STREAM = QoSProfile(
 )
 
 
-def data_quality(flow: Flow, images: bool = False) -> QoSProfile:
-    """For images, or for detections and everything after them.
+PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
+
+
+def data_quality(flow: Flow, images: bool = False, sound: bool = False) -> QoSProfile:
+    """For images, for sound and the timecode in it, or for detections and everything after them.
 
     Publishers are reliable in both flows, so that subscribers may choose.
     """
     late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=flow.image_depth if images else flow.depth,
+        depth=max(flow.depth, PATIENT) if sound else flow.image_depth if images else flow.depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=late,
     )

@@ -27,13 +27,13 @@ from panoptic_ros.nodes.depth_input import DepthInput
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.news import News
 from panoptic_ros.nodes.parameters import declare_config
-from panoptic_ros.nodes.quality import CLOCKS, data_quality
+from panoptic_ros.nodes.quality import CLOCKS, PATIENT, data_quality
 from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.worker import Worker
-from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.stage import StageContext
 
-PATIENT_QUEUE = 256  # messages per topic
 Extras = Callable[[Node, SkeletonModel], Mapping[str, Any]]  # what a stage needs beyond the context
 
 
@@ -85,6 +85,7 @@ class StageNode(Node):
             self, resolve(self._spec.config), live_defaults(self._flow.name, stage)
         )
         self._statistics = StageStatistics()
+        self._news = News(self.get_logger(), self._statistics)
         self._diagnostics = Diagnostics(self, self._statistics)
         self._clocks = ClockReports(self) if "clock_models" in self._spec.takes else None
         if self._clocks is not None:
@@ -139,13 +140,12 @@ class StageNode(Node):
         used = rig.subset(self._cameras) if self._cameras else rig
         self._stage = make_stage(self._spec.name, self._config, StageContext(used, skeleton, extras))
         self._worker.start(self._queue(used))
-        quality = data_quality(self._flow)
         gives = TOPICS[self._spec.gives]
         for scope in self._scopes(gives.scope, used):
             self._outputs[scope] = self.create_publisher(
                 message_class(gives.message),
                 gives.of(scope),
-                CLOCKS if gives.latched else quality,
+                CLOCKS if gives.latched else data_quality(self._flow, sound=gives.scope == "device"),
             )
         if self._depths is not None:
             self._depths.listen(used.names, self._ends)
@@ -159,7 +159,8 @@ class StageNode(Node):
                     message_class(topic.message),
                     name,
                     self._receiver(scope, topic.record),
-                    CLOCKS if topic.latched else data_quality(self._flow, images=key == "image"),
+                    CLOCKS if topic.latched
+                    else data_quality(self._flow, key == "image", topic.scope == "device"),
                 )
                 full = subscription.topic_name
                 self._inputs[full] = _Input(full, scope, topic.record, optional=topic.latched)
@@ -173,7 +174,7 @@ class StageNode(Node):
         """The other message that carries sound, where its package is installed."""
         kind = audio_common_class()
         if kind is not None:
-            quality = data_quality(self._flow)
+            quality = data_quality(self._flow, sound=True)
             topic = AUDIO_COMMON_TOPIC.format(device=ros_name(device))
             self.create_subscription(kind, topic, self._receiver(device, "AudioBlock"), quality)
 
@@ -181,8 +182,9 @@ class StageNode(Node):
         """Live images wait as instants; everything else in order."""
         if self._flow.queue_limit is not None and "image" in self._spec.takes:
             return NewestInstant(rig.names)
-        if self._flow.queue_limit is not None and self._spec.name == "offsets":
-            return InOrder(PATIENT_QUEUE)  # busy for a second after every block, and nobody waits for it
+        patient = self._spec.name == "offsets" or TOPICS[self._spec.takes[0]].scope == "device"
+        if self._flow.queue_limit is not None and patient:
+            return InOrder(PATIENT)  # busy for a second after every block; of sound every block counts
         return InOrder(self._flow.queue_limit)
 
     def _scopes(self, scope: str, rig: Rig) -> list[str]:
@@ -261,7 +263,7 @@ class StageNode(Node):
 
     def _publish(self, result: Any) -> None:
         for notice in result.notices:
-            self._note(notice)
+            self._news.tell(notice)
         frame_id = self._facts.rig.frame_id
         for record in result.outputs:
             scope = "" if "" in self._outputs else getattr(record, "camera", None) or record.device
@@ -269,12 +271,6 @@ class StageNode(Node):
             publisher.publish(to_message(record, ros_messages(), frame_id))
             self._sent[scope] = self._sent.get(scope, 0) + 1
             self._statistics.given += 1
-
-    def _note(self, notice: Notice) -> None:
-        first = not self._statistics.notices[notice.code]
-        self._statistics.notices[notice.code] += 1
-        if first and notice.severity != "info":
-            self.get_logger().warning(f"{notice.code}: {notice.text} (told once, counted on /diagnostics)")
 
     # ---------------------------------------------------------------- end
 

@@ -139,14 +139,16 @@ class StampCorrection:
     def _drop_unknown(self, camera: _Camera, notices: list[Notice]) -> None:
         """A clock that jumps before its first model takes the time of the frames before with it."""
         model, held = camera.model, camera.held
-        if model is None or model.segment == 0:
+        if model is None:
             return
         steps = [later.stamp_ns - view.stamp_ns for view, later in pairwise(held)]
         jumps = [k + 1 for k, step in enumerate(steps) if not 0 < step <= GAP_S * SECOND]
-        for _ in range(jumps[-1] if jumps else 0):
-            notices.append(_lost(held.popleft(), BEFORE_JUMP))
-        while held and held[0].stamp_ns < model.from_ns:
-            notices.append(_lost(held.popleft(), BEFORE_JUMP))
+        lost = [held.popleft() for _ in range(jumps[-1] if jumps else 0)]
+        if lost and not model.from_ns <= held[0].stamp_ns <= model.until_ns:
+            camera.newest = lost[-1].stamp_ns  # the model knows nothing of the jump: the rest waits
+        while model.segment and held and held[0].stamp_ns < model.from_ns:
+            lost.append(held.popleft())
+        notices += [_lost(view, BEFORE_JUMP) for view in lost]
 
     # ------------------------------------------------------------------ what is regular
 
@@ -155,7 +157,7 @@ class StampCorrection:
         old, new = camera.model, camera.following
         if old is None or new is None or stamp_ns < new.from_ns:
             return
-        if stamp_ns > old.until_ns + SECOND or new.from_ns > old.until_ns:
+        if stamp_ns > old.until_ns + SECOND or new.from_ns > old.until_ns or stamp_ns < old.from_ns:
             camera.model, camera.following = new, None
 
     def _follow(self, camera: _Camera, stamp_ns: int) -> None:

@@ -149,7 +149,10 @@ class JumpGuard:
         for released in views:
             own = self._cameras[released.camera]
             self._accept(own, max(released.stamp_ns, own.newest or 0))
-        text = f"the clock of all cameras was set back by {jump / SECOND:.4g} s; the sets' times run on"
+        text = (
+            f"the clock of all cameras was set back by {jump / SECOND:.4g} s; the sets' times run on, "
+            f"{self._shift / SECOND:.4g} s ahead of it until sync starts anew"
+        )
         return views, [Notice("sync.clock_set_back", "warning", text, {"step_s": -jump / SECOND})]
 
     def _living(self) -> list[_Camera]:

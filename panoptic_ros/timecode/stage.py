@@ -4,19 +4,17 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-from panoptic_ros.domain import AudioBlock, Timecode, TimecodeReading
+from panoptic_ros.domain import AudioBlock, TimecodeReading
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.timecode.breaks import Heard, find_break
 from panoptic_ros.timecode.click_kernels import compile_conditioning
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder, Word
 from panoptic_ros.timecode.fit_kernels import compile_fit
 from panoptic_ros.timecode.kernels import compile_kernels
 from panoptic_ros.timecode.line_kernels import compile_lines
-from panoptic_ros.timecode.rates import with_rate
 from panoptic_ros.timecode.shape_kernels import compile_shape
-from panoptic_ros.timecode.words import WORD_CELLS
 
-LONGEST_GAP = 250  # words; over more, the speed is not known well enough to count on
 STAMPS_SECONDS = 3.0  # of block stamps that are kept: longer than a word waits to be reported
 
 
@@ -30,7 +28,7 @@ class _Device:
     decoder: LtcDecoder
     stamps: deque[tuple[int, int]] = field(default_factory=deque)  # first sample and stamp of blocks
     next_sample: int = 0
-    last: Word | None = None
+    last: Heard | None = None
 
 
 class TimecodeStage:
@@ -67,7 +65,7 @@ class TimecodeStage:
         while len(device.stamps) > 1 and device.stamps[1][0] <= horizon:
             device.stamps.popleft()
         words = device.decoder.push(item.samples)
-        notices += _jumps(device, words)
+        notices += _breaks(device, words)
         readings += self._read(device, words)
         return StepResult(tuple(readings), tuple(notices))
 
@@ -101,25 +99,16 @@ class TimecodeStage:
         ]
 
 
-def _jumps(device: _Device, words: list[Word]) -> list[Notice]:
-    """Where labels do not count on from the last ones."""
-    notices = []
+def _breaks(device: _Device, words: list[Word]) -> list[Notice]:
+    """Where labels or samples do not count on from the last ones."""
+    notices: list[Notice] = []
     for word in words:
-        if device.last is not None and not _continues(device.last, word):
-            text = f"the timecode of {device.name} jumped to {word.timecode}"
-            notices.append(Notice("timecode.jump", "warning", text, {"device": device.name}))
-        device.last = word
+        heard = Heard(word, _stamp(device, device.first_sample + word.start))
+        found = find_break(device.name, device.sample_rate, device.last, heard) if device.last else ()
+        if found is not None:
+            notices += found
+            device.last = heard
     return notices
-
-
-def _continues(last: Word, word: Word) -> bool:
-    """Whether a label is as many frames after another as time has passed; after long gaps nobody knows."""
-    passed = round((word.start - last.start) / (WORD_CELLS * word.cell))
-    if passed > LONGEST_GAP or word.reverse != last.reverse:
-        return passed > LONGEST_GAP
-    before = with_rate(last.timecode, word.timecode.rate)
-    count = before.frame_count + (-passed if word.reverse else passed)
-    return Timecode.from_frame_count(count, word.timecode.rate) == word.timecode
 
 
 def _stamp(device: _Device, sample: float) -> int:

@@ -104,6 +104,20 @@ def test_the_timecode_and_a_clock_that_jump_together(step, frames):
     assert sorted(world.notices) == [("clocks.jump", "a"), *(("clocks.timecode_jump", n) for n in "bc")]
 
 
+def test_a_clock_that_jumps_twice_and_is_silent_between():
+    world = World()
+    for name in "ab":
+        world.device(name)
+    world.hear_all("ab", 0, 3)
+    world.clock["a"][:] = [EPOCH - 3770 * SECOND, 1e-5, 7e5]
+    world.hear_all("ab", 3, 3.2)
+    world.clock["a"][:] = [EPOCH - 90_000 * SECOND, 1e-5, 7e5]
+    world.hear_all("b", 3.2, 8)
+    world.hear_all("ab", 8, 11)
+    assert [code for code, name in world.notices if name == "a"].count("clocks.jump") == 1
+    assert abs(world.error("a", 11)) < 1e-5 and abs(world.error("b", 11)) < 1e-6
+
+
 def test_a_device_that_was_off_for_a_night_counts_its_days():
     world = World()
     world.device("cam")

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -209,6 +210,26 @@ def test_lost_blocks_are_noticed_and_do_no_harm() -> None:
     check(signal, readings, missing=5)
     (notice,) = [notice for result in results for notice in result.notices]
     assert notice.code == "timecode.gap" and "lost 3072 samples before sample 44032" in notice.text
+
+
+@pytest.mark.parametrize(("size", "lost"), [(480, 1), (1024, 1), (1024, 5), (4096, 3)])
+@pytest.mark.parametrize("late_s", [0.0, 2e-3])
+def test_lost_blocks_that_nobody_counts_are_told(size: int, lost: int, late_s: float) -> None:
+    """Labels and stamps agree against the count of samples."""
+    rng = np.random.default_rng(size)
+    signal = make("29.97", 120, 48000)
+    items = blocks(signal.samples, 48000, size)
+    del items[20 : 20 + lost]
+    stage, readings, notices, counted = TimecodeStage(TimecodeConfig()), [], [], 0
+    for item in items:
+        late = round(1e9 * late_s * rng.random())
+        result = stage.step(replace(item, first_sample=counted, stamp_ns=item.stamp_ns + late))
+        counted += len(item.samples)
+        readings += result.outputs
+        notices += result.notices
+    assert len(readings) > 100 and {str(r.timecode) for r in readings} <= {str(x) for x in signal.labels}
+    (notice,) = notices
+    assert notice.code == "timecode.gap" and f"lost about {size * lost} samples" in notice.text
 
 
 def test_a_jump_of_the_labels_is_reported_once() -> None:

@@ -29,7 +29,7 @@ def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageSt
     statistics = {name: StageStatistics() for name in (*stages, *beside)}
 
     def note(stage: str, notice: Notice) -> None:
-        statistics[stage].notices[notice.code] += 1
+        statistics[stage].take(notice)
 
     def record(key: str, item: Any) -> None:
         name = next(name for name in statistics if NODES[name].gives == key)

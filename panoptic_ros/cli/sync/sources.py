@@ -13,6 +13,7 @@ from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.stamps import StampTable, read_stamps
 from panoptic_ros.io.synctables import read_synctables
 from panoptic_ros.io.wav import wav_blocks
+from panoptic_ros.stage import Notice, StepResult
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
 
 FRAMES = {  # types of messages that stand for frames, the best first
@@ -32,11 +33,18 @@ class Sources:
         cameras: stamps by camera.
         readings: of all devices, in the order of recording.
         recordings: readings by WAV file and channel, which share their sample index.
+        gaps: where sound is missing.
     """
 
     cameras: dict[str, StampTable] = field(default_factory=dict)
     readings: list[TimecodeReading] = field(default_factory=list)
     recordings: dict[str, list[list[TimecodeReading]]] = field(default_factory=dict)
+    gaps: list[Notice] = field(default_factory=list)
+
+    def hear(self, result: StepResult[TimecodeReading]) -> None:
+        """Take what the timecode stage found in a block."""
+        self.readings += result.outputs
+        self.gaps += [notice for notice in result.notices if notice.code == "timecode.gap"]
 
 
 def collect(path: Path) -> Sources:
@@ -114,8 +122,8 @@ def _read_bag(path: Path, sources: Sources) -> None:
         elif audio:
             stage = TimecodeStage(TimecodeConfig())
             for _, _, message in bag.messages(*audio):
-                sources.readings += stage.step(from_message(message, "AudioBlock")).outputs
-            sources.readings += stage.flush().outputs
+                sources.hear(stage.step(from_message(message, "AudioBlock")))
+            sources.hear(stage.flush())
 
 
 def _frame_topics(bag: BagReader) -> dict[str, str]:

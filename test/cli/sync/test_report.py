@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from panoptic_ros.cli.main import main
-from panoptic_ros.domain import FrameRate, SkeletonModel, Timecode, TimecodeReading, ViewDetections
+from panoptic_ros.domain import (
+    AudioBlock,
+    FrameRate,
+    SkeletonModel,
+    Timecode,
+    TimecodeReading,
+    ViewDetections,
+)
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.simulation.ltc_signal import encode_ltc
 
 START = 1_700_000_000
 
@@ -124,6 +132,26 @@ def test_a_bag_with_detections_and_timecode(tmp_path, capsys, declared):
     else:
         assert code == 2 and codes(document) == ["timecode_rate"]
         assert device["drift_ppm"] == pytest.approx(-1019.0, abs=2.0)
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_sound_that_is_missing_in_a_bag_is_told_once(tmp_path, capsys, counted):
+    """Two gaps; a count of samples shows them, or else labels and stamps do."""
+    signal = encode_ltc(Timecode.from_frame_count(90_000, FrameRate(25, Fraction(25))), 200, 16_000)
+    samples, taken = signal.samples.astype(np.float32), 0
+    with BagWriter(tmp_path / "bag") as bag:
+        for k in range(len(samples) // 512):
+            if k in (60, 150, 151):
+                continue
+            part = samples[512 * k : 512 * (k + 1)]
+            first = 512 * k if counted else taken
+            block = AudioBlock("mic", START * 10**9 + 32_000_000 * k, first, 16_000, part)
+            taken += len(part)
+            bag.write("/mic/audio", block.stamp_ns, to_message(block, bag_messages()))
+    code, document = report(tmp_path / "bag", capsys)
+    (note,) = document["notices"]
+    assert code == 2 and note["code"] == "timecode.gap" and note["text"].endswith("(the first of 2)")
+    assert "512 samples" in note["text"] and document["devices"][0]["segment"] == 0
 
 
 def test_bad_sources_are_told_in_one_line(tmp_path, capsys):
