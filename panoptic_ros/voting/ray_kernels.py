@@ -1,7 +1,4 @@
-"""Compiled kernels on the viewing rays of 2D peaks. They call nothing outside of this file.
-
-Peaks are in the order of view and joint: those of (v, j) are start[v * J + j] .. start[v * J + j + 1].
-"""
+"""Compiled kernels on the viewing rays of 2D peaks. They call nothing outside of this file."""
 from __future__ import annotations
 
 import numpy as np
@@ -54,82 +51,103 @@ def _undistorted(lens, goal_x, goal_y):
 
 
 @_jit
-def pair_seeds(centres, rays, start, paired, joint_count, gap, max_depth, enough, joints, seeds):
-    """Points where rays of a joint meet: every pair of rays, improved with the rays of the other views.
+def pair_seeds(centres, rays, views, start, paired, gap, max_depth, enough):
+    """Points where rays of a joint meet: pairs of rays, improved with the rays of the other views.
 
     A pair of rays of two `paired` views (V,) that pass within `gap` gives its middle; that moves twice
     to the point closest to the rays that pass nearest to it in each view, within gap and half of it, and
-    counts if it still has `enough` such rays. Writes as many as fit into joints (S,) and seeds (S, 3);
-    returns the number.
+    counts if it still has `enough` such rays. These are not paired with each other again.
+
+    Args:
+        rays: (K, 3), those of joint j from start[j] to start[j + 1], in the order of their views (K,).
+
+    Returns:
+        joints (S,), seeds (S, 3).
     """
-    total = 0
-    for joint in range(joint_count):
-        for a in range(len(centres)):
-            if not paired[a]:
-                continue
-            for p in range(start[a * joint_count + joint], start[a * joint_count + joint + 1]):
-                for b in range(a + 1, len(centres)):
-                    if not paired[b]:
-                        continue
-                    for q in range(start[b * joint_count + joint], start[b * joint_count + joint + 1]):
-                        point, met = _meeting(centres[a], rays[p], centres[b], rays[q], gap, max_depth)
-                        if not met:
-                            continue
-                        point, views = _closest_to_rays(centres, rays, start, joint, joint_count, point, gap)
-                        if views < enough:
-                            continue
-                        point, views = _closest_to_rays(
-                            centres, rays, start, joint, joint_count, point, 0.5 * gap
-                        )
-                        if views >= enough:
-                            if total < len(seeds):
-                                joints[total] = joint
-                                seeds[total, 0], seeds[total, 1], seeds[total, 2] = point
-                            total += 1
-    return total
+    joints, seeds = np.zeros(0, np.int64), np.zeros((0, 3))
+    for joint in range(len(start) - 1):
+        mine = slice(start[joint], start[joint + 1])
+        found = _seeds_of_joint(centres, rays[mine], views[mine], paired, gap, max_depth, enough)
+        joints = np.concatenate((joints, np.full(len(found), joint)))
+        seeds = np.concatenate((seeds, found))
+    return joints, seeds
 
 
 @_jit
-def _meeting(centre_a, ray_a, centre_b, ray_b, gap, max_depth):
+def _seeds_of_joint(centres, rays, views, paired, gap, max_depth, enough):
+    """Seeds (S, 3) from the rays of one joint."""
+    mine = np.nonzero(paired[views])[0]
+    row = np.full(len(rays), len(mine))  # of the table of pairs; those that are not paired share the last
+    row[mine] = np.arange(len(mine))
+    together = np.zeros((len(mine) + 1, len(mine) + 1), np.bool_)
+    seeds, total = np.empty((len(mine) * (len(mine) - 1) // 2, 3)), 0
+    nearest = np.empty(len(centres), np.int64)
+    for a in range(len(mine)):
+        for b in range(a + 1, len(mine)):
+            p, q = mine[a], mine[b]
+            if views[p] == views[q] or together[a, b]:
+                continue
+            point, met = _meeting(centres, rays, views, p, q, gap, max_depth)
+            if not met:
+                continue
+            point, count = _closest_to_rays(centres, rays, views, point, gap, nearest)
+            if count < enough:
+                continue
+            point, count = _closest_to_rays(centres, rays, views, point, 0.5 * gap, nearest)
+            if count < enough:
+                continue
+            seeds[total, 0], seeds[total, 1], seeds[total, 2] = point
+            total += 1
+            for k in range(count):
+                for m in range(k + 1, count):
+                    together[row[nearest[k]], row[nearest[m]]] = True
+    return seeds[:total].copy()
+
+
+@_jit
+def _meeting(centres, rays, views, p, q, gap, max_depth):
     """The middle of where two rays come closest, and whether they do so within the limits."""
-    ox, oy, oz = centre_b[0] - centre_a[0], centre_b[1] - centre_a[1], centre_b[2] - centre_a[2]
-    ab = ray_a[0] * ray_b[0] + ray_a[1] * ray_b[1] + ray_a[2] * ray_b[2]
-    ao = ray_a[0] * ox + ray_a[1] * oy + ray_a[2] * oz
-    bo = ray_b[0] * ox + ray_b[1] * oy + ray_b[2] * oz
+    ax, ay, az, bx, by, bz = rays[p, 0], rays[p, 1], rays[p, 2], rays[q, 0], rays[q, 1], rays[q, 2]
+    v, w = views[p], views[q]
+    ox, oy, oz = centres[w, 0] - centres[v, 0], centres[w, 1] - centres[v, 1], centres[w, 2] - centres[v, 2]
+    ab = ax * bx + ay * by + az * bz
+    ao, bo = ax * ox + ay * oy + az * oz, bx * ox + by * oy + bz * oz
     sine2 = 1.0 - ab * ab
     a, b = (ao - ab * bo) / sine2, (ab * ao - bo) / sine2  # depths
     if not (sine2 > 1e-6 and 0.0 < a < max_depth and 0.0 < b < max_depth):  # also for NaN
         return (0.0, 0.0, 0.0), False
-    dx = ox + b * ray_b[0] - a * ray_a[0]
-    dy = oy + b * ray_b[1] - a * ray_a[1]
-    dz = oz + b * ray_b[2] - a * ray_a[2]
+    dx, dy, dz = ox + b * bx - a * ax, oy + b * by - a * ay, oz + b * bz - a * az
     middle = (
-        centre_a[0] + a * ray_a[0] + 0.5 * dx,
-        centre_a[1] + a * ray_a[1] + 0.5 * dy,
-        centre_a[2] + a * ray_a[2] + 0.5 * dz,
+        centres[v, 0] + a * ax + 0.5 * dx,
+        centres[v, 1] + a * ay + 0.5 * dy,
+        centres[v, 2] + a * az + 0.5 * dz,
     )
     return middle, dx * dx + dy * dy + dz * dz <= gap * gap
 
 
 @_jit
-def _closest_to_rays(centres, rays, start, joint, joints, point, gate):
-    """The point closest to the nearest ray of each view within the gate, and the number of views."""
+def _closest_to_rays(centres, rays, views, point, gate, nearest):
+    """The point closest to the nearest ray of each view within the gate, and the number of these views.
+
+    Writes which rays these are to `nearest`.
+    """
     x, y, z = point
     xx, xy, xz, yy, yz, zz, rx, ry, rz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    views = 0
-    for v in range(len(centres)):
+    count, k = 0, 0
+    while k < len(rays):
+        v, best, found = views[k], gate * gate, False
         ox, oy, oz = x - centres[v, 0], y - centres[v, 1], z - centres[v, 2]
         square = ox * ox + oy * oy + oz * oz
-        nearest, best = -1, gate * gate
-        for k in range(start[v * joints + joint], start[v * joints + joint + 1]):
+        while k < len(rays) and views[k] == v:
             along = rays[k, 0] * ox + rays[k, 1] * oy + rays[k, 2] * oz
             aside = square - along * along
             if along > 0.0 and aside <= best:
-                nearest, best = k, aside
-        if nearest < 0:
+                nearest[count], best, found = k, aside, True
+            k += 1
+        if not found:
             continue
-        views += 1
-        dx, dy, dz = rays[nearest]
+        dx, dy, dz = rays[nearest[count]]
+        count += 1
         along = dx * ox + dy * oy + dz * oz
         xx += 1.0 - dx * dx
         yy += 1.0 - dy * dy
@@ -142,9 +160,9 @@ def _closest_to_rays(centres, rays, start, joint, joints, point, gate):
         rz += oz - along * dz
     cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     det = xx * cx + xy * cy + xz * cz
-    if views < 2 or det < 1e-9:
-        return point, views
+    if count < 2 or det < 1e-9:
+        return point, count
     step_x = (cx * rx + cy * ry + cz * rz) / det
     step_y = (cy * rx + (xx * zz - xz * xz) * ry + (xy * xz - xx * yz) * rz) / det
     step_z = (cz * rx + (xy * xz - xx * yz) * ry + (xx * yy - xy * xy) * rz) / det
-    return (x - step_x, y - step_y, z - step_z), views
+    return (x - step_x, y - step_y, z - step_z), count

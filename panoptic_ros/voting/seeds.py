@@ -2,12 +2,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from panoptic_ros.domain import Camera
-from panoptic_ros.voting import kernels, map_kernels, ray_kernels
+from panoptic_ros.voting import kernels, ray_kernels
 from panoptic_ros.voting.explaining import Explainer
+from panoptic_ros.voting.image_peaks import find_peaks
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.score_volume import Peaks, no_peaks, order_keys, sorted_peaks
 from panoptic_ros.voting.volume import Volume
@@ -70,26 +72,27 @@ class SeedSearch:
         Args:
             known: what explains peaks that then give no seeds.
         """
-        joint_count = scene.map_start.shape[1]
         start, pixels = find_peaks(scene, view_threshold)
         if known is not None:
             start, pixels = known.unexplained(scene, start, pixels)
-        if len(pixels) < min_views:
-            return np.zeros(0, np.int64), np.zeros((0, 3))
-        views = np.repeat(np.arange(len(start) - 1) // max(joint_count, 1), np.diff(start))
-        rays = ray_kernels.pixel_rays(scene.cameras, views, pixels)
-        centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
-        paired = spread(centres, self.pair_views)
-        size = 1024
-        while True:
-            joints, points = np.zeros(size, np.int64), np.zeros((size, 3))
-            total = ray_kernels.pair_seeds(
-                centres, rays, start, paired, joint_count, self.gap, self.max_depth, max(min_views, 2),
-                joints, points,
-            )  # fmt: skip
-            if total <= size:
-                return joints[:total], points[:total]
-            size = total
+        joint_count = scene.map_start.shape[1]
+        views, joints = np.divmod(np.repeat(np.arange(len(start) - 1), np.diff(start)), max(joint_count, 1))
+        order = np.argsort(joints, kind="stable")
+        joints, views = joints[order], views[order]
+        rays = ray_kernels.pixel_rays(scene.cameras, views, pixels[order])
+        starts = np.searchsorted(joints, np.arange(joint_count + 1))
+        centres, paired = _places(tuple(cameras), self.pair_views)
+        found: tuple[Array, Array] = ray_kernels.pair_seeds(
+            centres, rays, views, starts, paired, self.gap, self.max_depth, max(min_views, 2)
+        )
+        return found
+
+
+@lru_cache(maxsize=256)
+def _places(cameras: tuple[Camera, ...], count: int) -> tuple[Array, Array]:
+    """Where cameras are (V, 3), and which `count` of them are far from each other (V,)."""
+    centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
+    return centres, spread(centres, count)
 
 
 def _promising(
@@ -110,41 +113,6 @@ def _promising(
     order = np.lexsort([-votes, joints])
     order = order[votes[order] > least]
     return joints[order], voxels[order]
-
-
-def find_peaks(scene: VoteScene, threshold: float) -> tuple[Array, Array]:
-    """2D peaks of all views and joints above a threshold.
-
-    3x3 local maxima of the maps, and the keypoints of joints without maps.
-
-    Returns:
-        start (V * J + 1), the first peak of (v, j) being start[v * J + j]; pixels (K, 2).
-    """
-    views, joint_count, _, _ = scene.people.shape
-    maps = (scene.map_start, scene.map_data, scene.cameras[:, 25:27].astype(np.int64))
-    patches = (scene.patch_start, scene.patch_table, scene.patch_data)
-    counts = np.zeros(views * joint_count, np.int64)
-    cells = np.zeros((max(1024, 2 * len(scene.patch_table)), 2), np.int64)
-    total = map_kernels.count_map_peaks(*maps, *patches, threshold, counts, cells)
-    if total > len(cells):
-        cells = np.zeros((total, 2), np.int64)
-        map_kernels.count_map_peaks(*maps, *patches, threshold, counts, cells)
-    places = map_kernels.peak_centroids(*maps, counts, cells[:total])
-    affine = scene.cameras[:, 27:33].reshape(views, 2, 3)
-    view = np.repeat(np.arange(len(counts)) // max(joint_count, 1), counts)
-    inverse = np.zeros((views, 2, 2))
-    has_maps = maps[2][:, 0] > 0
-    inverse[has_maps] = np.linalg.inv(affine[has_maps, :, :2])
-    from_maps = np.einsum("kij,kj->ki", inverse[view], places - affine[view, :, 2])
-
-    known = (scene.people[..., 3] > threshold) & (scene.map_start < 0)[..., None]
-    from_people = scene.people[known][:, :2]
-    people = known.sum(axis=2).ravel()
-    key = np.arange(len(counts))
-    keys = np.concatenate([np.repeat(key, counts), np.repeat(key, people)])
-    order = np.argsort(keys, kind="stable")
-    start = np.concatenate([[0], np.cumsum(counts + people)])
-    return start, np.concatenate([from_maps, from_people])[order]
 
 
 def spread(centres: Array, count: int) -> Array:

@@ -7,9 +7,9 @@ from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.explaining import Explainer
+from panoptic_ros.voting.image_peaks import find_peaks
 from panoptic_ros.voting.proposals import Nodes
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.seeds import find_peaks
 from panoptic_ros.voting.stage import VotingStage
 
 NAMES = ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_bones", "part_scores")

@@ -3,8 +3,8 @@ import pytest
 
 from panoptic_ros.domain import Camera, ScoreMaps, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.voting.image_peaks import find_peaks
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.seeds import find_peaks
 
 AFFINE = np.array([[0.25, 0.0, -0.375], [0.0, 0.5, 0.25]])
 

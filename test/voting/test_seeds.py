@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from panoptic_ros.voting import ray_kernels
+from panoptic_ros.voting.image_peaks import find_peaks
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.seeds import SeedSearch, find_peaks, spread
+from panoptic_ros.voting.seeds import SeedSearch, spread
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 
@@ -36,6 +37,13 @@ def test_there_is_a_seed_at_every_joint(scenes, maps):
     for j in range(19):
         for person in people:
             assert np.linalg.norm(points[joints == j] - person[j], axis=1).min() < 0.02
+
+
+def test_rays_that_meet_give_one_seed(scenes):
+    rig = scenes.ring(6, LENS)
+    scene = build_scene(rig.cameras, scenes.detect(rig, [scenes.person(0.1, 0.2)]).views, 19)
+    joints, _ = SeedSearch(0.15, 10, 25.0).seeds(scene, rig.cameras, 0.1, 3)
+    assert joints.tolist() == list(range(19))
 
 
 def test_keypoints_are_the_peaks_of_joints_without_maps(scenes):
