@@ -206,8 +206,9 @@ def _near_patch(patch_start, patch_table, key, frame):
     low_a, high_a = frame[0] - frame[8] - 1.0, frame[0] + frame[8] + 1.0
     low_b, high_b = frame[1] - frame[9] - 1.0, frame[1] + frame[9] + 1.0
     for k in range(patch_start[key], patch_start[key + 1]):
-        column, row, width, height = patch_table[k, 1:5]
-        if low_a < column + width and high_a >= column and low_b < row + height and high_b >= row:
+        column, row = patch_table[k, 1], patch_table[k, 2]
+        right, below = column + patch_table[k, 3], row + patch_table[k, 4]
+        if low_a < right and high_a >= column and low_b < below and high_b >= row:
             return True
     return False
 
@@ -215,7 +216,8 @@ def _near_patch(patch_start, patch_table, key, frame):
 @_jit
 def _add_framed_map(data, start, width, frame, offsets, votes):
     """Add bilinear samples of a map of so many columns that begins at `start`."""
-    a0, b0, ax, ay, az, bx, by, bz = frame[:8]
+    a0, b0, ax, ay, az = frame[0], frame[1], frame[2], frame[3], frame[4]
+    bx, by, bz = frame[5], frame[6], frame[7]
     for g in range(len(votes)):
         ox, oy, oz = offsets[0, g], offsets[1, g], offsets[2, g]
         a, b = a0 + ax * ox + ay * oy + az * oz, b0 + bx * ox + by * oy + bz * oz
