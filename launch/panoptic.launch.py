@@ -5,6 +5,7 @@
 
 Where ROS comes from the wheels there is no launch system: `panoptic run` starts the same nodes.
 """
+from functools import partial
 from pathlib import Path
 
 import yaml
@@ -34,6 +35,7 @@ ARGUMENTS = {
     "config": ("", "YAML with parameters, {stage: {name: value}}"),
     "flow": ("", "live (newest first) or replay (nothing is lost); default: replay for a capture folder"),
     "jpeg_quality": ("90", "of the images on the topics"),
+    "respawn": ("false", "true: a node that ends is started anew; for live use"),
 }
 
 
@@ -55,18 +57,21 @@ def start_graph(context):
     settings = yaml.safe_load(Path(given["config"]).read_text()) if given["config"] else {}
     settings = with_shared(settings or {})
     audio = given["audio"].split()
+    if given["respawn"] not in ("true", "false"):
+        raise UsageError(f"respawn:={given['respawn']}: true or false")
+    start = partial(node, respawn=given["respawn"] == "true")
     common = {"rig": str(rig_file), "flow": flow}
     quality = {"jpeg_quality": int(given["jpeg_quality"])}
     chosen = {"skeleton": given["skeleton"], "model": given["model"]}
     profile = str(share_folder() / "config" / "fastdds.xml")  # room for images in shared memory
     actions = [
         SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", profile),
-        node("rig", "rig", {"rig": str(rig_file), "occluders": find_occluders(given), **chosen}),
-        node("markers", "markers", {"flow": flow}),
+        start("rig", "rig", {"rig": str(rig_file), "occluders": find_occluders(given), **chosen}),
+        start("markers", "markers", {"flow": flow}),
     ]
     for camera, source in sources.items():
         own = {"camera": camera, **common, **quality, **source}
-        actions.append(node("camera", f"camera_{ros_name(camera)}", own))
+        actions.append(start("camera", f"camera_{ros_name(camera)}", own))
     for name, spec in NODES.items():
         own = {"flow": flow, "cameras": list(sources), **settings.get(name, {})}
         if spec.takes[0] in ("audio", "timecode"):
@@ -77,7 +82,7 @@ def start_graph(context):
             continue
         if "image" in spec.takes:
             own |= {"compressed": True, "model": given["model"], "depths": depths}
-        actions.append(node(name, name, own))
+        actions.append(start(name, name, own))
     return actions
 
 
@@ -115,9 +120,10 @@ def find_occluders(given):
     return given["occluders"] or (str(usual) if given["capture"] and usual.is_file() else "")
 
 
-def node(executable, name, parameters):
+def node(executable, name, parameters, respawn):
     """One process; empty lists are left out, as ROS cannot tell their type."""
     filled = {key: value for key, value in parameters.items() if value != []}
     return Node(
-        package="panoptic_ros", executable=executable, name=name, output="screen", parameters=[filled]
-    )
+        package="panoptic_ros", executable=executable, name=name, output="screen", parameters=[filled],
+        respawn=respawn, respawn_delay=2.0,
+    )  # fmt: skip

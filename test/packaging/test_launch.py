@@ -83,7 +83,7 @@ def test_it_imports_nothing_that_a_jazzy_workspace_lacks() -> None:
         item.module.split(".")[0] for item in ast.walk(ast.parse(FILE.read_text()))
         if isinstance(item, ast.ImportFrom) and item.module
     }  # fmt: skip
-    assert modules <= {"pathlib", "launch", "launch_ros", "panoptic_ros", "yaml"}
+    assert modules <= {"functools", "pathlib", "launch", "launch_ros", "panoptic_ros", "yaml"}
 
 
 def test_devices_start_every_stage_and_one_node_per_camera(
@@ -133,6 +133,18 @@ def test_a_capture_folder_is_replayed(launch_file: dict[str, Any], rig_file: Pat
     assert nodes["camera_left"]["video"] == str(rig_file.parent / "left")
     assert nodes["camera_left"]["rig"] == str(rig_file)
     assert nodes["detection"]["flow"] == "replay"
+
+
+@pytest.mark.parametrize("text", ["true", "false"])
+def test_nodes_are_started_anew_if_asked_for(
+    launch_file: dict[str, Any], rig_file: Path, text: str
+) -> None:
+    given = {**_defaults(launch_file), "rig": str(rig_file), "devices": "left=0 right=1", "respawn": text}
+    started = launch_file["start_graph"](Context(**given))
+    nodes = [item.options for item in started if type(item).__name__ == "Node"]
+    assert {item["respawn"] for item in nodes} == {text == "true"}
+    with pytest.raises(UsageError, match="respawn:=maybe"):
+        _nodes(launch_file, rig=str(rig_file), devices="left=0", respawn="maybe")
 
 
 @pytest.mark.parametrize(
