@@ -8,12 +8,14 @@ phase are those that give the largest energy of half-cell integrals, with no dec
 (`acquisition`). The words of a stretch are then judged together against labels that count on, by a two-
 state Viterbi search over half cells, soft and free of polarity (`labels`) but for what the sync word before
 each says of it (`levels`), and, as echoes of a room turn the same bits in all of them, through the linear
-channel that explains them best (`echoes`). They are followed one by one against the label that must come
-next (`following`, `decoder`). A word's start is a least-squares fit of the known edge train to the samples
-(`timing`), with the shape of an edge and the droop of a coupling capacitor learnt from the words
-(`edge_shape`) and the speed from the last ones (`pace`). The stated deviation is what the scatter of edges
-and of words says, and what all edges of a word leave alike. A word that clicks or noise contradict is
-reported only between others that do not; user bits are the last that were certain, 0 before (`user_bits`).
+channel that explains them best (`echoes`). They are followed one by one against the label that must come next
+(`following`, `decoder`), which is judged with the user bits of the words before and against the labels of the
+frames beside (`evidence`): timecode that stands still must not count on. A word's start is a least-squares
+fit of the known edge train to the samples (`timing`), with the shape of an edge and the droop of a coupling
+capacitor learnt from the words (`edge_shape`) and the speed from the last ones (`pace`). The stated deviation
+is what the scatter of edges and of words says, and what all edges of a word leave alike. A word that clicks
+or noise contradict is reported only between others that do not; user bits are the last that were certain, 0
+before (`user_bits`).
 Loops are compiled (`kernels`, `fit_kernels`, `shape_kernels`, `line_kernels`, `click_kernels`); `cells` is
 what they are tested against.
 

@@ -16,9 +16,10 @@ from panoptic_ros.timecode.buffer import Buffer
 from panoptic_ros.timecode.conditioning import Conditioner
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.edge_shape import EdgeShape
+from panoptic_ros.timecode.evidence import Verdict, judge
 from panoptic_ros.timecode.following import Follow
 from panoptic_ros.timecode.kernels import best_grid, drawn_grid, moved_grid
-from panoptic_ros.timecode.labels import Verdict, judge, solve_labels
+from panoptic_ros.timecode.labels import solve_labels
 from panoptic_ros.timecode.levels import WordLevels, word_levels
 from panoptic_ros.timecode.pace import Pace
 from panoptic_ros.timecode.rates import with_rate
@@ -49,7 +50,8 @@ class Word:
         std: of `start`.
         cell: length of a cell, samples.
         known: whether no other label is about as likely.
-        sure: whether the word is good; if not, a good one must follow.
+        sure: whether the word is good.
+        upheld: whether it and those before have their labels; if not, a word that is so must follow.
         number: of the word in its signal.
         bits, grid: (80,) in the order of the stream; (3,) as fitted.
         bending: whether the speed changes.
@@ -64,6 +66,7 @@ class Word:
     user_bits: int
     known: bool
     sure: bool
+    upheld: bool
     number: int
     bits: Array
     grid: Array
@@ -124,9 +127,10 @@ class LtcDecoder:
             word = self._next_word()
             if word is not None:
                 self._held.append(word)
-                if word.sure:  # those that it has counted on from are right
+                if word.upheld:  # those that it has counted on from are right
                     words += self._held
                     self._held = []
+                    self._read_until = word.grid[0] + 0.5 * WORD_CELLS * word.grid[1]
             if self._follow is None:
                 break  # lost: search in the next hop
         surplus = len(self._raw.values) - int(KEPT_SECONDS * self._rate)
@@ -165,14 +169,17 @@ class LtcDecoder:
             grid, number = before, number - 1
         while grid[0] - 0.5 * WORD_CELLS * grid[1] < earliest:
             grid, number = moved_grid(grid, float(WORD_CELLS)), number + 1
-        shape, read_until = EdgeShape(self._rate), self._read_until
+        shape = EdgeShape(self._rate)
         for _ in range(REHEARSALS):
             pace = Pace(found.reverse, bool(search.most_bend))
             self._follow = follow = Follow(grid, number, found.reverse, solution, pace, shape)
             while self._follow is not None and self._word_complete():
                 self._next_word()
-        self._follow, self._read_until = follow.restart(grid, number, solution), read_until
         self._held = []
+        if follow.read < self._config.agreeing_words:
+            self._follow = None
+            return False
+        self._follow = follow.restart(grid, number, solution)
         return True
 
     def _raw_grid(self, grid: Array) -> Array:
@@ -203,6 +210,8 @@ class LtcDecoder:
             verdict = follow.judge(levels)
         word = self._timed(grid, levels, verdict.good, expected) if verdict.possible else None
         if word is None:
+            if follow.early:  # the words so far are of something else
+                self._held = []
             follow.miss()
         if follow.misses >= self._config.lost_words:
             self._follow, self._held = None, []
@@ -214,7 +223,8 @@ class LtcDecoder:
         assert follow is not None
         label, known = follow.label(good)
         known = known and (good or follow.started)
-        verdict = follow.bits(levels, label, good)
+        verdict = follow.bits(label, good)
+        upheld = known and follow.upheld(good)
         forward = slice(None, None, -1 if follow.reverse else 1)
         bits = verdict.bits[forward]
         fit = self._fit(bits, follow.grid) if expected else None
@@ -228,13 +238,11 @@ class LtcDecoder:
             fit.teach(follow.shape, self._rate)
         number, bending = follow.number, follow.bending
         start, std = follow.hit(fit, good)
-        if good and known:
-            self._read_until = follow.grid[0] - 0.5 * WORD_CELLS * follow.grid[1]
         timecode = with_rate(label, follow.rate(self._rate))
         user_bits = follow.user.value
         return Word(
-            timecode, start, std, follow.grid[1], follow.reverse, user_bits, known, good, number, bits,
-            fit.grid, bending, follow.shape,
+            timecode, start, std, follow.grid[1], follow.reverse, user_bits, known, good, upheld, number,
+            bits, fit.grid, bending, follow.shape,
         )  # fmt: skip
 
     def _fit(self, bits: Array, grid: Array) -> WordFit | None:

@@ -5,19 +5,20 @@ import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.timecode.edge_shape import EdgeShape
-from panoptic_ros.timecode.kernels import LEAST_NOISE, moved_grid, soft_bits
-from panoptic_ros.timecode.labels import WORST_NATS, Counting, Solution, Verdict, free_score, judge
+from panoptic_ros.timecode.evidence import CLEAN_SHARE, Evidence, Verdict
+from panoptic_ros.timecode.kernels import moved_grid
+from panoptic_ros.timecode.labels import WORST_NATS, Counting, Solution
 from panoptic_ros.timecode.levels import WordLevels
 from panoptic_ros.timecode.pace import Pace
 from panoptic_ros.timecode.rates import closest_rate, possible_rates
 from panoptic_ros.timecode.timing import WordFit
-from panoptic_ros.timecode.user_bits import OTHER_NATS, UserBits
-from panoptic_ros.timecode.words import USER_BITS, WORD_CELLS, known_bits
+from panoptic_ros.timecode.user_bits import UserBits
+from panoptic_ros.timecode.words import WORD_CELLS
 
 Array = np.ndarray
 SURE_NATS = 10.0  # by which other labels must be worse
 RULED_OUT_NATS = 30.0  # by which a counting is so much worse that it is forgotten
-CLEAN_SHARE = 0.93  # of the levels that bits explain if there is no click
+UPHELD_NATS = 8.0  # of the labels beside, before words are reported
 LEARN_ALL, LEARN_MANY = 16, 50  # words; then every third, then every
 RARELY = 30
 Digits = tuple[int, int, int, int, bool]
@@ -30,6 +31,10 @@ class Follow:
         grid: (3,) of the word with `number`, in raw samples.
         solution: of the words that it was found by.
         shape: of a step, if known.
+
+    Attributes:
+        read: good words.
+        misses: words in a row that were not.
     """
 
     def __init__(
@@ -38,20 +43,25 @@ class Follow:
     ):  # fmt: skip
         self.grid, self.number, self.reverse = grid, number, reverse
         self.shape = shape
-        self.misses = 0
+        self.misses = self.read = 0
         self._pace = pace
-        self._keep(list(solution.countings))
+        self._solution = solution
+        self._begin()
         self.user = UserBits(solution.user) if user is None else user
-        self._first: tuple[int, float] | None = None  # number and middle of the first word that was read
-        self._free = 0.0  # score of the word's best path without a label
-        self._labels: list[tuple[Digits, Timecode]] = []  # of the word, one for each counting
-        self._wanted: dict[Digits, Array] = {}
+        self._evidence: Evidence | None = None  # of the word that was judged last
+        self._labels: list[Timecode] = []  # of the word, one for each counting
         self._verdicts: dict[Digits, Verdict] = {}
+        self._last_ahead = 0.0  # of the word that was judged last
 
     @property
     def started(self) -> bool:
         """Whether a good word was read."""
         return self._first is not None
+
+    @property
+    def early(self) -> bool:
+        """Whether the next word is before those that the signal was found by, perhaps before the signal."""
+        return self.number < self._solution.first
 
     @property
     def bending(self) -> bool:
@@ -65,12 +75,16 @@ class Follow:
 
     def judge(self, levels: WordLevels) -> Verdict:
         """The word against the most likely label."""
-        labels = [counting.label(self.number) for counting, _ in self._countings]
-        self._labels = [(_digits(label), label) for label in labels]
-        self._wanted = {text: known_bits(label) for text, label in dict(self._labels).items()}
-        self._free = free_score(levels)
-        self._verdicts = {text: judge(levels, bits, self._free) for text, bits in self._wanted.items()}
-        return min(self._verdicts.values(), key=lambda verdict: verdict.nats)
+        evidence = self._evidence = Evidence(levels, self.user)
+        self._labels = [counting.label(self.number) for counting, _ in self._countings]
+        self._verdicts = {}
+        for label in self._labels:
+            if _digits(label) not in self._verdicts:
+                self._verdicts[_digits(label)] = evidence.verdict(label)
+        likely = min(self._labels, key=lambda label: self._verdicts[_digits(label)].nats)
+        verdict = evidence.compared(likely, self._verdicts[_digits(likely)])
+        self._last_ahead = verdict.ahead
+        return verdict
 
     def label(self, good: bool) -> tuple[Timecode, bool]:
         """The label of the word that was judged last, and whether no other is about as likely.
@@ -79,36 +93,37 @@ class Follow:
         """
         labels = self._labels
         if len(labels) == 1:
-            return labels[0][1], True
-        texts = [text for text, _ in labels]
+            return labels[0], True
+        texts = [_digits(label) for label in labels]
         heard = self._countings
-        if good and len(self._wanted) > 1:
+        if good and len(self._verdicts) > 1:
             nats = {text: min(verdict.nats, WORST_NATS) for text, verdict in self._verdicts.items()}
             heard = [(counting, n + nats[text]) for (counting, n), text in zip(heard, texts)]
-        elif len(self._wanted) > 1:
-            return labels[0][1], False
+        elif len(self._verdicts) > 1:
+            return labels[0], False
         least = min(n for _, n in heard)
         best = next(k for k, (_, n) in enumerate(heard) if n == least)
         doubtful = any(text != texts[best] for (_, n), text in zip(heard, texts) if n < least + SURE_NATS)
         self._keep([(c, n - least) for c, n in heard if n < least + RULED_OUT_NATS])
-        return labels[best][1], not doubtful
+        return labels[best], not doubtful
 
-    def bits(self, levels: WordLevels, label: Timecode, good: bool) -> Verdict:
+    def bits(self, label: Timecode, good: bool) -> Verdict:
         """The bits of the word judged last, user bits as those of others unless it clearly has its own."""
-        text = _digits(label)
-        wanted = self._wanted[text].copy()
-        wanted[USER_BITS] = self.user.likely
-        same = judge(levels, wanted, self._free)
-        free = self._verdicts[text]
-        if not good or (self.user.certain and same.nats - free.nats < OTHER_NATS):
-            return same
-        halves, level = levels.halves, free.level
-        square = float(halves @ halves) / len(halves)
-        noise = max(square - level * level, (LEAST_NOISE * level) ** 2)
-        soft = soft_bits(halves, self._wanted[text], levels.before)[USER_BITS] * (level / noise)
-        self.user.hear(soft, same.nats - free.nats, free.share > CLEAN_SHARE)
-        wanted[USER_BITS] = self.user.likely
-        return judge(levels, wanted, self._free)
+        verdict, evidence = self._verdicts[_digits(label)], self._evidence
+        assert evidence is not None
+        if evidence.same_user:
+            return verdict
+        if good:
+            self.user.hear(evidence.soft_user(label), evidence.contradiction, verdict.clean)
+        return evidence.with_user(label, self.user.likely)
+
+    def upheld(self, good: bool) -> bool:
+        """Whether the words up to the one judged last, if good, have none of the labels beside theirs."""
+        self._ahead = self._ahead + self._last_ahead if good else 0.0
+        if self.early or self._ahead < UPHELD_NATS:
+            return False
+        self._ahead = 0.0
+        return True
 
     def rate(self, sample_rate: int) -> FrameRate:
         """The rate of those still possible whose words are as long as the ones heard."""
@@ -119,17 +134,21 @@ class Follow:
 
     def miss(self) -> None:
         """The word could not be read; the next is expected where it would be."""
-        self.misses += int(self.number >= 0)  # negative numbers: perhaps before the signal
+        if self.early:
+            self._begin()
+        else:
+            self.misses += 1
         self._next(moved_grid(self.grid, float(WORD_CELLS)))
 
     def hit(self, fit: WordFit, good: bool) -> tuple[float, float]:
         """The word was read: the first edge of its bit 0 and the standard deviation; moves on."""
         if not good:
-            self.misses += int(self.number >= 0)
+            self.misses += not self.early
             edge, std = self._pace.passed(self.grid, fit)
             self._next(moved_grid(self.grid, float(WORD_CELLS)))
             return edge, std
         self.misses = 0
+        self.read += 1
         if self._first is None:
             self._first = self.number, fit.middle
         edge, std, grid = self._pace.take(self.number, fit)
@@ -147,6 +166,12 @@ class Follow:
         grid, line = self._pace.early(grid, number)
         pace = Pace(self.reverse, self._pace.bending, line)
         return Follow(grid, number, self.reverse, solution, pace, self.shape, self.user)
+
+    def _begin(self) -> None:
+        """Nothing is known but the words that it was found by."""
+        self._keep([(counting, 0.0) for counting in self._solution.countings])
+        self._first: tuple[int, float] | None = None  # number and middle of the first word that was read
+        self._ahead = 0.0  # of labels beside, nats of the words that are not upheld yet
 
     def _keep(self, countings: list[tuple[Counting, float]]) -> None:
         """The countings that are still possible."""

@@ -3,8 +3,8 @@
 A word alone may be unreadable, or read as something else. So words are never just read: the
 most likely labels of the whole stretch are proposed from soft bits field by field, then each proposal
 is judged by how much worse the levels of all words fit if its bits are forced on them, in nats
-(natural logarithms of probability). The best is believed if it is far ahead of the next, and if no
-other explains the words better once echoes are considered.
+(natural logarithms of probability). The best is believed if it is far ahead of the next, if no other
+explains the words better once echoes are considered, and if enough words say it alone as well.
 """
 from __future__ import annotations
 
@@ -17,65 +17,18 @@ import numpy as np
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.errors import ClockError
 from panoptic_ros.timecode.echoes import echo_nats
-from panoptic_ros.timecode.kernels import FREE, LEAST_NOISE, best_path, soft_bits, verdict
+from panoptic_ros.timecode.evidence import Evidence, Verdict, free_score, judge, soft_nats
 from panoptic_ros.timecode.levels import WordLevels
-from panoptic_ros.timecode.words import COUNTINGS, SYNC_ONLY, TABLES, USER_BITS, WORD_CELLS, known_bits
+from panoptic_ros.timecode.user_bits import UserBits
+from panoptic_ros.timecode.words import COUNTINGS, SYNC_ONLY, TABLES, USER_BITS, known_bits
 
 Array = np.ndarray
-GOOD_NATS = 15.0  # by which a word may contradict its label
-LEAST_QUALITY = 0.8  # share of the levels' magnitude that the bits must explain
-LEAST_TENTH = 0.25  # of the word's level, in each tenth of it: a cut word has less
-POSSIBLE_NATS, POSSIBLE_QUALITY, POSSIBLE_TENTH = 150.0, 0.7, 0.1  # the same for words between good ones
 WORST_NATS = 40.0  # that one word can count against labels
 AHEAD_NATS = 16.0  # of the next best labels
 DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are compared for echoes
 ECHO_WORDS = 5  # that tell what the channel is where labels alone are in doubt
 CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
 NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
-NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """How a label fits a word.
-
-    Args:
-        nats: by which the levels contradict the label, at least 0.
-        bits: (80,) the most likely ones with this label.
-        signs: (160,) of the half cells.
-        level: of the signal.
-        share: of the levels' magnitude that is explained.
-        good: whether the word is there and has this label.
-        possible: whether it may have it; clicks contradict for a moment.
-    """
-
-    nats: float
-    bits: Array
-    signs: Array
-    level: float
-    share: float
-    good: bool
-    possible: bool
-
-
-def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdict:
-    """Judge a word.
-
-    Args:
-        wanted: (80,) the label's bits.
-        free: the score of the best path without a label, if known.
-    """
-    if free is None:
-        free = free_score(levels)
-    nats, level, share, tenth, bits, signs = verdict(levels.halves, wanted, levels.before, free)
-    good = level > 0.0 and nats < GOOD_NATS and share > LEAST_QUALITY and tenth > LEAST_TENTH * level
-    possible = nats < POSSIBLE_NATS and share > POSSIBLE_QUALITY and tenth > POSSIBLE_TENTH * level > 0.0
-    return Verdict(nats, bits, signs, level, share, good, possible)
-
-
-def free_score(levels: WordLevels) -> float:
-    """Of the best path without a label."""
-    return best_path(levels.halves, NO_BITS, levels.before)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,10 +46,11 @@ class Counting:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Countings that explain a stretch of words, best first, with nats; the user bits (32,) soft."""
+    """Countings that explain a stretch of words; the user bits (32,) soft; number of the first good word."""
 
-    countings: tuple[tuple[Counting, float], ...]
+    countings: tuple[Counting, ...]
     user: Array
+    first: int
 
 
 def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) -> Solution | None:
@@ -109,7 +63,7 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
         return None
     step = -1 if reverse else 1
     free = [free_score(levels) for levels in words]
-    soft = np.array([_soft_nats(levels, score) for levels, score in zip(words, free)])
+    soft = np.array([np.clip(soft_nats(levels, SYNC_ONLY), -WORST_NATS, WORST_NATS) for levels in words])
     judged: dict[tuple[str, ...], _Judged] = {}
     for counting in _proposals(soft, step):
         labels = tuple(counting.label(number) for number in range(len(words)))
@@ -128,7 +82,21 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
     best = _through_echoes(words, ranked, reverse)
     if best is None or not best.readable(least_good):
         return None
-    return Solution(tuple((counting, 0.0) for counting in best.countings), soft[:, USER_BITS].sum(axis=0))
+    user = soft[:, USER_BITS].sum(axis=0)
+    alone = _each_alone(words, best.countings[0], UserBits(user))
+    if not _Judged(alone, best.countings).readable(least_good):
+        return None  # timecode that stands still or stutters
+    first = next(number for number, verdict in enumerate(alone) if verdict.good)
+    return Solution(tuple(best.countings), user, first)
+
+
+def _each_alone(words: Sequence[WordLevels], counting: Counting, user: UserBits) -> list[Verdict]:
+    """What each word says for its label against those of the frames beside."""
+    verdicts = []
+    for number, levels in enumerate(words):
+        label, evidence = counting.label(number), Evidence(levels, user)
+        verdicts.append(evidence.compared(label, evidence.verdict(label)))
+    return verdicts
 
 
 class _Judged:
@@ -161,14 +129,6 @@ def _through_echoes(words: Sequence[WordLevels], ranked: list[_Judged], reverse:
     if clear and nats[first] > nats[0] - CONTRADICTION_NATS:
         return near[0]
     return near[first] if nats[first] < nats[second] - AHEAD_NATS else None
-
-
-def _soft_nats(levels: WordLevels, score: float) -> Array:
-    """Soft bits in nats, none of which outweighs the other words."""
-    halves = levels.halves
-    level = (score - abs(levels.before)) / len(halves)
-    noise = max(float(halves @ halves) / len(halves) - level * level, (LEAST_NOISE * level) ** 2, 1e-30)
-    return np.clip(level * soft_bits(halves, SYNC_ONLY, levels.before) / noise, -WORST_NATS, WORST_NATS)
 
 
 def _proposals(soft: Array, step: int) -> Iterator[Counting]:

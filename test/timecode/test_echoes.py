@@ -8,8 +8,8 @@ from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate, word_bits
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
 from panoptic_ros.timecode.echoes import echo_nats
+from panoptic_ros.timecode.evidence import NO_BITS
 from panoptic_ros.timecode.kernels import best_path
-from panoptic_ros.timecode.labels import NO_BITS
 
 WORDS = 9
 

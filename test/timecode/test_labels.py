@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import timecode_rate, word_bits
-from panoptic_ros.timecode.labels import judge, solve_labels
+from panoptic_ros.timecode.evidence import judge
+from panoptic_ros.timecode.labels import solve_labels
 from panoptic_ros.timecode.levels import WordLevels
 from panoptic_ros.timecode.rates import closest_rate, possible_rates
 from panoptic_ros.timecode.words import COUNTINGS, DROP_RATE, known_bits
@@ -38,7 +39,7 @@ def test_labels_are_solved_through_noise(rate: str, first: int, reverse: bool, s
     labels, words = stretch(rate, first, -1 if reverse else 1, 12, 0.75, seed)
     solution = solve_labels(words, reverse, 3)
     if solution is not None:  # a stretch may have several explanations
-        for counting, _ in solution.countings:
+        for counting in solution.countings:
             assert [str(counting.label(k)) for k in range(12)] == [str(label) for label in labels]
 
 
@@ -49,7 +50,7 @@ def test_turns_of_seconds_minutes_hours_and_days(rate: str, count: int) -> None:
         labels, words = stretch(rate, count + 5 - 5 * step, step, 10, 0.5)
         solution = solve_labels(words, step < 0, 3)
         assert solution is not None
-        assert [str(solution.countings[0][0].label(k)) for k in range(10)] == [str(x) for x in labels]
+        assert [str(solution.countings[0].label(k)) for k in range(10)] == [str(x) for x in labels]
         number = sum(int(bit > 0) << i for i, bit in enumerate(solution.user))
         assert number == USER
 
