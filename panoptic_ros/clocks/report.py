@@ -1,13 +1,13 @@
 """What is wrong with the clocks of a capture, in plain words, and what to do."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from panoptic_ros.clocks.frames import FrameTiming, measure_frames
-from panoptic_ros.domain import ClockModel
+from panoptic_ros.clocks.stage import RATE_OFF
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice
 
@@ -17,7 +17,6 @@ USUAL_RATES = (
     5.0, 6.0, 10.0, 12.0, 12.5, 15.0, 20.0, 24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0,
     60000 / 1001, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0,
 )  # fmt: skip
-RATE_OFF = 600e-6  # more than that is no crystal's error: 29.97 and 30 fps differ by 1000 ppm
 MANY_LOST = 0.005
 PACED = 0.6  # concentration of stamps on the host's grid
 PACED_JITTER_S = 3e-4  # stamps of hardware scatter less, and lie on a grid as well
@@ -197,23 +196,9 @@ def _of_phases(cameras: Sequence[CameraClock]) -> list[Notice]:
     return notices
 
 
-def timecode_findings(models: Mapping[str, ClockModel], told: Sequence[Notice]) -> tuple[Notice, ...]:
-    """What clock models of devices and the notices about their timecode mean.
-
-    Args:
-        models: the last one of every device.
-        told: by the stages; what was told of a device more often is said once, with how often.
-    """
-    notices = _each_once([notice for notice in told if notice.code != "clocks.stamp_back"])
-    for name, model in models.items():
-        if abs(model.drift) > RATE_OFF:
-            text = (
-                f"the timecode that {name} hears runs {1e6 * model.drift:+.0f} ppm against its clock: more "
-                "than any crystal; set generator and recorder to the same rate (29.97 is not 30), and check "
-                "pull-up and pull-down"
-            )
-            notices.append(Notice("sync_report.timecode_rate", "warning", text, {"device": name}))
-    return tuple(notices)
+def timecode_findings(told: Sequence[Notice]) -> tuple[Notice, ...]:
+    """What stages told of timecode; what they told of a device more often is said once, with how often."""
+    return tuple(_each_once([notice for notice in told if notice.code != "clocks.stamp_back"]))
 
 
 def _each_once(told: Sequence[Notice]) -> list[Notice]:

@@ -10,6 +10,9 @@ from panoptic_ros.domain import ClockModel, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
+RATE_OFF = 600e-6  # more than that is no crystal's error: 29.97 and 30 fps differ by 1000 ppm
+NO_CLOCK = 0.01  # timecode that is so far off its rate would carry all else away
+
 
 class ClocksStage:
     """See the package. Devices share the master time line and nothing else."""
@@ -23,6 +26,7 @@ class ClocksStage:
         self._timeline = Timeline()
         self._devices: dict[str, DeviceClock] = {}
         self._silent: set[str] = set()
+        self._rate_off: set[str] = set()
 
     def step(self, item: TimecodeReading) -> StepResult[ClockModel]:
         """Take a reading; gives the device's model every `period_s`, and at once after a jump.
@@ -44,15 +48,36 @@ class ClocksStage:
             return StepResult((), notices)
         due = given is None or newest - given >= self._config.period_s * SECOND
         model = device.model() if (due or device.urgent) and newest != given else None
-        return StepResult((model,) if model is not None else (), notices)
+        if model is None:
+            return StepResult((), notices)
+        notices += self._check_rate(model)
+        if not _usable(model):
+            self._timeline.forget(model.device)  # others are measured by time, which it does not tell
+            return StepResult((), notices)
+        return StepResult((model,), notices)
 
     def flush(self) -> StepResult[ClockModel]:
         """The last model of every device that has readings newer than its last one."""
         models = [
             device.model() for device in self._devices.values() if device.newest_ns != device.given_ns
         ]
+        known = [model for model in models if model is not None]
+        notices = tuple(notice for model in known for notice in self._check_rate(model))
         self.reset()
-        return StepResult(tuple(model for model in models if model is not None))
+        return StepResult(tuple(model for model in known if _usable(model)), notices)
+
+    def _check_rate(self, model: ClockModel) -> tuple[Notice, ...]:
+        """Tell once of a device whose timecode runs at another rate than it says."""
+        if _surely(model) <= RATE_OFF or model.device in self._rate_off:
+            return ()
+        self._rate_off.add(model.device)
+        unused = "" if _usable(model) else "; its clock is not used"
+        text = (
+            f"the timecode that {model.device} hears runs {1e6 * model.drift:+.0f} ppm against its clock: "
+            "more than any crystal; set generator and recorder to the same rate (29.97 is not 30), and check "
+            f"pull-up and pull-down{unused}"
+        )
+        return (Notice("clocks.timecode_rate", "warning", text, {"device": model.device}),)
 
     def _listen(self) -> tuple[Notice, ...]:
         """Tell once of a device that has fallen silent while others are heard."""
@@ -67,3 +92,12 @@ class ClocksStage:
             )
             for name in fresh
         )  # fmt: skip
+
+
+def _surely(model: ClockModel) -> float:
+    """How large the drift is at least."""
+    return abs(model.drift) - 3.0 * float(np.sqrt(model.covariance[1, 1]))
+
+
+def _usable(model: ClockModel) -> bool:
+    return _surely(model) <= NO_CLOCK

@@ -259,6 +259,16 @@ def test_two_generators_do_not_move_each_other():
     assert other.notices == []
 
 
+@pytest.mark.parametrize(("speed", "given"), [(29.97 / 25, False), (1 / 1.001, True), (1.0, True)])
+def test_timecode_of_another_rate_than_it_says_is_told_once_and_no_clock(speed, given):
+    world = World()
+    world.device("a", drift=1 / speed - 1)
+    world.device("b")
+    world.hear_all("ab", 0, 12)
+    assert world.notices == ([] if speed == 1.0 else [("clocks.timecode_rate", "a")])
+    assert ("a" in world.models) == given and abs(world.error("b", 12)) < 1e-6
+
+
 def test_a_rate_that_turns_out_to_be_another_begins_anew():
     world = World(FrameRate(30, Fraction(30000, 1001)), first=100_000)
     world.device("cam")

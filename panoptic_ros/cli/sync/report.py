@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     sources = collect(args.source)
     cameras, short = _measure(sources)
     models, told = _clock_models(sources)
-    notices = (*short, *findings(cameras), *timecode_findings(models, [*sources.gaps, *told]))
+    notices = (*short, *findings(cameras), *timecode_findings([*sources.gaps, *told]))
     document = {
         "format": FORMAT,
         "cameras": [_camera_row(camera, cameras[0]) for camera in cameras],
