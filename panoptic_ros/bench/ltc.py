@@ -27,6 +27,7 @@ BLOCK = 1024
 LIVE_SECONDS = 0.01  # of the blocks for which latency is measured
 QUICK_CLIPS, QUICK_WORDS, CLIPS, WORDS = 1, 90, 4, 300
 SPEED_SECONDS = 60.0  # of timecode, so that finding it at the start counts little
+LINE_WORDS = 600  # of 20 s
 NEW_EVERY = 60.0  # s of sounds after which a decoder starts anew
 
 
@@ -62,6 +63,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
             rows.append(_row(condition, signals, libltc))
     result: dict[str, Any] = {"libltc": libltc is not None, "conditions": rows}
     if not args.only:
+        result["line"] = [_line_fit(rate, args.seed) for rate in (48000, 16000)]
         result["speed"] = [_speed(rate) for rate in (48000, 16000)]
     return result
 
@@ -94,6 +96,17 @@ def _readings(samples: Array, rate: int, block: int) -> Iterable[tuple[int, Time
             yield first + block, reading
     for reading in stage.flush().outputs:
         yield len(samples), reading
+
+
+def _line_fit(rate: int, seed: int) -> dict[str, Any]:
+    """Errors of the line through 20 s of words with 20 dB of noise: at its middle, us, and its slope."""
+    signal = clip(Condition("line", rate, {"snr_db": 20.0}), seed, LINE_WORDS)
+    readings = decode_recording(TimecodeConfig(), "clip", rate, signal.samples)
+    starts = np.array([reading.start_sample for reading in readings])
+    nearest = np.abs(signal.starts[:, None] - starts).argmin(axis=0)
+    errors, at = starts - signal.starts[nearest], starts - starts.mean()
+    slope = float(at @ errors / (at @ at))
+    return {"rate_hz": rate, "middle_us": 1e6 / rate * float(errors.mean()), "slope_ppm": 1e6 * slope}
 
 
 def _latency(signal: TimedSignal) -> tuple[float, float]:
@@ -194,6 +207,11 @@ def lines(result: dict[str, Any]) -> list[str]:
     out = [head] + [_line(row, width) for row in result["conditions"]]
     if not result["libltc"]:
         out.append("without libltc (Debian, Ubuntu: package libltc11) there is nothing to compare with")
+    for r in result.get("line", []):
+        out.append(
+            f"{r['rate_hz']} Hz: line through 20 s of words at 20 dB {r['middle_us']:+.3f} us off "
+            f"at its middle, {r['slope_ppm']:+.4f} ppm"
+        )
     for r in result.get("speed", []):
         follow, search = r["following_x"], r["searching_x"]
         out.append(

@@ -81,6 +81,7 @@ MICROPHONE = {"low_pass_hz": 7000.0, "high_pass_hz": 100.0, "snr_db": 20.0, "ech
 IMPAIRMENTS: tuple[tuple[str, int, dict[str, Any]], ...] = (
     ("hum 0 dB", 48000, {"hum_db": 0.0}),
     ("hum 0 dB, 16 kHz", 16000, {"hum_db": 0.0}),
+    ("hum of 60 Hz, 0 dB", 48000, {"hum_db": 0.0, "hum_hz": 60.0}),
     ("clicks 10/s", 48000, {"clicks_per_s": 10.0}),
     ("clicks 30/s", 48000, {"clicks_per_s": 30.0}),
     ("clicks 10/s, 16 kHz", 16000, {"clicks_per_s": 10.0}),
@@ -100,6 +101,7 @@ IMPAIRMENTS: tuple[tuple[str, int, dict[str, Any]], ...] = (
     ("high pass 1 kHz", 48000, {"high_pass_hz": 1000.0}),
     ("low pass 4 kHz", 48000, {"low_pass_hz": 4000.0}),
     ("low pass 2.5 kHz", 48000, {"low_pass_hz": 2500.0}),
+    ("clipped at 0.8", 48000, {"clip": 0.8}),
     ("clipped at 0.5", 48000, {"clip": 0.5}),
     ("clipped at 0.2, noise 20 dB", 48000, {"clip": 0.2, "snr_db": 20.0}),
     ("reverse", 48000, {}),

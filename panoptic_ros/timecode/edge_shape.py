@@ -7,7 +7,11 @@ So the words themselves teach a correction (cubic B-splines) and the droop of a 
 summed up over words, each with its own level, place, length and baseline left free.
 
 Where the origin of a step is, cannot be learnt. The correction must not move the guess, as a least-squares
-fit of the guess would see it: so learning takes the scatter away, and leaves the mean.
+fit of the guess would see it, wherever it lies between samples: so learning takes the scatter away, and
+leaves the mean.
+
+Words often last a whole number of samples, so that many in a row show a step at the same places only. What
+lies between follows from the band that a recorder lets pass. Without that, words would stick to those places.
 """
 from __future__ import annotations
 
@@ -29,8 +33,10 @@ KNOT = 0.5  # samples at up to 48 kHz
 BASE_RATE = 48_000
 EDGE_SECONDS = 15.6e-6  # standard deviation of an edge of 40 us rise time
 BAND = 0.465  # cycles per sample that a recorder lets pass
-# What a correction may be beforehand, of the level; even ones come from lopsided filters.
-ODD_SPREAD, EVEN_SPREAD = 0.1, 0.005
+# What corrections may be beforehand, of the level: odd ones, even ones, which come from lopsided filters,
+# and those that a recorder's low pass cannot make, but clipping can.
+SPREADS = np.array([0.1, 0.005, 0.005])
+LEAST_SPREAD = 1e-4
 DROOP_SPREAD = 0.1  # per sample
 MEMORY = 300.0  # words; half of them at first, since the first ones were fitted with the guess
 LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond
@@ -51,11 +57,16 @@ class EdgeShape:
         count = len(self._splines)
         self._normal = np.zeros((count + 1, count + 1))  # the last unknown is the droop
         self._right = np.zeros(count + 1)
-        self._along = np.zeros(count + 1)  # scores that the guess would see
+        self._along = _along(sample_rate, self.reach, self._knot)
         self._solution = np.zeros(count + 1)
-        self._prior = _prior(count)
+        self._kinds = _kinds(count, self._knot)
+        self._prior = np.zeros((count + 1, count + 1))
+        self._prior[:-1, :-1] = np.tensordot(SPREADS**-2, self._kinds, axes=1)
+        self._prior[-1, -1] = DROOP_SPREAD**-2
         self._droops: deque[float] = deque(maxlen=64)  # by each word alone
         self.table = self._guess
+        self.doubt = 0.0
+        self.sudden = 1.0
         self.droop = 0.0
         self.words = 0
 
@@ -67,7 +78,7 @@ class EdgeShape:
 
     def learn(
         self, values: Array, low: int, grid: Array, places: Array, level: float, slow: Baseline,
-        excess: float,
+        excess: float, sudden: float,
     ) -> None:  # fmt: skip
         """From a word whose fit has settled.
 
@@ -78,6 +89,7 @@ class EdgeShape:
             level: of the word, signed.
             slow: what is left free.
             excess: variance of the word's edges over that from white noise.
+            sudden: share of the edges that jump from plateau to plateau between two samples.
         """
         train = train_rows(low, values, grid, places, self._guess, 4)
         rows = shape_rows(train, level, low, grid, places, self._splines, self._knot)
@@ -90,25 +102,47 @@ class EdgeShape:
         self._droops.append(float(alone[-1]))
         self._normal = keep * self._normal + reduced[:-1, :-1] / noise
         self._right = keep * self._right + reduced[:-1, -1] / noise
-        self._along = keep * self._along + gram[PLACE, OWN:-1] / noise
+        self.sudden += (sudden - self.sudden) / min(self.words + 1.0, MEMORY)
         self.words += 1
         self._solve()
+        moves = np.linalg.solve(gram[:OWN, :OWN], gram[:OWN, OWN:-1])[PLACE]
+        self.doubt = self._place_doubt(moves)
 
     def _solve(self) -> None:
         """The correction and the droop, if there is one."""
-        along = self._along.copy()
-        along[-1] = 0.0
         normal = self._normal + self._prior
         drooping = self._drooping()
         if drooping:
-            solution, inverse = _constrained(normal, self._right, along)
+            solution, inverse = _constrained(normal, self._right, self._along)
             drooping = solution[-1] >= max(SURE * np.sqrt(inverse[-1, -1]), self._least_droop)
         if not drooping:
-            solution = np.append(_constrained(normal[:-1, :-1], self._right[:-1], along[:-1])[0], 0.0)
+            few = slice(None, -1)
+            solution = np.append(_constrained(normal[few, few], self._right[few], self._along[few])[0], 0.0)
         self._solution = solution
         self.droop = float(solution[-1])
         self.table = corrected(self._guess, self._splines, solution[:-1])
         self.table.flags.writeable = False
+
+    def _place_doubt(self, moves: Array) -> float:
+        """Standard deviation, samples, by which what is not known of the shape may move a word.
+
+        Where no edge was heard yet, the guess may be as wrong as it was found elsewhere.
+
+        Args:
+            moves: (J + 1,) of a word by each correction and the droop.
+        """
+        count, known = len(self._splines), self._solution[:-1]
+        inverse = np.linalg.inv(self._normal + self._prior)[:-1, :-1]
+        heard = (self._kinds * (np.eye(count) - inverse * SPREADS[:, None, None] ** -2)).sum(axis=(1, 2))
+        found = np.sqrt(known @ self._kinds @ known / np.maximum(heard, 1.0))
+        spreads = np.clip(found, LEAST_SPREAD, SPREADS[0])
+        free = slice(None, None if self.droop else -1)
+        normal, along, moves = self._normal[free, free].copy(), self._along[free], moves[free]
+        normal[:count, :count] += np.tensordot(spreads**-2, self._kinds, axes=1)
+        inverse = np.linalg.inv(normal)
+        across = inverse @ along
+        variance = moves @ inverse @ moves - (moves @ across) ** 2 / (along @ across)
+        return float(np.sqrt(max(0.0, variance)))
 
     def _drooping(self) -> bool:
         """Whether words agree that there is droop; hum looks like it now and then."""
@@ -130,13 +164,12 @@ def _constrained(normal: Array, right: Array, along: Array) -> tuple[Array, Arra
     return solution, inverse
 
 
-def _prior(count: int) -> Array:
-    """Inverse variances of the corrections beforehand and of the droop, (count + 1, count + 1)."""
-    odd, even = ODD_SPREAD**-2, EVEN_SPREAD**-2
-    prior = np.zeros((count + 1, count + 1))
-    prior[:-1, :-1] = 0.5 * (odd + even) * np.eye(count) + 0.5 * (even - odd) * np.eye(count)[::-1]
-    prior[-1, -1] = DROOP_SPREAD**-2
-    return prior
+def _kinds(count: int, knot: float) -> Array:
+    """Projections (3, J, J) on odd and even corrections and on what lies beyond the band."""
+    one, flip = np.eye(count), np.eye(count)[::-1]
+    band = min(1.0, 2.0 * BAND * knot)
+    apart = np.arange(count)[:, None] - np.arange(count)
+    return np.stack([0.5 * (one - flip), 0.5 * (one + flip), one - band * np.sinc(band * apart)])
 
 
 def _places(reach: int) -> Array:
@@ -168,6 +201,13 @@ def _guess(sample_rate: int, reach: int) -> Array:
     table = np.stack([np.interp(places, at, level) - sign, np.interp(places, at, density)])
     table.flags.writeable = False
     return table
+
+
+@lru_cache(maxsize=8)
+def _along(sample_rate: int, reach: int, knot: float) -> Array:
+    """How far each correction and the droop would move the guess, to scale (J + 1,)."""
+    slope = _guess(sample_rate, reach)[1]
+    return np.append((_splines(reach, knot)[:, 0] * slope).sum(axis=(1, 2)), 0.0)
 
 
 @lru_cache(maxsize=8)

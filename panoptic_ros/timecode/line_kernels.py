@@ -85,6 +85,16 @@ def jumps(values: Array, level: float) -> float:
     return sudden / max(1, crossings)
 
 
+@_jit
+def widest_gap(places: Array, period: float) -> float:
+    """Within a period, the widest gap between places (N,)."""
+    phases = np.sort(places % period)
+    widest = phases[0] + period - phases[-1]
+    for i in range(1, len(phases)):
+        widest = max(widest, phases[i] - phases[i - 1])
+    return widest
+
+
 @lru_cache(maxsize=1)
 def compile_lines() -> None:
     """Compile all of this for the types that it is called with, or take it from numba's cache."""
@@ -94,3 +104,4 @@ def compile_lines() -> None:
     line_fit(words.copy())
     curve_excess(words.copy(), 1.0)
     jumps(np.ones(7), 1.0)
+    widest_gap(np.ones(7), 1.0)

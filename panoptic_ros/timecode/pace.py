@@ -12,7 +12,7 @@ from collections import deque
 import numpy as np
 
 from panoptic_ros.timecode.kernels import moved_grid
-from panoptic_ros.timecode.line_kernels import curve_excess, line_fit
+from panoptic_ros.timecode.line_kernels import curve_excess, line_fit, widest_gap
 from panoptic_ros.timecode.timing import WordFit
 from panoptic_ros.timecode.words import WORD_CELLS
 
@@ -96,11 +96,20 @@ class Pace:
         return np.array([back, self._line[0], 0.0]), self._line
 
     def _hidden(self, fit: WordFit) -> float:
-        """Variance that edges of a word do not show: what its fit fears, and what words about a curve say."""
-        freedom, excess = max(0, self._on_line - 3), 0.0
-        if freedom:
-            excess = max(0.0, curve_excess(self._words[:, -self._on_line :], self._scale))
-        return (FEARED_WORDS * fit.unseen**2 + freedom * excess) / (FEARED_WORDS + freedom)
+        """Variance that edges of a word do not show: what its fit fears, and what words about a curve say.
+
+        Words whose edges lie alike between samples err alike, so fears stand until words have covered
+        most of that; only then may words about a curve say less than edges do.
+        """
+        freedom = max(0, self._on_line - 3)
+        if not freedom:
+            return fit.unseen**2
+        words = self._words[:, -self._on_line :]
+        covered = freedom * max(0.0, 1.0 - 2.0 * widest_gap(words[1], fit.gap) / fit.gap)
+        excess = curve_excess(words, self._scale)
+        share = (freedom if excess > 0.0 else covered) / (FEARED_WORDS + freedom)
+        least = -0.9 * self._scale * fit.covariance[0, 0]
+        return FEARED_WORDS / (FEARED_WORDS + covered) * fit.unseen**2 + max(least, share * excess)
 
     def _find_line(self) -> tuple[float, float] | None:
         """Length of a cell and its deviation by the line through the last words, if they lie on one."""

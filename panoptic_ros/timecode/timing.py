@@ -8,6 +8,7 @@ edges leave alike, as clipping and wrong shapes do, stays unseen there: `unseen`
 """
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -17,7 +18,7 @@ from panoptic_ros.timecode.baseline import baseline
 from panoptic_ros.timecode.edge_shape import EdgeShape
 from panoptic_ros.timecode.fit_kernels import fit_train
 from panoptic_ros.timecode.kernels import edge_places
-from panoptic_ros.timecode.line_kernels import jumps
+from panoptic_ros.timecode.line_kernels import jumps, widest_gap
 
 Array = np.ndarray
 MARGIN = 0.25  # cells before the first and after the last edge
@@ -27,7 +28,6 @@ LOST = 0.05  # cells
 OUTLIER = 4.0  # standard deviations
 GROSS = 0.25  # times the level: more than a slightly misplaced edge
 SHAKEN_SECONDS = 40e-6  # by which single edges may be misplaced
-UNSEEN = 0.17  # samples, standard deviation of an edge that jumps from plateau to plateau
 EDGE_SECONDS, EDGE_SAMPLES = 15.6e-6, 0.4  # standard deviation of an edge, at least
 
 
@@ -43,6 +43,8 @@ class WordFit:
         clean: (N,) the samples without clicks.
         places: edges in cells from the middle.
         unseen: standard deviation, samples, by which a wrong shape or clipping may put all edges off alike.
+        gap: the widest place between two samples, of 1, where no edge lies.
+        sudden: share of the edges that jump from plateau to plateau between two samples.
     """
 
     middle: float
@@ -55,6 +57,8 @@ class WordFit:
     clean: Array
     places: Array
     unseen: float
+    gap: float
+    sudden: float
 
     @property
     def grid(self) -> Array:
@@ -75,7 +79,7 @@ class WordFit:
         """Let the word teach the shape of a step."""
         slow = baseline(len(self.clean), sample_rate)
         excess = self.observed[0, 0] / max(self.covariance[0, 0], 1e-12)
-        shape.learn(self.clean, self.low, self.grid, self.places, self.level, slow, excess)
+        shape.learn(self.clean, self.low, self.grid, self.places, self.level, slow, excess, self.sudden)
 
 
 def fit_word(
@@ -112,8 +116,13 @@ def fit_word(
     if straight is not values:
         clean = values - (straight - clean)
     middle, cell, bend = found.tolist()
-    unseen = float(np.hypot(UNSEEN * jumps(clean, abs(level)), np.sqrt(unlike)))
-    return WordFit(middle, cell, bend, covariance, observed, float(level), low, clean, places, unseen)
+    gap = widest_gap(middle + cell * (places + bend * places**2), 1.0)
+    sudden = jumps(clean, abs(level))
+    between = sudden * gap * shape.sudden / math.sqrt(12.0)
+    unseen = math.sqrt(between**2 + unlike + shape.doubt**2)
+    return WordFit(
+        middle, cell, bend, covariance, observed, float(level), low, clean, places, unseen, gap, sudden
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=8)

@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
+from panoptic_ros.timecode.decoder import LtcDecoder
 from panoptic_ros.timecode.fit_kernels import misfit, train_rows
+from panoptic_ros.timecode.line_kernels import widest_gap
 
 START = Timecode(10, 20, 30, 4, timecode_rate("30"))
 
@@ -24,6 +27,8 @@ START = Timecode(10, 20, 30, 4, timecode_rate("30"))
         ({}, {"snr_db": 50.0, "hum_db": 0.0}, 0.02),
         ({"high_pass_hz": 1000.0}, {"snr_db": 50.0}, 0.02),
         ({"clip": 0.5}, {"snr_db": 50.0}, 0.5),
+        ({"clip": 0.8}, {"snr_db": 50.0}, 0.2),
+        ({"low_pass_hz": 3000.0}, {"snr_db": 50.0}, 0.2),
         ({"jitter_s": 5e-6}, {"snr_db": 50.0}, 0.7),
     ],
 )
@@ -47,6 +52,22 @@ def test_a_delay_in_a_high_pass_is_taken_away() -> None:
     readings = decode_recording(TimecodeConfig(), "line", 48000, signal.samples)
     errors = np.array([reading.start_sample for reading in readings]) - signal.starts
     assert abs(errors.mean()) * 1e6 / 48000 < 0.3
+
+
+def test_words_do_not_stick_to_the_places_of_samples() -> None:
+    """With a slow drift, words teach the shape of an unknown filter at the same places between samples."""
+    way = Channel(speed=1.000005, faults=AudioFaults(snr_db=50.0, seed=4))
+    signal = play_ltc(START, 100, 48000, way, user_bits=0x26110721)
+    numerator, denominator = butter(2, 1000.0, "high", fs=48000)
+    decoder = LtcDecoder(TimecodeConfig(), 48000)
+    words = decoder.push(lfilter(numerator, denominator, signal.samples)) + decoder.finish()
+    errors = np.array([word.start for word in words]) - signal.starts
+    assert np.ptp(errors[1:]) * 1e6 / 48000 < 5.0
+
+
+def test_widest_gap() -> None:
+    assert widest_gap(np.array([3.1, 7.2, 0.6]), 1.0) == pytest.approx(0.5)
+    assert widest_gap(np.array([5.25]), 0.5) == pytest.approx(0.5)
 
 
 def test_misfit_is_seen_in_wrong_shapes_only() -> None:
