@@ -145,6 +145,7 @@ def events(seconds: float = 40.0, at: int = 20) -> dict[str, ClockWorld]:
     off = ((float(at), 0.25 * at + 0.75 * seconds),)
     return {
         "nothing": calm,
+        "clock forward 0.1 s": stepped(0.1),
         "clock forward 0.41 s": stepped(0.41),
         "clock back 0.41 s": stepped(-0.41),
         "clock forward 1 h": stepped(3600.0),

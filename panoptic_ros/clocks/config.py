@@ -17,7 +17,7 @@ class ClocksConfig(Config):
     least_span_s: float = param(
         1.0, unit="s", ge=0.1, le=60.0, doc="Span of readings from which on a device's first model is given."
     )
-    period_s: float = param(1.0, unit="s", ge=0.0, le=60.0, doc="Time between two models of a device.")
+    period_s: float = param(0.25, unit="s", ge=0.0, le=60.0, doc="Time between two models of a device.")
     jump_s: float = param(
         0.02, unit="s", ge=1e-4, le=10.0,
         doc="Distance from the line beyond which a reading is left out, or a jump if others agree with it. "

@@ -19,6 +19,7 @@ FOREVER = 2**63 - 1  # a model that needs no observations to stay true
 HELD = 64  # frames of a camera that wait for a clock
 GAP_S = 0.3  # a longer step between frames may hide a jump of the clock
 ODD_STEP = 0.2  # of a period, from whole periods
+MOST_PERIODS = 2  # one frame is lost now and then; more may be a jump by whole periods
 PATIENCE_S = 2.0  # of frames, for a clock to be heard again after a gap
 BEFORE_JUMP = "its clock jumped before anything was known of it"
 RECENT = 9  # frame steps that tell a camera's period
@@ -45,8 +46,8 @@ class StampCorrection:
     """Moves the stamps of views to master time.
 
     A camera whose clock is observed (a model with `until_ns`) can jump. Its own frames show that at once:
-    they go back, or their step is no whole number of periods, or longer than a third of a second. From there
-    on its frames wait for a model that has heard something since; so no frame is given a wrong time.
+    they go back, or their step is no whole number of periods, or more than two of them. From there on its
+    frames wait for a model that has heard something since; so no frame is given a wrong time.
     """
 
     def __init__(self, cameras: Sequence[str], config: SyncConfig):
@@ -99,7 +100,7 @@ class StampCorrection:
         if len(camera.steps) < RECENT:
             return False
         ratio = step / float(np.median(camera.steps))
-        return abs(ratio - max(1, round(ratio))) > ODD_STEP
+        return round(ratio) > MOST_PERIODS or abs(ratio - max(1, round(ratio))) > ODD_STEP
 
     def _hold(self, camera: _Camera, view: ViewDetections) -> tuple[Notice, ...]:
         notices = []

@@ -8,6 +8,7 @@ AT = 5
 WORLDS = events(11.0, AT)
 TOLD = {
     "nothing": {}, "midnight": {}, "0.1 s of audio lost": {},
+    "clock forward 0.1 s": {"clocks.jump": 1},
     "clock forward 0.41 s": {"clocks.jump": 1}, "clock back 0.41 s": {"clocks.jump": 1},
     "clock forward 1 h": {"clocks.jump": 1}, "clock back 1 day": {"clocks.jump": 1},
     "device stops and resumes": {"clocks.silent": 1},

@@ -54,7 +54,7 @@ def master_error(
 )  # fmt: skip
 def test_offset_and_drift_are_found(drift: float, rate: FrameRate, first: int, start_ns: int) -> None:
     items = readings(150, rate, first, drift, start_ns=start_ns)
-    models, notices = run(items)
+    models, notices = run(items, period_s=1.0)
     assert not notices and len(models) in (5, 6)
     model = models[-1]
     assert model.drift == pytest.approx(drift, abs=2e-9)
@@ -118,7 +118,7 @@ def test_a_jump_begins_a_new_line() -> None:
 
 def test_models_are_renewed_every_period_and_forget_the_old() -> None:
     items = readings(500)
-    assert len(run(items)[0]) == 20
+    assert len(run(items, period_s=1.0)[0]) == 20
     assert len(run(items, period_s=5.0)[0]) == 5
     assert len(run(items, period_s=0.0)[0]) == 500 - 26
     slow, fast = readings(500, drift=0.0), []
