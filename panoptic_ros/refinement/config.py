@@ -34,7 +34,9 @@ class RefinementConfig(Config):
         "for the outliers among few views: here the Cauchy weight deals with those.",
     )
     start_speed: float = param(
-        1.5, unit="m/s", ge=0.01, le=50.0, doc="Standard deviation of the velocity of a joint that is new."
+        1.5, unit="m/s", ge=0.01, le=50.0,
+        doc="Standard deviation of the velocity of a joint that is new. Where stamps differ, of the fastest; "
+        "how many joints are slower is learnt from the views.",
     )
     max_gap: float = param(
         0.3, unit="s", ge=0.0, le=10.0, doc="Longer gaps of a joint are not bridged; its motion starts anew."

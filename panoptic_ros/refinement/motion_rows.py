@@ -12,24 +12,20 @@ from panoptic_ros.refinement.kalman import cholesky, take, whiten, whitened_row
 
 
 @njit(cache=True, error_model="numpy")
-def start_moving(states, covariances, points, noises, delays, speed):
+def start_moving(states, covariances, points, noises, delays, velocities, spreads):
     """States (N, 6) and covariances (N, 6, 6) of unknown points, in place, from X + G V = point.
 
-    The velocity is 0 with standard deviation `speed` m/s. Known states, and those whose point is NaN, stay.
+    The velocities (N, 3) m/s have covariances `spreads` (N, 3, 3), independent of the noise of the points.
+    Known states, and those whose point is NaN, stay.
     """
-    variance = speed * speed
     for n in range(len(states)):
         if np.isfinite(states[n, 0]) or not np.isfinite(points[n, 0]):
             continue
-        covariances[n] = 0.0
-        for i in range(3):
-            states[n, i], states[n, 3 + i] = points[n, i], 0.0
-            covariances[n, 3 + i, 3 + i] = variance
-            for k in range(3):
-                covariances[n, i, 3 + k] = covariances[n, 3 + k, i] = -variance * delays[n, i, k]
-                covariances[n, i, k] = noises[n, i, k]
-                for m in range(3):
-                    covariances[n, i, k] += variance * delays[n, i, m] * delays[n, k, m]
+        turned = delays[n] @ spreads[n]
+        states[n, :3], states[n, 3:] = points[n] - delays[n] @ velocities[n], velocities[n]
+        covariances[n, :3, :3] = noises[n] + turned @ delays[n].T
+        covariances[n, :3, 3:], covariances[n, 3:, :3] = -turned, -turned.T
+        covariances[n, 3:, 3:] = spreads[n]
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,6 +14,7 @@ from panoptic_ros.refinement.kalman import (
     update_states,
 )
 from panoptic_ros.refinement.motion_rows import start_moving, update_moving, update_velocities
+from panoptic_ros.refinement.start_motion import likely_velocities
 from panoptic_ros.refinement.tuning import LastingErrors, Tuning
 
 Array = np.ndarray
@@ -121,7 +122,9 @@ class PersonMotion:
             delays, assumed = shift.delays[0], shift.assumed[0]
             points = positions + (delays @ assumed[..., None])[..., 0]
         known = np.isfinite(now.states[:, 0])
-        start_moving(now.states, now.covariances, points, covariances, delays, config.start_speed)
+        if (measured & ~known).any():
+            velocities, spreads = self._start(shift)
+            start_moving(now.states, now.covariances, points, covariances, delays, velocities, spreads)
         points = np.where(known[:, None], points, np.nan)
         surprises = np.full((self._joints, 3), np.nan)
         if shift is None:
@@ -130,15 +133,21 @@ class PersonMotion:
             update_moving(
                 now.states, now.covariances, points, covariances, delays, config.cauchy, surprises
             )
-            update_velocities(
-                now.states, now.covariances, shift.velocities[0], shift.information[0], config.cauchy
-            )
+            information = np.where(known[:, None, None], shift.information[0], 0.0)  # new ones have used it
+            update_velocities(now.states, now.covariances, shift.velocities[0], information, config.cauchy)
         self._tuning.learn(surprises)
         now.measured, now.seen, now.person_score = measured, True, person_score
         now.scores = np.where(measured, scores, now.scores)
         now.views = np.where(measured, views, 0)
         now.ages = np.where(measured, 0.0, now.ages)
         now.noises = np.where(measured[:, None, None], covariances, now.noises)
+
+    def _start(self, shift: TimeShift | None) -> tuple[Array, Array]:
+        """Velocities (J, 3) of joints that are new, and their covariances (J, 3, 3)."""
+        fast = self._config.start_speed
+        if shift is None:
+            return np.zeros((self._joints, 3)), np.tile(fast**2 * np.eye(3), (self._joints, 1, 1))
+        return likely_velocities(shift.velocities[0], shift.information[0], fast, self._config.cauchy)
 
     def seen_after(self, stamp_ns: int) -> bool:
         """Whether the person was seen in a kept instant that is still to come after this one."""

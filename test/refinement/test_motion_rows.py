@@ -48,11 +48,16 @@ def test_without_delays_it_is_a_position():
 
 
 def test_a_new_point_starts_as_if_its_position_had_been_unknown():
-    _, _, _, point, noise, delays = scene(2)
+    rng, _, _, point, noise, delays = scene(2)
+    velocity, spread = rng.standard_normal(3), positive(rng, 3, 1.5)
     states, covariances = np.full((1, 6), np.nan), np.zeros((1, 6, 6))
-    start_moving(states, covariances, point[None], noise[None], delays[None], 1.5)
-    prior = np.diag([1e8] * 3 + [1.5**2] * 3)
-    expected = updated(np.zeros(6), prior, np.hstack([np.eye(3), delays]), point, noise)
+    start_moving(
+        states, covariances, point[None], noise[None], delays[None], velocity[None], spread[None]
+    )
+    prior = np.zeros((6, 6))
+    prior[:3, :3], prior[3:, 3:] = 1e8 * np.eye(3), spread
+    start = np.concatenate([np.zeros(3), velocity])
+    expected = updated(start, prior, np.hstack([np.eye(3), delays]), point, noise)
     assert np.allclose(states[0], expected[0], atol=1e-5)
     assert np.allclose(covariances[0], expected[1], atol=1e-5)
 
