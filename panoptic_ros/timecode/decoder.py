@@ -205,9 +205,13 @@ class LtcDecoder:
         verdict = follow.judge(levels)
         expected = verdict.good and follow.straight
         if not verdict.good or follow.misses:  # a grid that slips may fit labels that were not sent
-            grid = best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
-            levels = word_levels(sums, grid, follow.reverse)
-            verdict = follow.judge(levels)
+            moved = best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
+            again = word_levels(sums, moved, follow.reverse)
+            second = follow.judge(again)
+            if verdict.good and second.level < verdict.level:  # noise has moved it away
+                verdict = follow.judge(levels)
+            else:
+                grid, levels, verdict = moved, again, second
         word = self._timed(grid, levels, verdict.good, expected) if verdict.possible else None
         if word is None:
             if follow.early:  # the words so far are of something else

@@ -18,7 +18,7 @@ from panoptic_ros.timecode.words import WORD_CELLS
 Array = np.ndarray
 SURE_NATS = 10.0  # by which other labels must be worse
 RULED_OUT_NATS = 30.0  # by which a counting is so much worse that it is forgotten
-UPHELD_NATS = 8.0  # of the labels beside, before words are reported
+UPHELD_NATS = 6.0  # of the labels beside, before words are reported
 LEARN_ALL, LEARN_MANY = 16, 50  # words; then every third, then every
 RARELY = 30
 Digits = tuple[int, int, int, int, bool]
@@ -96,11 +96,9 @@ class Follow:
             return labels[0], True
         texts = [_digits(label) for label in labels]
         heard = self._countings
-        if good and len(self._verdicts) > 1:
+        if good:
             nats = {text: min(verdict.nats, WORST_NATS) for text, verdict in self._verdicts.items()}
             heard = [(counting, n + nats[text]) for (counting, n), text in zip(heard, texts)]
-        elif len(self._verdicts) > 1:
-            return labels[0], False
         least = min(n for _, n in heard)
         best = next(k for k, (_, n) in enumerate(heard) if n == least)
         doubtful = any(text != texts[best] for (_, n), text in zip(heard, texts) if n < least + SURE_NATS)
@@ -120,7 +118,7 @@ class Follow:
     def upheld(self, good: bool) -> bool:
         """Whether the words up to the one judged last, if good, have none of the labels beside theirs."""
         self._ahead = self._ahead + self._last_ahead if good else 0.0
-        if self.early or self._ahead < UPHELD_NATS:
+        if self.early or self._ahead < UPHELD_NATS - np.log1p(self.read):  # what has counted on goes on
             return False
         self._ahead = 0.0
         return True

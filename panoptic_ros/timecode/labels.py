@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -29,6 +28,7 @@ DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are c
 ECHO_WORDS = 5  # that tell what the channel is where labels alone are in doubt
 CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
 NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
+MOST_NEAR = 8  # hours, minutes and seconds that are proposed for each of these
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,40 +141,43 @@ def _proposals(soft: Array, step: int) -> Iterator[Counting]:
         for frame in range(rate.nominal):
             frames = frame + step * (numbers - reference)
             score = float(tables["frames"][numbers, frames % rate.nominal].sum())
-            best, labels = _best_carried(tables, frames // rate.nominal)
-            found.append((score + best, frame, labels))
+            labels = _best_carried(tables, frames // rate.nominal)
+            found.append((score + labels[0][0], frame, labels))
         found.sort(reverse=True)
         for _, frame, labels in found[:NEAR_FRAMES]:
-            for hours, minutes, seconds in labels:
+            for _, (hours, minutes, seconds) in labels:
                 yield from _countings(hours, minutes, seconds, frame, rate, step, reference)
 
 
-def _best_carried(tables: dict[str, Array], carry: Array) -> tuple[float, list[tuple[int, int, int]]]:
-    """Score of the best hours, minutes and seconds of the words of no carry, and the best few of them.
+def _best_carried(tables: dict[str, Array], carry: Array) -> list[tuple[float, tuple[int, int, int]]]:
+    """The best hours, minutes and seconds of the words of no carry and those near them, with their scores.
 
     Args:
         carry: (W,) seconds that have passed.
     """
     seconds = _carried(tables["seconds"], carry)
-    with_turn = (np.arange(60)[:, None] + carry) // 60
-    turning = np.flatnonzero(with_turn.any(axis=1))
-    minutes, hours = tables["minutes"].sum(axis=0), tables["hours"].sum(axis=0)
-    best_minutes, best_hours = _two(minutes), _two(hours)
-    scores = seconds + float(minutes[best_minutes[0]] + hours[best_hours[0]])
-    choices: dict[int, tuple[list[int], list[int]]] = {}
-    for second in turning.tolist():
-        turned = with_turn[second]
-        these = _carried(tables["minutes"], turned)
-        top = _two(these)
-        turn_hour = (top[0] + turned) // 60
-        those = _carried(tables["hours"], turn_hour)
-        choices[second] = top, _two(those)
-        scores[second] = seconds[second] + these[top[0]] + those.max()
-    out = []
-    for best in _two(scores):
-        for minute, hour in product(*choices.get(best, (best_minutes, best_hours))):
-            out.append((hour, minute, best))
-    return float(scores.max()), out
+    turned = (np.arange(60)[:, None] + carry) // 60
+    plain = _pairs(tables, np.zeros_like(carry))
+    pairs = {second: _pairs(tables, turned[second]) for second in np.flatnonzero(turned.any(axis=1)).tolist()}
+    found = []
+    for second, own in enumerate(seconds.tolist()):
+        found += [(own + score, (*pair, second)) for score, pair in pairs.get(second, plain)]
+    found.sort(reverse=True)
+    return [item for item in found[:MOST_NEAR] if item[0] > found[0][0] - DOUBT_NATS]
+
+
+def _pairs(tables: dict[str, Array], carry: Array) -> list[tuple[float, tuple[int, int]]]:
+    """The same for hours and minutes.
+
+    Args:
+        carry: (W,) minutes that have passed.
+    """
+    minutes = _carried(tables["minutes"], carry)
+    found = []
+    for minute in _near(minutes):
+        hours = _carried(tables["hours"], (minute + carry) // 60)
+        found += [(float(minutes[minute] + hours[hour]), (hour, minute)) for hour in _near(hours)]
+    return found
 
 
 def _carried(table: Array, carry: Array) -> Array:
@@ -186,12 +189,10 @@ def _carried(table: Array, carry: Array) -> Array:
     return total
 
 
-def _two(scores: Array) -> list[int]:
-    """The best two."""
-    best = int(np.argmax(scores))
-    others = scores.copy()
-    others[best] = -np.inf
-    return [best, int(np.argmax(others))]
+def _near(scores: Array) -> list[int]:
+    """The best, and the next few that are near it."""
+    best = np.argsort(-scores, kind="stable")[:MOST_NEAR]
+    return [int(k) for k in best if scores[k] > scores[best[0]] - DOUBT_NATS]
 
 
 def _countings(

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import timecode_rate, word_bits
 from panoptic_ros.timecode.evidence import judge
-from panoptic_ros.timecode.labels import solve_labels
+from panoptic_ros.timecode.labels import _proposals, solve_labels
 from panoptic_ros.timecode.levels import WordLevels
 from panoptic_ros.timecode.rates import closest_rate, possible_rates
-from panoptic_ros.timecode.words import COUNTINGS, DROP_RATE, known_bits
+from panoptic_ros.timecode.words import COUNTINGS, DROP_RATE, TABLES, known_bits
 
 USER = 0x26110721
 
@@ -95,3 +95,23 @@ def test_rates_by_counting_and_length() -> None:
     assert closest_rate(possible_rates(COUNTINGS[:3]), 29.972) == timecode_rate("29.97")
     assert closest_rate(possible_rates({COUNTINGS[2]}), 29.999) == timecode_rate("30")
     assert closest_rate(possible_rates({DROP_RATE}), 33.0) == timecode_rate("29.97df")
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 999), st.booleans())
+def test_all_labels_that_are_near_the_most_likely_are_proposed(seed: int, reverse: bool) -> None:
+    """Echoes turn the same bits in every word, so that the right label may be the third in a field."""
+    rng, count, step = np.random.default_rng(seed), 5, -1 if reverse else 1
+    middle = Timecode(int(rng.integers(24)), int(rng.integers(60)), int(rng.integers(60)), 12, COUNTINGS[1])
+    frames = [middle.frame_count + step * (k - 2) for k in range(count)]
+    words = [word_bits(Timecode.from_frame_count(frame, middle.rate), USER) for frame in frames]
+    turned = rng.normal(0.0, 10.0, 80)
+    turned[TABLES["frames"][0]] = 0.0
+    soft = 20.0 * np.array(words) - 10.0 + turned + rng.normal(0.0, 2.0, (count, 80))
+    proposed = {str(each.label(2)) for each in _proposals(soft, step)}
+    scores = {name: (soft[:, places] @ rows.T).sum(axis=0) for name, (places, rows) in TABLES.items()}
+    total = scores["hours"][:, None, None] + scores["minutes"][:, None] + scores["seconds"]
+    likely = [np.unravel_index(k, total.shape) for k in np.argsort(-total, axis=None)[:8]]
+    for hours, minutes, seconds in likely:
+        if total[hours, minutes, seconds] > total.max() - 60.0:
+            assert str(Timecode(int(hours), int(minutes), int(seconds), 12, middle.rate)) in proposed
