@@ -21,7 +21,8 @@ Array = np.ndarray
 GOOD_NATS = 15.0  # by which a word may contradict its label
 LEAST_QUALITY = 0.8  # share of the levels' magnitude that the bits must explain
 LEAST_TENTH = 0.25  # of the word's level, in each tenth of it: a cut word has less
-POSSIBLE_NATS, POSSIBLE_QUALITY, POSSIBLE_TENTH = 150.0, 0.7, 0.1  # the same for words between good ones
+LEAST_ANYWHERE = 0.1  # in a tenth that begins anywhere: silence has less
+POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # the same for words between good ones
 CLEAN_SHARE = 0.93  # of the levels that bits explain if there is no click
 CLEAR_NATS = 1.0  # a clean word that contradicts its label by less has no other
 USER_NATS = 8.0  # by which a word may contradict the user bits of others and still have them
@@ -69,9 +70,10 @@ def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdi
     """
     if free is None:
         free = free_score(levels)
-    nats, level, share, tenth, bits, signs = verdict(levels.halves, wanted, levels.before, free)
-    good = level > 0.0 and nats < GOOD_NATS and share > LEAST_QUALITY and tenth > LEAST_TENTH * level
-    possible = nats < POSSIBLE_NATS and share > POSSIBLE_QUALITY and tenth > POSSIBLE_TENTH * level > 0.0
+    nats, level, share, tenth, anywhere, bits, signs = verdict(levels.halves, wanted, levels.before, free)
+    whole = anywhere > LEAST_ANYWHERE * level > 0.0
+    good = whole and nats < GOOD_NATS and share > LEAST_QUALITY and tenth > LEAST_TENTH * level
+    possible = whole and nats < POSSIBLE_NATS and share > POSSIBLE_QUALITY
     return Verdict(nats, bits, signs, level, share, good, possible)
 
 

@@ -255,11 +255,12 @@ def edge_places(bits: Array) -> Array:
 @_jit
 def verdict(
     halves: Array, wanted: Array, before: float, free: float
-) -> tuple[float, float, float, float, Array, Array]:
+) -> tuple[float, float, float, float, float, Array, Array]:
     """How given bits fit levels, see `best_path`.
 
     Returns: by how many nats worse than the best bits, which score `free`; the level; the share of
-    the levels' magnitude that is explained; the least level of a tenth; bits and signs, see `best_path`.
+    the levels' magnitude that is explained; the least level of the ten tenths, and of a tenth wherever
+    it begins; bits and signs, see `best_path`.
     """
     score, bits, signs = best_path(halves, wanted, before)
     count = len(halves)
@@ -267,14 +268,19 @@ def verdict(
     level = told / count
     square, total = 0.0, 0.0
     tenths = np.zeros(10)
+    explained = np.zeros(count + 1)
     for k in range(count):
         square += halves[k] * halves[k]
         total += abs(halves[k])
         tenths[10 * k // count] += halves[k] * signs[k]
+        explained[k + 1] = explained[k] + halves[k] * signs[k]
+    tenth, least = max(count // 10, 1), np.inf
+    for k in range(0, count - tenth + 1, max(tenth // 4, 1)):
+        least = min(least, (explained[k + tenth] - explained[k]) / tenth)
     noise = max(square / count - level * level, (LEAST_NOISE * level) ** 2)
     nats = level * (free - score) / noise if noise > 0.0 else np.inf
     share = told / total if total > 0.0 else 0.0
-    return nats, level, share, tenths.min() * 10.0 / count, bits, signs
+    return nats, level, share, tenths.min() * 10.0 / count, least, bits, signs
 
 
 @lru_cache(maxsize=1)

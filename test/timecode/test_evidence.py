@@ -9,10 +9,10 @@ import pytest
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import square_wave, timecode_rate, word_bits
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
-from panoptic_ros.timecode.evidence import Evidence
+from panoptic_ros.timecode.evidence import Evidence, judge
 from panoptic_ros.timecode.levels import WordLevels
 from panoptic_ros.timecode.user_bits import UserBits
-from panoptic_ros.timecode.words import USER_BITS
+from panoptic_ros.timecode.words import USER_BITS, known_bits
 
 USER = 0x26110721
 RATE = 16000
@@ -36,6 +36,17 @@ def known(user: int = USER) -> UserBits:
 
 def label_of(frames: int) -> Timecode:
     return Timecode(10, 11, 12, frames, timecode_rate("30"))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_a_word_that_an_eighth_of_silence_fills_is_no_word(noise: float) -> None:
+    """Wherever the silence is; and it is one without."""
+    label = label_of(7)
+    assert judge(levels_of(label, noise), known_bits(label)).good
+    for first in range(0, 160 - 20 + 1):
+        halves = levels_of(label, noise).halves.copy()
+        halves[first : first + 20] = 0.0
+        assert not judge(WordLevels(halves), known_bits(label)).possible
 
 
 def test_known_user_bits_cannot_hide_a_turned_polarity() -> None:
