@@ -258,9 +258,8 @@ def verdict(
 ) -> tuple[float, float, float, float, float, Array, Array]:
     """How given bits fit levels, see `best_path`.
 
-    Returns: by how many nats worse than the best bits, which score `free`; the level; the share of
-    the levels' magnitude that is explained; the least level of the ten tenths, and of a tenth wherever
-    it begins; bits and signs, see `best_path`.
+    Returns: nats by which they are worse than the best bits, which score `free`; the level; the share of the
+    magnitude that is explained; the least level of the ten tenths, and of a tenth anywhere; bits and signs.
     """
     score, bits, signs = best_path(halves, wanted, before)
     count = len(halves)
