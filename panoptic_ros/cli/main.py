@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 import panoptic_ros
-from panoptic_ros.cli.interruption import interrupted, listen_to_signals
 from panoptic_ros.errors import PanopticError, UsageError
+from panoptic_ros.io.interruption import interrupted, listen_to_signals
 from panoptic_ros.io.kernel_cache import find_room_for_kernels, full_disk_told
 
 VERBS: dict[str, str] = {

@@ -4,36 +4,42 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError
+from panoptic_ros.io.interruption import first_request_told, listen_to_signals
 from panoptic_ros.io.kernel_cache import find_room_for_kernels, full_disk_told
 
 
 @contextmanager
-def quiet_at_shutdown() -> Iterator[None]:
-    """End what is done without an error if rclpy has been shut down under it, as a signal does."""
+def quiet_once(ended: Callable[[], bool]) -> Iterator[None]:
+    """End what is done without an error if its node has been destroyed under it."""
     try:
         yield
     except (InvalidHandle, RCLError):
-        if rclpy.ok():
+        if not ended():
             raise
 
 
-def start_ros(arguments: Sequence[str] | None, **options: Any) -> None:
+def start_ros(arguments: Sequence[str] | None) -> None:
     """rclpy.init, with a word to the user if it fails.
+
+    Signals stay with the program: rclpy would answer them in a thread of its own, which shuts ROS down
+    while the main thread destroys nodes, and at times both together end in a segmentation fault.
 
     Raises:
         EnvironmentProblem: e.g. where ROS finds no folder for its logs.
     """
     try:
-        rclpy.init(args=list(arguments) if arguments is not None else None, **options)
+        words = list(arguments) if arguments is not None else None
+        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except RCLError as error:
         raise EnvironmentProblem(
             f"ROS does not start ({str(error).split(', at ')[0]}); where HOME is not set or cannot be "
@@ -46,7 +52,7 @@ def run_nodes(
     arguments: Sequence[str] | None = None,
     wanted: Callable[[], bool] = lambda: True,
 ) -> int:
-    """Make nodes, spin them on one executor, and end cleanly on SIGINT and SIGTERM.
+    """Make nodes, spin them on one executor, and end cleanly on SIGINT, SIGTERM and SIGHUP.
 
     Args:
         make: called after rclpy is initialised; the nodes have `fault`, `healthy` and `close()`.
@@ -55,45 +61,40 @@ def run_nodes(
     Returns:
         the exit code: 0, or that of the error that ended a node, which is printed in one line.
     """
-    find_room_for_kernels()
+    listen_to_signals()
     try:
+        find_room_for_kernels()
         start_ros(arguments)
-    except EnvironmentProblem as error:
-        print(f"panoptic: {error}", file=sys.stderr, flush=True)
-        return error.exit_code
-    nodes: Sequence[Any] = ()
-    executor = SingleThreadedExecutor()
-    try:
         with full_disk_told():
             nodes = make()
-            _spin(executor, nodes, wanted)
-    except (KeyboardInterrupt, ExternalShutdownException):
+            with first_request_told() as asked:
+                _spin(nodes, lambda: wanted() and not asked())
+    except KeyboardInterrupt:  # while nodes were made
         return 0
     except PanopticError as error:
         print(f"panoptic: {error}", file=sys.stderr, flush=True)
         return error.exit_code
-    except (InvalidHandle, RCLError):
-        if rclpy.ok():  # else the context went away under a wait: the end, by SIGTERM
-            raise
+    return 0
+
+
+def _spin(nodes: Sequence[Any], wanted: Callable[[], bool]) -> None:
+    """Spin nodes as long as they are wanted, then destroy them and shut ROS down."""
+    executor = SingleThreadedExecutor()
+    try:
+        for node in nodes:
+            executor.add_node(node)
+        while wanted():
+            executor.spin_once(timeout_sec=0.2)
+            sick = next((node for node in nodes if not node.healthy), None)
+            if sick is not None:
+                raise sick.fault or ContractError(f"node {sick.get_name()} broke down; see above")
     finally:
         for node in nodes:
             node.close()
         executor.shutdown()
         for node in nodes:
-            with suppress(InvalidHandle):
-                node.destroy_node()
+            node.destroy_node()
         rclpy.try_shutdown()
-    return 0
-
-
-def _spin(executor: Any, nodes: Sequence[Any], wanted: Callable[[], bool]) -> None:
-    for node in nodes:
-        executor.add_node(node)
-    while rclpy.ok() and wanted():
-        executor.spin_once(timeout_sec=0.2)
-        sick = next((node for node in nodes if not node.healthy), None)
-        if sick is not None and rclpy.ok():  # the end by a signal may reach a node's thread first
-            raise sick.fault or ContractError(f"node {sick.get_name()} broke down; see above")
 
 
 def leave(code: int) -> None:

@@ -24,7 +24,7 @@ from panoptic_ros.nodes.credit import Credit
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.quality import data_quality
-from panoptic_ros.nodes.runtime import quiet_at_shutdown
+from panoptic_ros.nodes.runtime import quiet_once
 from panoptic_ros.nodes.streams import StreamEnds
 
 STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case a set was refused
@@ -117,7 +117,7 @@ class SourceNode(Node):
         self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
     def _send(self, outgoing: Iterator[Outgoing]) -> None:
-        with quiet_at_shutdown():
+        with quiet_once(self._stopping.is_set):
             self._run(outgoing)
 
     def _run(self, outgoing: Iterator[Outgoing]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.queues import Waiting
 from panoptic_ros.io.kernel_cache import full_disk_told
-from panoptic_ros.nodes.runtime import quiet_at_shutdown
+from panoptic_ros.nodes.runtime import quiet_once
 
 
 class Worker:
@@ -72,7 +72,7 @@ class Worker:
             self._thread.join(timeout=5.0)
 
     def _work_on(self) -> None:
-        with quiet_at_shutdown():
+        with quiet_once(lambda: self._stopping):
             self._run()
 
     def _run(self) -> None:

@@ -4,9 +4,10 @@ import time
 
 import pytest
 
-from panoptic_ros.cli import config, interruption
+from panoptic_ros.cli import config
 from panoptic_ros.cli import main as entry
 from panoptic_ros.errors import ContractError, DataError
+from panoptic_ros.io import interruption
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def test_bugs_show_where_they_are(raising):
 
 @pytest.mark.parametrize("error", [ImportError("no _devicearray"), DataError("half a file")])
 def test_what_a_library_makes_of_an_interruption(raising, capsys, monkeypatch, error):
-    monkeypatch.setattr(interruption, "_asked", [time.monotonic()])
+    monkeypatch.setattr(interruption, "_interruptions", [time.monotonic()])
     raising(error)
     assert entry.main(["config", "show"]) == 2
     assert capsys.readouterr().err == "panoptic config: interrupted\n"

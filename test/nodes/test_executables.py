@@ -36,28 +36,39 @@ def wait_until_up(child):
     for line in child.stdout:
         if line.strip() == "up":
             break
-    time.sleep(1.0)
     assert child.poll() is None, child.communicate()[0]
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def check_ends(child, *sent, after_s):
+    wait_until_up(child)
+    time.sleep(after_s)
+    for one in sent:
+        child.send_signal(one)
+        time.sleep(0.02)
+    said, _ = child.communicate(timeout=20)
+    assert child.returncode == 0 and not said, said
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("name", ["sync", "refinement", "markers"])
 def test_ends_cleanly(name, sent):
-    child = start(name)
-    wait_until_up(child)
-    child.send_signal(sent)
-    said, _ = child.communicate(timeout=20)
-    assert child.returncode == 0, said
-    assert "Traceback" not in said
+    check_ends(start(name), sent, after_s=1.0)
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.02, 0.05, 0.1])
+def test_ends_cleanly_while_it_is_made(after_s):
+    check_ends(start("refinement"), signal.SIGINT, after_s=after_s)
+
+
+def test_signals_that_come_twice_end_it_once():
+    """A terminal signals its whole group, and launchers pass the signal on."""
+    check_ends(start("sync"), signal.SIGINT, signal.SIGINT, after_s=1.0)
 
 
 def test_rig_publisher_ends_cleanly(tmp_path):
     write_rig(tmp_path / "rig.json", captures.RIG)
     child = start("rig", f"rig:={tmp_path / 'rig.json'}", "skeleton:=panoptic19")
-    wait_until_up(child)
-    child.send_signal(signal.SIGINT)
-    said, _ = child.communicate(timeout=20)
-    assert child.returncode == 0 and "Traceback" not in said, said
+    check_ends(child, signal.SIGINT, after_s=1.0)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from panoptic_ros.cli.interruption import first_request_told
 from panoptic_ros.cli.run.finish import finish
 from panoptic_ros.cli.run.in_process import run_in_process
 from panoptic_ros.cli.run.plan import Plan
@@ -19,6 +18,7 @@ from panoptic_ros.cli.run.results import Results, result_folder
 from panoptic_ros.cli.run.startup_check import StartupCheck
 from panoptic_ros.cli.run.watch import Watch
 from panoptic_ros.errors import PanopticError
+from panoptic_ros.io.interruption import first_request_told
 
 
 def execute(args: argparse.Namespace) -> int:

@@ -9,7 +9,6 @@ from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 
 from panoptic_ros.cli.run.launch_file import write_launch_file
 from panoptic_ros.cli.run.plan import Plan
@@ -46,7 +45,7 @@ def _run(
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality)
     document = json.loads(launch.read_text())
     names = [entry["name"] for p in document["processes"].values() for entry in p if "name" in entry]
-    start_ros([], signal_handler_options=SignalHandlerOptions.NO)  # the program has its own
+    start_ros([])
     executor = SingleThreadedExecutor()
     collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take)
     statics = StaticsNode(plan.rig, plan.skeleton)

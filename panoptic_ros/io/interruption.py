@@ -8,7 +8,8 @@ from contextlib import contextmanager
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TIDYING_S = 5.0  # further requests within this time must not cut the tidying up short
-_asked: list[float] = []  # when, s
+_heeded: list[float] = []  # when requests came, s, but for those while an earlier one was answered
+_interruptions: list[float] = []  # those among them that interrupted the program
 
 
 def listen_to_signals() -> None:
@@ -18,15 +19,15 @@ def listen_to_signals() -> None:
     """
 
     def interrupt(number: int, frame: object) -> None:
-        if _is_new(_asked):
-            raise KeyboardInterrupt
+        if _is_heeded():
+            _interrupt()
 
     _handle(interrupt)
 
 
 def interrupted() -> bool:
     """Whether a request has interrupted this program."""
-    return bool(_asked)
+    return bool(_interruptions)
 
 
 @contextmanager
@@ -39,13 +40,15 @@ def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
     if not wanted:
         yield lambda: False
         return
-    told: list[float] = []
+    told: list[bool] = []
+    _heeded.clear()  # what was answered before does not hide the first request of this work
     before = {number: signal.getsignal(number) for number in SIGNALS}
 
     def note(number: int, frame: object) -> None:
-        if _is_new(told) and len(told) > 1:
-            _asked.append(told[-1])
-            raise KeyboardInterrupt
+        if _is_heeded():
+            if told:
+                _interrupt()
+            told.append(True)
 
     _handle(note)
     try:
@@ -55,13 +58,18 @@ def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
-def _is_new(requests: list[float]) -> bool:
+def _is_heeded() -> bool:
     """Whether a request of now is the first, or comes long after the last; remembers it then."""
     now = time.monotonic()
-    new = not requests or now - requests[-1] > TIDYING_S
-    if new:
-        requests.append(now)
-    return new
+    heeded = not _heeded or now - _heeded[-1] > TIDYING_S
+    if heeded:
+        _heeded.append(now)
+    return heeded
+
+
+def _interrupt() -> None:
+    _interruptions.append(_heeded[-1])
+    raise KeyboardInterrupt
 
 
 def _handle(handler: Callable[[int, object], None]) -> None:

@@ -4,12 +4,13 @@ import signal
 
 import pytest
 
-from panoptic_ros.cli import interruption
+from panoptic_ros.io import interruption
 
 
 @pytest.fixture(autouse=True)
 def as_before(monkeypatch):
-    monkeypatch.setattr(interruption, "_asked", [])
+    monkeypatch.setattr(interruption, "_heeded", [])
+    monkeypatch.setattr(interruption, "_interruptions", [])
     handlers = {number: signal.getsignal(number) for number in interruption.SIGNALS}
     yield
     for number, handler in handlers.items():
@@ -50,6 +51,15 @@ def test_the_first_request_is_told_and_a_later_one_interrupts(number, monkeypatc
         send(number)
     with pytest.raises(KeyboardInterrupt):
         send(number)
+
+
+def test_what_follows_a_told_request_is_not_cut_short():
+    interruption.listen_to_signals()
+    with interruption.first_request_told() as asked:
+        send(signal.SIGINT)
+        assert asked()
+    send(signal.SIGINT)
+    assert not interruption.interrupted()
 
 
 def test_where_it_is_not_wanted_requests_interrupt():
