@@ -28,7 +28,8 @@ DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are c
 ECHO_WORDS = 5  # that tell what the channel is where labels alone are in doubt
 CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
 NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
-MOST_NEAR = 8  # hours, minutes and seconds that are proposed for each of these
+CLOCK = ("seconds", "minutes", "hours")
+MOST_NEAR = 8  # of these together that are proposed for each of those frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +73,8 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
             if counting not in judged[key].countings:
                 judged[key].countings.append(counting)
             continue
-        verdicts = [judge(levels, known_bits(label), score)
-            for levels, label, score in zip(words, labels, free)
+        verdicts = [
+            judge(levels, known_bits(label), score) for levels, label, score in zip(words, labels, free)
         ]
         judged[key] = _Judged(verdicts, [counting])
     ranked = sorted(judged.values(), key=lambda item: item.nats)
@@ -133,51 +134,54 @@ def _through_echoes(words: Sequence[WordLevels], ranked: list[_Judged], reverse:
 
 def _proposals(soft: Array, step: int) -> Iterator[Counting]:
     """The most likely countings by the soft bits (W, 80), and what is near them."""
-    tables = {name: soft[:, places] @ rows.T.astype(float) for name, (places, rows) in TABLES.items()}
+    fields = _Fields(soft)
     numbers = np.arange(len(soft))
     reference = len(soft) // 2
     for rate in COUNTINGS[:3]:
         found = []
         for frame in range(rate.nominal):
             frames = frame + step * (numbers - reference)
-            score = float(tables["frames"][numbers, frames % rate.nominal].sum())
-            labels = _best_carried(tables, frames // rate.nominal)
+            score = float(fields.tables["frames"][numbers, frames % rate.nominal].sum())
+            labels = fields.nearest(CLOCK, frames // rate.nominal)
             found.append((score + labels[0][0], frame, labels))
         found.sort(reverse=True)
         for _, frame, labels in found[:NEAR_FRAMES]:
-            for _, (hours, minutes, seconds) in labels:
+            for _, (seconds, minutes, hours) in labels:
                 yield from _countings(hours, minutes, seconds, frame, rate, step, reference)
 
 
-def _best_carried(tables: dict[str, Array], carry: Array) -> list[tuple[float, tuple[int, int, int]]]:
-    """The best hours, minutes and seconds of the words of no carry and those near them, with their scores.
+class _Fields:
+    """What the soft bits (W, 80) of words say for the values of each field of a label."""
 
-    Args:
-        carry: (W,) seconds that have passed.
-    """
-    seconds = _carried(tables["seconds"], carry)
-    turned = (np.arange(60)[:, None] + carry) // 60
-    plain = _pairs(tables, np.zeros_like(carry))
-    pairs = {second: _pairs(tables, turned[second]) for second in np.flatnonzero(turned.any(axis=1)).tolist()}
-    found = []
-    for second, own in enumerate(seconds.tolist()):
-        found += [(own + score, (*pair, second)) for score, pair in pairs.get(second, plain)]
-    found.sort(reverse=True)
-    return [item for item in found[:MOST_NEAR] if item[0] > found[0][0] - DOUBT_NATS]
+    def __init__(self, soft: Array):
+        self.tables = {name: soft[:, bits] @ rows.T.astype(float) for name, (bits, rows) in TABLES.items()}
+        self._found: dict[tuple[str, bytes], list[tuple[float, tuple[int, ...]]]] = {}
 
+    def nearest(self, names: Sequence[str], carry: Array) -> list[tuple[float, tuple[int, ...]]]:
+        """The best values of some fields of the words of no carry, and those near them, with their scores.
 
-def _pairs(tables: dict[str, Array], carry: Array) -> list[tuple[float, tuple[int, int]]]:
-    """The same for hours and minutes.
+        Args:
+            names: of the fields; each turns the next by one after 60.
+            carry: (W,) what has been added to the first of them.
+        """
+        key = (names[0], carry.tobytes())  # few carries are asked for, but often
+        if key not in self._found:
+            found = sorted(self._candidates(names, carry), reverse=True)[:MOST_NEAR]
+            self._found[key] = [item for item in found if item[0] > found[0][0] - DOUBT_NATS]
+        return self._found[key]
 
-    Args:
-        carry: (W,) minutes that have passed.
-    """
-    minutes = _carried(tables["minutes"], carry)
-    found = []
-    for minute in _near(minutes):
-        hours = _carried(tables["hours"], (minute + carry) // 60)
-        found += [(float(minutes[minute] + hours[hour]), (hour, minute)) for hour in _near(hours)]
-    return found
+    def _candidates(self, names: Sequence[str], carry: Array) -> Iterator[tuple[float, tuple[int, ...]]]:
+        own = _carried(self.tables[names[0]], carry)
+        best = np.argsort(-own, kind="stable")
+        if len(names) == 1:
+            yield from ((float(own[value]), (int(value),)) for value in best[:MOST_NEAR])
+            return
+        turned = (best[:, None] + carry) // 60
+        turning = turned.any(axis=1)
+        worth = turning | (np.cumsum(~turning) <= MOST_NEAR)  # the others share what follows
+        for value, onwards in zip(best[worth].tolist(), turned[worth]):
+            for score, rest in self.nearest(names[1:], onwards):
+                yield float(own[value]) + score, (value, *rest)
 
 
 def _carried(table: Array, carry: Array) -> Array:
@@ -187,12 +191,6 @@ def _carried(table: Array, carry: Array) -> Array:
     for amount in np.unique(carry):
         total += np.roll(table[carry == amount].sum(axis=0), -int(amount))
     return total
-
-
-def _near(scores: Array) -> list[int]:
-    """The best, and the next few that are near it."""
-    best = np.argsort(-scores, kind="stable")[:MOST_NEAR]
-    return [int(k) for k in best if scores[k] > scores[best[0]] - DOUBT_NATS]
 
 
 def _countings(
