@@ -1,4 +1,4 @@
-"""The loops of the conditioning, compiled."""
+"""The loops of the conditioning and of finding clicks, compiled."""
 from __future__ import annotations
 
 from functools import lru_cache
@@ -8,6 +8,7 @@ from numba import njit
 
 Array = np.ndarray
 EVERY = 7  # th sample tells the level; no multiple of a half cell's length
+ODD = 0.04  # times the level, at least: what is so far off beside a click belongs to it
 TOGETHER = 64  # samples that are looked at in one go
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -108,6 +109,35 @@ def bridge_clicks(raw: Array, reach: int, piece: int, share: float, most: float,
                 clean[k] = left + (right - left) * (k - i + 2.0) / (end - i + 3.0)
         i = end
     return clean
+
+
+@_jit
+def clicked(error: Array, slope: Array, level: float, most: float, gross: float, shaken: float) -> Array:
+    """Which samples (N,) of a word are grossly off its wave, or off beside such a one.
+
+    Args:
+        error: (N,) what a fit of the wave leaves.
+        slope: (N,) of the wave; where it is steep, edges may be misplaced.
+        level: of the wave.
+        most: deviations that are not off.
+        gross: times the level.
+        shaken: samples by which edges may be misplaced.
+    """
+    odd = max(most * 1.4826 * np.median(np.abs(error[::4])), ODD * level)
+    least = max(odd, gross * level)
+    clicks, done = np.zeros(len(error), np.bool_), 0
+    for i in range(len(error)):
+        size = abs(error[i])
+        if i < done or size <= least or size <= least + level * shaken * abs(slope[i]):
+            continue
+        begin, end = i, i + 1
+        while begin > done and abs(error[begin - 1]) > odd:
+            begin -= 1
+        while end < len(error) and abs(error[end]) > odd:
+            end += 1
+        clicks[begin:end] = True
+        done = end
+    return clicks
 
 
 @_jit

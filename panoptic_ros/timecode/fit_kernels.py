@@ -11,11 +11,14 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
+from panoptic_ros.timecode.click_kernels import clicked
+
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
 BESIDE = 3  # samples to both sides of an edge, which are most of it
 SURELY = 2.0  # times what noise would leave
+FILLS = 5  # times that clicks are replaced by what the fit says: it then says a little less of them
 BATCH = 8  # edges that are judged together: hum moves neighbours against each other
 
 
@@ -212,7 +215,7 @@ def misfit(low: int, rows: Array, error: Array, grid: Array, places: Array) -> f
 def fit_train(
     low: int, values: Array, grid: Array, places: Array, shape: Array, basis: Array, step: int,
     limits: Array, bending: bool,
-) -> tuple[bool, Array, float, Array, Array, Array, float]:  # fmt: skip
+) -> tuple[bool, Array, float, Array, Array, Array, bool, float]:  # fmt: skip
     """Fit grid and level of a word with known edges by Gauss and Newton; samples far off are left out.
 
     Args:
@@ -220,23 +223,23 @@ def fit_train(
         basis, step: see `baseline`.
         limits: see `timing.LIMITS`.
 
-    Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without outliers,
-    and `misfit`.
+    Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without clicks,
+    whether there were any, and `misfit`.
     """
     terms = 5 if bending else 4
     steps, settled, lost, outlier, gross, sigma, shaken = limits
     half = 0.5 * (places[-1] - places[0])
-    grid, clean, cleaned, moved, level = grid.copy(), values, False, np.inf, 0.0
+    grid, clean, fills, moved, level = grid.copy(), values, 0, np.inf, 0.0
     nothing = np.zeros((3, 3))
     rows = np.zeros((1, 1))
     error = values
     freedom = max(1, len(values) - len(basis) - terms)
-    for turn in range(int(steps)):
+    for turn in range(int(steps) + FILLS):
         rows = train_rows(low, clean, grid, places, shape, terms)
         solution, inverse, square, weights = fit_step(rows, basis, step)
         level = solution[0]
         if abs(level) < 1e-9 or not np.isfinite(solution).all():
-            return False, grid, level, nothing, nothing, clean, 0.0
+            return False, grid, level, nothing, nothing, clean, False, 0.0
         change = solution[2:] / level
         grid[0] += min(max(change[0], -0.2 * grid[1]), 0.2 * grid[1])
         grid[1] += min(max(change[1], -0.002 * grid[1]), 0.002 * grid[1])
@@ -245,23 +248,17 @@ def fit_train(
         noise = np.sqrt(square / freedom)
         moved = max(abs(change[0]), half * abs(change[1]))
         finished = moved <= settled * sigma + 0.1 * noise / abs(level) * np.sqrt(inverse[2, 2])
-        if not finished and turn + 1 < int(steps):
+        if not finished and turn + 1 < int(steps) + fills:
             continue
         error = left_over(rows, solution, basis, step, weights)
-        if cleaned or not finished:
+        if not finished or fills == FILLS:
             break
-        spread = 1.4826 * np.median(np.abs(error[::4]))
-        least = max(outlier * spread, gross * abs(level))
-        outside = False
-        for i in range(len(error)):
-            size = abs(error[i])
-            if size > least and size > least + abs(level) * shaken * abs(rows[2, i]):
-                if not outside:
-                    clean, outside = values.copy(), True
-                clean[i] -= error[i]
-        if not outside:
+        error += values - clean
+        clicks = clicked(error, rows[2], abs(level), outlier, gross, shaken)
+        if not clicks.any():
             break
-        cleaned = True
+        clean = np.where(clicks, values - error, values)
+        fills += 1
     white, seen = nothing.copy(), nothing.copy()
     moves = terms - 2
     corner = np.ascontiguousarray(inverse[2:, 2:])
@@ -269,7 +266,7 @@ def fit_train(
     scatter = score_scatter(low, rows, error, grid, places, moves)
     seen[:moves, :moves] = corner @ scatter @ corner / level**2
     unlike = misfit(low, rows, error, grid, places) / level**2
-    return moved <= lost * grid[1], grid, level, white, seen, clean, unlike
+    return moved <= lost * grid[1], grid, level, white, seen, clean, fills > 0, unlike
 
 
 @lru_cache(maxsize=1)

@@ -62,6 +62,7 @@ class Pace:
         white = max(fit.covariance[0, 0], 1e-12)
         self._edges.append(fit.observed[0, 0] / white)
         self._scale = sorted(self._edges)[len(self._edges) // 2]
+        scale = max(self._scale, self._edges[-1]) if fit.clicked else self._scale
         self._fits.append((number, fit))
         words = np.empty((4, min(self._words.shape[1] + 1, LONG_WORDS)))
         words[:, :-1] = self._words[:, 1 - words.shape[1] :] if words.shape[1] > 1 else 0.0
@@ -74,10 +75,10 @@ class Pace:
         side = HALF if self._reverse else -HALF
         if self._line is not None:
             cell, cell_std = self._line
-            variance = white * self._scale + (side * cell_std) ** 2 + self._hidden(fit)
+            variance = white * scale + (side * cell_std) ** 2 + self._hidden(fit)
             following = np.array([fit.middle + WORD_CELLS * cell, cell, 0.0])
             return fit.middle + side * cell, _std(variance), following
-        edge, variance = self._between(number, fit, side, self._scale)
+        edge, variance = self._between(number, fit, side, scale)
         return edge, _std(variance + fit.unseen**2), self._advance(number, fit)
 
     def passed(self, grid: Array, fit: WordFit) -> tuple[float, float]:

@@ -41,6 +41,7 @@ class WordFit:
         level: signed, that before the first edge is -level.
         low: index of the first sample of `clean`.
         clean: (N,) the samples without clicks.
+        clicked: whether there were any.
         places: edges in cells from the middle.
         unseen: standard deviation, samples, by which a wrong shape or clipping may put all edges off alike.
         gap: the widest place between two samples, of 1, where no edge lies.
@@ -55,6 +56,7 @@ class WordFit:
     level: float
     low: int
     clean: Array
+    clicked: bool
     places: Array
     unseen: float
     gap: float
@@ -108,7 +110,7 @@ def fit_word(
     places = edge_places(bits)
     straight = shape.straighten(values)
     slow = baseline(len(values), sample_rate)
-    settled, found, level, covariance, observed, clean, unlike = fit_train(
+    settled, found, level, covariance, observed, clean, clicked, unlike = fit_train(
         low, straight, grid, places, shape.table, slow.basis, slow.step, _limits(sample_rate), bending
     )  # fmt: skip
     if not settled:
@@ -121,7 +123,8 @@ def fit_word(
     between = sudden * gap * shape.sudden / math.sqrt(12.0)
     unseen = math.sqrt(between**2 + unlike + shape.doubt**2)
     return WordFit(
-        middle, cell, bend, covariance, observed, float(level), low, clean, places, unseen, gap, sudden
+        middle, cell, bend, covariance, observed, float(level), low, clean, clicked, places, unseen, gap,
+        sudden,
     )  # fmt: skip
 
 

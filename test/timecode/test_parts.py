@@ -177,6 +177,27 @@ def test_fit_reaches_the_bound_of_cramer_and_rao() -> None:
     assert np.mean(stds) == pytest.approx(bound, rel=0.15)
 
 
+def test_clicks_do_not_move_a_word() -> None:
+    """They are left out, and what was left out does not hold the fit where it was with them."""
+    rate = 48000
+    signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("30")), 1, rate, lead=50.0, tail=50.0)
+    bits, guess = np.array(word_bits(signal.labels[0])), np.array([850.4, 20.0, 0.0])
+    errors, ratios = [], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        raw = degrade_audio(signal.samples, rate, AudioFaults(snr_db=40.0, seed=seed)).astype(float)
+        quiet = fit_word(raw, 0, bits, guess, rate, EdgeShape(rate))
+        assert quiet is not None and not quiet.clicked
+        for at in rng.integers(100, 1600, 4):
+            raw[at : at + 5] += rng.choice([-1.0, 1.0]) * 2.0 * np.exp(-np.arange(5.0))
+        fit = fit_word(raw, 0, bits, guess, rate, EdgeShape(rate))
+        assert fit is not None and fit.clicked
+        errors.append(fit.middle - quiet.middle)
+        ratios.append((fit.middle - 850.0) / max(fit.middle_std, np.sqrt(fit.covariance[0, 0])))
+    assert np.std(errors) < quiet.middle_std
+    assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.4
+
+
 def test_conditioning_removes_hum_and_keeps_edges_in_place() -> None:
     signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("25")), 10, 48000).samples
     bad = degrade_audio(signal, 48000, AudioFaults(hum_db=6.0, dc=0.3, clicks_per_s=20.0))
