@@ -16,3 +16,18 @@ def ros():
     rclpy.init(args=[])
     yield
     rclpy.try_shutdown()
+
+
+@pytest.fixture
+def executor(ros):
+    """What is added to it is taken down in any case."""
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    yield executor
+    nodes = executor.get_nodes()
+    executor.shutdown()
+    for node in nodes:
+        if hasattr(node, "close"):
+            node.close()
+        node.destroy_node()

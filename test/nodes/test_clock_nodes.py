@@ -9,7 +9,6 @@ from spinning import spin_until
 rclpy = pytest.importorskip("rclpy")
 pytest.importorskip("panoptic_msgs")
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from sensor_msgs.msg import TimeReference  # noqa: E402
 
 from panoptic_ros.domain import ClockModel  # noqa: E402
@@ -31,18 +30,11 @@ pytestmark = pytest.mark.ros
 
 
 @pytest.fixture
-def tester(ros):
-    """A node, and an executor; what is added to the executor is taken down in any case."""
-    executor = SingleThreadedExecutor()
+def tester(executor):
+    """A node, and its executor."""
     node = rclpy.create_node("tester")
     executor.add_node(node)
-    yield node, executor
-    nodes = executor.get_nodes()
-    executor.shutdown()
-    for each in nodes:
-        if isinstance(each, StageNode):
-            each.close()
-        each.destroy_node()
+    return node, executor
 
 
 def test_sync_takes_clock_models_and_tells_of_them(tester):

@@ -5,7 +5,6 @@ import captures
 import pytest
 
 rclpy = pytest.importorskip("rclpy")
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import to_message  # noqa: E402
@@ -16,8 +15,7 @@ from panoptic_ros.nodes.quality import END_OF_STREAM, data_quality  # noqa: E402
 pytestmark = pytest.mark.ros
 
 
-def test_waits_for_detections_that_come_after_the_last_skeletons():
-    rclpy.init(args=[])
+def test_waits_for_detections_that_come_after_the_last_skeletons(executor):
     flow, camera, taken = make_flow("replay"), captures.RIG.cameras[0], []
     collector = CollectorNode(flow, [camera.name], lambda key, record: taken.append(key))
     sender = rclpy.create_node("sender")
@@ -26,8 +24,8 @@ def test_waits_for_detections_that_come_after_the_last_skeletons():
     views = sender.create_publisher(
         message_class("panoptic_msgs/msg/ViewDetections"), f"{camera.name}/detections", data_quality(flow)
     )
-    executor = SingleThreadedExecutor()
-    executor.add_node(collector)
+    for node in (collector, sender):
+        executor.add_node(node)
 
     def spin(seconds, ready=lambda: False):
         until = time.monotonic() + seconds
@@ -45,7 +43,3 @@ def test_waits_for_detections_that_come_after_the_last_skeletons():
     spin(15.0, lambda: collector.over)
     assert collector.over and taken == ["detections"]
     assert collector.diagnostics["collector"] == {"dropped.bad_message": "1"}
-    executor.shutdown()
-    for node in (collector, sender):
-        node.destroy_node()
-    rclpy.try_shutdown()

@@ -27,8 +27,7 @@ def compressed(message):
 
 
 @pytest.mark.parametrize(("parameter", "kind", "topic"), [RAW, COMPRESSED])
-def test_images_go_on_with_their_depth_maps_and_after_the_last_without(ros, parameter, kind, topic):
-    from rclpy.executors import SingleThreadedExecutor
+def test_images_go_on_with_their_depth_maps_and_after_the_last_without(executor, parameter, kind, topic):
     from rclpy.node import Node
     from rclpy.parameter import Parameter
 
@@ -57,7 +56,6 @@ def test_images_go_on_with_their_depth_maps_and_after_the_last_without(ros, para
         publisher.publish(message if parameter == "depths" else compressed(message))
     announcer = StreamEnds(source, lambda topic: None)
     announcer.announce(publisher.topic_name, 2)
-    executor = SingleThreadedExecutor()
     executor.add_node(node)
     executor.add_node(source)
     spin_until(executor, lambda: len(pairs) == 5)
@@ -65,5 +63,3 @@ def test_images_go_on_with_their_depth_maps_and_after_the_last_without(ros, para
     assert [None if pair.depth is None else stamp_of(pair.depth.header) // 10**9 for pair in pairs[1:]] == [
         0, None, 2, None,
     ]  # fmt: skip
-    node.destroy_node()
-    source.destroy_node()

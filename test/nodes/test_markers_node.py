@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 rclpy = pytest.importorskip("rclpy")
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 
 from panoptic_ros.domain import RefinedPoseSet  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
@@ -29,8 +28,7 @@ def skeletons(joints, skeleton_hash):
     return to_message(record, ros_messages())
 
 
-def test_skeletons_of_another_model_are_dropped_and_the_node_lives():
-    rclpy.init(args=[])
+def test_skeletons_of_another_model_are_dropped_and_the_node_lives(executor):
     node, statics = MarkersNode("replay"), StaticsNode(captures.RIG, captures.SKELETON)
     tester, got = rclpy.create_node("tester"), []
     sender = tester.create_publisher(
@@ -39,7 +37,6 @@ def test_skeletons_of_another_model_are_dropped_and_the_node_lives():
     tester.create_subscription(
         message_class("visualization_msgs/msg/MarkerArray"), "skeletons/markers", got.append, 10
     )
-    executor = SingleThreadedExecutor()
     for item in (node, statics, tester):
         executor.add_node(item)
 
@@ -54,7 +51,3 @@ def test_skeletons_of_another_model_are_dropped_and_the_node_lives():
     sender.publish(skeletons(len(captures.SKELETON), captures.SKELETON.hash))
     spin_until(lambda: got)
     assert len(got) == 1 and len(got[0].markers) == 6
-    executor.shutdown()
-    for item in (node, statics, tester):
-        item.destroy_node()
-    rclpy.try_shutdown()

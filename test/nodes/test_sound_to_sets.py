@@ -7,7 +7,6 @@ from spinning import spin_until
 rclpy = pytest.importorskip("rclpy")
 pytest.importorskip("panoptic_msgs")
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from sensor_msgs.msg import TimeReference  # noqa: E402
 
 from panoptic_ros.domain import AudioBlock, Timecode  # noqa: E402
@@ -112,16 +111,8 @@ class Lab:
 
 
 @pytest.fixture
-def lab(ros):
-    executor = SingleThreadedExecutor()
-    lab = Lab(executor)
-    yield lab
-    nodes = executor.get_nodes()
-    executor.shutdown()
-    for node in nodes:
-        if isinstance(node, StageNode):
-            node.close()
-        node.destroy_node()
+def lab(executor):
+    return Lab(executor)
 
 
 def test_lost_sound_is_told_once_and_nodes_that_start_anew_find_back(lab, capfd):

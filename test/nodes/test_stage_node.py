@@ -5,7 +5,6 @@ import pytest
 from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from panoptic_ros.errors import ConfigError  # noqa: E402
@@ -24,7 +23,7 @@ SET = message_class("panoptic_msgs/msg/DetectionSet")
 
 
 @pytest.fixture
-def sync_node(ros):
+def sync_node(executor):
     """A sync node in live flow, with a tester that publishes views and takes sets."""
     node = StageNode("sync", {"flow": "live", "window_s": 0.005, "deadline_s": 0.05})
     statics = StaticsNode(captures.RIG, captures.SKELETON)
@@ -33,7 +32,6 @@ def sync_node(ros):
     publishers = {n: tester.create_publisher(VIEW, f"{n}/detections", quality) for n in captures.RIG.names}
     sets = []
     tester.create_subscription(SET, "detection_sets", sets.append, 10)
-    executor = SingleThreadedExecutor()
     for item in (node, statics, tester):
         executor.add_node(item)
     spin_until(
@@ -43,11 +41,7 @@ def sync_node(ros):
     )
     for _ in range(10):
         executor.spin_once(timeout_sec=0.1)
-    yield node, executor, publishers, sets
-    node.close()
-    executor.shutdown()
-    for item in (node, statics, tester):
-        item.destroy_node()
+    return node, executor, publishers, sets
 
 
 def send(publishers, index):
