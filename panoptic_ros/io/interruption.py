@@ -12,17 +12,20 @@ _heeded: list[float] = []  # when requests came, s, but for those while an earli
 _interruptions: list[float] = []  # those among them that interrupted the program
 
 
-def listen_to_signals() -> None:
+def listen_to_signals(answer: Callable[[], None] | None = None) -> None:
     """Let requests to end interrupt the program, but not the tidying up that follows.
 
     What is ignored stays so: `nohup`, and jobs in the background of a script.
+
+    Args:
+        answer: what a request does instead; interruptions get lost where they meet a destructor.
     """
 
-    def interrupt(number: int, frame: object) -> None:
+    def hear(number: int, frame: object) -> None:
         if _is_heeded():
-            _interrupt()
+            (answer or _interrupt)()
 
-    _handle(interrupt)
+    _handle(hear)
 
 
 def interrupted() -> bool:

@@ -61,7 +61,7 @@ def run_nodes(
     Returns:
         the exit code: 0, or that of the error that ended a node, which is printed in one line.
     """
-    listen_to_signals()
+    listen_to_signals(lambda: os._exit(0))  # nodes that are being made leave nothing to tidy up
     try:
         find_room_for_kernels()
         start_ros(arguments)
@@ -69,7 +69,7 @@ def run_nodes(
             nodes = make()
             with first_request_told() as asked:
                 _spin(nodes, lambda: wanted() and not asked())
-    except KeyboardInterrupt:  # while nodes were made
+    except KeyboardInterrupt:  # asked again, long after the first time
         return 0
     except PanopticError as error:
         print(f"panoptic: {error}", file=sys.stderr, flush=True)

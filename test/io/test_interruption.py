@@ -30,6 +30,14 @@ def test_a_request_interrupts_once_while_the_program_tidies_up(number):
     assert interruption.interrupted()
 
 
+def test_a_request_is_answered_in_another_way():
+    answers = []
+    interruption.listen_to_signals(lambda: answers.append(1))
+    send(signal.SIGTERM)
+    send(signal.SIGTERM)
+    assert answers == [1] and not interruption.interrupted()
+
+
 def test_what_is_ignored_stays_ignored():
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     interruption.listen_to_signals()
