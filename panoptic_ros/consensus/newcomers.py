@@ -21,7 +21,7 @@ MAX_PAIR_VIEWS = 24  # of larger rigs, views spread over the rig serve for pairs
 REPEAT = 2  # how often a new person's views are collected anew
 MIN_DEPTH = 0.05  # m
 SILENCE = 0.1  # more agreement for each view that should see a new person and does not
-BODY = 1.5  # m, diagonal of the box round somebody of whom most is seen
+BODY = 1.4  # m, between the joints farthest apart of somebody of whom most is seen
 
 
 def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grouping, Array]:
@@ -243,10 +243,11 @@ def worth_by_size(agreement, place):  # type: ignore[no-untyped-def]
     Rays of two people meet by chance most easily near a camera, where both look small, and so do distances.
     """
     square = 0.0
-    for i in range(3):
-        low, high = np.inf, -np.inf
-        for j in range(len(place)):
-            if np.isfinite(place[j, i]):
-                low, high = min(low, place[j, i]), max(high, place[j, i])
-        square += max(high - low, 0.0) ** 2
+    for i in range(len(place)):
+        for j in range(i):
+            apart = 0.0
+            for axis in range(3):
+                apart += (place[i, axis] - place[j, axis]) ** 2
+            if apart > square:  # not if one is unknown
+                square = apart
     return agreement ** max(1.0, BODY**2 / max(square, 1e-6))

@@ -5,7 +5,7 @@ from functools import lru_cache
 import invariances
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -70,6 +70,7 @@ def test_order_of_people(scene, maps, seed):
 @given(
     scene=scenes, maps=with_maps, seed=st.integers(0, 99), shift=st.tuples(*[st.floats(-20.0, 20.0)] * 3)
 )
+@example(scene=(2, 4, 22), maps=True, seed=25, shift=(0.0, 0.0, 0.0))  # a person at the brink of being new
 def test_frame_of_the_world(scene, maps, seed, shift):
     rig, sets = capture(scene, maps)
     new_from_old = Rigid(Rotation.random(random_state=seed).as_matrix(), np.array(shift))
