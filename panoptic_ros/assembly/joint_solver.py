@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, refine_point
+from panoptic_ros.consensus.truncation import truncated
 
 Array = np.ndarray
 
@@ -53,7 +54,7 @@ def pick_observations(x, shift, p, j, member, source, owner, plane, precision, s
                 picks[v, 0], picks[v, 1] = own, s
         least = min(best, limit) - penalty  # what others must stay below
         if least <= 0.0:
-            total += min(best, limit)
+            total += truncated(best, limit)
             continue
         for d in range(starts[v], starts[v + 1]):
             if d == own or precision[d, j] <= 0.0 or (owner[d, j] >= 0 and owner[d, j] != p):
@@ -64,7 +65,7 @@ def pick_observations(x, shift, p, j, member, source, owner, plane, precision, s
                 least, best = cost, cost + penalty
                 picks[v, 0], picks[v, 1] = d, j
         if best < np.inf:
-            total += min(best, limit)
+            total += truncated(best, limit)
     return total
 
 
@@ -172,7 +173,7 @@ def _room(views):
 def _prior_cost(x, prediction, spread, limit):
     """Truncated squared distance to the prediction in units of its spread."""
     squared = (x[0] - prediction[0]) ** 2 + (x[1] - prediction[1]) ** 2 + (x[2] - prediction[2]) ** 2
-    return min(squared / (spread * spread), limit)
+    return truncated(squared / (spread * spread), limit)
 
 
 def solve_joints(

@@ -12,6 +12,7 @@ from panoptic_ros.consensus.gauss_newton import solve_symmetric
 from panoptic_ros.consensus.grouping import Grouping, Scene, assign
 from panoptic_ros.consensus.guidance import Guidance
 from panoptic_ros.consensus.newcomers import find_people
+from panoptic_ros.consensus.truncation import truncated
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
 
 Array = np.ndarray
@@ -199,7 +200,7 @@ def _cost(table, x):  # type: ignore[no-untyped-def]
     """Sum of the truncated squared residuals."""
     total = 0.0
     for k in range(len(table)):
-        total += min(_squared(table[k], x)[0], TRUNCATION**2)
+        total += truncated(_squared(table[k], x)[0], TRUNCATION**2)
     return total
 
 

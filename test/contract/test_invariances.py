@@ -51,6 +51,13 @@ def test_order_of_cameras(scene, maps, order):
     assert invariances.largest_gap(reference(scene, maps), found) < EXACT
 
 
+@pytest.mark.parametrize("places", [[0, 2, 3, 1], [1, 2, 3, 0]])
+def test_order_of_cameras_that_all_disagree(places):
+    """About some joints, so that wherever they are placed all views are outliers."""
+    found = solved(*invariances.other_order_of_cameras(*capture((4, 4, 12), False), places))
+    assert invariances.largest_gap(reference((4, 4, 12), False), found) < EXACT
+
+
 def test_order_of_many_cameras():
     """So many observations that not all of them teach the noise."""
     scene = (20, 4, 0)
