@@ -85,7 +85,7 @@ class VotingStage:
         item = self._occluders.limit(item)
         if self.config.method == "off":
             return StepResult((_proposals(item),))
-        views = sorted(item.views, key=lambda view: self._order[view.camera])
+        views = sorted(item.views, key=lambda view: view.camera)  # rays are paired in the order of names
         cameras = [self.rig.cameras[self._order[view.camera]] for view in views]
         config = self.config
         scene = build_scene(cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate)

@@ -51,6 +51,11 @@ def test_order_of_cameras(scene, maps, order):
     assert invariances.largest_gap(reference(scene, maps), found) < EXACT
 
 
+def test_order_of_cameras_whose_rays_may_be_paired_in_several_ways():
+    found = solved(*invariances.other_order_of_cameras(*capture((5, 4, 8), True), [0, 1, 2, 4, 3]))
+    assert invariances.largest_gap(reference((5, 4, 8), True), found) < EXACT
+
+
 @pytest.mark.parametrize("places", [[0, 2, 3, 1], [1, 2, 3, 0]])
 def test_order_of_cameras_that_all_disagree(places):
     """About some joints, so that wherever they are placed all views are outliers."""
