@@ -114,13 +114,36 @@ def hand_out(positions, shifts, plane, precision, view, cams, mirror, scale, fre
     return member, exchanged, left, np.maximum(straight, mirrored), common
 
 
+@njit(cache=True, error_model="numpy", nogil=True)
+def middle_of_cameras(member, rotations, translations):  # type: ignore[no-untyped-def]
+    """Mean (3,) of the centres of the cameras that have a 2D person by member (V,), nought if none has."""
+    middle, count = np.zeros(3), 0
+    for v in range(len(member)):
+        if member[v] >= 0:
+            count += 1
+            for i in range(3):
+                for k in range(3):
+                    middle[i] -= rotations[v, k, i] * translations[v, k]
+    return middle / max(count, 1)
+
+
 @njit(cache=True, error_model="numpy")
 def triangulate_linear(member, mirrored, plane, precision, rotations, translations,
                        mirror):  # type: ignore[no-untyped-def]  # fmt: skip
-    """Linear triangulation (J, 3) m of the 2D people member (V,), NaN with fewer than two views."""
+    """Linear triangulation (J, 3) m of the 2D people member (V,), NaN with fewer than two views.
+
+    Solved about the middle of their cameras, towards which damping then draws, wherever the world has its
+    origin.
+    """
     joints = len(mirror)
     points = np.full((joints, 3), np.nan)
-    row = np.empty(3)
+    row, middle = np.empty(3), middle_of_cameras(member, rotations, translations)
+    moved = np.empty((len(member), 3))
+    for v in range(len(member)):
+        for i in range(3):
+            moved[v, i] = translations[v, i]
+            for k in range(3):
+                moved[v, i] += rotations[v, i, k] * middle[k]
     for j in range(joints):
         normal, right = np.zeros((3, 3)), np.zeros(3)
         count = 0
@@ -136,7 +159,7 @@ def triangulate_linear(member, mirrored, plane, precision, rotations, translatio
             for k in range(2):
                 for i in range(3):
                     row[i] = weight * (plane[d, s, k] * rotations[v, 2, i] - rotations[v, k, i])
-                offset = weight * (translations[v, k] - plane[d, s, k] * translations[v, 2])
+                offset = weight * (moved[v, k] - plane[d, s, k] * moved[v, 2])
                 for i in range(3):
                     right[i] += row[i] * offset
                     for m in range(i + 1):
@@ -149,5 +172,5 @@ def triangulate_linear(member, mirrored, plane, precision, rotations, translatio
             normal[2, 2] + damping, right[0], right[1], right[2],
         )  # fmt: skip
         if good:
-            points[j, 0], points[j, 1], points[j, 2] = a, b, c
+            points[j, 0], points[j, 1], points[j, 2] = a + middle[0], b + middle[1], c + middle[2]
     return points

@@ -9,7 +9,7 @@ from numba import njit
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import RigArrays, gather
 from panoptic_ros.consensus.gauss_newton import solve_symmetric
-from panoptic_ros.consensus.grouping import Grouping, Scene, assign
+from panoptic_ros.consensus.grouping import Grouping, Scene, assign, middle_of_cameras
 from panoptic_ros.consensus.guidance import Guidance
 from panoptic_ros.consensus.newcomers import find_people
 from panoptic_ros.consensus.truncation import truncated
@@ -133,6 +133,7 @@ def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
     result = np.full((people, joints, 3), np.nan)
     table, used = np.zeros((views, 15)), np.zeros(views, np.bool_)
     for p in range(people):
+        middle = middle_of_cameras(member[p], rotations, translations)  # damping draws towards it
         for j in range(joints):
             count = 0
             for v in range(views):
@@ -145,15 +146,17 @@ def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
                     moved = translations[v, i]
                     for k in range(3):
                         row[3 * i + k] = rotations[v, i, k]
-                        moved += rotations[v, i, k] * shifts[p, j, k] * delays[v]
+                        moved += rotations[v, i, k] * (middle[k] + shifts[p, j, k] * delays[v])
                     row[9 + i] = moved
                 row[12], row[13], row[14] = plane[d, s, 0], plane[d, s, 1], precision[d, s] ** 2
                 count += 1
             if count >= 2:
-                x = _start(table[:count], used, starts[p, j, 0], starts[p, j, 1], starts[p, j, 2])
+                start = starts[p, j] - middle
+                x = _start(table[:count], used, start[0], start[1], start[2])
                 for k in range(ROUNDS):
                     x = _weighted(table[:count], x, k >= ROUNDS - 2)
-                result[p, j, 0], result[p, j, 1], result[p, j, 2] = x
+                for i in range(3):
+                    result[p, j, i] = x[i] + middle[i]
     return result
 
 
