@@ -83,7 +83,7 @@ def test_order_of_people(scene, maps, seed):
     scene=scenes, maps=with_maps, seed=st.integers(0, 99), shift=st.tuples(*[st.floats(-20.0, 20.0)] * 3)
 )
 @example(scene=(2, 4, 22), maps=True, seed=25, shift=(0.0, 0.0, 0.0))  # a person at the brink of being new
-@example(scene=(3, 4, 12), maps=False, seed=2, shift=(-13.0, 0.0, 0.0))  # a joint at the brink of being hidden
+@example(scene=(3, 4, 12), maps=False, seed=2, shift=(-13.0, 0.0, 0.0))  # a joint: of being hidden
 def test_frame_of_the_world(scene, maps, seed, shift):
     rig, sets = capture(scene, maps)
     new_from_old = Rigid(Rotation.random(random_state=seed).as_matrix(), np.array(shift))
