@@ -8,7 +8,7 @@ from numba import njit
 
 Array = np.ndarray
 EVERY = 7  # th sample tells the level; no multiple of a half cell's length
-ODD = 0.04  # times the level, at least: what is so far off beside a click belongs to it
+FOOT = 0.04  # times the level, at least: what is so far off beside a click belongs to it
 TOGETHER = 64  # samples that are looked at in one go
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -123,17 +123,17 @@ def clicked(error: Array, slope: Array, level: float, most: float, gross: float,
         gross: times the level.
         shaken: samples by which edges may be misplaced.
     """
-    odd = max(most * 1.4826 * np.median(np.abs(error[::4])), ODD * level)
-    least = max(odd, gross * level)
+    foot = max(most * 1.4826 * np.median(np.abs(error[::4])), FOOT * level)
+    least = max(foot, gross * level)
     clicks, done = np.zeros(len(error), np.bool_), 0
     for i in range(len(error)):
         size = abs(error[i])
         if i < done or size <= least or size <= least + level * shaken * abs(slope[i]):
             continue
         begin, end = i, i + 1
-        while begin > done and abs(error[begin - 1]) > odd:
+        while begin > done and abs(error[begin - 1]) > foot:
             begin -= 1
-        while end < len(error) and abs(error[end]) > odd:
+        while end < len(error) and abs(error[end]) > foot:
             end += 1
         clicks[begin:end] = True
         done = end

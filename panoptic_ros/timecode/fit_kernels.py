@@ -221,7 +221,7 @@ def fit_train(
     Args:
         grid: (3,) a guess.
         basis, step: see `baseline`.
-        limits: see `timing.LIMITS`.
+        limits: see `timing`.
 
     Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without clicks,
     whether there were any, and `misfit`.
@@ -255,7 +255,7 @@ def fit_train(
             break
         error += values - clean
         clicks = clicked(error, rows[2], abs(level), outlier, gross, shaken)
-        if not clicks.any():
+        if not (fills or clicks.any()):
             break
         clean = np.where(clicks, values - error, values)
         fills += 1
