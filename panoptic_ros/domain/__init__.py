@@ -6,6 +6,7 @@ views). Missing joints are NaN with score 0.
 """
 from panoptic_ros.domain.bias_table import BiasTable
 from panoptic_ros.domain.camera import Camera
+from panoptic_ros.domain.depth import DepthFrame
 from panoptic_ros.domain.detections import (
     DetectionSet,
     EndOfStream,
@@ -36,6 +37,7 @@ __all__ = [
     "BiasTable",
     "Camera",
     "ClockModel",
+    "DepthFrame",
     "DetectionSet",
     "DeviceNs",
     "EndOfStream",
