@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.cli.options import read_parameters
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.studies.score import THRESHOLDS
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.running.parameters import read_parameters
 
 STUDIES = ("cameras", "nodes", "resolution")
 EVERY = 10_000  # cameras: all
@@ -53,8 +53,7 @@ def run_study(args: argparse.Namespace) -> int:
         raise UsageError(f"--study {args.study} needs --rig FILE and --out DIR")
     if not 0.0 < args.noise < 0.1:
         raise UsageError(f"--noise {args.noise} is no share of a person's size; write e.g. 0.012")
-    args.config = None
-    settings = read_parameters(args)
+    settings = read_parameters(None, args.settings)
     result = _resolution(args, settings) if args.study == "resolution" else _cameras(args, settings)
     _tell("")
     path = args.out / f"{args.study}.json"

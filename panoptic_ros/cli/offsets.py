@@ -12,9 +12,10 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.clocks_from_motion import find_clocks
-from panoptic_ros.io.clock_offsets import SavedOffset, read_offsets, write_clocks
+from panoptic_ros.io.clock_offsets import write_clocks
 from panoptic_ros.offsets import CameraClocks, regroup
 from panoptic_ros.params import Config
+from panoptic_ros.running.saved_offsets import saved_lines, saved_offsets
 from panoptic_ros.stage import StageContext
 
 
@@ -76,38 +77,6 @@ def _moved(sets: Sequence[DetectionSet], context: StageContext, args: Any) -> li
         for name, count in frames.items()
     }
     return regroup(sets, corrections)
-
-
-def saved_offsets(path: Path, cameras: Sequence[str]) -> dict[str, SavedOffset]:
-    """The offsets of a file for these cameras.
-
-    Raises:
-        UsageError: if it corrects none of them.
-        DataError: if it cannot be read.
-    """
-    saved = {name: offset for name, offset in read_offsets(path).items() if name in cameras}
-    if not saved:
-        raise UsageError(f"{path} corrects none of the cameras {', '.join(cameras)}; leave --offsets out")
-    return saved
-
-
-def saved_lines(saved: Mapping[str, SavedOffset], cameras: Sequence[str]) -> list[str]:
-    """What is applied, in words."""
-    width = max(len(name) for name in cameras)
-    lines = ["offsets as saved (added to the stamps, without drifts):"]
-    for name in cameras:
-        text = "stamps kept"
-        if name in saved:
-            text = f"{1e3 * saved[name].offset_s:+8.2f} ms"
-            text += f" +- {1e3 * saved[name].offset_std_s:.2f}" if saved[name].offset_std_s else ""
-        lines.append(f"  {name:<{width}}  {text}")
-    lines += [
-        f"  the clock of {name} drifts by {60e3 * saved[name].drift:+.1f} ms a minute: its offset does not "
-        "last, find it again"
-        for name in cameras
-        if name in saved and saved[name].drifts
-    ]
-    return lines
 
 
 def clock_lines(clocks: CameraClocks) -> list[str]:

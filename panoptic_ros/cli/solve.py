@@ -9,13 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.cli.offsets import add_offset_options, correct
-from panoptic_ros.cli.options import (
-    add_occluder_option,
-    add_parameter_options,
-    read_parameters,
-    with_defaults,
-    with_occluders,
-)
+from panoptic_ros.cli.options import add_occluder_option, add_parameter_options
 from panoptic_ros.domain import TrackedPoseSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import FUSION
@@ -24,6 +18,7 @@ from panoptic_ros.io.detector_context import bias_extras
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections, write_skeletons
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import map_joints, skeleton_of
+from panoptic_ros.running.parameters import read_parameters, with_defaults, with_occluders
 from panoptic_ros.stage import Notice, StageContext
 
 
@@ -45,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve a file."""
-    parameters = read_parameters(args)
+    parameters = read_parameters(args.config, args.settings)
     everything = with_occluders(read_rig(args.rig), args.occluders)
     rig = everything.subset(args.cameras.split(",")) if args.cameras else everything
     if len(rig) < 2:

@@ -11,7 +11,8 @@ STAGES = (
 RANKS: dict[str, int] = {
     "errors": 0, "geometry": 1, "params": 1, "domain": 2, "stage": 3, "consensus": 3,
     **{stage: 4 for stage in STAGES},
-    "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6, "cli": 7,
+    "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6,
+    "running": 7, "cli": 8,
 }  # fmt: skip
 PURE = 4  # up to this rank, and graph: no printing, files, clocks, environment, global randomness
 THIRD_PARTY: dict[str, set[str]] = {
@@ -26,11 +27,13 @@ THIRD_PARTY: dict[str, set[str]] = {
     "view": {"numpy", "cv2", "matplotlib", "mpl_toolkits"},
     "bench": {"numpy", "scipy", "numba"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
-    "cli": {"numpy", "cv2", "rclpy", "onnxruntime"},
+    "running": {"rclpy"},
+    "cli": {"numpy", "cv2", "onnxruntime"},
 }
 THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in backends/
 STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", "socket"}
 IMPURE_CALLS = {"print", "open", "input"}
+NEED_ROS = {"panoptic_ros.running.over_dds"}  # outside of nodes: the only modules that import it
 SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io reads, not the reverse
 
 
@@ -76,6 +79,8 @@ def _check_import(module: str, room: str, target: str, pure: bool, standard: fro
         other = room_of(target)
         if other in ("", "__version__", room):
             return []
+        if other == "nodes" and module not in NEED_ROS:
+            return [f"{module}: imports {target}, which needs ROS"]
         if other not in RANKS:
             return [f"{module}: imports {target}, a room without a rank"]
         if RANKS[other] >= RANKS[room] and (room, other) not in SAME_RANK_ALLOWED:
@@ -83,6 +88,8 @@ def _check_import(module: str, room: str, target: str, pure: bool, standard: fro
         return []
     if top in standard:
         return [f"{module}: imports {top} in a pure room"] if pure and top in STANDARD_IMPURE else []
+    if top == "rclpy" and room == "running" and module not in NEED_ROS:
+        return [f"{module}: imports {top}, which needs ROS"]
     return [] if top in THIRD_PARTY[room] else [f"{module}: imports {top}, not allowed in {room}"]
 
 

@@ -10,15 +10,15 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from panoptic_ros.cli.run.finish import finish
-from panoptic_ros.cli.run.in_process import run_in_process
-from panoptic_ros.cli.run.plan import Plan
-from panoptic_ros.cli.run.planning import make_plan
-from panoptic_ros.cli.run.results import Results, result_folder
-from panoptic_ros.cli.run.startup_check import StartupCheck
 from panoptic_ros.cli.run.watch import Watch
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.running.finish import finish
+from panoptic_ros.running.in_process import run_in_process
+from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.planning import make_plan
+from panoptic_ros.running.results import Results, result_folder
+from panoptic_ros.running.startup_check import StartupCheck
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -65,6 +65,6 @@ def _run(
 ) -> Mapping[str, Mapping[str, str]]:
     if args.in_process:
         return {name: stage.values() for name, stage in run_in_process(plan, results, stop).items()}
-    from panoptic_ros.cli.run.over_dds import run_over_dds  # needs ROS, the other way does not
+    from panoptic_ros.running.over_dds import run_over_dds  # needs ROS, the other way does not
 
     return run_over_dds(plan, results, stop, args.jpeg)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from panoptic_ros.cli.run.plan import Plan
+from panoptic_ros.running.plan import Plan
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
 

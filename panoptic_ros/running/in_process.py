@@ -8,9 +8,6 @@ from functools import partial
 from typing import Any
 
 from panoptic_ros.capture import open_source
-from panoptic_ros.cli.run.newest_frames import newest_frames
-from panoptic_ros.cli.run.plan import Plan
-from panoptic_ros.cli.run.results import Results
 from panoptic_ros.domain import EndOfStream
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.counters import StageStatistics
@@ -19,6 +16,9 @@ from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import CHAIN, Pipeline
 from panoptic_ros.io.bag_streams import DEPTH_KEYS, merged
 from panoptic_ros.io.messages import frame_from_message, from_message
+from panoptic_ros.running.newest_frames import newest_frames
+from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.results import Results
 from panoptic_ros.stage import Notice, StageContext
 
 

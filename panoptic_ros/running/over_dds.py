@@ -10,15 +10,15 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from panoptic_ros.cli.run.launch_file import write_launch_file
-from panoptic_ros.cli.run.plan import Plan
-from panoptic_ros.cli.run.results import Results
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
-from panoptic_ros.nodes.processes import Processes, prepare_environment
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
+from panoptic_ros.running.launch_file import write_launch_file
+from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.processes import Processes, prepare_environment
+from panoptic_ros.running.results import Results
 
 LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
 

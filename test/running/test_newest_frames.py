@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from panoptic_ros.cli.run.newest_frames import newest_frames
 from panoptic_ros.errors import BackendError
+from panoptic_ros.running.newest_frames import newest_frames
 
 
 @dataclass(frozen=True)

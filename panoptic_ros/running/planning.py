@@ -10,10 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import demo_capture, open_capture_folder, open_files
-from panoptic_ros.cli.offsets import saved_lines, saved_offsets
-from panoptic_ros.cli.options import read_parameters, with_defaults, with_occluders
-from panoptic_ros.cli.run.bag_plan import bag_plan
-from panoptic_ros.cli.run.plan import Plan, find_detector, pairs, require_two
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
@@ -21,6 +17,10 @@ from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.graph.topics import check_names
 from panoptic_ros.io.detector_context import bias_extras
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.running.bag_plan import bag_plan
+from panoptic_ros.running.parameters import read_parameters, with_defaults, with_occluders
+from panoptic_ros.running.plan import Plan, find_detector, pairs, require_two
+from panoptic_ros.running.saved_offsets import saved_lines, saved_offsets
 
 
 def make_plan(args: argparse.Namespace) -> Plan:
@@ -29,7 +29,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
-    parameters = read_parameters(args)
+    parameters = read_parameters(args.config, args.settings)
     if args.model:
         parameters.setdefault("detection", {})["model"] = args.model
     if args.bag:

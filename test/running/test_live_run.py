@@ -10,8 +10,8 @@ from recordings import write_bag
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.cli.run import command
-from panoptic_ros.cli.run.in_process import run_in_process
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.running.in_process import run_in_process
 
 
 @pytest.fixture

@@ -6,12 +6,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from panoptic_ros.capture import open_source
-from panoptic_ros.cli.run.plan import Plan
-from panoptic_ros.cli.run.results import MARK, Results
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.evaluation.capture_report import summarise_capture
 from panoptic_ros.graph.build import make_stage
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.results import MARK, Results
 from panoptic_ros.stage import Notice, StageContext
 from panoptic_ros.view.overlay_run import write_overlays
 from panoptic_ros.view.plot3d import plot_capture

@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from itertools import pairwise
 from typing import Any
 
-from panoptic_ros.cli.run.plan import Plan, find_detector, pairs, require_two
 from panoptic_ros.domain import Rig, SkeletonModel, ViewDetections
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
@@ -18,6 +17,7 @@ from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.models import read_card
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON, load_skeleton, map_joints
+from panoptic_ros.running.plan import Plan, find_detector, pairs, require_two
 
 KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
 

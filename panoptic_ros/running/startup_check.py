@@ -4,10 +4,10 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.domain import DetectionSet, ViewDetections
 from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.graph.build import make_stage
+from panoptic_ros.running.plan import Plan
 from panoptic_ros.stage import Notice, StageContext
 
 INSTANTS = 30  # looked at; a second or so of a capture

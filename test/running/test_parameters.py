@@ -1,30 +1,22 @@
-"""Parameters from the command line and from files."""
-import argparse
-
+"""Parameters from texts and from files."""
 import pytest
 
-from panoptic_ros.cli.options import add_parameter_options, read_parameters, with_defaults
 from panoptic_ros.errors import ConfigError
 from panoptic_ros.io.resources import share_folder
-
-
-def read(*words):
-    parser = argparse.ArgumentParser()
-    add_parameter_options(parser)
-    return read_parameters(parser.parse_args([str(word) for word in words]))
+from panoptic_ros.running.parameters import read_parameters, with_defaults
 
 
 def test_settings_go_before_the_file_and_the_file_before_defaults(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("sync: {window_s: 0.02, queue_limit: 9}\n")
-    given = read("--config", path, "--set", "sync.window_s=0.03")
+    given = read_parameters(path, ["sync.window_s=0.03"])
     sync = with_defaults(given, {"sync": {"window_s": 0.04, "queue_limit": 8, "minimum_views": 2}})["sync"]
     assert (sync.window_s, sync.queue_limit, sync.minimum_views) == (0.03, 9, 2)
 
 
 def test_ros_parameter_files_are_taken_as_they_are():
     for path in sorted((share_folder() / "config").glob("*.yaml")):
-        assert path.stem in read("--config", path)
+        assert path.stem in read_parameters(path, [])
 
 
 @pytest.mark.parametrize(
@@ -38,4 +30,4 @@ def test_ros_parameter_files_are_taken_as_they_are():
 def test_wrong_files(tmp_path, text, told):
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(ConfigError, match=told):
-        read("--config", tmp_path / "mine.yaml")
+        read_parameters(tmp_path / "mine.yaml", [])

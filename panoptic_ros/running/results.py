@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.domain import ClockModel, RefinedPoseSet, ViewDetections
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS
@@ -19,6 +18,7 @@ from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.plain_formats import write_skeletons
 from panoptic_ros.params import named_numbers, of_name
+from panoptic_ros.running.plan import Plan
 
 MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
 

@@ -5,7 +5,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.cli.run.plan import Plan
 from panoptic_ros.graph.flow import live_defaults
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.topics import ros_name
@@ -14,6 +13,7 @@ from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.params import diff
+from panoptic_ros.running.plan import Plan
 
 CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
 

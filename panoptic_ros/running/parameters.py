@@ -1,0 +1,56 @@
+"""Parameters and fixed things that a user gives, for all that solves."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.graph.build import configure, parse_setting
+from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.occluders import read_occluders
+from panoptic_ros.params import Config
+
+Parameters = dict[str, dict[str, Any]]  # {stage: {parameter: value}}
+
+
+def read_parameters(file: Path | None, settings: Sequence[str]) -> Parameters:
+    """The parameters that the user gave: the file's, then the settings.
+
+    Args:
+        file: YAML with {stage: {parameter: value}}, or a ROS parameter file.
+        settings: texts of the form stage.name=value.
+
+    Raises:
+        ConfigError: on unknown ones and bad values.
+    """
+    values: Parameters = {}
+    if file is not None:
+        document = read_yaml(file) or {}
+        if not isinstance(document, dict) or not all(isinstance(v, dict) for v in document.values()):
+            raise ConfigError(f"{file} must hold {{stage: {{parameter: value}}}}")
+        values = {str(stage): dict(_plain(entries)) for stage, entries in document.items()}
+    for text in settings:
+        stage, name, value = parse_setting(text)
+        values.setdefault(stage, {})[name] = value
+    configure(values)  # so that mistakes are told before anything starts
+    return values
+
+
+def _plain(entries: dict[str, Any]) -> dict[str, Any]:
+    """Entries of a ROS parameter file, as config/*.yaml are, stand one level deeper."""
+    inner = entries.get("ros__parameters")
+    return inner if isinstance(inner, dict) and len(entries) == 1 else entries
+
+
+def with_defaults(given: Parameters, defaults: Parameters) -> dict[str, Config]:
+    """Configurations where `defaults` count only where the user gave nothing."""
+    stages = {**defaults, **given}
+    return configure({s: {**defaults.get(s, {}), **given.get(s, {})} for s in stages})
+
+
+def with_occluders(rig: Rig, path: Path | None) -> Rig:
+    """The rig among the things of a file, if one is given."""
+    return rig if path is None else replace(rig, occluders=read_occluders(path))

@@ -1,0 +1,40 @@
+"""Offsets of cameras' clocks that were found before, for a rig at hand."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.io.clock_offsets import SavedOffset, read_offsets
+
+
+def saved_offsets(path: Path, cameras: Sequence[str]) -> dict[str, SavedOffset]:
+    """The offsets of a file for these cameras.
+
+    Raises:
+        UsageError: if it corrects none of them.
+        DataError: if it cannot be read.
+    """
+    saved = {name: offset for name, offset in read_offsets(path).items() if name in cameras}
+    if not saved:
+        raise UsageError(f"{path} corrects none of the cameras {', '.join(cameras)}; leave --offsets out")
+    return saved
+
+
+def saved_lines(saved: Mapping[str, SavedOffset], cameras: Sequence[str]) -> list[str]:
+    """What is applied, in words."""
+    width = max(len(name) for name in cameras)
+    lines = ["offsets as saved (added to the stamps, without drifts):"]
+    for name in cameras:
+        text = "stamps kept"
+        if name in saved:
+            text = f"{1e3 * saved[name].offset_s:+8.2f} ms"
+            text += f" +- {1e3 * saved[name].offset_std_s:.2f}" if saved[name].offset_std_s else ""
+        lines.append(f"  {name:<{width}}  {text}")
+    lines += [
+        f"  the clock of {name} drifts by {60e3 * saved[name].drift:+.1f} ms a minute: its offset does not "
+        "last, find it again"
+        for name in cameras
+        if name in saved and saved[name].drifts
+    ]
+    return lines
