@@ -8,8 +8,8 @@ import numpy as np
 
 from panoptic_ros.domain import Camera
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import Intrinsics
 
+Array = np.ndarray
 SizePolicy = Literal["strict", "scale", "letterbox", "crop"]
 ASPECT_TOLERANCE = 0.005
 BARS = "if they have black bars, with 'letterbox'"
@@ -38,13 +38,11 @@ def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy =
     if policy == "crop" and abs(new_width - width) < 16 and abs(new_height - height) < 16:
         return replace(camera, image_size=image_size)
     if policy == "scale" and same_aspect:
-        intrinsics = _resized(camera.intrinsics, (scale_x, scale_y), (0.0, 0.0))
-        return replace(camera, image_size=image_size, intrinsics=intrinsics)
+        return _resized(camera, image_size, (scale_x, scale_y), (0.0, 0.0))
     if policy == "letterbox":
         scale = min(scale_x, scale_y)
         bars = (0.5 * (new_width - scale * width), 0.5 * (new_height - scale * height))
-        intrinsics = _resized(camera.intrinsics, (scale, scale), bars)
-        return replace(camera, image_size=image_size, intrinsics=intrinsics)
+        return _resized(camera, image_size, (scale, scale), bars)
     raise CalibrationError(
         f"camera {camera.name}: images are {new_width}x{new_height} but the rig says {width}x{height}; "
         + _advice(camera.image_size, image_size, same_aspect)
@@ -61,11 +59,27 @@ def _advice(rig_size: tuple[int, int], image_size: tuple[int, int], same_aspect:
     return f"use the rig that belongs to these videos; {BARS}"
 
 
-def _resized(intrinsics: Intrinsics, scale: tuple[float, float], bars: tuple[float, float]) -> Intrinsics:
+def _resized(
+    camera: Camera, image_size: tuple[int, int], scale: tuple[float, float], bars: tuple[float, float]
+) -> Camera:
     """Resizing keeps the image's borders, which lie half a pixel outside of the centres of pixels.
 
-    bars: px that are then added at the left and at the top.
+    bars: px that are then added at the left and at the top. The sensor reads its rows as before, so the
+    delay between rows of the image changes.
     """
     half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
     move = np.array([[scale[0], 0.0, bars[0]], [0.0, scale[1], bars[1]], [0.0, 0.0, 1.0]])
-    return Intrinsics(np.linalg.inv(half) @ move @ half @ intrinsics.matrix, intrinsics.distortion)
+    matrix = np.linalg.inv(half) @ move @ half @ camera.intrinsics.matrix
+    covariance = None if camera.covariance is None else _scaled_covariance(camera.covariance, scale)
+    return replace(
+        camera, image_size=image_size, intrinsics=replace(camera.intrinsics, matrix=matrix),
+        covariance=covariance, line_delay_us=camera.line_delay_us / scale[1],
+    )  # fmt: skip
+
+
+def _scaled_covariance(covariance: Array, scale: tuple[float, float]) -> Array:
+    """The covariance of a camera whose fx, fy, cx, cy have been scaled."""
+    factors = np.ones(len(covariance))
+    factors[6:10] = scale * 2
+    scaled: Array = covariance * np.outer(factors, factors)
+    return scaled

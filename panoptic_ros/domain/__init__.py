@@ -7,6 +7,7 @@ views). Missing joints are NaN with score 0.
 from panoptic_ros.domain.bias_table import BiasTable
 from panoptic_ros.domain.camera import Camera
 from panoptic_ros.domain.depth import DepthFrame
+from panoptic_ros.domain.depth_sensor import DepthSensor
 from panoptic_ros.domain.detections import (
     DetectionSet,
     EndOfStream,
@@ -38,6 +39,7 @@ __all__ = [
     "Camera",
     "ClockModel",
     "DepthFrame",
+    "DepthSensor",
     "DetectionSet",
     "DeviceNs",
     "EndOfStream",

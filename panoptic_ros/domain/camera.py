@@ -9,20 +9,37 @@ from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Intrinsics, Rigid
 
 Array = np.ndarray
+POSE_AND_MATRIX = 10  # rotation, translation, fx, fy, cx, cy: rows of a covariance before the distortion
+SYMMETRY = 1e-6  # relative to the standard deviations: files may round
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
     """A name, an image size (width, height) px, intrinsics and a pose in the world.
 
+    Args:
+        type: the kind of camera, e.g. "vga", "hd", "kinect"; "" = not stated.
+        panel: the panel or host that it belongs to; "" = not stated.
+        clock: name of the clock that stamps its images; "" = the common one.
+        line_delay_us: rolling shutter, from one row to the next: the stamp is the exposure of the first row.
+            0 = global shutter: the stamp is mid-exposure.
+        covariance: (N, N) of the calibration: rotation vector of R (rad, perturbs R from the left), t (m),
+            fx, fy, cx, cy (px), the terms of the distortion: N is 15 with a Brown lens, 14 with a fisheye.
+            None = unknown. A read-only copy is kept.
+
     Raises:
-        CalibrationError: on an empty name or a size that is not positive.
+        CalibrationError: on an empty name, a size that is not positive, an impossible delay or covariance.
     """
 
     name: str
     image_size: tuple[int, int]
     intrinsics: Intrinsics
     cam_from_world: Rigid
+    type: str = ""
+    panel: str = ""
+    clock: str = ""
+    line_delay_us: float = 0.0
+    covariance: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -31,6 +48,32 @@ class Camera:
         if width <= 0 or height <= 0:
             raise CalibrationError(f"camera {self.name} has image size {width} x {height}")
         object.__setattr__(self, "image_size", (width, height))
+        object.__setattr__(self, "line_delay_us", float(self.line_delay_us))
+        if not 0.0 <= self.line_delay_us < float("inf"):
+            raise CalibrationError(
+                f"camera {self.name}: line_delay_us is {self.line_delay_us}, expected 0 or more"
+            )
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", self._checked_covariance())
+
+    def _checked_covariance(self) -> Array:
+        """A read-only copy, if it can be the covariance of this camera."""
+        covariance = np.array(self.covariance, np.float64)
+        size = POSE_AND_MATRIX + len(self.intrinsics.distortion)
+        if covariance.shape != (size, size):
+            raise CalibrationError(
+                f"camera {self.name}: covariance has shape {covariance.shape}, expected {size} x {size}: "
+                f"rotation, t, fx, fy, cx, cy and {size - POSE_AND_MATRIX} terms of distortion"
+            )
+        if not np.isfinite(covariance).all():
+            raise CalibrationError(f"camera {self.name}: covariance has numbers that are not finite")
+        scale = np.sqrt(np.abs(np.diag(covariance)))
+        if (np.abs(covariance - covariance.T) > SYMMETRY * np.outer(scale, scale)).any():
+            raise CalibrationError(f"camera {self.name}: covariance is not symmetric")
+        if (np.diag(covariance) < 0.0).any():
+            raise CalibrationError(f"camera {self.name}: covariance has a negative variance")
+        covariance.flags.writeable = False
+        return covariance
 
     @property
     def centre(self) -> Array:

@@ -1,12 +1,14 @@
 """The cameras of a capture."""
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from panoptic_ros.domain.camera import Camera
+from panoptic_ros.domain.depth_sensor import DepthSensor
 from panoptic_ros.domain.occluders import Occluders
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import ProjectionStack
@@ -18,26 +20,44 @@ class Rig:
 
     Args:
         occluders: fixed things between which the cameras look, None = none are known.
+        depth_sensors: sensors with maps of their own, in a fixed order. A camera whose depth is registered
+            to its images needs none.
 
     Raises:
-        CalibrationError: without cameras, or with two of one name.
+        CalibrationError: without cameras, with two cameras or sensors of one name, or with a sensor whose
+            colour camera is not there.
     """
 
     cameras: tuple[Camera, ...]
     frame_id: str = "world"
     occluders: Occluders | None = None
+    depth_sensors: tuple[DepthSensor, ...] = ()
 
     def __post_init__(self) -> None:
-        cameras = tuple(self.cameras)
-        if not cameras:
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+        object.__setattr__(self, "depth_sensors", tuple(self.depth_sensors))
+        if not self.cameras:
             raise CalibrationError("a rig without cameras")
-        names = [camera.name for camera in cameras]
-        for name in names:
-            if names.count(name) > 1:
+        self._check_names()
+        for sensor in self.depth_sensors:
+            if sensor.colour_camera and sensor.colour_camera not in self.names:
                 raise CalibrationError(
-                    f"{names.count(name)} cameras of the rig are called {name!r}; names must differ"
+                    f"depth sensor {sensor.name}: the rig has no colour camera {sensor.colour_camera!r}; "
+                    f"it has {', '.join(self.names)}"
                 )
-        object.__setattr__(self, "cameras", cameras)
+
+    def _check_names(self) -> None:
+        """Names differ, those of sensors from those of cameras too: both name topics and folders."""
+        counts = Counter(self.names)
+        for name, count in counts.items():
+            if count > 1:
+                raise CalibrationError(f"{count} cameras of the rig are called {name!r}; names must differ")
+        counts.update(sensor.name for sensor in self.depth_sensors)
+        for name, count in counts.items():
+            if count > 1:
+                raise CalibrationError(
+                    f"{count} cameras and depth sensors of the rig are called {name!r}; names must differ"
+                )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -62,10 +82,31 @@ class Rig:
         """The camera of that name; see `index`."""
         return self.cameras[self.index(name)]
 
+    def depth_sensor(self, name: str) -> DepthSensor:
+        """The depth sensor of that name.
+
+        Raises:
+            CalibrationError: if the rig has none of that name.
+        """
+        for sensor in self.depth_sensors:
+            if sensor.name == name:
+                return sensor
+        there = ", ".join(sensor.name for sensor in self.depth_sensors) or "none"
+        raise CalibrationError(f"the rig has no depth sensor {name!r}; it has {there}")
+
     def subset(self, names: Iterable[str]) -> Rig:
-        """A rig of some of the cameras, in the order of this rig."""
+        """A rig of some of the cameras, in the order of this rig.
+
+        Depth sensors stay: they measure without any camera. One whose colour camera is left out has none.
+        """
         wanted = {self.index(name) for name in names}
-        return replace(self, cameras=tuple(self.cameras[i] for i in sorted(wanted)))
+        cameras = tuple(self.cameras[i] for i in sorted(wanted))
+        kept = {camera.name for camera in cameras}
+        sensors = tuple(
+            sensor if sensor.colour_camera in kept else replace(sensor, colour_camera="")
+            for sensor in self.depth_sensors
+        )
+        return replace(self, cameras=cameras, depth_sensors=sensors)
 
     def stack(self) -> ProjectionStack:
         """All cameras as arrays."""

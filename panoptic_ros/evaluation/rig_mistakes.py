@@ -102,7 +102,7 @@ def _change(
 ) -> Callable[[Rig, Instants], tuple[Rig, Instants]]:
     def apply(rig: Rig, instants: Instants) -> tuple[Rig, Instants]:
         cameras = tuple(undo(item) if item.name in names else item for item in rig.cameras)
-        return Rig(cameras, rig.frame_id), instants
+        return replace(rig, cameras=cameras), instants
 
     return apply
 
@@ -122,7 +122,7 @@ def scaled_intrinsics(intrinsics: Intrinsics, scale: float) -> Intrinsics:
     matrix = intrinsics.matrix.copy()
     matrix[:2] *= scale
     matrix[:2, 2] += 0.5 * (scale - 1.0)
-    return Intrinsics(matrix, intrinsics.distortion)
+    return replace(intrinsics, matrix=matrix)
 
 
 Turn = Callable[[ViewDetections], ViewDetections]

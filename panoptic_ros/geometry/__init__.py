@@ -1,9 +1,9 @@
-"""Maths on arrays: rigid transforms, the pinhole camera with Brown distortion, rays, triangulation.
+"""Maths on arrays: rigid transforms, cameras with Brown and fisheye lenses, rays, triangulation.
 
 Nothing here knows about people or camera names. Arrays are float64; metres, pixels, radians.
 Pixel (0, 0) is the centre of the top-left pixel, camera axes are x right, y down, z forward.
 """
-from panoptic_ros.geometry.pinhole import Intrinsics
+from panoptic_ros.geometry.pinhole import Intrinsics, Lens
 from panoptic_ros.geometry.rays import closest_points, ray_distances
 from panoptic_ros.geometry.rigid import Rigid
 from panoptic_ros.geometry.triangulation import (
@@ -15,6 +15,7 @@ from panoptic_ros.geometry.triangulation import (
 
 __all__ = [
     "Intrinsics",
+    "Lens",
     "ProjectionStack",
     "Rigid",
     "Triangulated",

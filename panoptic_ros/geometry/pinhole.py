@@ -1,13 +1,18 @@
-"""The pinhole camera with Brown-Conrady distortion k1 k2 p1 p2 k3, as in OpenCV."""
+"""Intrinsics of a camera: focal lengths, principal point, and one of two lens models, as in OpenCV."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Literal
 
 import numpy as np
 
 from panoptic_ros.errors import CalibrationError
+from panoptic_ros.geometry import brown, fisheye
 
 Array = np.ndarray
+Lens = Literal["brown", "fisheye"]
+LENSES: dict[str, ModuleType] = {"brown": brown, "fisheye": fisheye}
 MIN_DEPTH = 1e-3  # m; points closer to the camera plane, or behind it, have no projection
 
 
@@ -17,7 +22,10 @@ class Intrinsics:
 
     Args:
         matrix: (3, 3) px, [[fx, skew, cx], [0, fy, cy], [0, 0, 1]].
-        distortion: (5,) k1, k2, p1, p2, k3; shorter ones are filled with zeros.
+        distortion: (5,) k1, k2, p1, p2, k3 of a Brown lens, (4,) k1, k2, k3, k4 of a fisheye; shorter ones
+            are filled with zeros.
+        lens: "brown" (Brown-Conrady) or "fisheye" (`cv2.fisheye`). Either way what is 90 degrees and more
+            off the axis is not seen.
 
     Raises:
         CalibrationError: on wrong shapes or impossible values.
@@ -25,16 +33,20 @@ class Intrinsics:
 
     matrix: Array
     distortion: Array
+    lens: Lens = "brown"
     radius_limit: float = field(init=False)  # undistorted radius where the distortion folds back
 
     def __post_init__(self) -> None:
         matrix = np.array(self.matrix, np.float64)
         given = np.array(self.distortion, np.float64).reshape(-1)
+        if self.lens not in LENSES:
+            raise CalibrationError(f"unknown lens {self.lens!r}; lenses are {', '.join(LENSES)}")
+        terms = LENSES[self.lens].TERMS
         if matrix.shape != (3, 3):
             raise CalibrationError(f"an intrinsic matrix must be 3x3, found {matrix.shape}")
-        if given.size > 5:
+        if given.size > len(terms):
             raise CalibrationError(
-                f"{given.size} distortion coefficients; only k1 k2 p1 p2 k3 are supported"
+                f"{given.size} distortion coefficients; a {self.lens} lens has only {' '.join(terms)}"
             )
         if not (np.isfinite(matrix).all() and np.isfinite(given).all()):
             raise CalibrationError("intrinsics have numbers that are not finite")
@@ -42,12 +54,12 @@ class Intrinsics:
             raise CalibrationError("intrinsics have absurdly large numbers")
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise CalibrationError(f"focal lengths must be positive, found {matrix[0, 0]}, {matrix[1, 1]}")
-        distortion = np.zeros(5)
+        distortion = np.zeros(len(terms))
         distortion[: given.size] = given
         matrix.flags.writeable = distortion.flags.writeable = False
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "distortion", distortion)
-        object.__setattr__(self, "radius_limit", _fold_radius(distortion))
+        object.__setattr__(self, "radius_limit", LENSES[self.lens].radius_limit(distortion))
 
     def project(self, points_cam: Array) -> tuple[Array, Array]:
         """Pixels (..., 2) of camera points (..., 3) m, and whether they can be seen (...).
@@ -77,29 +89,13 @@ class Intrinsics:
 
     def distort(self, plane: Array) -> Array:
         """Distorted normalised image points (..., 2) of undistorted ones (..., 2)."""
-        k1, k2, p1, p2, k3 = self.distortion
-        x, y = plane[..., 0], plane[..., 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        return np.stack(
-            [
-                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-            ],
-            axis=-1,
-        )
+        distorted: Array = LENSES[self.lens].distort(self.distortion, plane)
+        return distorted
 
     def distort_jacobian(self, plane: Array) -> Array:
         """Derivative (..., 2, 2) of `distort` at undistorted points (..., 2)."""
-        k1, k2, p1, p2, k3 = self.distortion
-        x, y = plane[..., 0], plane[..., 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))  # d radial / d r2, times 2
-        cross = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
-        dx = radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
-        dy = radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
-        return np.stack([np.stack([dx, cross], -1), np.stack([cross, dy], -1)], axis=-2)
+        jacobian: Array = LENSES[self.lens].jacobian(self.distortion, plane)
+        return jacobian
 
     def undistort(self, pixels: Array) -> Array:
         """Undistorted normalised image points (..., 2) of pixels (..., 2), by Newton's method.
@@ -107,39 +103,5 @@ class Intrinsics:
         NaN where the pixel is NaN or has no undistorted point inside of the fold radius.
         """
         goal = self.plane_from_pixels(np.asarray(pixels, np.float64))
-        if not self.distortion.any():
-            return goal
-        plane = goal.copy()
-        limit = min(self.radius_limit, 1e3)
-        for _ in range(20):
-            miss = self.distort(plane) - goal
-            if not np.nanmax(np.abs(miss), initial=0.0) > 1e-14:
-                break
-            j = self.distort_jacobian(plane)
-            det = j[..., 0, 0] * j[..., 1, 1] - j[..., 0, 1] * j[..., 1, 0]
-            det = np.where(np.abs(det) > 1e-6, det, 1e-6)
-            step_x = (j[..., 1, 1] * miss[..., 0] - j[..., 0, 1] * miss[..., 1]) / det
-            step_y = (j[..., 0, 0] * miss[..., 1] - j[..., 1, 0] * miss[..., 0]) / det
-            plane = plane - np.stack([step_x, step_y], axis=-1)
-            radius = np.linalg.norm(plane, axis=-1, keepdims=True)
-            plane = np.where(radius > limit, plane * (limit / np.maximum(radius, 1e-12)), plane)
-        good = np.abs(self.distort(plane) - goal).max(axis=-1) < 1e-8
-        return np.where(good[..., None], plane, np.nan)
-
-    def project_jacobian(self, points_cam: Array) -> Array:
-        """Derivative (..., 2, 3) of the projection of camera points (..., 3), px per m."""
-        points = np.asarray(points_cam, np.float64)
-        inverse = 1.0 / np.maximum(points[..., 2], MIN_DEPTH)
-        plane = points[..., :2] * inverse[..., None]
-        normalise = np.zeros((*points.shape[:-1], 2, 3))
-        normalise[..., 0, 0] = normalise[..., 1, 1] = inverse
-        normalise[..., :, 2] = -plane * inverse[..., None]
-        return self.matrix[:2, :2] @ self.distort_jacobian(plane) @ normalise
-
-
-def _fold_radius(distortion: Array) -> float:
-    """Largest undistorted radius up to which the radial polynomial increases; inf if always."""
-    k1, k2, _, _, k3 = np.where(np.abs(distortion) < 1e-15, 0.0, distortion)  # roots() divides by them
-    roots = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])  # of d(r * radial)/dr, in r^2
-    real = roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)].real
-    return float(np.sqrt(real.min())) if real.size else float("inf")
+        plane: Array = LENSES[self.lens].undistort(self.distortion, goal, self.radius_limit)
+        return plane

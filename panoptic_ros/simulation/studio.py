@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.geometry import Rigid
 from panoptic_ros.simulation.degradation import NOISY, Degradation
 from panoptic_ros.simulation.scenes import Scene
 from panoptic_ros.simulation.timing import Timing
@@ -67,7 +67,7 @@ def scaled(camera: Camera, factor: float) -> Camera:
     lens = camera.intrinsics
     width, height = (round(side * factor) for side in camera.image_size)
     return replace(
-        camera, image_size=(width, height), intrinsics=Intrinsics(change @ lens.matrix, lens.distortion)
+        camera, image_size=(width, height), intrinsics=replace(lens, matrix=change @ lens.matrix)
     )
 
 

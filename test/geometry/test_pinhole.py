@@ -46,18 +46,19 @@ def test_undistort_inverts_distort_inside_of_the_fold(lens, seed):
     assert np.nanmax(np.abs(back - plane)[inside], initial=0.0) < 1e-9
 
 
+def derivative(camera, plane, step=1e-6):
+    columns = [
+        (camera.distort(plane + step * e) - camera.distort(plane - step * e)) / (2 * step) for e in np.eye(2)
+    ]
+    return np.stack(columns, -1)
+
+
 @settings(max_examples=40, deadline=None)
 @given(lens=LENSES, seed=st.integers(0, 10**6))
 def test_jacobian_is_the_derivative(lens, seed):
     camera = Intrinsics(MATRIX, lens)
-    cloud = points(seed, 10)
-    assume(camera.project(cloud)[1].all())
-    step = 1e-6
-    columns = [
-        (camera.project(cloud + step * e)[0] - camera.project(cloud - step * e)[0]) / (2 * step)
-        for e in np.eye(3)
-    ]
-    assert np.allclose(camera.project_jacobian(cloud), np.stack(columns, -1), rtol=1e-5, atol=1e-3)
+    plane = np.random.default_rng(seed).uniform(-0.6, 0.6, (10, 2))
+    assert np.allclose(camera.distort_jacobian(plane), derivative(camera, plane), rtol=1e-6, atol=1e-8)
 
 
 def test_points_behind_the_camera_have_no_pixel():
@@ -92,3 +93,72 @@ def test_skew_is_used_both_ways():
 def test_impossible_intrinsics_are_refused(matrix, lens, told):
     with pytest.raises(CalibrationError, match=told):
         Intrinsics(matrix, lens)
+
+
+FISHEYES = st.tuples(*(st.floats(-s, s) for s in (0.08, 0.02, 0.01, 0.004)))
+
+
+def rays(seed, count=40, widest=1.3):
+    rng = np.random.default_rng(seed)
+    theta, turn = rng.uniform(0.0, widest, count), rng.uniform(0.0, 2.0 * np.pi, count)
+    direction = np.stack([np.sin(theta) * np.cos(turn), np.sin(theta) * np.sin(turn), np.cos(theta)], -1)
+    return direction * rng.uniform(0.5, 6.0, (count, 1))
+
+
+@settings(max_examples=80, deadline=None)
+@given(lens=FISHEYES, seed=st.integers(0, 10**6))
+def test_fisheye_projection_equals_opencv(lens, seed):
+    camera = Intrinsics(MATRIX, lens, "fisheye")
+    cloud = rays(seed)
+    pixels, seen = camera.project(cloud)
+    expected = cv2.fisheye.projectPoints(cloud[:, None], np.zeros(3), np.zeros(3), MATRIX, np.array(lens))[0]
+    assert np.abs(pixels[seen] - expected[:, 0][seen]).max(initial=0.0) < 1e-9
+    assert np.isnan(pixels[~seen]).all()
+    angle = np.arctan(np.linalg.norm(cloud[:, :2], axis=1) / cloud[:, 2])
+    assert (seen == (angle < np.arctan(camera.radius_limit))).all()
+
+
+@settings(max_examples=80, deadline=None)
+@given(lens=FISHEYES, seed=st.integers(0, 10**6))
+def test_fisheye_undistort_inverts_distort_inside_of_the_fold(lens, seed):
+    camera = Intrinsics(MATRIX, lens, "fisheye")
+    cloud = rays(seed)
+    plane = cloud[:, :2] / cloud[:, 2:]
+    inside = np.arctan(np.linalg.norm(plane, axis=1)) < 0.95 * np.arctan(camera.radius_limit)
+    back = camera.undistort(camera.pixels_from_plane(camera.distort(plane)))
+    assert np.abs(back - plane)[inside].max(initial=0.0) < 1e-7
+
+
+@settings(max_examples=40, deadline=None)
+@given(lens=FISHEYES, seed=st.integers(0, 10**6))
+def test_fisheye_jacobian_is_the_derivative(lens, seed):
+    camera = Intrinsics(MATRIX, lens, "fisheye")
+    plane = np.random.default_rng(seed).uniform(-3.0, 3.0, (10, 2))
+    assert np.allclose(camera.distort_jacobian(plane), derivative(camera, plane), rtol=1e-6, atol=1e-8)
+
+
+def test_a_fisheye_is_straight_on_its_axis():
+    camera = Intrinsics(MATRIX, [0.1, 0.0, 0.0, 0.0], "fisheye")
+    origin = np.zeros((1, 2))
+    assert np.array_equal(camera.distort(origin), origin)
+    assert np.allclose(camera.distort_jacobian(origin), np.eye(2))
+    assert np.allclose(camera.undistort(MATRIX[None, :2, 2]), origin)
+
+
+def test_a_fisheye_sees_nothing_beyond_ninety_degrees_and_beyond_its_fold():
+    wide = Intrinsics(MATRIX, np.zeros(4), "fisheye")
+    assert wide.project(np.array([[1.0, 0, 0.01], [1.0, 0, 0.0], [1.0, 0, -0.1]]))[1].tolist() == [
+        True, False, False
+    ]  # fmt: skip
+    beyond = MATRIX[:2, 2] + [812.5 * 1.6, 0.0]  # 1.6 rad off the axis
+    assert np.isnan(wide.undistort(beyond)).all()
+    folded = Intrinsics(MATRIX, [-0.5, 0, 0, 0], "fisheye")  # t (1 - 0.5 t^2) turns at sqrt(2/3) rad
+    assert folded.radius_limit == pytest.approx(np.tan(np.sqrt(2 / 3)))
+
+
+def test_the_lens_is_named_and_its_terms_counted():
+    with pytest.raises(CalibrationError, match="unknown lens 'omni'; lenses are brown, fisheye"):
+        Intrinsics(MATRIX, np.zeros(4), "omni")
+    with pytest.raises(CalibrationError, match="5 distortion .* a fisheye lens has only k1 k2 k3 k4"):
+        Intrinsics(MATRIX, np.zeros(5), "fisheye")
+    assert Intrinsics(MATRIX, [0.1], "fisheye").distortion.tolist() == [0.1, 0.0, 0.0, 0.0]
