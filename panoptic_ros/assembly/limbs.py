@@ -46,7 +46,7 @@ def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def count_exchanged(source, observed, groups, count):  # type: ignore[no-untyped-def]
+def count_exchanged(source, observed, groups, count):
     """The loops of `exchanged_views`."""
     people, views, joints = source.shape
     votes, sizes = np.zeros((people, count)), np.zeros(count)
@@ -99,7 +99,7 @@ class Sides:
 
 
 @njit(cache=True, error_model="numpy")
-def sides_of_nose(positions, pairs, torso, head):  # type: ignore[no-untyped-def]
+def sides_of_nose(positions, pairs, torso, head):
     """The loops of `Sides.right_way`; pairs (G, 3): group, left, right; torso: shoulders and hips (2, 2)."""
     signs = np.zeros((len(positions), len(pairs)))
     for p in range(len(positions)):

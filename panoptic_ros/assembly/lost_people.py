@@ -84,7 +84,7 @@ def explained(nodes: Array, joints: Array, known: Array, skeleton: SkeletonModel
 
 
 @njit(cache=True, error_model="numpy")
-def near_people(nodes, joints, known, mirror):  # type: ignore[no-untyped-def]
+def near_people(nodes, joints, known, mirror):
     """The loops of `explained`."""
     near = np.zeros(len(nodes), np.bool_)
     for n in range(len(nodes)):
@@ -96,7 +96,7 @@ def near_people(nodes, joints, known, mirror):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _distance(a, b):  # type: ignore[no-untyped-def]
+def _distance(a, b):
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
@@ -154,7 +154,7 @@ def _kinds_of_parts(skeleton: SkeletonModel) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def typical_lengths(people, kinds):  # type: ignore[no-untyped-def]
+def typical_lengths(people, kinds):
     """Median length (K,) m of each bone over people (P, J, 3) that have it; NaN if nobody, or no bone."""
     lengths = np.full(len(kinds), np.nan)
     found = np.empty(len(people))
@@ -171,7 +171,7 @@ def typical_lengths(people, kinds):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def likely_parts(nodes, joints, votes, kinds, lengths, longest):  # type: ignore[no-untyped-def]
+def likely_parts(nodes, joints, votes, kinds, lengths, longest):
     """Parts (M, 2), their bones and scores (M,): the mean vote of the ends, less where the length differs."""
     parts, bones, scores = np.empty((256, 2), np.int64), np.empty(256, np.int64), np.empty(256)
     count = 0

@@ -60,7 +60,7 @@ def chosen_nodes(
 
 @njit(cache=True, error_model="numpy")
 def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, mapped,
-                 chosen):  # type: ignore[no-untyped-def]  # fmt: skip
+                 chosen):  # fmt: skip
     """Choose, in place, where everybody has one allowed node, at hand, with votes, and nobody else's.
 
     Returns:
@@ -94,7 +94,7 @@ def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, ma
 
 @njit(cache=True, error_model="numpy")
 def choice_costs(positions, expected, nodes, node_joints, votes, views, gate, joint, ends,
-                 mirror):  # type: ignore[no-untyped-def]  # fmt: skip
+                 mirror):  # fmt: skip
     """The nodes (N,) of a joint, and what they cost everybody, and staying, (P, N + P)."""
     which = np.flatnonzero((node_joints == joint) & (votes > 0.0))
     people, count = len(positions), len(which)
@@ -117,7 +117,7 @@ def choice_costs(positions, expected, nodes, node_joints, votes, views, gate, jo
 
 
 @njit(cache=True, error_model="numpy")
-def _distances(node, here, there):  # type: ignore[no-untyped-def]
+def _distances(node, here, there):
     """Of a node from where a joint was triangulated, and from where it should be: if unknown, the same."""
     moved = away = 0.0
     for i in range(3):
@@ -128,13 +128,13 @@ def _distances(node, here, there):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _is_allowed(moved, away, views, gate):  # type: ignore[no-untyped-def]
+def _is_allowed(moved, away, views, gate):
     """Whether a node may be a joint; it may not if its distances are NaN."""
     return moved <= gate or (views >= NODE_VIEWS and away <= FARTHEST)
 
 
 @njit(cache=True, error_model="numpy")
-def _cost(distance, vote):  # type: ignore[no-untyped-def]
+def _cost(distance, vote):
     return min(0.5 * (distance / CHOICE_SIGMA) ** 2, WORST_DISTANCE) - np.log(vote)
 
 
@@ -157,7 +157,7 @@ def _neighbours(skeleton: SkeletonModel, joint: int) -> tuple[Array, Array]:
 
 
 @njit(cache=True, error_model="numpy")
-def sum_differences(places, positions, joint, ends, mirror):  # type: ignore[no-untyped-def]
+def sum_differences(places, positions, joint, ends, mirror):
     """The loops of `bone_differences`, over the bones to the joints `ends`."""
     people, count = places.shape[:2]
     total = np.zeros((people, count))

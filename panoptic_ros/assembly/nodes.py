@@ -45,7 +45,7 @@ def take_nodes(item: ProposalSet, expected: Array, weak: Array, gate: float) -> 
 
 
 @njit(cache=True, error_model="numpy")
-def closest_nodes(nodes, node_joints, views, expected, weak, gate):  # type: ignore[no-untyped-def]
+def closest_nodes(nodes, node_joints, views, expected, weak, gate):
     """The loops of `take_nodes`."""
     chosen = np.full(weak.shape, -1, np.int64)
     for joint in range(weak.shape[1]):

@@ -85,7 +85,7 @@ class NoiseTable:
 
 
 @njit(cache=True)
-def bins_of(scores, kinds):  # type: ignore[no-untyped-def]
+def bins_of(scores, kinds):
     """Bins (N,) of scores in 0..1 and kinds."""
     result = np.empty(len(scores), np.int64)
     for i in range(len(scores)):
@@ -94,7 +94,7 @@ def bins_of(scores, kinds):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def look_up(scores, kinds, shares, scales):  # type: ignore[no-untyped-def]
+def look_up(scores, kinds, shares, scales):
     """The loops of `NoiseTable.sigmas`, with scales (D,) px of the 2D people."""
     result = np.empty(scores.shape)
     for d in range(scores.shape[0]):
@@ -105,7 +105,7 @@ def look_up(scores, kinds, shares, scales):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def count_levels(table, rows, ratios, low, width):  # type: ignore[no-untyped-def]
+def count_levels(table, rows, ratios, low, width):
     """Count ratios (N,), at the levels of their logarithms, into these rows of a histogram, in place."""
     for i in range(len(rows)):
         level = (np.log(max(ratios[i], 1e-9)) - low) / width
@@ -113,7 +113,7 @@ def count_levels(table, rows, ratios, low, width):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True)
-def median_levels(table):  # type: ignore[no-untyped-def]
+def median_levels(table):
     """Median (R,) of each row of a histogram (R, L) in levels, interpolated inside of its level."""
     result = np.empty(len(table))
     for i in range(len(table)):

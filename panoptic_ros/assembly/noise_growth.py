@@ -47,7 +47,7 @@ class NoiseGrowth:
 
 
 @njit(cache=True)
-def growth_factors(sizes, middle, exponent):  # type: ignore[no-untyped-def]
+def growth_factors(sizes, middle, exponent):
     """The loop of `NoiseGrowth.factors`."""
     result = np.empty(len(sizes))
     for i in range(len(sizes)):
@@ -57,7 +57,7 @@ def growth_factors(sizes, middle, exponent):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def add_logs(sums, sizes, ratios):  # type: ignore[no-untyped-def]
+def add_logs(sums, sizes, ratios):
     """Add to sums (5,), in place, the number of residuals and the sums of x, y, x x, x y."""
     for i in range(len(sizes)):
         x = np.log(max(sizes[i], SMALLEST))
@@ -70,7 +70,7 @@ def add_logs(sums, sizes, ratios):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def box_diagonals(plane, scores):  # type: ignore[no-untyped-def]
+def box_diagonals(plane, scores):
     """Diagonals (D,) of the boxes of the joints plane (D, J, 2) that have a score (D, J)."""
     result = np.zeros(len(plane))
     for d in range(len(plane)):

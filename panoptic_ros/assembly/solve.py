@@ -120,7 +120,7 @@ def observed_views(scene: Scene, grouping: Grouping, source: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def settle(residuals, picks, owner, member, penalty):  # type: ignore[no-untyped-def]
+def settle(residuals, picks, owner, member, penalty):
     """Give every 2D joint to the one skeleton that it fits best; which joints (P, J) lost one.
 
     The paper (5.3) demands that a 2D detection supports a single skeleton.

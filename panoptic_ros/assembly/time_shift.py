@@ -119,7 +119,7 @@ def time_shift(
 
 
 @njit(cache=True, error_model="numpy")
-def stamp_sums(positions, residuals, picks, shifts, plane, precision, cams, cauchy):  # type: ignore[no-untyped-def]
+def stamp_sums(positions, residuals, picks, shifts, plane, precision, cams, cauchy):
     """Sums over the used views of w A^T A, w t A^T A, w t^2 A^T A (K, J, 3, 3), and w t A^T e (K, J, 3).
 
     Args:

@@ -75,7 +75,7 @@ def assign(
 
 @njit(cache=True, error_model="numpy")
 def give_out(positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double,
-             views):  # type: ignore[no-untyped-def]  # fmt: skip
+             views):  # fmt: skip
     """The loops of `assign`: member and mirrored (P, V), and free (D,)."""
     return hand_out(
         positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double, views
@@ -84,7 +84,7 @@ def give_out(positions, shifts, plane, precision, view, cams, mirror, scale, fre
 
 @njit(cache=True, error_model="numpy")
 def hand_out(positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double,
-             views):  # type: ignore[no-untyped-def]  # fmt: skip
+             views):  # fmt: skip
     """The same, with how well each skeleton agrees with each 2D person, and number of joints, (P, D)."""
     straight, mirrored, common = agreement_with_people(
         positions, shifts, plane, precision, view, cams, mirror, scale
@@ -115,7 +115,7 @@ def hand_out(positions, shifts, plane, precision, view, cams, mirror, scale, fre
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def middle_of_cameras(member, rotations, translations):  # type: ignore[no-untyped-def]
+def middle_of_cameras(member, rotations, translations):
     """Mean (3,) of the centres of the cameras that have a 2D person by member (V,), nought if none has."""
     middle, count = np.zeros(3), 0
     for v in range(len(member)):
@@ -129,7 +129,7 @@ def middle_of_cameras(member, rotations, translations):  # type: ignore[no-untyp
 
 @njit(cache=True, error_model="numpy")
 def triangulate_linear(member, mirrored, plane, precision, rotations, translations,
-                       mirror):  # type: ignore[no-untyped-def]  # fmt: skip
+                       mirror):  # fmt: skip
     """Linear triangulation (J, 3) m of the 2D people member (V,), NaN with fewer than two views.
 
     Solved about the middle of their cameras, towards which damping then draws, wherever the world has its

@@ -10,7 +10,7 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def move_on(states, variances, ages, unseen, unagreed, balance, dt, fade, growth, lost,
-            memory):  # type: ignore[no-untyped-def]  # fmt: skip
+            memory):  # fmt: skip
     """All tables dt s later, without the people who are forgotten.
 
     Args:
@@ -50,14 +50,14 @@ def move_on(states, variances, ages, unseen, unagreed, balance, dt, fade, growth
 
 
 @njit(cache=True, error_model="numpy")
-def moved_variance(variance, dt, growth):  # type: ignore[no-untyped-def]
+def moved_variance(variance, dt, growth):
     """Variance of a position dt s later, m^2."""
     return variance[0] + 2.0 * dt * variance[1] + dt * dt * variance[2] + growth[0]
 
 
 @njit(cache=True, error_model="numpy")
 def take_in(states, variances, ages, unseen, unagreed, balance, who, positions, covariances, exchanged,
-            firm, start_speed, balance_memory):  # type: ignore[no-untyped-def]  # fmt: skip
+            firm, start_speed, balance_memory):  # fmt: skip
     """The tables after an instant's skeletons; new people come behind those that are known.
 
     Args:
@@ -93,7 +93,7 @@ def take_in(states, variances, ages, unseen, unagreed, balance, who, positions, 
 
 
 @njit(cache=True, error_model="numpy")
-def _measure(state, variance, point, noise, start_speed):  # type: ignore[no-untyped-def]
+def _measure(state, variance, point, noise, start_speed):
     """One joint after a measurement, in place; see `geometry.motion.update_motion`."""
     if not np.isfinite(state[0]):
         state[:3], state[3:] = point, 0.0
@@ -113,7 +113,7 @@ def _measure(state, variance, point, noise, start_speed):  # type: ignore[no-unt
 
 
 @njit(cache=True)
-def _grown(table, count, value):  # type: ignore[no-untyped-def]
+def _grown(table, count, value):
     """The table with `count` more rows of one value."""
     result = np.full((len(table) + count,) + table.shape[1:], value)
     result[: len(table)] = table

@@ -49,7 +49,7 @@ def seeing_views(evidence: Evidence, positions: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def views_of_people(positions, rotations, translations, sight):  # type: ignore[no-untyped-def]
+def views_of_people(positions, rotations, translations, sight):
     """The loops of `seeing_views`."""
     seeing = np.zeros((len(positions), len(rotations)), np.bool_)
     for p in range(len(positions)):
@@ -58,7 +58,7 @@ def views_of_people(positions, rotations, translations, sight):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def look_at(position, rotations, translations, sight):  # type: ignore[no-untyped-def]
+def look_at(position, rotations, translations, sight):
     """Which views (V,) have half of somebody's known joints (J, 3) in the image, and which see as many."""
     found = np.full(len(rotations), OUTSIDE, np.int64)
     known = 0
@@ -83,7 +83,7 @@ def look_at(position, rotations, translations, sight):  # type: ignore[no-untype
 
 @njit(cache=True, error_model="numpy")
 def search_people(free, plane, precision, view, cams, centres, sight, mirror,
-                  rules):  # type: ignore[no-untyped-def]  # fmt: skip
+                  rules):  # fmt: skip
     """The loops of `find_people`: member and mirrored (P, V), places (P, J, 3)."""
     views, joints = len(centres), len(mirror)
     least = rules[1]
@@ -116,7 +116,7 @@ def search_people(free, plane, precision, view, cams, centres, sight, mirror,
 
 
 @njit(cache=True, error_model="numpy")
-def _candidates(free, precision, view, centres):  # type: ignore[no-untyped-def]
+def _candidates(free, precision, view, centres):
     """Rows of the 2D people of which pairs are made, and who is free and has joints (D,)."""
     used = spread_views(view, centres)
     left = free.copy()
@@ -134,7 +134,7 @@ def _candidates(free, precision, view, centres):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def spread_views(view, centres):  # type: ignore[no-untyped-def]
+def spread_views(view, centres):
     """Up to MAX_PAIR_VIEWS views (V,) with 2D people, spread over the rig farthest first."""
     seen = np.zeros(len(centres), np.bool_)
     for d in range(len(view)):
@@ -156,7 +156,7 @@ def spread_views(view, centres):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def best_pairs(rank, left):  # type: ignore[no-untyped-def]
+def best_pairs(rank, left):
     """The PAIRS_PER_ROUND highest positive ranks (K, 2) of i < k among those left (N,), best first."""
     top = np.zeros(PAIRS_PER_ROUND)
     pairs = np.empty((PAIRS_PER_ROUND, 2), np.int64)
@@ -178,7 +178,7 @@ def best_pairs(rank, left):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, sight, mirror,
-                    rules):  # type: ignore[no-untyped-def]  # fmt: skip
+                    rules):  # fmt: skip
     """The best supported of the pairs: if any; member and mirrored (V,), place (J, 3), free (D,) left."""
     views = len(centres)
     rotations, translations = cams[0], cams[1]
@@ -208,7 +208,7 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
 
 
 @njit(cache=True, error_model="numpy")
-def _support(member, found, value, common, precision):  # type: ignore[no-untyped-def]
+def _support(member, found, value, common, precision):
     """Agreement of the supporting 2D people: sum, each counted by its joints, mean; and their number.
 
     Views from which the place is hidden support nothing.
@@ -224,7 +224,7 @@ def _support(member, found, value, common, precision):  # type: ignore[no-untype
 
 
 @njit(cache=True, error_model="numpy")
-def enough_support(supporters, seeing, agreement, place, rules):  # type: ignore[no-untyped-def]
+def enough_support(supporters, seeing, agreement, place, rules):
     """Whether so many supporting views, of those that should see it, make a new person at a place (J, 3) m.
 
     Fewer are enough if they agree well, and the better, the more others should see the person and do not.
@@ -237,7 +237,7 @@ def enough_support(supporters, seeing, agreement, place, rules):  # type: ignore
 
 
 @njit(cache=True, error_model="numpy")
-def worth_by_size(agreement, place):  # type: ignore[no-untyped-def]
+def worth_by_size(agreement, place):
     """What an agreement is worth if distances count by the size of the person (J, 3) m.
 
     Rays of two people meet by chance most easily near a camera, where both look small, and so do distances.

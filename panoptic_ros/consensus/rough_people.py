@@ -118,7 +118,7 @@ class RoughSolver:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
-                     mirror):  # type: ignore[no-untyped-def]  # fmt: skip
+                     mirror):  # fmt: skip
     """Positions (P, J, 3) m with two or more views that agree, NaN elsewhere.
 
     The cheapest of the start (NaN = none), of the linear solution of all views and, where one of these is
@@ -161,7 +161,7 @@ def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _start(table, used, x0, x1, x2):  # type: ignore[no-untyped-def]
+def _start(table, used, x0, x1, x2):
     """The cheapest of the candidates."""
     count = len(table)
     best = (x0, x1, x2)
@@ -188,7 +188,7 @@ def _start(table, used, x0, x1, x2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _squared(row, x):  # type: ignore[no-untyped-def]
+def _squared(row, x):
     """Squared residual in standard deviations of a point in a view, and its depth."""
     z = row[6] * x[0] + row[7] * x[1] + row[8] * x[2] + row[11]
     if not z > MIN_DEPTH:
@@ -199,7 +199,7 @@ def _squared(row, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _cost(table, x):  # type: ignore[no-untyped-def]
+def _cost(table, x):
     """Sum of the truncated squared residuals."""
     total = 0.0
     for k in range(len(table)):
@@ -208,7 +208,7 @@ def _cost(table, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _linear(table, used):  # type: ignore[no-untyped-def]
+def _linear(table, used):
     """Linear triangulation of some of the views; NaN if they do not determine it."""
     n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
     for k in range(len(table)):
@@ -230,7 +230,7 @@ def _linear(table, used):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _weighted(table, x, gated):  # type: ignore[no-untyped-def]
+def _weighted(table, x, gated):
     """Linear triangulation with Cauchy weights at x; NaN where, gated, fewer than two views are left."""
     n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
     left = 0

@@ -62,7 +62,7 @@ def _cells(
 
 
 @njit(cache=True, error_model="numpy")
-def look(sight, v, x, y, depth):  # type: ignore[no-untyped-def]
+def look(sight, v, x, y, depth):
     """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
     left, right, top, bottom = sight.boxes[v]
     if not (left < x < right and top < y < bottom):

@@ -7,7 +7,7 @@ HAIR = 1e-6
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def truncated(cost, limit):  # type: ignore[no-untyped-def]
+def truncated(cost, limit):
     """What a cost (>= 0) counts for: at most a hair more than the limit.
 
     Without that hair all places where every view is an outlier would cost the same, and which of them is

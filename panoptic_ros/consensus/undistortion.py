@@ -8,7 +8,7 @@ Array = np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
-def undistort_points(pixels, usable, cameras, matrices, distortions, radii):  # type: ignore[no-untyped-def]
+def undistort_points(pixels, usable, cameras, matrices, distortions, radii):
     """Undistorted normalised points by Newton's method.
 
     Args:

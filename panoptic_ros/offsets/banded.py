@@ -9,7 +9,7 @@ from numba import njit
 
 
 @njit(cache=True, error_model="numpy")
-def factor(band):  # type: ignore[no-untyped-def]
+def factor(band):
     """Cholesky factor in place, A = L L^T; False if the matrix is not positive definite."""
     n, width = band.shape
     for i in range(n):
@@ -29,7 +29,7 @@ def factor(band):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def forward(lower, right):  # type: ignore[no-untyped-def]
+def forward(lower, right):
     """right (n, m) <- L^-1 right."""
     n, width = lower.shape
     for i in range(n):
@@ -44,7 +44,7 @@ def forward(lower, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def backward(lower, right):  # type: ignore[no-untyped-def]
+def backward(lower, right):
     """right (n,) <- L^-T right."""
     n, width = lower.shape
     for i in range(n - 1, -1, -1):
@@ -55,7 +55,7 @@ def backward(lower, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def inverse_in_band(lower):  # type: ignore[no-untyped-def]
+def inverse_in_band(lower):
     """The entries of A^-1 inside of the band (n, b + 1), from the factor (Takahashi's recursion)."""
     n, width = lower.shape
     inverse = np.zeros((n, width))

@@ -17,7 +17,7 @@ WIDTH = 3 * SPAN  # band of three coordinates
 
 
 @njit(cache=True, error_model="numpy")
-def basis_at(place, count, basis, slope):  # type: ignore[no-untyped-def]
+def basis_at(place, count, basis, slope):
     """Weights (4,) of control points at `place` (in knots) and their derivatives; the first one's index."""
     k = min(max(int(np.floor(place)), 0), count - SPAN)
     u = place - k
@@ -35,7 +35,7 @@ def basis_at(place, count, basis, slope):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def fit_series(starts, origins, counts, step, stiffness, times, cameras, since, rows, rights, weights,
-               cameras_count):  # type: ignore[no-untyped-def]  # fmt: skip
+               cameras_count):  # fmt: skip
     """Fit all trajectories.
 
     Args:
@@ -79,7 +79,7 @@ def fit_series(starts, origins, counts, step, stiffness, times, cameras, since, 
 
 
 @njit(cache=True, error_model="numpy")
-def add_penalty(band, stiffness):  # type: ignore[no-untyped-def]
+def add_penalty(band, stiffness):
     """The penalty on second differences of the control points, and a trace of ridge."""
     n = len(band)
     for i in range(n):
@@ -95,7 +95,7 @@ def add_penalty(band, stiffness):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def add_observations(band, z, first, last, origin, count, step, times, rows, rights,
-                     weights):  # type: ignore[no-untyped-def]  # fmt: skip
+                     weights):  # fmt: skip
     """Normal equations of the observations first..last."""
     basis, slope = np.empty(SPAN), np.empty(SPAN)
     normal, side = np.empty((3, 3)), np.empty(3)
@@ -119,7 +119,7 @@ def add_observations(band, z, first, last, origin, count, step, times, rows, rig
 
 
 @njit(cache=True, error_model="numpy")
-def penalty_moments(z, inverse, out):  # type: ignore[no-untyped-def]
+def penalty_moments(z, inverse, out):
     """Sum of squared second differences, and the trace of their covariance."""
     for i in range(len(z) - 6):
         d = z[i] - 2.0 * z[i + 3] + z[i + 6]
@@ -130,7 +130,7 @@ def penalty_moments(z, inverse, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def add_clocks(own, own_right, cross, z, inverse, first, last, origin, count, step, times, cameras, since,
-               rows, rights, weights, positions, velocities, leverage):  # type: ignore[no-untyped-def]  # fmt: skip
+               rows, rights, weights, positions, velocities, leverage):  # fmt: skip
     """What the observations say about the clocks, given the trajectory.
 
     The right-hand side carries, besides the residuals, the derivative of the trajectory's own evidence

@@ -44,7 +44,7 @@ class BoneLengths:
 
 
 @njit(cache=True, error_model="numpy")
-def learn_lengths(means, counts, bones, positions, covariances, measured):  # type: ignore[no-untyped-def]
+def learn_lengths(means, counts, bones, positions, covariances, measured):
     """Update means (B,) and counts (B,) of bones (B, 2) in place."""
     for i in range(len(bones)):
         a, b = bones[i]
@@ -71,7 +71,7 @@ def learn_lengths(means, counts, bones, positions, covariances, measured):  # ty
 
 
 @njit(cache=True, error_model="numpy")
-def pull_bones(positions, covariances, bones, means, usable, there, sigma):  # type: ignore[no-untyped-def]
+def pull_bones(positions, covariances, bones, means, usable, there, sigma):
     """Take the usable lengths as measurements of noise sigma m, in place."""
     unit, gain_a, gain_b = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(bones)):

@@ -77,7 +77,7 @@ class Tuning:
 
 
 @njit(cache=True, error_model="numpy")
-def innovation_sums(now, before):  # type: ignore[no-untyped-def]
+def innovation_sums(now, before):
     """Of innovations (J, 3), clipped: number, sum of squares, sums of products over time.
 
     Args:

@@ -33,7 +33,7 @@ def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Arra
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _unrivalled(nodes, joints, distance):  # type: ignore[no-untyped-def]
+def _unrivalled(nodes, joints, distance):
     """Which (N,) nodes, in the order of joint and votes, are not close to a better one that stays."""
     kept = np.ones(len(nodes), np.bool_)
     for k in range(len(nodes)):
