@@ -6,14 +6,11 @@ from dataclasses import dataclass, field
 
 from panoptic_ros.domain import AudioBlock, TimecodeReading
 from panoptic_ros.stage import Notice, StageContext, StepResult
-from panoptic_ros.timecode.breaks import Heard, find_break
-from panoptic_ros.timecode.click_kernels import compile_conditioning
 from panoptic_ros.timecode.config import TimecodeConfig
-from panoptic_ros.timecode.decoder import LtcDecoder, Word
-from panoptic_ros.timecode.fit_kernels import compile_fit
+from panoptic_ros.timecode.decoder import LtcDecoder
+from panoptic_ros.timecode.follow.breaks import Heard, find_break
+from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.kernels import compile_kernels
-from panoptic_ros.timecode.line_kernels import compile_lines
-from panoptic_ros.timecode.shape_kernels import compile_shape
 
 STAMPS_SECONDS = 3.0  # of block stamps that are kept: longer than a word waits to be reported
 
@@ -41,10 +38,6 @@ class TimecodeStage:
         self._config = config
         self._devices: dict[str, _Device] = {}
         compile_kernels()
-        compile_fit()
-        compile_shape()
-        compile_conditioning()
-        compile_lines()
 
     def step(self, item: AudioBlock) -> StepResult[TimecodeReading]:
         """Readings that the block completes."""

@@ -35,6 +35,8 @@ STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", 
 IMPURE_CALLS = {"print", "open", "input"}
 NEED_ROS = {"panoptic_ros.running.over_dds"}  # outside of nodes: the only modules that import it
 SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io reads, not the reverse
+# Rooms inside of a stage: each imports itself and those before it. Modules beside them import all.
+INNER_ROOMS = {"timecode": ("config", "signal", "word", "label", "follow")}
 
 
 def room_of(module: str) -> str:
@@ -77,7 +79,9 @@ def _check_import(module: str, room: str, target: str, pure: bool, standard: fro
     top = target.split(".")[0]
     if top == "panoptic_ros":
         other = room_of(target)
-        if other in ("", "__version__", room):
+        if other == room:
+            return _check_inner(module, room, target)
+        if other in ("", "__version__"):
             return []
         if other == "nodes" and module not in NEED_ROS:
             return [f"{module}: imports {target}, which needs ROS"]
@@ -91,6 +95,14 @@ def _check_import(module: str, room: str, target: str, pure: bool, standard: fro
     if top == "rclpy" and room == "running" and module not in NEED_ROS:
         return [f"{module}: imports {top}, which needs ROS"]
     return [] if top in THIRD_PARTY[room] else [f"{module}: imports {top}, not allowed in {room}"]
+
+
+def _check_inner(module: str, room: str, target: str) -> list[str]:
+    order = INNER_ROOMS.get(room, ())
+    here, there = ((*name.split("."), "", "")[2] for name in (module, target))
+    if here not in order or (there in order and order.index(there) <= order.index(here)):
+        return []
+    return [f"{module}: the room {here} of {room} imports {target}, which is not before it"]
 
 
 def _check_call(module: str, node: ast.Call) -> list[str]:

@@ -12,8 +12,6 @@ from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
 from panoptic_ros.timecode.decoder import LtcDecoder
-from panoptic_ros.timecode.fit_kernels import misfit, train_rows
-from panoptic_ros.timecode.line_kernels import widest_gap
 
 START = Timecode(10, 20, 30, 4, timecode_rate("30"))
 
@@ -63,20 +61,3 @@ def test_words_do_not_stick_to_the_places_of_samples() -> None:
     words = decoder.push(lfilter(numerator, denominator, signal.samples)) + decoder.finish()
     errors = np.array([word.start for word in words]) - signal.starts
     assert np.ptp(errors[1:]) * 1e6 / 48000 < 5.0
-
-
-def test_widest_gap() -> None:
-    assert widest_gap(np.array([3.1, 7.2, 0.6]), 1.0) == pytest.approx(0.5)
-    assert widest_gap(np.array([5.25]), 0.5) == pytest.approx(0.5)
-
-
-def test_misfit_is_seen_in_wrong_shapes_only() -> None:
-    rng = np.random.default_rng(3)
-    grid, places = np.array([400.3, 20.0, 0.0]), np.flatnonzero(rng.integers(0, 3, 36)) - 18.0
-    at = np.arange(-4, 4) + np.arange(9)[:, None] / 8.0
-    steep = np.stack([np.zeros_like(at), np.exp(-(at**2))])
-    rows = train_rows(0, np.zeros(800), grid, places, steep, 4)
-    noise = 0.1 * rng.standard_normal(800)
-    wrong = noise + 0.2 * rows[0] * (np.abs(rows[2]) > 0.5)
-    assert misfit(0, rows, noise, grid, places) < 0.05**2
-    assert misfit(0, rows, wrong, grid, places) > 0.05**2

@@ -1,0 +1,64 @@
+"""Where words do not follow each other: the timecode jumped, or audio was lost of which no count tells.
+
+Label, count of samples and stamp all tell how much time has passed between two words. The one that disagrees
+with the other two is wrong.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.domain import Timecode
+from panoptic_ros.stage import Notice
+from panoptic_ros.timecode.follow.reading import Word
+from panoptic_ros.timecode.label.rates import with_rate
+from panoptic_ros.timecode.word.layout import WORD_CELLS
+
+LONGEST_GAP = 250  # words; over more, the speed is not known well enough to count on
+SLACK = 0.07  # of the time passed, or of a word, that a changing speed makes
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A word and its stamp, ns."""
+
+    word: Word
+    stamp_ns: int
+
+
+def find_break(device: str, sample_rate: int, last: Heard, new: Heard) -> tuple[Notice, ...] | None:
+    """What happened between two words of a device; None if the next word must tell.
+
+    Audio that is lost inside of a word moves its start, but not yet its stamp.
+    """
+    samples = new.word.start - last.word.start
+    passed = samples / (WORD_CELLS * new.word.cell)  # words
+    if round(passed) > LONGEST_GAP:
+        return ()
+    if new.word.reverse != last.word.reverse:
+        return (_jump(device, new.word.timecode),)
+    ahead = _labels_ahead(last.word, new.word, round(passed))
+    missing = ahead + round(passed) - passed
+    lost = missing * WORD_CELLS * new.word.cell  # samples, by the labels
+    by_stamps = (new.stamp_ns - last.stamp_ns) * 1e-9 * sample_rate - samples
+    uneven = missing > SLACK * max(1.0, passed)
+    if uneven and abs(by_stamps - lost) < 0.5 * lost:
+        text = f"audio of {device} lost about {round(lost)} samples, uncounted, before {new.word.timecode}"
+        return (Notice("timecode.gap", "warning", text, {"device": device}),)
+    if ahead:
+        return (_jump(device, new.word.timecode),)
+    return None if uneven else ()
+
+
+def _labels_ahead(last: Word, new: Word, passed: int) -> int:
+    """By how many frames the new label is ahead of what it should be after so many words."""
+    rate = new.timecode.rate
+    count = with_rate(last.timecode, rate).frame_count + (-passed if new.reverse else passed)
+    ahead = new.timecode.frame_count - Timecode.from_frame_count(count, rate).frame_count
+    day = 24 * (107_892 if rate.drop_frame else 3600 * rate.nominal)
+    ahead = (ahead + day // 2) % day - day // 2
+    return -ahead if new.reverse else ahead
+
+
+def _jump(device: str, label: Timecode) -> Notice:
+    text = f"the timecode of {device} jumped to {label}"
+    return Notice("timecode.jump", "warning", text, {"device": device})

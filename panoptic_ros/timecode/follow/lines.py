@@ -1,0 +1,70 @@
+"""Lines and curves through the middles of words.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+FAR = 20.0  # times the median of squares: three standard deviations
+
+
+@_jit
+def line_fit(words: Array) -> tuple[float, float, float, float, float, float]:
+    """The line through words' middles.
+
+    Args:
+        words: (4, N) numbers, middles, variances by white noise, and unseen.
+
+    Returns: slope, its norm, squared error per degree of freedom, how much more a cubic explains by each
+    of its two terms than it leaves by each degree of freedom (0 for fewer than 6 words), mean variances.
+    """
+    count = words.shape[1]
+    shown, unseen = words[2].mean(), words[3].mean()
+    x = words[0] - words[0].mean()
+    y = words[1] - words[1].mean()
+    norm = (x * x).sum()
+    slope = (x * y).sum() / norm
+    error = y - slope * x
+    square = (error * error).sum()
+    if count < 6 or square <= 0.0:
+        return slope, norm, square / (count - 2), 0.0, shown, unseen
+    x /= np.abs(x).max()
+    powers = np.empty((4, count))
+    for k in range(4):
+        powers[k] = x**k
+    right = (powers * error).sum(axis=1)
+    left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
+    ratio = 0.5 * (square - left) / (left / (count - 4))
+    return slope, norm, square / (count - 2), ratio, shown, unseen
+
+
+@_jit
+def curve_excess(words: Array, scale: float) -> float:
+    """Mean of squared errors about a parabola through words' middles, beyond their variances.
+
+    Args:
+        words: see `line_fit`; few far off count less.
+        scale: of the variances.
+    """
+    count = words.shape[1]
+    x = (words[0] - words[0].mean()) / max(1.0, words[0, -1] - words[0, 0])
+    y = words[1] - words[1].mean()
+    powers = np.empty((3, count))
+    for k in range(3):
+        powers[k] = x**k
+    weights = np.linalg.solve(_products(powers), (powers * y).sum(axis=1))
+    squares = (y - weights[0] * powers[0] - weights[1] * powers[1] - weights[2] * powers[2]) ** 2
+    squares = np.minimum(squares, FAR * np.median(squares))
+    return squares.sum() / (count - 3) - scale * words[2].mean()
+
+
+@_jit
+def _products(rows: Array) -> Array:
+    """Of the rows of a matrix with each other."""
+    out = np.empty((len(rows), len(rows)))
+    for i in range(len(rows)):
+        for j in range(len(rows)):
+            out[i, j] = (rows[i] * rows[j]).sum()
+    return out

@@ -1,0 +1,104 @@
+"""Labels that count on, and those that the soft bits of a stretch of words propose."""
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain import FrameRate, Timecode
+from panoptic_ros.errors import ClockError
+from panoptic_ros.timecode.word.layout import COUNTINGS, TABLES
+
+Array = np.ndarray
+FAR_NATS = 60.0  # behind the best values of a label's fields: nobody asks for labels so unlikely
+NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
+CLOCK = ("seconds", "minutes", "hours")
+MOST_NEAR = 8  # of these together that are proposed for each of those frames
+
+
+@dataclass(frozen=True, slots=True)
+class Counting:
+    """Labels that count on: that of word 0, and the step from word to word, 1 or -1."""
+
+    rate: FrameRate
+    count: int
+    step: int
+
+    def label(self, number: int) -> Timecode:
+        """Of a word."""
+        return Timecode.from_frame_count(self.count + self.step * number, self.rate)
+
+
+def proposals(soft: Array, step: int) -> Iterator[Counting]:
+    """The most likely countings by the soft bits (W, 80), and what is near them."""
+    fields = _Fields(soft)
+    numbers = np.arange(len(soft))
+    reference = len(soft) // 2
+    for rate in COUNTINGS[:3]:
+        found = []
+        for frame in range(rate.nominal):
+            frames = frame + step * (numbers - reference)
+            score = float(fields.tables["frames"][numbers, frames % rate.nominal].sum())
+            labels = fields.nearest(CLOCK, frames // rate.nominal)
+            found.append((score + labels[0][0], frame, labels))
+        found.sort(reverse=True)
+        for _, frame, labels in found[:NEAR_FRAMES]:
+            for _, (seconds, minutes, hours) in labels:
+                yield from _countings(hours, minutes, seconds, frame, rate, step, reference)
+
+
+class _Fields:
+    """What the soft bits (W, 80) of words say for the values of each field of a label."""
+
+    def __init__(self, soft: Array):
+        self.tables = {name: soft[:, bits] @ rows.T.astype(float) for name, (bits, rows) in TABLES.items()}
+        self._found: dict[tuple[str, bytes], list[tuple[float, tuple[int, ...]]]] = {}
+
+    def nearest(self, names: Sequence[str], carry: Array) -> list[tuple[float, tuple[int, ...]]]:
+        """The best values of some fields of the words of no carry, and those near them, with their scores.
+
+        Args:
+            names: of the fields; each turns the next by one after 60.
+            carry: (W,) what has been added to the first of them.
+        """
+        key = (names[0], carry.tobytes())  # few carries are asked for, but often
+        if key not in self._found:
+            found = sorted(self._candidates(names, carry), reverse=True)[:MOST_NEAR]
+            self._found[key] = [item for item in found if item[0] > found[0][0] - FAR_NATS]
+        return self._found[key]
+
+    def _candidates(self, names: Sequence[str], carry: Array) -> Iterator[tuple[float, tuple[int, ...]]]:
+        own = _carried(self.tables[names[0]], carry)
+        best = np.argsort(-own, kind="stable")
+        if len(names) == 1:
+            yield from ((float(own[value]), (int(value),)) for value in best[:MOST_NEAR])
+            return
+        turned = (best[:, None] + carry) // 60
+        turning = turned.any(axis=1)
+        worth = turning | (np.cumsum(~turning) <= MOST_NEAR)  # the others share what follows
+        for value, onwards in zip(best[worth].tolist(), turned[worth]):
+            for score, rest in self.nearest(names[1:], onwards):
+                yield float(own[value]) + score, (value, *rest)
+
+
+def _carried(table: Array, carry: Array) -> Array:
+    """For each value of a field, the score of the words if it is that of the words of no carry."""
+    values = table.shape[1]
+    total = np.zeros(values)
+    for amount in np.unique(carry):
+        total += np.roll(table[carry == amount].sum(axis=0), -int(amount))
+    return total
+
+
+def _countings(
+    hours: int, minutes: int, seconds: int, frames: int, rate: FrameRate, step: int, number: int
+) -> Iterator[Counting]:
+    """The countings in which a word has a label; drop-frame is one more for 30 labels."""
+    rates = [rate, COUNTINGS[3]] if rate.nominal == 30 else [rate]
+    for one in rates:
+        try:
+            label = Timecode(hours, minutes, seconds, frames, one)
+        except ClockError:
+            continue
+        yield Counting(one, label.frame_count - step * number, step)

@@ -1,0 +1,141 @@
+"""What one word says for a label: against all other labels, and against those of the frames beside it.
+
+Timecode that stands still sends labels that differ in few bits from those counted on, and a user bit beside
+them can hide the turned polarity that shows it. So where a word has the user bits of the words before,
+whatever its label is, labels are judged with them, and a label must be ahead of those next to it. All is in
+nats (natural logarithms of probability).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from panoptic_ros.domain import Timecode
+from panoptic_ros.timecode.label.user_bits import UserBits
+from panoptic_ros.timecode.word.layout import USER_BITS, WORD_CELLS, known_bits
+from panoptic_ros.timecode.word.levels import WordLevels
+from panoptic_ros.timecode.word.viterbi import FREE, LEAST_NOISE, best_path, soft_bits, verdict
+
+Array = np.ndarray
+GOOD_NATS = 15.0  # by which a word may contradict its label
+LEAST_QUALITY = 0.8  # share of the levels' magnitude that the bits must explain
+LEAST_TENTH = 0.25  # of the word's level, in each tenth of it: a cut word has less
+LEAST_ANYWHERE = 0.1  # in a tenth that begins anywhere: silence has less
+POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # the same for words between good ones
+CLEAN_SHARE = 0.93  # of the levels that bits explain if there is no click
+CLEAR_NATS = 1.0  # a clean word that contradicts its label by less has no other
+USER_NATS = 8.0  # by which a word may contradict the user bits of others and still have them
+BESIDE = (-1, 1, -2, 2, -3, 3, -4, 4)  # frames: timecode that stands still is lost after so many
+BEHIND_NATS = 24.0  # of the labels beside: a word that clicks spoil may be so far behind
+NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How a label fits a word.
+
+    Args:
+        nats: by which the levels contradict the label, at least 0.
+        bits: (80,) the most likely ones with this label.
+        signs: (160,) of the half cells.
+        level: of the signal.
+        share: of the levels' magnitude that is explained.
+        good: whether the word is there and has this label.
+        possible: whether it may have it; clicks contradict for a moment.
+        ahead: by which the labels of the frames beside fit worse, if that was asked.
+    """
+
+    nats: float
+    bits: Array
+    signs: Array
+    level: float
+    share: float
+    good: bool
+    possible: bool
+    ahead: float = np.inf
+
+    @property
+    def clean(self) -> bool:
+        """Whether no click or noise spoils the word."""
+        return self.share > CLEAN_SHARE
+
+
+def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdict:
+    """Judge a word.
+
+    Args:
+        wanted: (80,) the label's bits.
+        free: the score of the best path without a label, if known.
+    """
+    if free is None:
+        free = free_score(levels)
+    nats, level, share, tenth, anywhere, bits, signs = verdict(levels.halves, wanted, levels.before, free)
+    whole = anywhere > LEAST_ANYWHERE * level > 0.0
+    good = whole and nats < GOOD_NATS and share > LEAST_QUALITY and tenth > LEAST_TENTH * level
+    possible = whole and nats < POSSIBLE_NATS and share > POSSIBLE_QUALITY
+    return Verdict(nats, bits, signs, level, share, good, possible)
+
+
+def free_score(levels: WordLevels) -> float:
+    """Of the best path without a label."""
+    return best_path(levels.halves, NO_BITS, levels.before)[0]
+
+
+def soft_nats(levels: WordLevels, wanted: Array) -> Array:
+    """Nats (80,) for ones, given some bits (80,)."""
+    halves = levels.halves
+    level = (best_path(halves, wanted, levels.before)[0] - abs(levels.before)) / len(halves)
+    noise = max(float(halves @ halves) / len(halves) - level * level, (LEAST_NOISE * level) ** 2, 1e-30)
+    return level * soft_bits(halves, wanted, levels.before) / noise
+
+
+class Evidence:
+    """Of one word.
+
+    Args:
+        user: what is known of the user bits.
+    """
+
+    def __init__(self, levels: WordLevels, user: UserBits):
+        self._levels = levels
+        self._free = free_score(levels)
+        self._user = user.likely
+        self.contradiction = 0.0  # nats by which it fits better without the user bits that are known
+        self.same_user = False
+        if user.certain:
+            bits = NO_BITS.copy()
+            bits[USER_BITS] = user.likely
+            self.contradiction = judge(levels, bits, self._free).nats
+            self.same_user = self.contradiction < USER_NATS
+            if self.same_user:
+                self._free = best_path(levels.halves, bits, levels.before)[0]
+
+    def verdict(self, label: Timecode) -> Verdict:
+        """Of a label."""
+        return judge(self._levels, self._wanted(label), self._free)
+
+    def compared(self, label: Timecode, found: Verdict) -> Verdict:
+        """Its verdict, after a look at the labels beside it where the word is not clear."""
+        if found.clean and found.nats < CLEAR_NATS:
+            return found
+        beside = (Timecode.from_frame_count(label.frame_count + step, label.rate) for step in BESIDE)
+        ahead = min(self.verdict(other).nats for other in beside) - found.nats
+        possible = found.possible and ahead > -BEHIND_NATS
+        return replace(found, good=found.good and ahead >= 0.0, possible=possible, ahead=ahead)
+
+    def with_user(self, label: Timecode, user: Array) -> Verdict:
+        """Of a label with user bits (32,)."""
+        wanted = known_bits(label)
+        wanted[USER_BITS] = user
+        return judge(self._levels, wanted, self._free)
+
+    def soft_user(self, label: Timecode) -> Array:
+        """Nats (32,) for ones in the user bits of a word with a label."""
+        return soft_nats(self._levels, known_bits(label))[USER_BITS]
+
+    def _wanted(self, label: Timecode) -> Array:
+        wanted = known_bits(label)
+        if self.same_user:
+            wanted[USER_BITS] = self._user
+        return wanted

@@ -1,0 +1,94 @@
+"""The timecode of a whole recording: what was learnt later serves the beginning of each signal too.
+
+Words are read as in a stream. Then the first ones of each signal are timed anew with the shape of edges and
+the speed that the following words have taught, and all words of a signal get the rate that its last word has.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.domain import TimecodeReading
+from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.timecode.decoder import LtcDecoder
+from panoptic_ros.timecode.follow.pace import Pace
+from panoptic_ros.timecode.follow.reading import Word
+from panoptic_ros.timecode.label.rates import with_rate
+from panoptic_ros.timecode.word.fit import WordFit, fit_word
+
+Array = np.ndarray
+EARLY_WORDS = 90  # after which the shape is known well enough while it is learnt
+LINE_WORDS = 12  # by which the speed at the beginning is found
+PIECE_SECONDS = 1.0
+
+
+def decode_recording(
+    config: TimecodeConfig, device: str, sample_rate: int, samples: Array, stamp_ns: int = 0
+) -> list[TimecodeReading]:
+    """All readings of a recording.
+
+    Args:
+        samples: (N,) of one channel, the first at `stamp_ns`.
+    """
+    decoder = LtcDecoder(config, sample_rate)
+    piece = int(PIECE_SECONDS * sample_rate)
+    words: list[Word] = []
+    for first in range(0, len(samples), piece):
+        words += decoder.push(samples[first : first + piece])
+    words += decoder.finish()
+    readings = []
+    for signal in _signals(words):
+        rate = signal[-1].timecode.rate
+        early = _timed_anew(signal[:EARLY_WORDS], samples, sample_rate)
+        for word in [*early, *signal[EARLY_WORDS:]]:
+            stamp = max(0, stamp_ns + round(word.start / sample_rate * 1e9))
+            label = with_rate(word.timecode, rate)
+            readings.append(
+                TimecodeReading(device, stamp, label, word.start, word.std, word.reverse, word.user_bits)
+            )
+    return readings
+
+
+def _signals(words: list[Word]) -> Iterator[list[Word]]:
+    """Words that were followed from one to the next."""
+    signal: list[Word] = []
+    for word in words:
+        if signal and word.shape is not signal[-1].shape:
+            yield signal
+            signal = []
+        signal.append(word)
+    if signal:
+        yield signal
+
+
+def _timed_anew(words: list[Word], samples: Array, sample_rate: int) -> list[Word]:
+    """The words with starts by all that is known at their signal's end."""
+    fits = [_fit(word, samples, sample_rate) for word in words]
+    pace = Pace(words[0].reverse, words[0].bending)
+    line = None
+    good = [(word, fit) for word, fit in zip(words, fits) if fit is not None]
+    if len(good) >= LINE_WORDS:
+        for word, fit in good[:LINE_WORDS]:
+            pace.take(word.number, fit)
+        _, line = pace.early(good[0][1].grid, good[0][0].number)
+    pace = Pace(words[0].reverse, words[0].bending, line)
+    out = []
+    for word, fit in zip(words, fits):
+        if fit is None:
+            out.append(word)
+            continue
+        start, std, _ = pace.take(word.number, fit)
+        out.append(replace(word, start=start, std=std))
+    return out
+
+
+def _fit(word: Word, samples: Array, sample_rate: int) -> WordFit | None:
+    """Of a word that nothing contradicts."""
+    if not word.sure:
+        return None
+    first = max(0, int(word.grid[0] - 45.0 * word.grid[1]))
+    last = int(word.grid[0] + 45.0 * word.grid[1])
+    part = samples[first:last].astype(np.float64)
+    return fit_word(part, first, word.bits, word.grid, sample_rate, word.shape, word.bending)

@@ -1,0 +1,75 @@
+"""From raw samples to a signal without DC, hum and clicks, chunk by chunk, with no delay."""
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import firwin
+
+from panoptic_ros.timecode.signal.baseline import hat_sums
+from panoptic_ros.timecode.signal.clicks import bridge_clicks
+from panoptic_ros.timecode.signal.filters import between, high_pass, limit
+
+Array = np.ndarray
+FILTER_SECONDS = 0.014
+KNOT_HZ = 6000.0  # at least: what lies below the corner is worked out so often, with lines between
+FINE_RATE = 32_000  # Hz, at least: edges lie between samples
+BESIDE = 16  # samples to both sides of those that are put between
+WINDOW = "kaiser", 4.5
+LEVEL_SECONDS = 0.0125
+LEVEL_SHARE = 0.8  # of the samples lie below the level; drooping recordings are mostly far below
+CLIP = 1.8  # times the level; edges overshoot by less
+BLANK = 3.0  # times the level; what is beyond is a click and says nothing
+CLICK = 2.4  # times the level, before the filter could smear it
+CLICK_SECONDS = 0.0006  # at most
+BASELINE_SECONDS = 0.0015  # to both sides of a sample that may be a click
+
+
+class Conditioner:
+    """Clicks bridged, a linear-phase high pass, a limiter; low sample rates come out `up` times as fine.
+
+    The filter is symmetric and its output is put where its centre was, so edges stay where they
+    are; in exchange the newest `reach` samples wait for the next chunk.
+    """
+
+    def __init__(self, sample_rate: int, corner_hz: float):
+        self.up = max(1, -(-FINE_RATE // sample_rate))
+        self._step = max(1, int(sample_rate / KNOT_HZ))
+        knots = int(0.5 * FILTER_SECONDS * sample_rate / self._step) - 2  # of the low pass, to each side
+        low = firwin(2 * knots + 1, corner_hz, window=WINDOW, fs=sample_rate / self._step)
+        self._low_pass = low / self._step  # hats are so large
+        self._between = _between(self.up)
+        self._half = (knots + 2) * self._step + (BESIDE if self.up > 1 else 0)
+        self._beside = int((BASELINE_SECONDS + CLICK_SECONDS) * sample_rate) + 2
+        self.reach = self._half + self._beside
+        self._piece = max(8, int(LEVEL_SECONDS * sample_rate * self.up))
+        self._clicks = (
+            int(BASELINE_SECONDS * sample_rate), max(8, int(LEVEL_SECONDS * sample_rate)),
+            LEVEL_SHARE, CLICK, max(2, int(CLICK_SECONDS * sample_rate)),
+        )  # fmt: skip
+        self._raw = np.zeros(self._beside)  # before the first sample there was silence
+        self._history = np.zeros(self._half)
+
+    def push(self, raw: Array) -> Array:
+        """Conditioned samples, `reach` behind the raw ones; `up` for each that came in after the start."""
+        raw = np.concatenate([self._raw, raw])
+        if len(raw) <= 2 * self._beside:
+            self._raw = raw
+            return np.zeros(0)
+        clean = bridge_clicks(raw, *self._clicks)[self._beside : -self._beside]
+        self._raw = raw[-2 * self._beside :]
+        joined = np.concatenate([self._history, clean])
+        if len(joined) <= 2 * self._half:
+            self._history = joined
+            return np.zeros(0)
+        self._history = joined[-2 * self._half :]
+        signal = high_pass(joined, hat_sums(joined[None], self._step)[0], self._low_pass, self._step)
+        if self.up > 1:
+            signal = between(signal, self._between)
+        limit(signal, self._piece, LEVEL_SHARE, CLIP, BLANK)
+        return signal
+
+
+def _between(up: int) -> Array:
+    """What samples (up - 1, 2 M) beside a place count for it, for places between two samples."""
+    away = np.arange(1 - BESIDE, BESIDE + 1) - np.arange(1, up)[:, None] / up
+    rows = np.sinc(away) * np.i0(WINDOW[1] * np.sqrt(1.0 - (away / BESIDE) ** 2))
+    return rows / rows.sum(axis=1, keepdims=True)

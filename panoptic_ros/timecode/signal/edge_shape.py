@@ -1,0 +1,168 @@
+"""What a step of the signal looks like in the samples: a guess, and what the words teach.
+
+A generator's edge of 40 us behind a recorder's low pass is a good guess on a short line. Other filters,
+tapes and clipping change it, and with it where a word seems to begin, by an amount that depends on its bits.
+So the words themselves teach a correction (cubic B-splines) and the droop of a coupling capacitor
+(the part of the integral of the samples that gives the plateaus back). All are linear: normal equations are
+summed up over words, each with its own level, place, length and baseline left free.
+
+Where the origin of a step is, cannot be learnt. The correction must not move the guess, as a least-squares
+fit of the guess would see it, wherever it lies between samples: so learning takes the scatter away, and
+leaves the mean.
+
+Words often last a whole number of samples, so that many in a row show a step at the same places only. What
+lies between follows from the band that a recorder lets pass. Without that, words would stick to those places.
+"""
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from panoptic_ros.timecode.signal.baseline import Baseline, gram_without
+from panoptic_ros.timecode.signal.edge_tables import kinds_of, moves_of, spline_tables, step_guess
+from panoptic_ros.timecode.signal.shape_kernels import (
+    OWN,
+    PLACE,
+    corrected,
+    integrated,
+    shape_rows,
+    without_own,
+)
+from panoptic_ros.timecode.signal.wave import train_rows
+
+Array = np.ndarray
+REACH = 12  # samples at up to 48 kHz
+KNOT = 0.5  # samples at up to 48 kHz
+BASE_RATE = 48_000
+# What corrections may be beforehand, of the level: odd ones, even ones, which come from lopsided filters,
+# and those that a recorder's low pass cannot make, but clipping can.
+SPREADS = np.array([0.1, 0.005, 0.005])
+LEAST_SPREAD = 1e-4
+DROOP_SPREAD = 0.1  # per sample
+MEMORY = 300.0  # words; half of them at first, since the first ones were fitted with the guess
+LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond
+SURE = 4.0  # standard deviations from which on droop is believed
+ALIKE_WORDS = 3.0  # that count as one, since hum repeats
+LEAST_NOISE = 0.01  # of the level: what splines cannot say
+
+
+class EdgeShape:
+    """The shape of a step at a sample rate, as `table` for the kernels."""
+
+    def __init__(self, sample_rate: int):
+        scale = max(1, round(sample_rate / BASE_RATE))
+        self.reach = REACH * scale
+        self._knot = KNOT * scale
+        self._least_droop = 2.0 * np.pi * LEAST_DROOP_HZ / sample_rate
+        self._guess = step_guess(sample_rate, self.reach)
+        self._splines = spline_tables(self.reach, self._knot)
+        count = len(self._splines)
+        self._normal = np.zeros((count + 1, count + 1))  # the last unknown is the droop
+        self._right = np.zeros(count + 1)
+        self._along = moves_of(sample_rate, self.reach, self._knot)
+        self._solution = np.zeros(count + 1)
+        self._kinds = kinds_of(count, self._knot)
+        self._prior = np.zeros((count + 1, count + 1))
+        self._prior[:-1, :-1] = np.tensordot(SPREADS**-2, self._kinds, axes=1)
+        self._prior[-1, -1] = DROOP_SPREAD**-2
+        self._droops: deque[float] = deque(maxlen=64)  # by each word alone
+        self.table = self._guess
+        self.doubt = 0.0
+        self.sudden = 1.0
+        self.droop = 0.0
+        self.words = 0
+
+    def straighten(self, values: Array) -> Array:
+        """Samples (N,) without droop; a baseline is left."""
+        if self.droop == 0.0:
+            return values
+        return values + self.droop * integrated(values)
+
+    def learn(
+        self, values: Array, low: int, grid: Array, places: Array, level: float, slow: Baseline,
+        excess: float, sudden: float,
+    ) -> None:  # fmt: skip
+        """From a word whose fit has settled.
+
+        Args:
+            values: (N,) samples as recorded, without clicks.
+            low: index of the first.
+            grid, places: see `train_rows`.
+            level: of the word, signed.
+            slow: what is left free.
+            excess: variance of the word's edges over that from white noise.
+            sudden: share of the edges that jump from plateau to plateau between two samples.
+        """
+        train = train_rows(low, values, grid, places, self._guess, 4)
+        rows = shape_rows(train, level, low, grid, places, self._splines, self._knot)
+        gram, _ = gram_without(rows, slow.basis, slow.step)
+        reduced = without_own(gram)
+        known = np.append(self._solution, -1.0)
+        noise = (float(known @ reduced @ known) / len(values) + LEAST_NOISE**2) * max(1.0, excess)
+        keep = 1.0 - 1.0 / min(MEMORY, 0.5 * self.words + 4.0)
+        alone = np.linalg.solve(reduced[:-1, :-1] / noise + self._prior, reduced[:-1, -1] / noise)
+        self._droops.append(float(alone[-1]))
+        self._normal = keep * self._normal + reduced[:-1, :-1] / noise
+        self._right = keep * self._right + reduced[:-1, -1] / noise
+        self.sudden += (sudden - self.sudden) / min(self.words + 1.0, MEMORY)
+        self.words += 1
+        self._solve()
+        moves = np.linalg.solve(gram[:OWN, :OWN], gram[:OWN, OWN:-1])[PLACE]
+        self.doubt = self._place_doubt(moves)
+
+    def _solve(self) -> None:
+        """The correction and the droop, if there is one."""
+        normal = self._normal + self._prior
+        drooping = self._drooping()
+        if drooping:
+            solution, inverse = _constrained(normal, self._right, self._along)
+            drooping = solution[-1] >= max(SURE * np.sqrt(inverse[-1, -1]), self._least_droop)
+        if not drooping:
+            few = slice(None, -1)
+            solution = np.append(_constrained(normal[few, few], self._right[few], self._along[few])[0], 0.0)
+        self._solution = solution
+        self.droop = float(solution[-1])
+        self.table = corrected(self._guess, self._splines, solution[:-1])
+        self.table.flags.writeable = False
+
+    def _place_doubt(self, moves: Array) -> float:
+        """Standard deviation, samples, by which what is not known of the shape may move a word.
+
+        Where no edge was heard yet, the guess may be as wrong as it was found elsewhere.
+
+        Args:
+            moves: (J + 1,) of a word by each correction and the droop.
+        """
+        count, known = len(self._splines), self._solution[:-1]
+        inverse = np.linalg.inv(self._normal + self._prior)[:-1, :-1]
+        heard = (self._kinds * (np.eye(count) - inverse * SPREADS[:, None, None] ** -2)).sum(axis=(1, 2))
+        found = np.sqrt(known @ self._kinds @ known / np.maximum(heard, 1.0))
+        spreads = np.clip(found, LEAST_SPREAD, SPREADS[0])
+        free = slice(None, None if self.droop else -1)
+        normal, along, moves = self._normal[free, free].copy(), self._along[free], moves[free]
+        normal[:count, :count] += np.tensordot(spreads**-2, self._kinds, axes=1)
+        inverse = np.linalg.inv(normal)
+        across = inverse @ along
+        variance = moves @ inverse @ moves - (moves @ across) ** 2 / (along @ across)
+        return float(np.sqrt(max(0.0, variance)))
+
+    def _drooping(self) -> bool:
+        """Whether words agree that there is droop; hum looks like it now and then."""
+        words = len(self._droops)
+        count = words / ALIKE_WORDS
+        mean = sum(self._droops) / words
+        scatter = math.sqrt(sum((droop - mean) ** 2 for droop in self._droops) / words)
+        return count >= 1.0 and mean > SURE * max(scatter, self._least_droop) / math.sqrt(count)
+
+
+def _constrained(normal: Array, right: Array, along: Array) -> tuple[Array, Array]:
+    """Least squares with along @ x = 0, and the inverse of the normal matrix."""
+    inverse = np.linalg.inv(normal)
+    solution = inverse @ right
+    across = inverse @ along
+    size = float(along @ across)
+    if size > 0.0:
+        solution = solution - across * (float(along @ solution) / size)
+    return solution, inverse

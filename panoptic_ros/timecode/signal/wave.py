@@ -1,0 +1,75 @@
+"""The wave of a word: its edges, and its samples with their derivatives.
+
+A word's wave is a sum of steps, that is of signs and, near each edge, of a table (2, P + 1, 2 R): what a step
+has more than its sign, and its slope, at R samples to both sides and P places between two samples. Entry
+(p, j) is for a sample that lies j - R + p / P after the edge.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@_jit
+def edge_places(bits: Array) -> Array:
+    """Edges of a word (N,) in cells from its middle, the one that ends it included."""
+    count, half = 0, 0.5 * len(bits)
+    places = np.empty(2 * len(bits) + 1)
+    for k in range(len(bits)):
+        places[count] = k - half
+        count += 1
+        if bits[k]:
+            places[count] = k + 0.5 - half
+            count += 1
+    places[count] = half
+    return places[: count + 1].copy()
+
+
+@_jit
+def train_rows(low: int, values: Array, grid: Array, places: Array, shape: Array, terms: int) -> Array:
+    """A word's wave, that times time, its derivatives by middle, cell and bend, the samples, (terms + 1, N).
+
+    Args:
+        low: index of the first sample.
+        values: (N,) samples.
+        places: edges in cells from the middle; the wave rises at the first.
+        shape: (2, P + 1, 2 R) what a step has more than its sign, and its slope.
+        terms: 5, or 4 without the bend.
+    """
+    count = len(values)
+    phases, reach = shape.shape[1] - 1, shape.shape[2] // 2
+    rows = np.zeros((terms + 1, count))
+    middle, cell, bend = grid
+    sign, begin = -1.0, 0
+    for k in range(len(places)):
+        u = places[k]
+        stretched = u + bend * u * u
+        edge = middle + cell * stretched - low
+        after = int(np.ceil(edge))
+        end = min(max(after, 0), count)
+        for i in range(begin, end):
+            rows[0, i] += sign
+        begin, sign = end, -sign
+        place = (after - edge) * phases
+        below = min(int(place), phases - 1)
+        part = place - below
+        first = after - reach
+        for j in range(max(0, -first), min(2 * reach, count - first)):
+            i = first + j
+            more = shape[0, below, j] * (1.0 - part) + shape[0, below + 1, j] * part
+            slope = -sign * (shape[1, below, j] * (1.0 - part) + shape[1, below + 1, j] * part)
+            rows[0, i] += sign * more
+            rows[2, i] += slope
+            rows[3, i] += slope * stretched
+            if terms == 5:
+                rows[4, i] += slope * cell * u * u
+    for i in range(begin, count):
+        rows[0, i] += sign
+    scale = 2.0 / (count - 1.0)
+    for i in range(count):
+        rows[1, i] = rows[0, i] * (scale * i - 1.0)
+        rows[terms, i] = values[i]
+    return rows

@@ -1,0 +1,153 @@
+"""Finding a timecode signal: grid of cells, direction and the place of the words, from nothing.
+
+The energy of half-cell integrals is largest when every edge lies between two half cells. It is
+computed for all cell lengths and phases over a short stretch, then sharpened on longer ones. The
+best few lengths are tried in full, since patterns of bits can favour a multiple of the true one.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.timecode.signal.grid import moved_grid
+from panoptic_ros.timecode.signal.half_cells import half_levels
+from panoptic_ros.timecode.word.bit_clock import best_grid
+from panoptic_ros.timecode.word.layout import SYNC, SYNC_BACK, WORD_CELLS
+from panoptic_ros.timecode.word.search_kernels import scan_lengths, sync_means
+from panoptic_ros.timecode.word.viterbi import FREE, best_path
+
+Array = np.ndarray
+PHASES = 8
+CANDIDATES = 3  # by either measure
+APART = 0.03  # relative difference of two candidates' cell lengths
+FASTEST, SLOWEST = 30.0, 24000.0 / 1001.0  # frames/s
+STILL = np.zeros(1)
+SHIFTS, STRETCHES, BENDS = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5)
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How to look at a stretch.
+
+    Args:
+        seconds: newest part of the signal that is looked at.
+        coarse: s, of the first look; the longest over which the speed may seem constant.
+        longer: s, of the sharpening.
+        most_bend: relative change of the speed per cell, half of it; 0 looks for constant speeds.
+        least_sync: bits of 16, mean over the words.
+        least_share: of the signal's power, in the half cells of the best length.
+    """
+
+    seconds: float
+    coarse: float
+    longer: tuple[float, ...]
+    most_bend: float
+    least_sync: float
+    least_share: float = 0.0
+
+
+SHORT = Search(0.22, 0.06, (0.12, 0.22), 0.0, 14.5)  # soon after a signal has begun
+LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), 0.0, 12.0)  # through noise
+CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0, 0.4)  # wow
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A signal: its grid about the middle of a word, samples; direction; mean sync bits."""
+
+    grid: Array
+    reverse: bool
+    sync: float
+
+
+def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -> list[Found]:
+    """What may be timecode in the newest part of a signal, best first.
+
+    Args:
+        sums: (N + 1,) of the conditioned samples, see `integral`.
+        speed_range: how many times too fast or slow it may be.
+    """
+    shortest = sample_rate / (FASTEST * speed_range * WORD_CELLS)
+    longest = sample_rate * speed_range / (SLOWEST * WORD_CELLS)
+    length = len(sums) - 1
+    if length < search.seconds * sample_rate:
+        return []
+    begin = length - search.seconds * sample_rate
+    found: list[Found] = []
+    for half, edge in _coarse(sums, begin, 0.5 * shortest, 0.5 * longest, sample_rate, search):
+        grid = _sharpen(sums, begin, half, edge, sample_rate, search)
+        if shortest < grid[1] < longest:
+            found += _words(sums, begin, grid)
+    good = [item for item in found if item.sync >= search.least_sync]
+    return sorted(good, key=lambda item: -item.sync)[:2]
+
+
+def _coarse(
+    sums: Array, begin: float, shortest: float, longest: float, sample_rate: int, search: Search
+) -> Iterator[tuple[float, float]]:
+    """Half-cell lengths that explain the middle of the stretch best, and an edge there."""
+    span = search.coarse * sample_rate
+    begin = begin + 0.5 * (search.seconds - search.coarse) * sample_rate
+    steps = int(2.0 * span / shortest * np.log(longest / shortest)) + 2
+    lengths = shortest * (longest / shortest) ** np.linspace(0.0, 1.0, steps)
+    rows = scan_lengths(sums, begin, span, lengths, PHASES)
+    first, last = int(begin), int(begin + span)
+    power = float(np.mean(np.diff(sums[first : last + 1]) ** 2))
+    if rows[:, 0].max() <= search.least_share * power:
+        return
+    chosen: list[float] = []
+    # Noise favours short cells by the first measure, words of zeros long ones by the second.
+    for measure in (rows[:, 0], rows[:, 0] * lengths):
+        number = 0
+        for k in np.argsort(-measure):
+            if all(abs(lengths[k] / other - 1.0) > APART for other in chosen):
+                chosen.append(lengths[k])
+                yield float(lengths[k]), float(rows[k, 1])
+                number += 1
+            if number == CANDIDATES:
+                break
+
+
+def _sharpen(
+    sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search
+) -> Array:
+    """The grid about the middle of the stretch, from parts that grow about it."""
+    middle = begin + 0.5 * search.seconds * sample_rate
+    grid = np.array([edge + half * round((middle - edge) / half), 2.0 * half, 0.0])
+    for seconds in search.longer:
+        each_side = int(0.49 * seconds * sample_rate / grid[1])
+        stretch, bend = 0.5 / each_side, min(search.most_bend, 0.5 / each_side**2)
+        for scale in (1.0, 0.5, 0.25, 0.125):
+            steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES, scale * bend * BENDS if bend else STILL
+            grid = best_grid(sums, grid, -float(each_side), 2 * each_side, *steps)
+    return grid
+
+
+def _words(sums: Array, begin: float, grid: Array) -> Iterator[Found]:
+    """Where words are, for both directions."""
+    middle, cell, bend = grid
+    before = int((middle - begin) / cell) - 1
+    count = 2 * before
+    halves = half_levels(sums, middle, cell, bend, -float(before), count)
+    first = -float(before)
+    if not _even_parity(halves):
+        first, count = first + 0.5, count - 1
+        halves = halves[1 : 2 * count + 1]
+    bits = best_path(halves, np.full(count, FREE, np.int8), 0.0)[1]
+    if count < WORD_CELLS + 16:
+        return
+    for reverse in (False, True):
+        means = sync_means(bits, SYNC_BACK if reverse else SYNC, WORD_CELLS)
+        best = int(np.argmax(means))
+        word = best if reverse else best + 16  # the sync word ends a word
+        number = round((0.5 * count - word) / WORD_CELLS - 0.5)
+        u = first + word + WORD_CELLS * (number + 0.5)  # middle of a word amidst the stretch
+        yield Found(moved_grid(grid, u), reverse, float(means[best]))
+
+
+def _even_parity(halves: Array) -> bool:
+    """Whether cells begin at even half cells: their levels always change sign between cells."""
+    product = halves[:-1] * halves[1:]
+    return float(product[1::2].sum()) <= float(product[0::2].sum())

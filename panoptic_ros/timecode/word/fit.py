@@ -1,0 +1,134 @@
+"""When exactly a word began: least squares of its known edge train on the raw samples.
+
+With the bits known, the signal is known up to start, cell length, level and its slow change, and a
+baseline (DC, hum), which is projected out. For white noise this is the
+maximum-likelihood estimate, whose variance is that of Cramer and Rao for these edges. Besides the variance
+that white noise gives, there is one from what batches of edges say: there jitter and echoes show. What all
+edges leave alike, as clipping and wrong shapes do, stays unseen there: `unseen` says how much it may be.
+"""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from panoptic_ros.timecode.signal.baseline import baseline
+from panoptic_ros.timecode.signal.edge_shape import EdgeShape
+from panoptic_ros.timecode.signal.wave import edge_places
+from panoptic_ros.timecode.word.fit_kernels import fit_train, jumps, widest_gap
+
+Array = np.ndarray
+MARGIN = 0.25  # cells before the first and after the last edge
+STEPS = 8.0  # of Gauss and Newton
+SETTLED = 0.04  # standard deviations of an edge: the next step would be the square of that
+LOST = 0.05  # cells
+OUTLIER = 4.0  # standard deviations
+GROSS = 0.25  # times the level: more than a slightly misplaced edge
+SHAKEN_SECONDS = 40e-6  # by which single edges may be misplaced
+EDGE_SECONDS, EDGE_SAMPLES = 15.6e-6, 0.4  # standard deviation of an edge, at least
+
+
+@dataclass(frozen=True, slots=True)
+class WordFit:
+    """The grid of a word's cells: its middle and the length of a cell there in samples, its bend.
+
+    Args:
+        covariance: (3, 3) of middle, cell and bend, for white noise.
+        observed: (3, 3) the same, from what edges say.
+        level: signed, that before the first edge is -level.
+        low: index of the first sample of `clean`.
+        clean: (N,) the samples without clicks.
+        clicked: whether there were any.
+        places: edges in cells from the middle.
+        unseen: standard deviation, samples, by which a wrong shape or clipping may put all edges off alike.
+        gap: the widest place between two samples, of 1, where no edge lies.
+        sudden: share of the edges that jump from plateau to plateau between two samples.
+    """
+
+    middle: float
+    cell: float
+    bend: float
+    covariance: Array
+    observed: Array
+    level: float
+    low: int
+    clean: Array
+    clicked: bool
+    places: Array
+    unseen: float
+    gap: float
+    sudden: float
+
+    @property
+    def grid(self) -> Array:
+        """(3,) middle, cell, bend."""
+        return np.array([self.middle, self.cell, self.bend])
+
+    @property
+    def middle_std(self) -> float:
+        """Samples."""
+        return float(np.sqrt(self.observed[0, 0]))
+
+    @property
+    def cell_std(self) -> float:
+        """Samples."""
+        return float(np.sqrt(self.observed[1, 1]))
+
+    def teach(self, shape: EdgeShape, sample_rate: int) -> None:
+        """Let the word teach the shape of a step."""
+        slow = baseline(len(self.clean), sample_rate)
+        excess = self.observed[0, 0] / max(self.covariance[0, 0], 1e-12)
+        shape.learn(self.clean, self.low, self.grid, self.places, self.level, slow, excess, self.sudden)
+
+
+def fit_word(
+    raw: Array, first_index: int, bits: Array, grid: Array, sample_rate: int, shape: EdgeShape,
+    bending: bool = False,
+) -> WordFit | None:  # fmt: skip
+    """Fit a word; None if it is not wholly inside of the samples or the fit does not settle.
+
+    Args:
+        raw: (N,) samples, the first of which has index `first_index`.
+        bits: (80,) in the order of the file.
+        grid: (3,) a guess, good to a tenth of a cell over the word.
+        shape: of a step.
+        bending: whether the speed may change within the word.
+    """
+    half = 0.5 * len(bits)
+    middle, cell, bend = grid.tolist()
+    begin, end = middle + cell * (bend * half**2 - half), middle + cell * (bend * half**2 + half)
+    low = int(np.ceil(begin - MARGIN * cell))
+    high = int(np.floor(end + MARGIN * cell)) + 1
+    if low < first_index and begin > first_index - cell:
+        low = first_index  # the stream began with this word
+    if low < first_index or high > first_index + len(raw):
+        return None
+    values = raw[low - first_index : high - first_index]
+    places = edge_places(bits)
+    straight = shape.straighten(values)
+    slow = baseline(len(values), sample_rate)
+    settled, found, level, covariance, observed, clean, clicked, unlike = fit_train(
+        low, straight, grid, places, shape.table, slow.basis, slow.step, _limits(sample_rate), bending
+    )  # fmt: skip
+    if not settled:
+        return None
+    if straight is not values:
+        clean = values - (straight - clean)
+    middle, cell, bend = found.tolist()
+    gap = widest_gap(middle + cell * (places + bend * places**2), 1.0)
+    sudden = jumps(clean, abs(level))
+    between = sudden * gap * shape.sudden / math.sqrt(12.0)
+    unseen = math.sqrt(between**2 + unlike + shape.doubt**2)
+    return WordFit(
+        middle, cell, bend, covariance, observed, float(level), low, clean, clicked, places, unseen, gap,
+        sudden,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=8)
+def _limits(sample_rate: int) -> Array:
+    """For `fit_train`."""
+    sigma = max(EDGE_SECONDS * sample_rate, EDGE_SAMPLES)
+    return np.array([STEPS, SETTLED, LOST, OUTLIER, GROSS, sigma, SHAKEN_SECONDS * sample_rate])

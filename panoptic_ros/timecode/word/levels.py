@@ -1,0 +1,53 @@
+"""What is heard of a word: the levels of its half cells, and what the word before says of their polarity.
+
+A word alone has two polarities. A change of its bit 0 then only turns the sign of its first half cell,
+which noise does as easily, and words that should count on but stand still could be read on. The sync word
+that was sent just before has one polarity only, and a cell always begins with a change.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.timecode.signal.half_cells import half_levels
+from panoptic_ros.timecode.word.layout import SYNC, WORD_CELLS
+
+Array = np.ndarray
+LEAST_SYNC = 0.8  # share of the levels' magnitude before a word that a sync word must explain
+
+
+def _signs_before() -> Array:
+    """Of the half cells of a sync word that is followed by a positive one."""
+    signs, first = [], 1.0
+    for bit in SYNC:
+        signs += [first, -first] if bit else [first, first]
+        first = first if bit else -first
+    return first * np.array(signs)
+
+
+SIGNS_BEFORE = _signs_before()
+
+
+@dataclass(frozen=True, slots=True)
+class WordLevels:
+    """Levels of a word, in the order of sending.
+
+    Args:
+        halves: (160,) of its half cells.
+        before: sum of levels of a sync word before it that speaks for a positive first half cell.
+    """
+
+    halves: Array
+    before: float = 0.0
+
+
+def word_levels(sums: Array, grid: Array, reverse: bool) -> WordLevels:
+    """Of the word about a grid; what lies outside of the sums says nothing."""
+    first = -0.5 * WORD_CELLS - (0 if reverse else len(SYNC))
+    levels = half_levels(sums, grid[0], grid[1], grid[2], first, WORD_CELLS + len(SYNC))
+    if reverse:
+        levels = np.ascontiguousarray(levels[::-1])
+    sync, halves = levels[: 2 * len(SYNC)], levels[2 * len(SYNC) :]
+    before = float(sync @ SIGNS_BEFORE)
+    return WordLevels(halves, before if abs(before) > LEAST_SYNC * float(np.abs(sync).sum()) else 0.0)

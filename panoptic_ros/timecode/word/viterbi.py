@@ -1,0 +1,111 @@
+"""Bits from the levels of half cells: a two-state Viterbi search, soft and free of polarity.
+"""
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+FREE = -1  # a bit that is not known
+LEAST_NOISE = 0.35  # of the level: what noise-free recordings have from echoes and filters
+
+
+@_jit
+def best_path(halves: Array, wanted: Array, before: float) -> tuple[float, Array, Array]:
+    """The bits that explain half-cell levels best (Viterbi), some of which may be given.
+
+    At every cell's start the level changes sign, in the middle of a one it does so again: the state
+    is the sign of a cell's first half.
+
+    Args:
+        halves: (2 N,).
+        wanted: (N,) 0, 1 or `FREE`.
+        before: sum of levels that speaks for a positive first half.
+
+    Returns: the sum of levels times signs and of what is before, the bits (N,), the signs (2 N,).
+    """
+    count = len(wanted)
+    one_into = np.empty((count, 2), np.bool_)
+    plus, minus = before, -before
+    for k in range(count):
+        zero, one = halves[2 * k] + halves[2 * k + 1], halves[2 * k] - halves[2 * k + 1]
+        plus_one, minus_one, plus_zero, minus_zero = plus + one, minus - one, minus - zero, plus + zero
+        if wanted[k] == 0:
+            plus_one = minus_one = -np.inf
+        elif wanted[k] == 1:
+            plus_zero = minus_zero = -np.inf
+        one_into[k, 0], one_into[k, 1] = plus_one >= plus_zero, minus_one >= minus_zero
+        plus, minus = max(plus_one, plus_zero), max(minus_one, minus_zero)
+    bits, signs = np.empty(count, np.int8), np.empty(2 * count, np.int8)
+    state = 0 if plus >= minus else 1
+    for k in range(count - 1, -1, -1):
+        one = one_into[k, state]
+        bits[k] = one
+        if not one:
+            state = 1 - state
+        sign = 1 - 2 * state
+        signs[2 * k], signs[2 * k + 1] = sign, -sign if one else sign
+    return max(plus, minus), bits, signs
+
+
+@_jit
+def soft_bits(halves: Array, wanted: Array, before: float) -> Array:
+    """How much better (N,) the best path through a one is than that through a zero, see `best_path`."""
+    count = len(wanted)
+    after = np.zeros((count + 1, 2))
+    for k in range(count - 1, -1, -1):
+        zero, one = halves[2 * k] + halves[2 * k + 1], halves[2 * k] - halves[2 * k + 1]
+        for state in range(2):
+            sign = 1.0 - 2.0 * state
+            of_one, of_zero = after[k + 1, state] + sign * one, after[k + 1, 1 - state] + sign * zero
+            if wanted[k] == 0:
+                of_one = -np.inf
+            elif wanted[k] == 1:
+                of_zero = -np.inf
+            after[k, state] = max(of_one, of_zero)
+    soft = np.zeros(count)
+    until = np.array([before, -before])
+    for k in range(count):
+        zero, one = halves[2 * k] + halves[2 * k + 1], halves[2 * k] - halves[2 * k + 1]
+        ones = np.array([until[0] + one, until[1] - one])  # by the next state
+        zeros = np.array([until[1] - zero, until[0] + zero])
+        if wanted[k] == FREE:
+            of_one = max(ones[0] + after[k + 1, 0], ones[1] + after[k + 1, 1])
+            soft[k] = of_one - max(zeros[0] + after[k + 1, 0], zeros[1] + after[k + 1, 1])
+            until[0], until[1] = max(ones[0], zeros[0]), max(ones[1], zeros[1])
+        elif wanted[k] == 1:
+            until = ones
+        else:
+            until = zeros
+    return soft
+
+
+@_jit
+def verdict(
+    halves: Array, wanted: Array, before: float, free: float
+) -> tuple[float, float, float, float, float, Array, Array]:
+    """How given bits fit levels, see `best_path`.
+
+    Returns: nats by which they are worse than the best bits, which score `free`; the level; the share of the
+    magnitude that is explained; the least level of the ten tenths, and of a tenth anywhere; bits and signs.
+    """
+    score, bits, signs = best_path(halves, wanted, before)
+    count = len(halves)
+    told = score - before * signs[0]
+    level = told / count
+    square, total = 0.0, 0.0
+    tenths = np.zeros(10)
+    explained = np.zeros(count + 1)
+    for k in range(count):
+        square += halves[k] * halves[k]
+        total += abs(halves[k])
+        tenths[10 * k // count] += halves[k] * signs[k]
+        explained[k + 1] = explained[k] + halves[k] * signs[k]
+    tenth, least = max(count // 10, 1), np.inf
+    for k in range(0, count - tenth + 1, max(tenth // 4, 1)):
+        least = min(least, (explained[k + tenth] - explained[k]) / tenth)
+    noise = max(square / count - level * level, (LEAST_NOISE * level) ** 2)
+    nats = level * (free - score) / noise if noise > 0.0 else np.inf
+    share = told / total if total > 0.0 else 0.0
+    return nats, level, share, tenths.min() * 10.0 / count, least, bits, signs
