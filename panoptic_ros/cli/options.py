@@ -5,6 +5,8 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from panoptic_ros.errors import UsageError
+
 
 def add_occluder_option(parser: argparse.ArgumentParser) -> None:
     """What stands between cameras and people."""
@@ -38,3 +40,25 @@ def number(kind: type[int] | type[float], low: float, high: float) -> Callable[[
         return value
 
     return parse
+
+
+def pairs(texts: list[str], option: str) -> dict[str, str]:
+    """{camera: ...} of an option that is given once per camera.
+
+    Raises:
+        UsageError: if one is not of that form, or a camera is named twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise UsageError(f"{option} {text!r}: write CAMERA=..., e.g. {option} cam01=left.mp4")
+        if name in found:
+            raise UsageError(f"{option} names the camera {name!r} twice")
+        found[name] = value
+    return found
+
+
+def names(text: str | None) -> list[str] | None:
+    """Names separated by commas; None if none are given."""
+    return text.split(",") if text else None

@@ -1,9 +1,8 @@
 """After a run: the report, and the pictures, video and plot that go with it."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from pathlib import Path
 
 from panoptic_ros.capture import open_source
 from panoptic_ros.domain import DetectionSet
@@ -15,7 +14,6 @@ from panoptic_ros.running.results import MARK, Results
 from panoptic_ros.stage import Notice, StageContext
 from panoptic_ros.view.overlay_run import write_overlays
 from panoptic_ros.view.plot3d import plot_capture
-from panoptic_ros.view.progress import ProgressBar
 from panoptic_ros.view.report import Latency, RunReport
 
 
@@ -27,15 +25,15 @@ def finish(
     *,
     pictures: bool,
     elapsed_s: float,
-    out: Path,
-) -> None:
-    """Write report.json and all that a person looks at, and print the table.
+    on_picture: Callable[[int, int], None],
+) -> RunReport:
+    """Write report.json and all that a person looks at.
 
     Args:
         counted: what every node or stage counted, as on /diagnostics.
         notices: of the self-check.
         elapsed_s: how long the run took, without this.
-        out: where the results will be, for the last line.
+        on_picture: called with the number of pictures of the video that are done, and of all.
     """
     sets = _sets(plan, results)
     summary = summarise_capture(plan.rig, plan.skeleton, results.poses, sets)
@@ -48,10 +46,9 @@ def finish(
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
     )
     if pictures:
-        _pictures(plan, results, sets)
+        _pictures(plan, results, sets, on_picture)
     report.write(results.folder / MARK)
-    print(report.table())
-    print(f"\nresults in {out}: " + ", ".join(sorted(p.name for p in results.folder.iterdir())))
+    return report
 
 
 def _sets(plan: Plan, results: Results) -> list[DetectionSet]:
@@ -62,7 +59,9 @@ def _sets(plan: Plan, results: Results) -> list[DetectionSet]:
     return [item for result in (*steps, stage.flush()) for item in result.outputs]
 
 
-def _pictures(plan: Plan, results: Results, sets: list[DetectionSet]) -> None:
+def _pictures(
+    plan: Plan, results: Results, sets: list[DetectionSet], on_picture: Callable[[int, int], None]
+) -> None:
     path = results.folder / "skeletons.png"
     plot_capture(path, plan.rig, plan.skeleton, results.poses, title=plan.title)
     if plan.live or plan.streams:
@@ -71,10 +70,10 @@ def _pictures(plan: Plan, results: Results, sets: list[DetectionSet]) -> None:
         sources = [
             stack.enter_context(open_source(name, plan.rig, plan.sources[name])[0]) for name in plan.rig.names
         ]
-        bar = stack.enter_context(ProgressBar(len(sets), "overlays"))
         write_overlays(
-            results.folder, plan.rig, plan.skeleton, sources, sets, results.poses, on_frame=bar.update
-        )
+            results.folder, plan.rig, plan.skeleton, sources, sets, results.poses,
+            on_frame=lambda done: on_picture(done, len(sets)),
+        )  # fmt: skip
 
 
 def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:

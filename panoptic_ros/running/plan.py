@@ -6,10 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from panoptic_ros.domain import Rig, SkeletonModel
-from panoptic_ros.errors import CalibrationError, UsageError
-from panoptic_ros.graph.build import configure
+from panoptic_ros.errors import CalibrationError
 from panoptic_ros.io.bag_streams import BagStream
-from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.params import Config
 
 
@@ -42,31 +40,6 @@ class Plan:
     frame_rate: float = 30.0
     live: bool = False
     notices: tuple[str, ...] = ()
-
-
-def find_detector(
-    parameters: Mapping[str, Mapping[str, Any]], skeleton: str
-) -> tuple[SkeletonModel, Mapping[str, Any]]:
-    """The working skeleton and the extras of the stages, for the model that the parameters name."""
-    config = configure(parameters)["detection"]
-    return detector_extras(config.model, skeleton)  # type: ignore[attr-defined]
-
-
-def pairs(texts: list[str], option: str) -> dict[str, str]:
-    """{camera: ...} of an option that is given once per camera.
-
-    Raises:
-        UsageError: if one is not of that form, or a camera is named twice.
-    """
-    found: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not (name and equals and value):
-            raise UsageError(f"{option} {text!r}: write CAMERA=..., e.g. {option} cam01=left.mp4")
-        if name in found:
-            raise UsageError(f"{option} names the camera {name!r} twice")
-        found[name] = value
-    return found
 
 
 def require_two(rig: Rig) -> None:

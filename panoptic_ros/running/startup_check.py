@@ -1,7 +1,7 @@
 """The self-check of the calibration, as soon as there are people enough to judge by."""
 from __future__ import annotations
 
-import sys
+from collections.abc import Callable
 from typing import Any
 
 from panoptic_ros.domain import DetectionSet, ViewDetections
@@ -14,10 +14,15 @@ INSTANTS = 30  # looked at; a second or so of a capture
 
 
 class StartupCheck:
-    """Watches the first views of a run, then says in plain words whether they agree."""
+    """Watches the first views of a run, then says in plain words whether they agree.
 
-    def __init__(self, plan: Plan):
+    Args:
+        on_judged: called once with the notices.
+    """
+
+    def __init__(self, plan: Plan, on_judged: Callable[[tuple[Notice, ...]], None]):
         self._plan = plan
+        self._on_judged = on_judged
         self._views: list[ViewDetections] = []
         self.notices: tuple[Notice, ...] | None = None  # None: not judged yet
 
@@ -31,14 +36,12 @@ class StartupCheck:
             self.judge()
 
     def judge(self) -> tuple[Notice, ...]:
-        """Judge by what has come, unless that was done, and print what the user should know."""
+        """Judge by what has come, unless that was done."""
         if self.notices is None:
             report = check_rig(self._plan.rig, self._sets(), self._plan.skeleton)
             self.notices = tuple(report.notices)
             self._views.clear()
-            for notice in self.notices:
-                if notice.severity != "info":
-                    print(f"\n{notice.severity}: {notice.text}", file=sys.stderr, flush=True)
+            self._on_judged(self.notices)
         return self.notices
 
     def _sets(self) -> list[DetectionSet]:

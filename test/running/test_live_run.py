@@ -9,8 +9,9 @@ import pytest
 from recordings import write_bag
 
 from panoptic_ros.cli.main import main
-from panoptic_ros.cli.run import command
+from panoptic_ros.cli.run import source
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.running import run as running_run
 from panoptic_ros.running.in_process import run_in_process
 
 
@@ -18,17 +19,17 @@ from panoptic_ros.running.in_process import run_in_process
 def run_live(tmp_path, monkeypatch, capsys):
     """Run a bag as if cameras gave it until `end(stop)`; gives exit code, what is left, what is said."""
     bag = write_bag(tmp_path / "bag", captures.views(6))
-    plan_of = command.make_plan
-    monkeypatch.setattr(command, "make_plan", lambda args: replace(plan_of(args), live=True))
+    plan_of = source.make_plan
+    monkeypatch.setattr(source, "make_plan", lambda args: replace(plan_of(args), live=True))
 
     def run(end, frames=True):
-        def record(plan, results, stop, args):
+        def record(plan, results, stop, jpeg_quality):
             if frames:
                 run_in_process(replace(plan, live=False), results, stop)
             end(stop)
             return {}
 
-        monkeypatch.setattr(command, "_run", record)
+        monkeypatch.setattr(running_run, "_execute", record)
         code = main(["run", "--bag", str(bag), "--out", str(tmp_path / "out"), "--no-pictures"])
         return code, sorted(path.name for path in tmp_path.iterdir()), capsys.readouterr().err
 

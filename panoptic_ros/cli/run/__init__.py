@@ -53,10 +53,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run to the end and leave the results."""
+    """Run to the end, leave the results, and print the report."""
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     check_usage(args, parser.parse_args(["--out", ""]))
-    from panoptic_ros.cli.run.command import execute  # only now: --help must be quick
+    from panoptic_ros.cli.run.source import make_plan  # only now: --help must be quick
+    from panoptic_ros.cli.run.watch import Watch
+    from panoptic_ros.running.run import run as run_plan
 
-    return execute(args)
+    plan = make_plan(args)
+    with Watch(args.live_view) as watch:
+        outcome = run_plan(
+            plan, args.out, in_process=args.in_process, jpeg_quality=args.jpeg, duration_s=args.duration,
+            pictures=not args.no_pictures, observer=watch,
+        )  # fmt: skip
+    print(outcome.report.table())
+    print(f"\nresults in {args.out}: {', '.join(outcome.files)}")
+    if outcome.fault is not None:
+        raise outcome.fault
+    return 0

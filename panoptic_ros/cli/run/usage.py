@@ -38,5 +38,7 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
                 f"--{option.replace('_', '-')} has no meaning with {_SHOWN[given[0]]}, only with "
                 f"{', '.join(_SHOWN[name] for name in sources)}"
             )
+    if given[0] in ("video", "device") and not args.rig:
+        raise UsageError(f"--{given[0]} needs --rig, the calibration of the cameras")
     if args.jpeg and args.in_process:
         raise UsageError("--jpeg has no meaning with --in-process, where no images are sent")

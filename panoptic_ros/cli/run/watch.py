@@ -4,32 +4,43 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from panoptic_ros.running.observer import RunObserver
 from panoptic_ros.running.plan import Plan
+from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
 
 PATIENCE_S = 10.0  # without a result after the first detections
 
 
-class Watch:
-    """Is shown every record of a run. A context manager that leaves the terminal in order.
+class Watch(RunObserver):
+    """Shows the course of a run. A context manager that leaves the terminal in order.
 
     Args:
         table: the live table in place of the progress bar.
     """
 
-    def __init__(self, plan: Plan, table: bool):
-        self._table = LiveTable(plan.rig.names, plan.skeleton) if table else None
-        self._bar = None if table else ProgressBar(None if plan.live else plan.instants, "skeletons")
-        self._live = plan.live
+    def __init__(self, table: bool):
+        self._with_table = table
+        self._table: LiveTable | None = None
+        self._bar: ProgressBar | None = None
+        self._live = False
         self._instants = 0
         self._waiting: threading.Timer | None = None
 
+    def started(self, plan: Plan) -> None:
+        """Begin to draw."""
+        self._live = plan.live
+        if self._with_table:
+            self._table = LiveTable(plan.rig.names, plan.skeleton)
+        else:
+            self._bar = ProgressBar(None if plan.live else plan.instants, "skeletons")
+
     def saw(self, key: str, record: Any) -> None:
-        """A record of the topic of that key; of "diagnostics", what all nodes have counted."""
+        """See `RunObserver`."""
         if key == "detections" and self._waiting is None:
             self._waiting = threading.Timer(PATIENCE_S, _explain)
             self._waiting.daemon = True
@@ -46,11 +57,13 @@ class Watch:
         if key == "diagnostics" and self._table is not None:
             self._table.set_dropped(dropped_in_all(record))
 
-    def _latency_ms(self, stamp_ns: int) -> float | None:
-        """Since exposure; recordings have stamps of their own, which say nothing about it."""
-        return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
+    def judged(self, notices: Sequence[Notice]) -> None:
+        """Print what the user should know."""
+        for notice in notices:
+            if notice.severity != "info":
+                print(f"\n{notice.severity}: {notice.text}", file=sys.stderr, flush=True)
 
-    def close(self) -> None:
+    def ended(self) -> None:
         """Stop drawing."""
         self._stop_waiting()
         if self._table is not None:
@@ -58,6 +71,15 @@ class Watch:
         if self._bar is not None:
             self._bar.close()
         self._table = self._bar = None
+
+    def drew(self, done: int, total: int) -> None:
+        """See `RunObserver`."""
+        self._bar = self._bar or ProgressBar(total, "overlays")
+        self._bar.update(done)
+
+    def _latency_ms(self, stamp_ns: int) -> float | None:
+        """Since exposure; recordings have stamps of their own, which say nothing about it."""
+        return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
 
     def _stop_waiting(self) -> None:
         if self._waiting is not None:
@@ -67,7 +89,7 @@ class Watch:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self.close()
+        self.ended()
 
 
 def _explain() -> None:

@@ -1,0 +1,42 @@
+"""The plan of a run, from the command line."""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from panoptic_ros.cli.options import names, pairs
+from panoptic_ros.running.bag_plan import plan_bags
+from panoptic_ros.running.bag_topics import BagChoice
+from panoptic_ros.running.options import RunOptions
+from panoptic_ros.running.parameters import read_parameters
+from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.planning import plan_capture, plan_demo, plan_devices, plan_videos
+
+
+def make_plan(args: argparse.Namespace) -> Plan:
+    """The plan that the command line asks for; its usage has been checked.
+
+    Raises:
+        UserError: on whatever the user can mend, before anything has started.
+    """
+    parameters = read_parameters(args.config, args.settings)
+    options = RunOptions(parameters, args.model or "", args.skeleton, args.occluders, args.offsets)
+    if args.bag:
+        return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args))
+    rate = args.frame_rate
+    if args.device:
+        devices = pairs(args.device, "--device")
+        return plan_devices(args.rig, devices, options, frame_rate=rate, latency_ms=args.latency_ms)
+    fit = {"frame_rate": rate, "size_policy": args.size_policy}
+    if args.video:
+        files = {name: Path(path) for name, path in pairs(args.video, "--video").items()}
+        return plan_videos(args.rig, files, options, **fit)
+    fit |= {"rig": args.rig, "cameras": names(args.cameras)}
+    return plan_demo(args.demo, options, **fit) if args.demo else plan_capture(args.capture, options, **fit)
+
+
+def _choice(args: argparse.Namespace) -> BagChoice:
+    return BagChoice(
+        names(args.cameras), pairs(args.topic, "--topic"), pairs(args.depth_topic, "--depth-topic"),
+        args.arrival_stamps, args.redetect,
+    )  # fmt: skip

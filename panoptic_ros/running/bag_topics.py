@@ -1,0 +1,118 @@
+"""Which topics of bags are whose."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_streams import DEPTH_KEYS, BagStream
+from panoptic_ros.io.bags import BagReader
+
+KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
+
+
+@dataclass(frozen=True)
+class BagChoice:
+    """What is taken from bags where they leave a choice.
+
+    Args:
+        cameras: use only these; None: all of the rig.
+        topics: of images or detections by camera, where it does not tell by its name.
+        depth_topics: the same for depth maps.
+        arrival_stamps: times of recording in place of the stamps in headers.
+        redetect: use images, not detections.
+    """
+
+    cameras: Sequence[str] | None = None
+    topics: Mapping[str, str] = field(default_factory=dict)
+    depth_topics: Mapping[str, str] = field(default_factory=dict)
+    arrival_stamps: bool = False
+    redetect: bool = False
+
+
+def image_streams(choice: BagChoice, bags: Sequence[BagReader], rig: Rig) -> tuple[BagStream, ...]:
+    """The streams of the best kind there is, in the order of the rig's cameras.
+
+    Raises:
+        DataError: if there are none, or a camera may be several topics.
+    """
+    given = choice.topics
+    for camera in given:
+        rig.camera(camera)  # a wrong name is told
+    for key in KEYS[1:] if choice.redetect else KEYS:
+        found = _of_kind(choice, bags, key, rig.names, given)
+        if found:
+            return found
+    missing = [topic for topic in given.values() if not any(topic in bag.topics for bag in bags)]
+    lacking = f"no topic {missing[0]}" if missing else "no images and no detections"
+    raise DataError(
+        f"{names_of(bags)} has {lacking} of the cameras {', '.join(rig.names)}; "
+        "name their topics with --topic CAMERA=TOPIC; there are "
+        f"{', '.join(sorted({t for bag in bags for t in bag.topics})) or 'no topics'}"
+    )
+
+
+def depth_streams(
+    choice: BagChoice, bags: Sequence[BagReader], rig: Rig, streams: Sequence[BagStream]
+) -> tuple[tuple[BagStream, ...], list[str]]:
+    """The streams of depth maps of cameras with images, and a line for each that cannot be read.
+
+    Raises:
+        DataError: if one that is asked for is not there, or a camera may be several topics.
+    """
+    given = choice.depth_topics
+    for camera in given:
+        rig.camera(camera)  # a wrong name is told
+    cameras = [stream.camera for stream in streams if stream.key != "detections"]  # which know their depth
+    found = {s.camera: s for key in DEPTH_KEYS for s in _of_kind(choice, bags, key, cameras, given)}
+    for camera, topic in given.items():
+        if camera not in found:
+            raise DataError(f"{names_of(bags)}: no images of camera {camera}, or no depth maps on {topic}")
+    readable, problems = [], []
+    for stream in found.values():
+        try:
+            stream.first_record(next(bag for bag in bags if bag.path == stream.bag))
+            readable.append(stream)
+        except DataError as error:
+            problems.append(f"camera {stream.camera} goes without its depth maps: {error}")
+    return tuple(readable), problems
+
+
+def _of_kind(
+    choice: BagChoice, bags: Sequence[BagReader], key: str, cameras: Sequence[str],
+    given: Mapping[str, str],
+) -> tuple[BagStream, ...]:  # fmt: skip
+    """The streams of one kind that there are."""
+    places = {camera: _find(bags, key, camera, given.get(camera)) for camera in cameras}
+    return tuple(
+        BagStream(bag.path, topic, camera, key, choice.arrival_stamps)
+        for camera, (bag, topic) in places.items() if topic
+    )  # fmt: skip
+
+
+def _find(bags: Sequence[BagReader], key: str, camera: str, given: str | None) -> tuple[BagReader, str]:
+    """The bag and the topic of that kind of a camera; the topic is empty if there is none.
+
+    A topic of the right type that ends as the camera's own does is taken for it, so that recordings of a
+    graph in a namespace need nothing more.
+    """
+    kind, usual = TOPICS[key].message, "/" + TOPICS[key].of(camera)
+    rows = [
+        (bag, topic) for bag in bags for topic, own in bag.topics.items() if own == kind and bag.counts[topic]
+    ]
+    if given is not None:
+        found = [row for row in rows if row[1] == given]
+    else:
+        found = [row for row in rows if row[1] == usual] or [row for row in rows if row[1].endswith(usual)]
+    if len(found) > 1:
+        option = "--depth-topic" if key in DEPTH_KEYS else "--topic"
+        places = " and ".join(f"{topic} in {bag.path}" for bag, topic in found[:2])
+        raise DataError(f"camera {camera} may be {places}; choose with {option} {camera}=TOPIC or other bags")
+    return found[0] if found else (bags[0], "")
+
+
+def names_of(bags: Sequence[BagReader]) -> str:
+    """The paths of bags, for messages."""
+    return " and ".join(str(bag.path) for bag in bags)

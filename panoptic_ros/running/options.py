@@ -1,0 +1,77 @@
+"""What may be said about any run, whatever its source, and what it does to the plan."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.topics import check_names
+from panoptic_ros.io.detector_context import bias_extras, detector_extras
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+from panoptic_ros.running.parameters import Parameters, with_occluders
+from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.saved_offsets import saved_lines, saved_offsets
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What a user may say about any run; what is not given changes nothing.
+
+    Args:
+        parameters: {stage: {parameter: value}}.
+        model: pose model: name, card or ONNX file; goes before `detection.model` of the parameters.
+        skeleton: working skeleton: name or YAML file.
+        occluders: file with fixed things that hide people.
+        offsets: file with clock offsets of cameras that were found before, added to their stamps.
+    """
+
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    model: str = ""
+    skeleton: str = DEFAULT_SKELETON
+    occluders: Path | None = None
+    offsets: Path | None = None
+
+    def all_parameters(self) -> Parameters:
+        """The parameters, with the model among them."""
+        values = {stage: dict(given) for stage, given in self.parameters.items()}
+        if self.model:
+            values.setdefault("detection", {})["model"] = self.model
+        return values
+
+    def detector(self) -> tuple[SkeletonModel, Mapping[str, Any]]:
+        """The working skeleton and the extras of the stages, for the pose model."""
+        config = configure(self.all_parameters())["detection"]
+        return detector_extras(config.model, self.skeleton)  # type: ignore[attr-defined]
+
+    def complete(self, plan: Plan) -> Plan:
+        """The plan with occluders, offsets and the biases of the detector's joints.
+
+        Raises:
+            UserError: if a file cannot be used, or the plan has delays of cameras already.
+        """
+        check_names(plan.rig.names)
+        rig = with_occluders(plan.rig, self.occluders)
+        plan = plan if self.offsets is None else _with_offsets(plan, self.offsets)
+        table = plan.configs["assembly"].bias_table  # type: ignore[attr-defined]
+        return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
+
+
+NO_OPTIONS = RunOptions()
+
+
+def _with_offsets(plan: Plan, path: Path) -> Plan:
+    """The plan with offsets that were found before as delays of the cameras."""
+    sync, offsets = plan.configs["sync"], plan.configs["offsets"]
+    if sync.delays_ms:  # type: ignore[attr-defined]
+        raise UsageError("--offsets and sync.delays_ms both tell how late stamps are; give one of them")
+    saved = saved_offsets(path, plan.rig.names)
+    delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())
+    configs = {
+        **plan.configs, "sync": replace(sync, delays_ms=delays), "offsets": replace(offsets, delays_ms=delays)
+    }  # fmt: skip
+    told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names))
+    return replace(plan, configs=configs, notices=(*plan.notices, *told))
