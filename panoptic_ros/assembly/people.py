@@ -18,8 +18,9 @@ from panoptic_ros.assembly.judgement import (
 from panoptic_ros.assembly.map_votes import chosen_nodes
 from panoptic_ros.assembly.nodes import has_maps, node_doubts, take_nodes
 from panoptic_ros.assembly.solve import Solved
+from panoptic_ros.assembly.view_sources import view_sources
 from panoptic_ros.consensus.grouping import Scene
-from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift
+from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
 
 Array = np.ndarray
 
@@ -32,7 +33,7 @@ class People:
 
     kept: (P,) which of the solved. positions (P, J, 3), covariances (P, J, 3, 3), scores (P, J),
     views (P, J). doubts: (P, J) m^2, variance besides, as a node may be the wrong one; without it for
-    guidance, which is to follow what was chosen.
+    guidance, which is to follow what was chosen. sources: their 2D people.
     """
 
     kept: Array
@@ -41,12 +42,13 @@ class People:
     scores: Array
     views: Array
     doubts: Array
+    sources: ViewSources
 
     def rows(self, which: Array) -> People:
-        """Some of the people."""
+        """Some of the people, by a mask (P,)."""
         return People(
             self.kept[which], self.positions[which], self.covariances[which], self.scores[which],
-            self.views[which], self.doubts[which],
+            self.views[which], self.doubts[which], self.sources.rows(np.flatnonzero(which)),
         )  # fmt: skip
 
     def pose_set(
@@ -60,7 +62,7 @@ class People:
         covariances = self.covariances + self.doubts[..., None, None] * np.eye(3)
         return PoseSet(
             item.index, item.stamp_ns, skeleton_hash, self.positions, covariances, self.scores,
-            self.views, states, person, max(newest, item.stamp_ns), shift,
+            self.views, states, person, max(newest, item.stamp_ns), shift, self.sources,
         )  # fmt: skip
 
 
@@ -100,7 +102,8 @@ def finish(
     )
     kept = np.flatnonzero(possible)
     kept = kept[~second_skeletons(positions[kept], views[kept])]
-    return People(kept, positions[kept], covariances[kept], scores[kept], views[kept], doubts[kept])
+    sources = view_sources(item.detections, scene.evidence, found, solved, kept)
+    return People(kept, positions[kept], covariances[kept], scores[kept], views[kept], doubts[kept], sources)
 
 
 @cache

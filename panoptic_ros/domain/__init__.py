@@ -31,6 +31,7 @@ from panoptic_ros.domain.time import (
     TimecodeReading,
 )
 from panoptic_ros.domain.time_shift import TimeShift
+from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.domain.visibility import VisibilityLimit
 
 __all__ = [
@@ -60,5 +61,6 @@ __all__ = [
     "TrackedPoseSet",
     "ViewDetections",
     "ViewFrame",
+    "ViewSources",
     "VisibilityLimit",
 ]

@@ -8,6 +8,7 @@ import numpy as np
 
 from panoptic_ros.domain.checks import Shapes, check_missing, check_scores, check_stamp
 from panoptic_ros.domain.time_shift import TimeShift
+from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -40,6 +41,7 @@ class PoseSet:
         person_scores: (P,) in 0..1.
         newest_ns: stamp of the newest view behind them, `stamp_ns` if negative.
         time_shift: how they depend on motion; None where all views have the same stamp.
+        sources: the views of the instant and the 2D people in them; None where they are not known.
     """
 
     index: int
@@ -53,6 +55,7 @@ class PoseSet:
     person_scores: Array
     newest_ns: int = -1
     time_shift: TimeShift | None = None
+    sources: ViewSources | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
@@ -81,6 +84,15 @@ class PoseSet:
                 f"a time shift of {self.time_shift.delays.shape[:2]} people and joints for "
                 f"{positions.shape[:2]}"
             )
+        if self.sources is not None:
+            self._check_sources(self.sources)
+
+    def _check_sources(self, sources: ViewSources) -> None:
+        """The sources are those of these people; without a view they say nothing."""
+        if len(sources.persons) != len(self.positions):
+            raise DataError(f"2D people of {len(sources.persons)} people for {len(self.positions)}")
+        if not sources.cameras:
+            object.__setattr__(self, "sources", None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,7 +36,7 @@ def _sequence(values: Array) -> array.array[Any]:
     return result
 
 
-_CODES = {"f8": "d", "f4": "f", "i4": "i", "u1": "B", "u2": "H", "u4": "I", "i8": "q"}
+_CODES = {"f8": "d", "f4": "f", "i4": "i", "u1": "B", "u2": "H", "u4": "I", "i8": "q", "u8": "Q"}
 
 
 @lru_cache(maxsize=1)

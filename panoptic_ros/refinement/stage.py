@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain import JointState, RefinedPoseSet, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain import JointState, RefinedPoseSet, SkeletonModel, TrackedPoseSet, ViewSources
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.bias_floor import bias_floor, with_floor
 from panoptic_ros.refinement.bones import BoneLengths
@@ -135,7 +135,8 @@ def _passed_through(item: TrackedPoseSet) -> RefinedPoseSet:
     """The same skeletons under the other name."""
     return RefinedPoseSet(
         item.index, item.stamp_ns, item.skeleton_hash, item.positions, item.covariances, item.scores,
-        item.views, item.states, item.person_scores, item.newest_ns, item.time_shift, ids=item.ids,
+        item.views, item.states, item.person_scores, item.newest_ns, item.time_shift, item.sources,
+        ids=item.ids,
     )  # fmt: skip
 
 
@@ -153,8 +154,16 @@ def _refined(
         item.index, instant_ns, item.skeleton_hash, stacked("positions", (joints, 3)),
         stacked("covariances", (joints, 3, 3)), stacked("scores", (joints,)), stacked("views", (joints,)),
         stacked("states", (joints,)), stacked("person_score", ()),
-        max(item.newest_ns, instant_ns), ids=np.array(numbers, np.int64),
+        max(item.newest_ns, instant_ns), sources=_sources_of(item, numbers), ids=np.array(numbers, np.int64),
     )  # fmt: skip
+
+
+def _sources_of(item: TrackedPoseSet, numbers: list[int]) -> ViewSources | None:
+    """The 2D people of these ids; none for whom the set does not hold, who was predicted or filled."""
+    if item.sources is None:
+        return None
+    rows = {int(number): k for k, number in enumerate(item.ids)}
+    return item.sources.rows([rows.get(number, -1) for number in numbers])
 
 
 def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:

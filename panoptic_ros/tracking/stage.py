@@ -141,5 +141,6 @@ def _tracked(item: PoseSet, rows: list[int], ids: list[int]) -> TrackedPoseSet:
         item.index, item.stamp_ns, item.skeleton_hash, item.positions[rows], item.covariances[rows],
         item.scores[rows], item.views[rows], item.states[rows], item.person_scores[rows],
         item.newest_ns, None if item.time_shift is None else item.time_shift.rows(rows),
+        None if item.sources is None else item.sources.rows(rows),
         ids=np.array(ids, np.int64),
     )  # fmt: skip

@@ -18,6 +18,7 @@ from panoptic_ros.domain import (
     TrackedPoseSet,
     ViewDetections,
     ViewFrame,
+    ViewSources,
 )
 from panoptic_ros.errors import ClockError, ConfigError, DataError
 
@@ -95,6 +96,41 @@ def test_poses_refuse_half_missing_joints_and_double_ids():
         PoseSet(**{**good, "covariances": np.full((2, 1, 3, 3), np.nan)})
     with pytest.raises(DataError, match="twice"):
         TrackedPoseSet(**good, ids=[1, 1])
+
+
+@pytest.mark.parametrize(
+    ("bad", "match"),
+    [
+        ({"cameras": ("a", "a")}, "a camera twice: a, a"),
+        ({"cameras": ("a",)}, "2 frame numbers for the views of 1 camera"),
+        ({"persons": [[0]]}, r"expected \(P V\) with V = 2"),
+        ({"persons": [[0, -2]]}, "index -2"),
+        ({"frames": [0, -1]}, "frame number -1"),
+    ],
+)
+def test_bad_sources_are_refused(bad, match):
+    good = {"cameras": ("a", "b"), "frames": [5, 6], "persons": [[0, -1], [2, 1]]}
+    ViewSources(**good)
+    with pytest.raises(DataError, match=match):
+        ViewSources(**{**good, **bad})
+
+
+def test_rows_of_sources_and_of_somebody_whom_no_view_shows():
+    sources = ViewSources(("a", "b"), [5, 6], [[0, 3], [2, 1]])
+    picked = sources.rows([1, -1, 0])
+    assert picked.persons.tolist() == [[2, 1], [-1, -1], [0, 3]]
+    assert picked.cameras == ("a", "b") and picked.frames.tolist() == [5, 6]
+    assert sources.rows([]).persons.shape == (0, 2)
+    assert sources.rows([]).rows([-1]).persons.tolist() == [[-1, -1]]
+
+
+def test_sources_are_of_as_many_people_and_say_nothing_without_views():
+    good = dict(index=0, stamp_ns=1, skeleton_hash="h", positions=np.zeros((2, 1, 3)),
+                covariances=np.zeros((2, 1, 3, 3)), scores=np.ones((2, 1)), views=np.ones((2, 1)),
+                states=np.ones((2, 1)), person_scores=np.ones(2))  # fmt: skip
+    with pytest.raises(DataError, match="2D people of 1 people for 2"):
+        PoseSet(**good, sources=ViewSources(("a",), [5], [[0]]))
+    assert PoseSet(**good, sources=ViewSources((), (), np.zeros((2, 0)))).sources is None
 
 
 def test_joint_map_means_need_all_sources():

@@ -20,6 +20,7 @@ from panoptic_ros.domain import (
     TimeShift,
     TrackedPoseSet,
     ViewDetections,
+    ViewSources,
     VisibilityLimit,
 )
 from panoptic_ros.errors import ContractError
@@ -29,6 +30,7 @@ from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
 Array = np.ndarray
 _NO_CELLS = np.zeros(0, np.uint16)
+_NO_FRAMES = np.zeros(0, np.uint64)
 
 
 def to_message(record: Any, family: Messages, frame_id: str = "world") -> Any:
@@ -185,7 +187,7 @@ _TIME_SHIFT = {  # field of the message: name in the record, shape behind the jo
 
 def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
     ids = item.ids if isinstance(item, TrackedPoseSet) else np.full(len(item.positions), -1)
-    shift = item.time_shift
+    shift, sources = item.time_shift, item.sources
     nothing = np.zeros((len(ids), 0))
     skeletons = [
         family.make(
@@ -197,6 +199,7 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
             scores=flat(family, item.scores[k], np.float64),
             views=flat(family, item.views[k], np.int32),
             states=flat(family, item.states[k], np.uint8),
+            view_persons=flat(family, (nothing if sources is None else sources.persons)[k], np.int32),
             **{
                 field: flat(family, (nothing if shift is None else getattr(shift, name))[k], np.float64)
                 for field, (name, _) in _TIME_SHIFT.items()
@@ -211,6 +214,8 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
         index=item.index,
         skeleton_hash=item.skeleton_hash,
         joint_count=item.positions.shape[1],
+        view_cameras=[] if sources is None else list(sources.cameras),
+        view_frames=flat(family, _NO_FRAMES if sources is None else sources.frames, np.uint64),
         skeletons=skeletons,
     )
 
@@ -228,7 +233,7 @@ def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
         values = (
             int(message.index), stamp_of(message.header), str(message.skeleton_hash), *arrays,
             np.array([p.score for p in people], float), time_ns(message.newest_stamp),
-            _read_time_shift(people, joints),
+            _read_time_shift(people, joints), _read_sources(message),
         )  # fmt: skip
         if issubclass(cls, TrackedPoseSet):
             return cls(*values, ids=[p.id for p in people])
@@ -247,6 +252,16 @@ def _read_time_shift(people: Any, joints: int) -> TimeShift | None:
             for field, (_, tail) in _TIME_SHIFT.items()
         )
     )
+
+
+def _read_sources(message: Any) -> ViewSources | None:
+    """None where the message names no views."""
+    cameras = tuple(str(name) for name in message.view_cameras)
+    persons = [shaped(p.view_persons, "Skeleton.view_persons", len(cameras)) for p in message.skeletons]
+    if not cameras:
+        return None
+    frames = shaped(message.view_frames, "Skeletons.view_frames", len(cameras))
+    return ViewSources(cameras, frames, np.array(persons, np.int32).reshape(len(persons), len(cameras)))
 
 
 _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {

@@ -26,6 +26,7 @@ from panoptic_ros.domain import (
     TrackedPoseSet,
     ViewDetections,
     ViewFrame,
+    ViewSources,
     VisibilityLimit,
 )
 from panoptic_ros.errors import DataError, UserError
@@ -77,6 +78,10 @@ def shift(people=2):
     return TimeShift(*(rng.normal(size=(people, 3, *tail)) for tail in ((3, 3), (3,), (3,), (3, 3))))
 
 
+def sources(people=2):
+    return ViewSources(("a", "b", "c"), [7, 0, 2**40], rng.integers(-1, 3, (people, 3)))
+
+
 LIMIT = VisibilityLimit(rng.integers(0, 65535, (3, 4)).astype(np.uint16))
 SET = DetectionSet(
     5, 99, "cafe0123", (view("a"), view("b", 0), replace(view("c", with_maps=False), limit=LIMIT))
@@ -92,6 +97,8 @@ RECORDS = [
     ProposalSet(SET, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]),
     poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
     poses(TrackedPoseSet, ids=[4, 2], newest_ns=10**18 + 7, time_shift=shift()),
+    poses(PoseSet, sources=sources()), poses(PoseSet, 0, sources=sources(0)),
+    poses(RefinedPoseSet, ids=[7, 1], sources=sources()),
     SkeletonModel("s", ("a", "b", "c"), 0, ((0, 1), (0, 2)), 1, ((1, 2),), ((0, (1, 2)),)),
     Rig((CAMERA,), "map"), Rig((CAMERA,), "map", Occluders.box((4.0, 0.1, 2.5), np.eye(3), (0.0, 2.0, 1.25))),
     AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, 50)),

@@ -1,0 +1,49 @@
+"""Which 2D people of which images the people of an instant were made of."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewSources:
+    """The V views of an instant, and the 2D person that P people have in each.
+
+    A camera and a frame number name one `ViewDetections`, also after a correction of its stamp.
+
+    Args:
+        cameras: (V,) names, each once. frames: (V,) `ViewDetections.frame_number`.
+        persons: (P, V) index into the people of that `ViewDetections`, -1 = none. It is the one that
+            gave most joints where a person was put together from several 2D people of one view, and two
+            people may share one that a detector has melted together.
+    """
+
+    cameras: tuple[str, ...]
+    frames: Array
+    persons: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cameras", tuple(str(name) for name in self.cameras))
+        shapes = Shapes(self)
+        frames = shapes.store("frames", np.int64, "V")
+        persons = shapes.store("persons", np.int32, "P V")
+        if len(frames) != len(self.cameras):
+            raise DataError(f"{len(frames)} frame numbers for the views of {len(self.cameras)} cameras")
+        if len(set(self.cameras)) != len(self.cameras):
+            raise DataError(f"views of one instant have a camera twice: {', '.join(self.cameras)}")
+        if frames.size and frames.min() < 0:
+            raise DataError(f"ViewSources.frames has the frame number {frames.min()}; they count from 0")
+        if persons.size and persons.min() < -1:
+            raise DataError(f"ViewSources.persons has the index {persons.min()}; -1 = no 2D person")
+
+    def rows(self, which: Array | list[int]) -> ViewSources:
+        """Some of the people, by index; -1 = somebody whom no view shows."""
+        nobody = np.full((1, len(self.cameras)), -1, np.int32)
+        persons = np.concatenate([self.persons, nobody])
+        return ViewSources(self.cameras, self.frames, persons[np.asarray(which, np.int64)])
