@@ -37,7 +37,7 @@ def most_overlap(cameras: Sequence[Camera], enough: int) -> int:
     most = 0
     for camera in distinct:
         places = camera.centre + DEPTHS[:, None] * camera.cam_from_world.rotation[2]
-        count = sum(other.sees(places).astype(int) for other in distinct)
+        count = np.sum([other.sees(places) for other in distinct], axis=0)
         most = max(most, int(count.max()))
         if most >= enough:
             break

@@ -66,4 +66,5 @@ class Correspondence:
         They have 2D joints near them in `min_views` views, but free ones in fewer.
         """
         left = (self._near & self._free[self._joints]).any(axis=-1).sum(axis=-1)
-        return (self._near.any(axis=-1).sum(axis=-1) >= min_views) & (left < min_views)
+        lost: Array = (self._near.any(axis=-1).sum(axis=-1) >= min_views) & (left < min_views)
+        return lost

@@ -51,8 +51,8 @@ def place_disputed(
     few = np.flatnonzero((supporting >= 1) & (supporting <= FEW_VIEWS))
     few = few[seeing_views(scene.evidence, positions[few]).sum(axis=1) <= FEW_SEEING]
     for p in few:
-        missing = np.flatnonzero(np.isnan(positions[p, :, 0]))
-        rays = {int(j): _rays(scene, grouping.member[p], source[p], j) for j in missing}
+        missing = np.flatnonzero(np.isnan(positions[p, :, 0])).tolist()
+        rays = {j: _rays(scene, grouping.member[p], source[p], j) for j in missing}
         for joint, seen in rays.items():
             if len(seen) >= 2:
                 _put(p, joint, between(seen[0], seen[1]), seen, positions, covariances, scores, views)

@@ -52,7 +52,7 @@ def assemble(
     free = Correspondence(
         proposals.detections, rig, proposals.nodes, proposals.node_joints, rules.gate
     )
-    people = []
+    people: list[Hypothesis] = []
     while True:
         score, nodes = tree.best()
         if score <= 0.0 or score < rules.min_score:

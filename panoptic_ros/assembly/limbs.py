@@ -42,7 +42,8 @@ def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:
     Args:
         source: (P, V, J) joint of the 2D person that stands for joint j. observed: (P, V, J) is it seen.
     """
-    return count_exchanged(source, observed, groups, int(groups.max(initial=-1)) + 1)
+    counts: Array = count_exchanged(source, observed, groups, int(groups.max(initial=-1)) + 1)
+    return counts
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,11 +92,13 @@ class Sides:
             return np.zeros((len(positions), len(self._pairs)))
         if views is not None:
             positions = np.where(views[..., None] >= 2, positions, np.nan)
-        return sides_of_nose(positions, np.array(self._pairs), np.array(self.torso), self._head)
+        sides: Array = sides_of_nose(positions, np.array(self._pairs), np.array(self.torso), self._head)
+        return sides
 
     def of_body(self, positions: Array) -> Array:
         """Mean (P,) of `right_way` over the limbs."""
-        return self.right_way(positions).sum(axis=1) / max(len(self._pairs), 1)
+        shares: Array = self.right_way(positions).sum(axis=1) / max(len(self._pairs), 1)
+        return shares
 
 
 @njit(cache=True, error_model="numpy")

@@ -80,7 +80,8 @@ def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bo
 
 def explained(nodes: Array, joints: Array, known: Array, skeleton: SkeletonModel) -> Array:
     """Which nodes (N, 3) m of the joints (N,) lie at that joint of somebody, or at the other side's."""
-    return near_people(nodes, joints, np.ascontiguousarray(known), np.array(skeleton.mirror, np.int64))
+    near: Array = near_people(nodes, joints, np.ascontiguousarray(known), np.array(skeleton.mirror, np.int64))
+    return near
 
 
 @njit(cache=True, error_model="numpy")

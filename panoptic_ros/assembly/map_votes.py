@@ -145,7 +145,9 @@ def bone_differences(places: Array, positions: Array, joint: int, skeleton: Skel
         places: (P, N, 3) m, where the joint could be. positions: (P, J, 3) m, all others; NaN = missing.
     """
     ends, mirror = _neighbours(skeleton, joint)
-    return sum_differences(np.ascontiguousarray(places), np.ascontiguousarray(positions), joint, ends, mirror)
+    places, positions = np.ascontiguousarray(places), np.ascontiguousarray(positions)
+    differences: Array = sum_differences(places, positions, joint, ends, mirror)
+    return differences
 
 
 @lru_cache(maxsize=1024)
@@ -182,4 +184,5 @@ def _mapped_joints(item: ProposalSet, joint_count: int) -> Array:
     for row, view in zip(shown, item.detections.views):
         if view.maps is not None:
             row[view.maps.joints] = True
-    return shown.sum(axis=0) >= 2
+    shared: Array = shown.sum(axis=0) >= 2
+    return shared

@@ -39,9 +39,10 @@ def take_nodes(item: ProposalSet, expected: Array, weak: Array, gate: float) -> 
     Returns:
         (P, J) index of the node, -1 = none.
     """
-    return closest_nodes(
+    closest: Array = closest_nodes(
         item.nodes, item.node_joints, item.node_views, np.ascontiguousarray(expected), weak, float(gate)
     )
+    return closest
 
 
 @njit(cache=True, error_model="numpy")

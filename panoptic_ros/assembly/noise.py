@@ -81,7 +81,8 @@ class NoiseTable:
 
     def _median(self, table: Array) -> Array:
         """Median of each row of a histogram, interpolated inside of its level."""
-        return np.exp(self._low + self._width * median_levels(table))
+        levels: Array = np.exp(self._low + self._width * median_levels(table))
+        return levels
 
 
 @njit(cache=True)

@@ -95,7 +95,7 @@ def finish(
         scene, found.grouping, found.source, expected, positions, covariances, scores, views, skeleton
     )
     _derive(positions, covariances, scores, views, doubts, skeleton)
-    lost = (found.grouping.member < 0).all(axis=1)  # they have nodes and nothing else
+    lost = np.all(found.grouping.member < 0, axis=1)  # they have nodes and nothing else
     good |= lost[:, None] & np.isfinite(positions[..., 0])
     possible = possible_people(
         positions, good, observed, shares, config.min_person_joints, config.lowest
@@ -165,8 +165,8 @@ def _derive(
     skeleton: SkeletonModel,
 ) -> None:  # fmt: skip
     """Fill joints that are means of others, in place, with the covariance of the mean."""
-    for joint, parts in skeleton.derived:
-        parts = list(parts)
+    for joint, others in skeleton.derived:
+        parts = list(others)
         positions[:, joint] = positions[:, parts].mean(axis=1)
         covariances[:, joint] = covariances[:, parts].sum(axis=1) / len(parts) ** 2
         doubts[:, joint] = doubts[:, parts].sum(axis=1) / len(parts) ** 2

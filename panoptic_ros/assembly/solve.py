@@ -50,7 +50,8 @@ class Solved:
     @property
     def views(self) -> Array:
         """Number of views (P, J) behind each joint."""
-        return (self.residuals >= 0.0).sum(axis=-1)
+        counts: Array = (self.residuals >= 0.0).sum(axis=-1)
+        return counts
 
 
 class Solver:
@@ -116,7 +117,8 @@ def observed_views(scene: Scene, grouping: Grouping, source: Array) -> Array:
     if not len(scene.precision):
         return np.zeros(source.shape, bool)
     rows = np.maximum(grouping.member, 0)[..., None]
-    return (grouping.member >= 0)[..., None] & (scene.precision[rows, source] > 0.0)
+    usable: Array = (grouping.member >= 0)[..., None] & (scene.precision[rows, source] > 0.0)
+    return usable
 
 
 @njit(cache=True, error_model="numpy")

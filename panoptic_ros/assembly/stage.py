@@ -139,13 +139,15 @@ class AssemblyStage:
         """Sizes (D,) of the 2D people as a share of their image's diagonal."""
         cameras = evidence.cameras[evidence.view]
         sizes: Array = box_diagonals(evidence.plane, evidence.scores)
-        return sizes * (self._rig.focals / self._rig.diagonals)[cameras]
+        relative: Array = sizes * (self._rig.focals / self._rig.diagonals)[cameras]
+        return relative
 
     def _kinds(self, scene: Scene, found: Candidates) -> Array:
         """Which 2D joints (D, J) show hidden joints, from roughly where the people are."""
         places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
         hidden = hidden_joints(places, found.guide.shifts, *self._bones, scene.cams)
-        return hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
+        kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
+        return kinds
 
     def _candidates(self, scene: Scene, item: ProposalSet, prediction: Prediction) -> Candidates:
         """People before the final solve, by the method that was asked for."""

@@ -62,7 +62,8 @@ def noise_bound_us(condition: Condition) -> float:
     inside = slice(int(early.starts[0]), int(early.starts[0] + words * (early.starts[1] - early.starts[0])))
     rms = float(np.sqrt(np.mean(early.samples[inside].astype(float) ** 2)))
     noise = rms * 10.0 ** (-condition.changes["snr_db"] / 20.0)
-    return 1e6 * noise / rate / float(np.sqrt((slope**2).sum() / words))
+    deviation: float = 1e6 * noise / rate / float(np.sqrt((slope**2).sum() / words))
+    return deviation
 
 
 def _table() -> tuple[Condition, ...]:

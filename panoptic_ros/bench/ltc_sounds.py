@@ -84,7 +84,8 @@ def _biphase(rng: np.random.Generator, count: int, rate: int) -> Array:
     for bit in rng.integers(0, 2, int(count / cell) + 2):
         halves += [sign, -sign if bit else sign]
         sign = sign if bit else -sign
-    return np.array(halves)[(np.arange(count) / (0.5 * cell)).astype(np.int64)]
+    signal: Array = np.array(halves)[(np.arange(count) / (0.5 * cell)).astype(np.int64)]
+    return signal
 
 
 KINDS: dict[str, Sound] = {

@@ -185,7 +185,7 @@ def _sequence(take: Simulation) -> SkeletonSequence:
         ids = np.array([p["id"] for p in people], np.int64)
         positions = np.array([p["joints"] for p in people], float).reshape(-1, len(JOINTS), 3)
         ignored = np.array([p.get("ignore", False) for p in people], bool)
-        frames.append(SkeletonFrame(frame["stamp_ns"], ids, positions, None, ignored))
+        frames.append(SkeletonFrame(frame["stamp_ns"], ids, positions, ignored=ignored))
     return SkeletonSequence(JOINTS, tuple(frames))
 
 
@@ -194,6 +194,6 @@ def _mpjpe(
 ) -> float:
     """Mean error (m) of refined skeletons."""
     results = records_of("skeletons", sets, configs, context)
-    frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, None, None) for r in results]
+    frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions) for r in results]
     pairs = pair_sequences(truth, SkeletonSequence(context.skeleton.joint_names, tuple(frames)), 0)
     return 1e-3 * report_of(pairs, truth.joint_names).joints.mpjpe_mm

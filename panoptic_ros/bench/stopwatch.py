@@ -26,6 +26,12 @@ class Times:
     cpu_ms_least: float
     peak_mb: float | None  # growth of the resident set while they ran; None = not known here
 
+    @classmethod
+    def of(cls, wall_ms: np.ndarray, cpu_ms: np.ndarray, peak_mb: float | None) -> Times:
+        """Of single calls (N,)."""
+        wall, cpu = (np.percentile(row, [50, 99]).tolist() for row in (wall_ms, cpu_ms))
+        return cls(len(wall_ms), wall[0], wall[1], cpu[0], cpu[1], float(cpu_ms.min()), peak_mb)
+
     def to_mapping(self) -> dict[str, Any]:
         """For JSON."""
         return asdict(self)
@@ -44,7 +50,9 @@ def timed(
     gc.collect()  # so that no call waits for what earlier ones left
     gc.freeze()
     before = _reset_peak()
-    results, wall, cpu = [], [], []
+    results: list[Any] = []
+    wall: list[float] = []
+    cpu: list[float] = []
     for number, item in enumerate(items):
         if len(cpu) >= FEWEST and sum(cpu) > 1e3 * budget_s:
             break
@@ -59,8 +67,7 @@ def timed(
     if not wall:
         nan = float("nan")
         return results, Times(0, nan, nan, nan, nan, nan, peak)
-    times = [float(v) for row in (wall, cpu) for v in np.percentile(row, [50, 99])]
-    return results, Times(len(wall), *times, float(min(cpu)), peak)
+    return results, Times.of(np.array(wall), np.array(cpu), peak)
 
 
 def _reset_peak() -> float | None:

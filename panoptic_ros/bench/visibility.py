@@ -115,7 +115,9 @@ def _votes(world: World, item: DetectionSet, frame: SkeletonFrame) -> Array:
     """Eq. 1 at the true joints; voting has set the views' limits."""
     cameras = [world.rig.camera(view.camera) for view in item.views]
     joints, places = _joints(frame)
-    return kernels.vote_points(build_scene(cameras, item.views, len(world.skeleton)), joints, places, 0.1)[0]
+    scene = build_scene(cameras, item.views, len(world.skeleton))
+    votes: Array = kernels.vote_points(scene, joints, places, 0.1)[0]
+    return votes
 
 
 def _hits(item: ProposalSet, frame: SkeletonFrame) -> tuple[Array, int]:

@@ -231,7 +231,7 @@ def open_device(device: str, options: DeviceOptions) -> cv2.VideoCapture:
     if capture.isOpened():
         if options.image_size is not None:
             # most USB cameras reach their full rate at large sizes only as MJPEG
-            capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter_fourcc(*"MJPG"))
+            capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, options.image_size[0])
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, options.image_size[1])
         if options.frame_rate is not None:

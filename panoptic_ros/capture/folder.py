@@ -148,11 +148,11 @@ def open_files(
     try:
         for name in chosen.names:
             own = stamps[name] if stamps else None
-            source = _open(name, Path(files[name]), start_ns, frame_rate, own)
-            sources.append(source)
+            images = _open(name, Path(files[name]), start_ns, frame_rate, own)
+            sources.append(images)
             depths = depth_files(Path(files[name]).parent, name)
             if depths:
-                sources[-1] = DepthSource(source, depths)
+                sources[-1] = DepthSource(images, depths)
         fitted, changes = fit_rig(rig, sources, size_policy)
     except BaseException:
         for source in sources:

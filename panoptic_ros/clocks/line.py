@@ -67,4 +67,5 @@ def _spread(error: Array) -> float:
 
 def _solve(rows: Array, y: Array, weights: Array) -> Array:
     root = np.sqrt(weights)
-    return np.linalg.lstsq(rows * root[:, None], y * root, rcond=None)[0]
+    solution: Array = np.linalg.lstsq(rows * root[:, None], y * root, rcond=None)[0]
+    return solution

@@ -42,7 +42,8 @@ def sight_of(boxes: Array, cameras: Sequence[Camera], views: Sequence[ViewDetect
 def _on_plane(
     limit: VisibilityLimit, camera: Camera, left: float, right: float, top: float, bottom: float
 ) -> Array:
-    return limit.metres.ravel()[_cells(camera, *limit.cells.shape, left, right, top, bottom)]
+    limits: Array = limit.metres.ravel()[_cells(camera, *limit.cells.shape, left, right, top, bottom)]
+    return limits
 
 
 @lru_cache(maxsize=4096)
@@ -58,7 +59,8 @@ def _cells(
     shape = np.array([columns, rows])
     at = np.floor((pixels + 0.5) * (shape / np.array(camera.image_size)))
     at = np.clip(at, 0, shape - 1).astype(np.int64)
-    return at[:, 1] * columns + at[:, 0]
+    cells: Array = at[:, 1] * columns + at[:, 0]
+    return cells
 
 
 @njit(cache=True, error_model="numpy")

@@ -172,7 +172,8 @@ def card_from_mapping(document: Mapping[str, Any]) -> ModelCard:
             if part.get("size") == "dynamic":
                 part["size"] = ()
             values[key] = _construct(kind, part, f"{key}.")
-        return _construct(ModelCard, values, "")
+        card: ModelCard = _construct(ModelCard, values, "")
+        return card
     except ConfigError as error:
         raise ConfigError(f"model card {name!r}: {error}") from None
 

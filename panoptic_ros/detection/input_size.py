@@ -138,7 +138,8 @@ class SideChooser:
 
 def expected_quality(heights: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """Summed quality (S,) of people with heights (P,), as shares of the image's side, for sides (S,)."""
-    return np.interp(sides[:, None] * heights[None, :], QUALITY_PX, QUALITY).sum(axis=1)
+    quality: np.ndarray = np.interp(sides[:, None] * heights[None, :], QUALITY_PX, QUALITY).sum(axis=1)
+    return quality
 
 
 def input_size(side: int, image_size: tuple[int, int], multiple: int) -> tuple[int, int]:

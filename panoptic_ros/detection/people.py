@@ -38,7 +38,8 @@ class People:
 
     def heights(self) -> Array:
         """Longer side (P,) of each person's box: a person's length whatever way he lies or stands."""
-        return np.maximum(self.boxes[:, 2] - self.boxes[:, 0], self.boxes[:, 3] - self.boxes[:, 1])
+        sizes: Array = np.maximum(self.boxes[:, 2] - self.boxes[:, 0], self.boxes[:, 3] - self.boxes[:, 1])
+        return sizes
 
 
 def no_people(joint_count: int) -> People:

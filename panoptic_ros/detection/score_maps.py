@@ -64,7 +64,7 @@ class PatchSet:
 
 def quantised(maps: Array, cut: float) -> Array:
     """Maps in 0..1 as uint8, 0 below `cut`."""
-    levels = np.rint(np.clip(maps, 0.0, 1.0) * 255.0).astype(np.uint8)
+    levels: Array = np.rint(np.clip(maps, 0.0, 1.0) * 255.0).astype(np.uint8)
     levels[maps < cut] = 0
     return levels
 

@@ -96,7 +96,8 @@ class DetectionStage:
         """Longer side (P,) of the box round the joints that are seen, image px."""
         people = finding.people
         boxes = boxes_of_points(people.points, people.scores >= self.config.joint_threshold)
-        return (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)
+        sizes: Array = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)
+        return sizes
 
     def _record(self, item: ViewFrame, finding: Finding) -> ViewDetections:
         people = finding.people

@@ -78,7 +78,8 @@ class Camera:
     @property
     def centre(self) -> Array:
         """Optical centre (3,) m in the world."""
-        return -self.cam_from_world.rotation.T @ self.cam_from_world.translation
+        centre: Array = -self.cam_from_world.rotation.T @ self.cam_from_world.translation
+        return centre
 
     def project(self, points_world: Array) -> tuple[Array, Array]:
         """Pixels (..., 2) of world points (..., 3) m and whether they can be seen (...).
@@ -90,7 +91,8 @@ class Camera:
     def sees(self, points_world: Array) -> Array:
         """Whether world points (..., 3) m project into the image (...)."""
         pixels, seen = self.project(points_world)
-        return seen & self.contains(pixels)
+        visible: Array = seen & self.contains(pixels)
+        return visible
 
     def contains(self, pixels: Array) -> Array:
         """Whether pixels (..., 2) are on the sensor (...); its border lies half a pixel outside."""
@@ -103,4 +105,5 @@ class Camera:
         plane = self.intrinsics.undistort(pixels)
         rays = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
         rays = rays @ self.cam_from_world.rotation
-        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        directions: Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return directions

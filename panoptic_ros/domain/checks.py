@@ -8,6 +8,7 @@ import numpy as np
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
+NOT_GIVEN: Any = None  # default of a record's field that `__post_init__` replaces
 
 
 class Shapes:

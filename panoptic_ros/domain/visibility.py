@@ -74,7 +74,8 @@ class VisibilityLimit:
         shape = np.array(self.cells.shape[::-1])
         at = np.floor((np.asarray(pixels) + 0.5) * (shape / np.array(image_size))).astype(np.int64)
         at = np.clip(at, 0, shape - 1)
-        return depths <= self.metres[at[..., 1], at[..., 0]]
+        seen: Array = depths <= self.metres[at[..., 1], at[..., 0]]
+        return seen
 
     def combined(self, other: VisibilityLimit) -> VisibilityLimit:
         """The nearer of two limits of one view everywhere, on the finer of their cells."""

@@ -38,7 +38,7 @@ def parse_annotation(
             people = document["frames"][number]
             joints = [[(joint or [np.nan] * 3)[:3] for joint in p["joints"]] for p in people]
             positions = np.array(joints, np.float64).reshape(len(people), len(names), 3)
-            ids = [int(person["id"]) for person in people]
+            ids = np.array([int(person["id"]) for person in people], np.int64)
             frames.append(SkeletonFrame(int(number) * frame_period_ns, ids, positions))
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{where}: no annotation of 3D joints: {error!r}") from None

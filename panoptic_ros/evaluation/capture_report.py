@@ -216,7 +216,7 @@ def _person(
     limbs = list(limb_joints(skeleton))
     lengths = 100.0 * bone_lengths(skeleton, poses, identity)
     names = [f"{skeleton.joint_names[a]}-{skeleton.joint_names[b]}" for a, b in skeleton.bones]
-    kept = np.flatnonzero(np.isfinite(lengths).sum(0) >= 2)
+    kept = np.flatnonzero(np.isfinite(lengths).sum(0) >= 2).tolist()
     of_limbs = [b for b in kept if set(skeleton.bones[b]) <= set(limbs) and not _is_across(skeleton, b)]
     return PersonSummary(
         identity=identity,

@@ -59,7 +59,8 @@ def _score(scores: Mapping[str, Any], name: str) -> float | None:
         if value is None:  # e.g. nees.cover95 of a result without covariances
             return None
         raise UsageError(f"there is no score {name!r}")
-    return value
+    score: float | None = value
+    return score
 
 
 def _starts(text: str, key: str) -> bool:

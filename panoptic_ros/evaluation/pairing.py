@@ -47,7 +47,8 @@ class FramePair:
     @property
     def means(self) -> Array:
         """Mean joint distance of every match (M,), m."""
-        return np.nanmean(self.distances, axis=1)
+        means: Array = np.nanmean(self.distances, axis=1)
+        return means
 
     @property
     def found(self) -> Array:
@@ -182,7 +183,8 @@ def _near(result: Array, people: Array) -> Array:
     """Which results (R,) are within the gate of any of the people (P, J, 3)."""
     if not len(people) or not len(result):
         return np.zeros(len(result), bool)
-    return (distance_table(people, result)[1] <= GATE).any(axis=0)
+    near: Array = np.any(distance_table(people, result)[1] <= GATE, axis=0)
+    return near
 
 
 def _renumber(kept: Array) -> Array:

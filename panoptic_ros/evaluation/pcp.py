@@ -125,7 +125,8 @@ def right_limbs(truth: Array, estimate: Array) -> Array:
     """Which of the ten limbs (10,) are right, for joints (15, 3) m of truth and estimate."""
     errors = np.linalg.norm(truth - estimate, axis=-1)
     lengths = np.linalg.norm(truth[ENDS[:, 0]] - truth[ENDS[:, 1]], axis=-1)
-    return errors[ENDS].mean(axis=1) <= 0.5 * lengths  # NaN compares false
+    right: Array = errors[ENDS].mean(axis=1) <= 0.5 * lengths  # NaN compares false
+    return right
 
 
 def _truth_joints(truth: SkeletonSequence) -> list[Array]:

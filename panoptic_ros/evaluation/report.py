@@ -38,7 +38,7 @@ class Report:
     def to_mapping(self) -> dict[str, Any]:
         """The scores under their names in `--json`; what is not defined (NaN) is None."""
         joints, people, identities = self.joints, self.people, self.identities
-        return _plain({
+        scores: dict[str, Any] = _plain({
             "frames": self.frames,
             "paired_frames": self.paired_frames,
             "stamp_offset_ms": {"mean": self.mean_offset_ms, "max_abs": self.largest_offset_ms},
@@ -65,6 +65,7 @@ class Report:
             "acceleration_error": self.acceleration_error,
             "nees": None if self.consistency is None else asdict(self.consistency),
         })  # fmt: skip
+        return scores
 
 
 def evaluate(truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0) -> Report:

@@ -63,7 +63,8 @@ class RayCache:
         stack = np.full((len(each), people, *each[0].shape[1:]), np.nan)
         for row, rays in zip(stack, each):
             row[: len(rays)] = rays
-        return stack @ camera.cam_from_world.rotation
+        rotated: Array = stack @ camera.cam_from_world.rotation
+        return rotated
 
     def _in_camera(self, intrinsics: Intrinsics, view: ViewDetections) -> Array:
         key = intrinsics, view

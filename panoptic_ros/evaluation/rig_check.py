@@ -256,7 +256,8 @@ def _length(metres: float) -> str:
 
 
 def _mean(points: np.ndarray) -> np.ndarray:
-    return points.mean(axis=1)
+    middles: np.ndarray = points.mean(axis=1)
+    return middles
 
 
 def _disagreement(trial: _Trial, name: str) -> Notice:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_stamp
+from panoptic_ros.domain.checks import NOT_GIVEN, Shapes, check_stamp
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -20,9 +20,9 @@ class SkeletonFrame:
         stamp_ns: the instant.
         ids: (P,) int64, unique within the frame.
         positions: (P, J, 3) m, NaN where missing.
-        covariances: (P, J, 3, 3) m^2, NaN where not reported; None stands for NaN everywhere.
-        ignored: (P,) bool, truth only: the person may be reported or not; None = nobody.
-        views: (P, J) that measured each joint, 0 = predicted or filled, -1 = not told; None = -1 everywhere.
+        covariances: (P, J, 3, 3) m^2, NaN where not reported; not given: NaN everywhere.
+        ignored: (P,) bool, truth only: the person may be reported or not; not given: nobody.
+        views: (P, J) that measured each joint, 0 = predicted or filled, -1 = not told, the default.
 
     Raises:
         DataError: on shapes that do not fit or ids that stand twice.
@@ -31,9 +31,9 @@ class SkeletonFrame:
     stamp_ns: int
     ids: Array
     positions: Array
-    covariances: Array | None = None
-    ignored: Array | None = None
-    views: Array | None = None
+    covariances: Array = NOT_GIVEN
+    ignored: Array = NOT_GIVEN
+    views: Array = NOT_GIVEN
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))

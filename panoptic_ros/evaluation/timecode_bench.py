@@ -20,10 +20,14 @@ Array = np.ndarray
 class TimedSignal(Protocol):
     """Audio (N,) at a sample rate, with the label and the start of each word in samples."""
 
-    samples: Array
-    sample_rate: int
-    labels: Sequence[Timecode]
-    starts: Array
+    @property
+    def samples(self) -> Array: ...
+    @property
+    def sample_rate(self) -> int: ...
+    @property
+    def labels(self) -> Sequence[Timecode]: ...
+    @property
+    def starts(self) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True)

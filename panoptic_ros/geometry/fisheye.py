@@ -19,7 +19,8 @@ def distort(terms: Array, plane: Array) -> Array:
     """Distorted points (..., 2) of undistorted ones (..., 2)."""
     radius = np.maximum(np.hypot(plane[..., 0], plane[..., 1]), TINY)
     theta = np.arctan(radius)
-    return plane * (theta * _factor(terms, theta * theta) / radius)[..., None]
+    distorted: Array = plane * (theta * _factor(terms, theta * theta) / radius)[..., None]
+    return distorted
 
 
 def jacobian(terms: Array, plane: Array) -> Array:
@@ -30,7 +31,8 @@ def jacobian(terms: Array, plane: Array) -> Array:
     along = _slope(terms, theta * theta) / (1.0 + radius * radius)
     towards = plane / radius[..., None]
     outer = towards[..., :, None] * towards[..., None, :]
-    return across[..., None, None] * np.eye(2) + (along - across)[..., None, None] * outer
+    derivative: Array = across[..., None, None] * np.eye(2) + (along - across)[..., None, None] * outer
+    return derivative
 
 
 def undistort(terms: Array, goal: Array, radius_limit: float) -> Array:
@@ -62,10 +64,12 @@ def radius_limit(terms: Array) -> float:
 def _factor(terms: Array, square: Array) -> Array:
     """theta_d / theta at theta^2."""
     k1, k2, k3, k4 = terms
-    return 1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4)))
+    factor: Array = 1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4)))
+    return factor
 
 
 def _slope(terms: Array, square: Array) -> Array:
     """Derivative of theta_d by theta at theta^2."""
     k1, k2, k3, k4 = terms
-    return 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)))
+    slope: Array = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)))
+    return slope

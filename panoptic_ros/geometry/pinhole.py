@@ -77,7 +77,8 @@ class Intrinsics:
 
     def pixels_from_plane(self, plane: Array) -> Array:
         """Pixels (..., 2) of distorted normalised image points (..., 2)."""
-        return plane @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+        pixels: Array = plane @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+        return pixels
 
     def plane_from_pixels(self, pixels: Array) -> Array:
         """Distorted normalised image points (..., 2) of pixels (..., 2)."""

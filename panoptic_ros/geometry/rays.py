@@ -17,7 +17,8 @@ def ray_distances(centres_a: Array, rays_a: Array, centres_b: Array, rays_b: Arr
     crossing = np.abs((offset * normal).sum(-1)) / np.maximum(length, 1e-9)
     unit = rays_a / np.linalg.norm(rays_a, axis=-1, keepdims=True)
     aside = offset - (offset * unit).sum(-1, keepdims=True) * unit
-    return np.where(length < 1e-7, np.linalg.norm(aside, axis=-1), crossing)
+    distances: Array = np.where(length < 1e-7, np.linalg.norm(aside, axis=-1), crossing)
+    return distances
 
 
 def closest_points(

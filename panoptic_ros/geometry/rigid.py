@@ -50,7 +50,8 @@ class Rigid:
 
     def apply(self, points: Array) -> Array:
         """Points (..., 3) of frame a in frame b."""
-        return np.asarray(points) @ self.rotation.T + self.translation
+        moved: Array = np.asarray(points) @ self.rotation.T + self.translation
+        return moved
 
     def inverse(self) -> Rigid:
         """a_from_b."""

@@ -29,13 +29,15 @@ class ProjectionStack:
     @property
     def centres(self) -> Array:
         """Optical centres (C, 3) m in the world."""
-        return -np.einsum("cji,cj->ci", self.rotations, self.translations)
+        centres: Array = -np.einsum("cji,cj->ci", self.rotations, self.translations)
+        return centres
 
     def rays(self, plane: Array) -> Array:
         """Unit viewing rays (C, ..., 3) in the world of normalised points (C, ..., 2)."""
         homogeneous = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
         rays = np.einsum("c...i,cij->c...j", homogeneous, self.rotations)
-        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        directions: Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return directions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,4 +152,5 @@ def _linearised(stack: ProjectionStack, points: Array, plane: Array) -> tuple[Ar
 def _damped(normal: Array, least: float = 0.0) -> Array:
     """Matrices (N, 3, 3) with a little of their trace, or of `least`, added to their diagonals."""
     scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-    return normal + 1e-9 * np.eye(3) * np.maximum(scale, least)
+    regular: Array = normal + 1e-9 * np.eye(3) * np.maximum(scale, least)
+    return regular

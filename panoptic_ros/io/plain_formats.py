@@ -222,7 +222,8 @@ def _row(values: Array) -> list[float] | None:
 def _person_scores(scores: Array) -> Array:
     """Mean score (P,) of the joints that are there."""
     there = scores > 0.0
-    return scores.sum(1) / np.maximum(there.sum(1), 1)
+    scores_of_people: Array = scores.sum(1) / np.maximum(there.sum(1), 1)
+    return scores_of_people
 
 
 def _document(path: Path, wanted: str) -> tuple[dict[str, Any], tuple[str, ...]]:

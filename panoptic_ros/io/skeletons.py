@@ -52,7 +52,8 @@ def map_joints(skeleton: str, detector_joints: Sequence[str]) -> tuple[SkeletonM
     model = _model(document)
     vocabulary = _vocabulary()
     known = {vocabulary.get(joint, joint): i for i, joint in enumerate(detector_joints)}
-    sources, derived = [], []
+    sources: list[tuple[int, ...]] = []
+    derived: list[tuple[int, tuple[int, ...]]] = []
     for i, (joint, word) in enumerate(document["joints"].items()):
         parts = [document["joints"][name] for name in document["mean_of"].get(joint, [])]
         if word in known:

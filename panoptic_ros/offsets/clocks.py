@@ -127,7 +127,9 @@ class CameraClocks:
     @property
     def deviations(self) -> Array:
         """Standard deviations (C,) s of the offsets."""
-        return np.sqrt(np.maximum(np.diag(self.covariance)[: len(self.cameras)], 0.0) + self.strays**2)
+        variances = np.maximum(np.diag(self.covariance)[: len(self.cameras)], 0.0)
+        deviations: Array = np.sqrt(variances + self.strays**2)
+        return deviations
 
     @property
     def drift_deviations(self) -> Array:
@@ -137,7 +139,8 @@ class CameraClocks:
     @property
     def applied(self) -> Array:
         """Which cameras (C,) are corrected: before, or because their offset is known and more than chance."""
-        return self.held | self.known & (np.abs(self.offsets) > SURE * self.deviations)
+        used: Array = self.held | self.known & (np.abs(self.offsets) > SURE * self.deviations)
+        return used
 
     def corrections(self, sets: Iterable[DetectionSet], every: bool = False) -> dict[str, Array]:
         """Per camera what to add (K,) ns to the stamps of its frames, in the order of the sets.
@@ -163,8 +166,8 @@ class CameraClocks:
             use = self.applied[c]
             models.append(
                 ClockModel(
-                    name, self.reference_ns, 1e9 * self.offsets[c] if use else 0.0,
-                    self.drifts[c] if use else 0.0, self.covariance[pick],
+                    name, self.reference_ns, 0, self.drifts[c] if use else 0.0, self.covariance[pick],
+                    residual_ns=1e9 * self.offsets[c] if use else 0.0,
                 )
             )  # fmt: skip
         return models

@@ -123,13 +123,14 @@ def _learn_stiffness(stiffness: Array, counts: Array, rough: Array) -> Array:
     terms = 3.0 * (counts - 2)
     sure = np.maximum(terms - stiffness * rough[:, 1], 0.05 * terms)
     low, high = (1.0 / (q**2 * KNOTS**3) for q in ROUGHNESS[::-1])
-    return np.clip(sure / np.maximum(rough[:, 0], 1e-12), low, high)
+    learnt: Array = np.clip(sure / np.maximum(rough[:, 0], 1e-12), low, high)
+    return learnt
 
 
 def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
     """Anderson's mixing of the last states and steps."""
     state, step = history[-1]
-    plain = state + step
+    plain: Array = state + step
     if len(history) < 2:
         return plain
     steps = np.stack([step - before for _, before in history[:-1]], axis=1)

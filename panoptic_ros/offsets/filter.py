@@ -90,4 +90,5 @@ class ClockFilter:
 def _less_sure(information: Array, k: int, deviation: float) -> Array:
     """Information after state `k` has got an independent error with this standard deviation."""
     column = information[:, k]
-    return information - np.outer(column, column) / (deviation**-2.0 + column[k])
+    reduced: Array = information - np.outer(column, column) / (deviation**-2.0 + column[k])
+    return reduced

@@ -28,7 +28,8 @@ class Noise:
         value = np.full(len(self._groups[0]), self._start)
         for group, factors in zip(self._groups, self._factors):
             value *= factors[group]
-        return np.maximum(value, LEAST_NOISE)
+        sigmas: Array = np.maximum(value, LEAST_NOISE)
+        return sigmas
 
     def learn(self, ratios: Array) -> None:
         """Take residuals (N,) in units of `sigmas`, leverage removed."""

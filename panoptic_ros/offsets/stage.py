@@ -143,5 +143,6 @@ class OffsetsStage:
         if clocks is None or not self._correcting[c]:
             return frame.stamp_ns
         since = frame.stamp_ns - clocks.reference_ns
-        return frame.stamp_ns + round(1e9 * clocks.offsets[c] + clocks.drifts[c] * since)
+        master_ns: int = frame.stamp_ns + round(1e9 * clocks.offsets[c] + clocks.drifts[c] * since)
+        return master_ns
 

@@ -29,7 +29,8 @@ def covariance_of(fit: Fit, prior: Array) -> Array:
     covariance = np.linalg.inv(fit.information / inflation(fit) + np.diag(prior**-2.0))
     covariance += np.diag(np.minimum(_floor(fit), prior**2))
     gauge = np.kron(np.eye(2), np.eye(cameras) - 1.0 / cameras)
-    return gauge @ covariance @ gauge.T
+    covariances: Array = gauge @ covariance @ gauge.T
+    return covariances
 
 
 def honest_information(fit: Fit, prior: Array) -> Array:
@@ -108,7 +109,8 @@ def _bias_variance(fit: Fit, bias: float) -> Array:
     pull = np.bincount(group.reshape(-1), fit.precision * speed)
     pulls = np.bincount(groups[:, 0], pull**2, cameras)
     strength = np.bincount(fit.seen.camera, fit.precision * speed**2, cameras)
-    return bias**2 * pulls / np.maximum(strength, 1e-12) ** 2
+    variances: Array = bias**2 * pulls / np.maximum(strength, 1e-12) ** 2
+    return variances
 
 
 def acquainted(covariance: Array) -> Array:

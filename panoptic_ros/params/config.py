@@ -82,7 +82,8 @@ def describe(cls: type[Config]) -> tuple[Param, ...]:
         spec = field.metadata.get(_KEY)
         if spec is None:
             raise ContractError(f"{cls.__name__}.{field.name} was not made with param()")
-        rows.append(Param(field.name, hints[field.name], field.default, **vars(spec)))
+        default: Any = field.default  # param() gives every field one
+        rows.append(Param(field.name, hints[field.name], default, **vars(spec)))
     return tuple(rows)
 
 
@@ -157,7 +158,7 @@ def _checked(item: Param, value: Any, owner: str) -> Any:
     return _scalar(where, item.type, value, item)
 
 
-def _scalar(where: str, kind: type, value: Any, item: Param) -> Any:
+def _scalar(where: str, kind: type[Any], value: Any, item: Param) -> Any:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not kind:

@@ -53,6 +53,7 @@ def _chances(costs: Array) -> Array:
     summed = 0.5 * costs.sum(axis=3)
     likelihoods = np.exp(summed.min(axis=(0, 1)) - summed)
     shares = np.full(len(SCALES), 1.0 / len(SCALES))  # of the joints that are of each scale
+    chances: Array = likelihoods
     for _ in range(ROUNDS):
         weighted = shares[:, None, None] * likelihoods
         joints = np.maximum(weighted.sum(axis=0), LEAST)  # (F, J)

@@ -16,6 +16,7 @@ import numpy as np
 from panoptic_ros.domain import FrameRate, Timecode, TimecodeReading
 
 SECOND = 1_000_000_000
+Stream = Iterator[tuple[float, int, "TimecodeReading | CameraFrame"]]  # arrival, order, item
 FRAMES = 100_000_000  # numbers of frames are those of a camera, whatever its name
 
 
@@ -40,7 +41,8 @@ class SimulatedClock:
         turn = 2.0 * np.pi / self.wander_s
         gained = self.drift * seconds + self.wander / turn * (1.0 - np.cos(turn * seconds))
         gained += sum(step for at, step in self.steps if seconds >= at)
-        return self.offset_ns + true_ns + round(SECOND * gained)
+        stamp_ns: int = self.offset_ns + true_ns + round(SECOND * gained)
+        return stamp_ns
 
 
 @dataclass(frozen=True)
@@ -116,16 +118,16 @@ class ClockWorld:
 
     def events(self) -> Iterator[TimecodeReading | CameraFrame]:
         """Readings and frames in the order of their arrival."""
-        streams = [self._readings(device, k) for k, device in enumerate(self.devices)]
-        streams += [self._frames(camera, k) for k, camera in enumerate(self.cameras)]
-        for _, _, item in heapq.merge(*streams, key=lambda event: event[:2]):
+        readings = (self._readings(device, k) for k, device in enumerate(self.devices))
+        frames = (self._frames(camera, k) for k, camera in enumerate(self.cameras))
+        for _, _, item in heapq.merge(*readings, *frames, key=lambda event: event[:2]):
             yield item
 
     def _name(self, name: str, true_s: float) -> str:
         at, names = self.swap
         return names.get(name, name) if true_s >= at else name
 
-    def _readings(self, device: HearingDevice, order: int) -> Iterator[tuple[float, int, TimecodeReading]]:
+    def _readings(self, device: HearingDevice, order: int) -> Stream:
         rng = np.random.default_rng([self.seed, order])
         rate = device.rate.exact
         first = round(self.first_s * rate)
@@ -144,7 +146,7 @@ class ClockWorld:
             )  # fmt: skip
             yield seconds + device.latency_s, order, reading
 
-    def _frames(self, camera: SimulatedCamera, order: int) -> Iterator[tuple[float, int, CameraFrame]]:
+    def _frames(self, camera: SimulatedCamera, order: int) -> Stream:
         rng = np.random.default_rng([self.seed, 1000 + order])
         clock = next(device.clock for device in self.devices if device.name == camera.device)
         for k in range(int(self.seconds * camera.rate)):

@@ -92,7 +92,7 @@ class SimulatedDetector:
         boxes = boxes_of(points, visible)
         marks = self._mark(rng, index, points, visible, hidden, boxes)
         reported = self._report(slow, times, (marks.found & ~hidden).sum(-1))
-        pick = np.stack(np.indices(visible.shape)[1:], axis=-1)  # (C, P, 19, 2): person, joint
+        pick = np.moveaxis(np.indices(visible.shape)[1:], 0, -1).copy()  # (C, P, 19, 2): person, joint
         self._swap(slow, pick, seen_from_behind(joints, self._centres))
         self._merge(rng, pick, reported, boxes)
         return self._collect(rng, marks, reported, pick)

@@ -49,7 +49,8 @@ class Talking:
     motion: Wander
 
     def __call__(self, t: Array, steps: Array) -> Array:
-        return np.array([0.38, 0.0, 0.50]) + self.motion(t).reshape(-1, 2, 3)
+        hands: Array = np.array([0.38, 0.0, 0.50]) + self.motion(t).reshape(-1, 2, 3)
+        return hands
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,8 @@ class AtTable:
     def __call__(self, t: Array, steps: Array) -> Array:
         sip = self.pulses(t)[:, None] * np.array([-0.12, -0.20, 0.50])
         over = np.array([0.50, -0.05, 0.55]) + self.motion(t).reshape(-1, 2, 3)
-        return over + _one_hand(self.hand, sip)
+        hands: Array = over + _one_hand(self.hand, sip)
+        return hands
 
 
 def draw_gesture(rng: np.random.Generator, kind: str) -> Gesture:

@@ -55,4 +55,5 @@ def _template(rng: np.random.Generator) -> Array:
     joints = person.joints(rng.uniform(0.0, 10.0, 1))[0]
     across = joints[:, :2] @ np.array([np.cos(angle), np.sin(angle)])
     flat = np.column_stack([across, -joints[:, 2]])
-    return (flat - flat.mean(axis=0)) / np.ptp(flat[:, 1])
+    shape: Array = (flat - flat.mean(axis=0)) / np.ptp(flat[:, 1])
+    return shape

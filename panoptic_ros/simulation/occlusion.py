@@ -127,7 +127,8 @@ def segment_distances(origins: Array, points: Array, starts: Array, ends: Array)
     u = np.clip((cross * w - sight_offset) / sight2, 0.0, 1.0)
     squared = offset2 + u * u * sight2 + w * w * axis2
     squared += 2.0 * (u * sight_offset - w * axis_offset - u * w * cross)
-    return np.sqrt(np.maximum(squared, 0.0))
+    distances: Array = np.sqrt(np.maximum(squared, 0.0))
+    return distances
 
 
 def under_table(centres: Array, points: Array, radius: float) -> Array:
@@ -135,4 +136,5 @@ def under_table(centres: Array, points: Array, radius: float) -> Array:
     drop = points[..., 2] - centres[:, None, 2]
     share = (TABLE_HEIGHT - centres[:, None, 2]) / np.where(drop == 0.0, 1e-9, drop)
     crossing = centres[:, None, :2] + share[..., None] * (points - centres[:, None])[..., :2]
-    return (share > 0.0) & (share < 1.0) & (np.linalg.norm(crossing, axis=-1) < radius)
+    hidden: Array = (share > 0.0) & (share < 1.0) & (np.linalg.norm(crossing, axis=-1) < radius)
+    return hidden

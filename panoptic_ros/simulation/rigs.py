@@ -120,7 +120,7 @@ class PanelDome:
             for count, elevation in DOME_PANELS
             for k in range(count)
         ]
-        cameras = []
+        cameras: list[Camera] = []
         for panel, (azimuth, elevation) in enumerate(panels, start=1):
             for i in number:
                 up = elevation + spread[i] * np.sin(i * GOLDEN)

@@ -13,7 +13,7 @@ def boxes_of(points: Array, visible: Array) -> Array:
     low = np.where(visible[..., None], points, np.inf).min(-2)
     high = np.where(visible[..., None], points, -np.inf).max(-2)
     boxes = np.concatenate([low, high], axis=-1)
-    return np.where(visible.any(-1)[..., None], boxes, np.nan)
+    return np.where(np.any(visible, axis=-1)[..., None], boxes, np.nan)
 
 
 def box_overlap(a: Array, b: Array) -> float:
@@ -30,4 +30,5 @@ def seen_from_behind(joints: Array, centres: Array) -> Array:
     across = joints[:, :, J["lShoulder"]] - joints[:, :, J["rShoulder"]]
     forward = np.cross(across, [0.0, 0.0, 1.0])
     towards = centres[:, None] - joints[:, :, J["Neck"]]
-    return (forward * towards).sum(-1) < 0.0
+    behind: Array = (forward * towards).sum(-1) < 0.0
+    return behind

@@ -27,7 +27,8 @@ class Wander:
     def __call__(self, t: Array) -> Array:
         """Values (T, C)."""
         angle = 2.0 * np.pi * self.frequency * t[:, None, None] + self.phase
-        return self.scale * np.sqrt(2.0 / WAVES) * np.sin(angle).sum(axis=1)
+        values: Array = self.scale * np.sqrt(2.0 / WAVES) * np.sin(angle).sum(axis=1)
+        return values
 
 
 @dataclass(frozen=True)
@@ -51,4 +52,5 @@ class Pulses:
 def ease(x: Array) -> Array:
     """0 up to 0, 1 from 1 on, with continuous second derivative in between."""
     x = np.clip(x, 0.0, 1.0)
-    return x * x * x * (x * (6.0 * x - 15.0) + 10.0)
+    eased: Array = x * x * x * (x * (6.0 * x - 15.0) + 10.0)
+    return eased

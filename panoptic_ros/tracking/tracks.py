@@ -76,7 +76,8 @@ class Track:
 
 def bone_lengths(positions: Array, bones: Array) -> Array:
     """Lengths (..., B) m of bones (B, 2) of skeletons (..., J, 3), NaN where a joint is missing."""
-    return np.linalg.norm(positions[..., bones[:, 0], :] - positions[..., bones[:, 1], :], axis=-1)
+    lengths: Array = np.linalg.norm(positions[..., bones[:, 0], :] - positions[..., bones[:, 1], :], axis=-1)
+    return lengths
 
 
 def joint_distances(tracks: list[Track], poses: PoseSet) -> tuple[Array, Array]:

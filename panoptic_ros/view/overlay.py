@@ -85,7 +85,8 @@ def _resized(image: Array, scale: float) -> Array:
 
 def _stroke(canvas: Array) -> float:
     """Width of a bone in px: pictures of any size look alike."""
-    return max(2.0, min(canvas.shape[:2]) / 220.0)
+    width: float = max(2.0, min(canvas.shape[:2]) / 220.0)
+    return width
 
 
 def _bone_pieces(camera: Camera, poses: TrackedPoseSet, skeleton: SkeletonModel) -> Array:
@@ -138,7 +139,7 @@ def _draw_label(
 ) -> None:
     """The id above the head, or above the highest joint if the head is not in the picture."""
     shown = (pixels + 0.5) * scale - 0.5
-    inside = ((shown >= 0) & (shown < canvas.shape[1::-1])).all(-1)
+    inside: Array = np.all((shown >= 0) & (shown < canvas.shape[1::-1]), axis=-1)
     if not inside.any():
         return
     x, y = shown[head] if inside[head] else shown[inside][shown[inside, 1].argmin()]
@@ -156,4 +157,5 @@ def _draw_detections(
 
 def _fixed_point(pixels: Array, scale: float) -> Array:
     """OpenCV's fixed-point coordinates of pixels in the picture that is `scale` times as large."""
-    return np.round(((pixels + 0.5) * scale - 0.5) * 2**SUBPIXEL_BITS)
+    fixed_point: Array = np.round(((pixels + 0.5) * scale - 0.5) * 2**SUBPIXEL_BITS)
+    return fixed_point

@@ -52,7 +52,7 @@ def plot_capture(
     paths = head_paths(skeleton, poses)
     figure = Figure(figsize=(14.0, 5.4), dpi=100, layout="constrained")
     FigureCanvasAgg(figure)
-    left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0), wspace=0.06)
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.2, 1.0), wspace=0.06)[0]
     scene: Axes3D = left.add_subplot(projection="3d")
     plan = right.add_subplot()
     _draw_scene(scene, rig, skeleton, chosen, paths)

@@ -60,7 +60,7 @@ class RunReport:
     def document(self) -> dict[str, Any]:
         """The content of report.json; what is not defined is null."""
         summary = self.summary
-        return _plain({
+        content: dict[str, Any] = _plain({
             "format": FORMAT,
             **self.facts,
             "frames": {
@@ -78,6 +78,7 @@ class RunReport:
                 for first, count in _grouped(self.notices)
             ],
         })  # fmt: skip
+        return content
 
     def write(self, path: Path) -> None:
         """Write report.json."""

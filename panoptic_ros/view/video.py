@@ -50,7 +50,7 @@ class OverlayVideo:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._temporary.touch()  # FFmpeg does not say why it fails; this does
         with quiet_opencv():
-            fourcc = cv2.VideoWriter_fourcc(*CODECS[codec])
+            fourcc = cv2.VideoWriter.fourcc(*CODECS[codec])
             self._writer: cv2.VideoWriter | None = cv2.VideoWriter(
                 str(self._temporary), cv2.CAP_FFMPEG, fourcc, float(frame_rate), self.size
             )

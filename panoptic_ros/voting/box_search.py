@@ -83,10 +83,10 @@ class BoxSearch:
                 small = box_kernels.split(boxes, *small, level, *space, threshold, supporting, min_views)
             rows, votes = voxel_kernels.visit(boxes, *small, *space, threshold, view_threshold, min_views)
             found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4], rows[:, 5]))
-        *every, likely = (np.concatenate(parts) for parts in zip(*found))
-        joints, voxels, votes, _ = every
+        columns = [np.concatenate(parts) for parts in zip(*found)]
+        joints, voxels, votes, _, likely = columns
         top, unknown = peak_kernels.highest(joints, voxels - volume.lower + 1, votes, likely)
-        peaks = Peaks(*(values[top] for values in every))
+        peaks = Peaks(*(values[top] for values in columns[:4]))
         if enough < min_views:
             good = self._unbeaten(scene, volume, peaks, unknown, view_threshold, enough)
             peaks = Peaks(*(values[good] for values in peaks))
@@ -130,7 +130,8 @@ class BoxSearch:
         rival = (support >= enough) & volume.contains(near)
         votes, own = votes + ENOUGH, peaks.votes[of] + ENOUGH  # rounded as in `dense_peaks`
         beaten = rival & ((votes > own) | ((votes == own) & (step < 13)))
-        return np.bincount(of[beaten], minlength=len(unknown)) == 0
+        unbeaten: Array = np.bincount(of[beaten], minlength=len(unknown)) == 0
+        return unbeaten
 
 
 def box_scene(
@@ -190,7 +191,7 @@ def pyramid_layers(grid: Array) -> tuple[Array, int]:
     for layer in range(most):
         layers[:, layer, 1:] = size
         layers[:, layer, 1] += np.where(size[:, 0] > PAD, PAD, 0)
-        done = (size <= 1).all(axis=1)
+        done = np.all(size <= 1, axis=1)
         size = np.where(done[:, None], 0, (size + 1) // 2)
     cells = layers[..., 1] * layers[..., 2]
     layers[..., 0] = (np.cumsum(cells) - cells.ravel()).reshape(cells.shape)

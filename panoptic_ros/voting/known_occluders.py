@@ -27,7 +27,8 @@ def occluded_depths(camera: Camera, occluders: Occluders) -> Array:
     vertices = camera.cam_from_world.apply(occluders.vertices)
     depths = nearest_depths(plane, vertices[occluders.triangles])
     depths = np.maximum(depths[1:], depths[:-1])
-    return np.maximum(depths[:, 1:], depths[:, :-1])
+    farthest: Array = np.maximum(depths[:, 1:], depths[:, :-1])
+    return farthest
 
 
 class KnownOccluders:

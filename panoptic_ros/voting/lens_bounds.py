@@ -19,7 +19,8 @@ def seen_radius(distortion: Array, fold_radius: float, image_radius: float) -> f
     """
     k1, k2, p1, p2, k3 = distortion
     # of distorted radii that are not larger: those without tangential terms, less 3 |p| r^2
-    outside = np.trim_zeros([k3, 0.0, k2, 0.0, k1, -3.0 * np.hypot(p1, p2), 1.0, -image_radius], "f")
+    terms = np.array([k3, 0.0, k2, 0.0, k1, -3.0 * np.hypot(p1, p2), 1.0, -image_radius])
+    outside = np.trim_zeros(terms, "f")
     at_end = outside[0] if np.isinf(fold_radius) else np.polyval(outside, fold_radius)
     if at_end <= 0.0 or abs(outside[0]) < 1e-15:  # roots() divides by it
         return fold_radius

@@ -18,7 +18,7 @@ class Bone(NamedTuple):
 
     parent: int
     child: int
-    index: int
+    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody calls
     length: float
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
+from panoptic_ros.domain import Camera, ScoreMaps, ViewDetections, VisibilityLimit
 from panoptic_ros.voting import map_kernels
 from panoptic_ros.voting.score_field import keypoint_widths
 
@@ -65,16 +65,15 @@ def build_scene(
     gates[of, row] = (gate * widths) ** 2
     table = _view_numbers(cameras, views)
     people = np.ascontiguousarray(people.swapaxes(1, 2))
-    return VoteScene(table, people, gates, *_map_arrays(views, joint_count), _limits(views))
+    return VoteScene(table, people, gates, *_map_arrays(views, joint_count), limits=_limits(views))
 
 
 def _view_numbers(cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Array:
     table = np.zeros((len(views), CAMERA_NUMBERS))
     if len(views):
         table[:, :25] = [_camera_numbers(camera) for camera in cameras]
-    mapped = [v for v, view in enumerate(views) if view.maps is not None]
+    mapped, maps = _maps_of(views)
     if mapped:
-        maps = [views[v].maps for v in mapped]
         table[mapped, 25:27] = [each.grid_size for each in maps]
         table[mapped, 27:33] = np.array([each.grid_from_image for each in maps]).reshape(-1, 6)
     return table
@@ -105,11 +104,18 @@ def _camera_numbers(camera: Camera) -> tuple[float, ...]:
     return tuple(float(x) for x in (*pose.rotation.ravel(), *pose.translation, *rest))
 
 
-def _map_arrays(views: Sequence[ViewDetections], joint_count: int) -> tuple[Array, ...]:
+def _maps_of(views: Sequence[ViewDetections]) -> tuple[list[int], list[ScoreMaps]]:
+    """Which views have score maps, and these."""
+    found = [(v, view.maps) for v, view in enumerate(views) if view.maps is not None]
+    return [v for v, _ in found], [maps for _, maps in found]
+
+
+def _map_arrays(
+    views: Sequence[ViewDetections], joint_count: int
+) -> tuple[Array, Array, Array, Array, Array]:
     count = len(views)
     grid = np.zeros((count, 2), np.int64)
-    mapped = [v for v, view in enumerate(views) if view.maps is not None]
-    maps = [views[v].maps for v in mapped]
+    mapped, maps = _maps_of(views)
     if maps:
         grid[mapped] = [each.grid_size for each in maps]
     of = np.repeat(np.array(mapped, np.int64), [len(each.joints) for each in maps])
@@ -126,7 +132,7 @@ def _map_arrays(views: Sequence[ViewDetections], joint_count: int) -> tuple[Arra
     order = np.argsort(key, kind="stable")
     table = table[order]
     patch_start = np.searchsorted(key[order], np.arange(count * joint_count + 1)).astype(np.int64)
-    map_start = np.full(count * joint_count, -1, np.int64)
+    map_start: Array = np.full(count * joint_count, -1, np.int64)
     drawn = np.flatnonzero(np.diff(patch_start))
     cells = grid.prod(1)[drawn // max(joint_count, 1)]
     map_start[drawn] = np.cumsum(cells) - cells

@@ -42,7 +42,8 @@ def keypoint_widths(
     high = np.where(there, points, -np.inf).max(axis=1, initial=-np.inf)
     sides = np.sort(np.maximum(high - low, 0.0), axis=-1)
     area = np.maximum(sides[:, 0], MIN_ASPECT * sides[:, 1]) * sides[:, 1]
-    return np.maximum(relative * np.sqrt(area), floor)
+    sigmas: Array = np.maximum(relative * np.sqrt(area), floor)
+    return sigmas
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,11 +102,13 @@ class MapField:
     def covers(self, pixels: Array) -> Array:
         """Whether pixels (N, 2) lie on the grid (N,), whose border is half a cell outside."""
         cells = self._cell_coordinates(pixels)
-        return ((cells >= -0.5) & (cells <= np.array(self.maps.grid_size) - 0.5)).all(-1)
+        covered: Array = np.all((cells >= -0.5) & (cells <= np.array(self.maps.grid_size) - 0.5), axis=-1)
+        return covered
 
     def _cell_coordinates(self, pixels: Array) -> Array:
         affine = self.maps.grid_from_image
-        return pixels @ affine[:, :2].T + affine[:, 2]
+        cells: Array = pixels @ affine[:, :2].T + affine[:, 2]
+        return cells
 
     def _cells(self, joint: int, persons: tuple[int, ...] | range) -> Array:
         """The map (height, width) of a joint made of the patches of these persons."""
@@ -124,7 +127,7 @@ class MapField:
     def _bilinear(self, cells: Array, pixels: Array) -> Array:
         height, width = cells.shape
         at = self._cell_coordinates(pixels)
-        inside = ((at >= -0.5) & (at <= (width - 0.5, height - 0.5))).all(-1)
+        inside = np.all((at >= -0.5) & (at <= (width - 0.5, height - 0.5)), axis=-1)
         at = np.clip(np.where(inside[:, None], at, 0.0), 0.0, (width - 1.0, height - 1.0))
         low = np.minimum(at.astype(np.int64), (max(width - 2, 0), max(height - 2, 0)))
         high = np.minimum(low + 1, (width - 1, height - 1))
@@ -161,7 +164,7 @@ class ViewField:
 
     def covers(self, pixels: Array) -> Array:
         """Whether the view can say something at pixels (N, 2): inside of the image and of the maps."""
-        inside = ((pixels >= -0.5) & (pixels <= np.array(self.image_size) - 0.5)).all(-1)
+        inside: Array = np.all((pixels >= -0.5) & (pixels <= np.array(self.image_size) - 0.5), axis=-1)
         return inside if self.maps is None else inside & self.maps.covers(pixels)
 
     def sees(self, pixels: Array, depths: Array) -> Array:
@@ -169,7 +172,9 @@ class ViewField:
         covered = self.covers(pixels)
         if self.limit is None:
             return covered
-        return covered & self.limit.sees(np.where(covered[:, None], pixels, 0.0), depths, self.image_size)
+        pixels = np.where(covered[:, None], pixels, 0.0)
+        seen: Array = covered & self.limit.sees(pixels, depths, self.image_size)
+        return seen
 
     def _field(self, joint: int) -> ScoreField:
         return self.maps if self.maps is not None and joint in self.mapped else self.keypoints

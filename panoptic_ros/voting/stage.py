@@ -134,7 +134,8 @@ class VotingStage:
     def _good(self, nodes: Nodes, wanted: Demands) -> Array:
         """Which nodes (N,) satisfy the demands and lie in the volume."""
         good = (nodes.votes > wanted.threshold) & (nodes.support >= wanted.min_views)
-        return good & self.volume.contains(self.volume.voxels(nodes.points))
+        inside: Array = good & self.volume.contains(self.volume.voxels(nodes.points))
+        return inside
 
     def _search_all(self, scene: VoteScene, cameras: list[Camera], wanted: Demands) -> Nodes:
         """Nodes at the peaks of a scene."""

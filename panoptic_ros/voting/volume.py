@@ -48,7 +48,8 @@ class Volume:
 
     def contains(self, voxels: Array) -> Array:
         """Whether voxels (N, 3) are in the volume (N,)."""
-        return ((voxels >= self.lower) & (voxels < self.upper)).all(-1)
+        inside: Array = np.all((voxels >= self.lower) & (voxels < self.upper), axis=-1)
+        return inside
 
     def voxels(self, points: Array) -> Array:
         """Indices (N, 3) int64 of the voxels of points (N, 3) m."""

@@ -23,7 +23,9 @@ def main(inputs: str, outputs: str) -> None:
             )
         ]
         group, frames, budget_s = library.CameraGroup(cameras), given["points"], float(given["budget_s"])
-    positions, wall, cpu = [], [], []
+    positions: list[np.ndarray] = []
+    wall: list[float] = []
+    cpu: list[float] = []
     for number, points in enumerate(frames):
         if cpu and sum(cpu) > 1e3 * budget_s:
             break

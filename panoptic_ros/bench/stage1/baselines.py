@@ -96,8 +96,7 @@ def _anipose_row(rows: Rows, python: str | None) -> None:
         )  # fmt: skip
         with np.load(outputs) as found:
             positions, wall, cpu = found["positions"], found["wall_ms"], found["cpu_ms"]
-    numbers = [float(v) for row in (wall, cpu) for v in np.percentile(row, [50, 99])]
-    times = Times(len(wall), *numbers, float(cpu.min()), None)
+    times = Times.of(wall, cpu, None)
     results = [
         _numbered((item.stamp_ns, points.reshape(people, joints, 3)))
         for item, points in zip(world.sets, positions)

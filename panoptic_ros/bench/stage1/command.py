@@ -19,7 +19,7 @@ MANY_PEOPLE = 7
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the bench."""
-    numbers = {"type": _numbers, "metavar": "N,N"}
+    numbers: dict[str, Any] = {"type": _numbers, "metavar": "N,N"}
     parser.add_argument("--people", default=(1, 4, 8), help="default 1,4,8", **numbers)
     parser.add_argument("--views", default=(3, 5, 10, 31), help="default 3,5,10,31", **numbers)
     parser.add_argument(

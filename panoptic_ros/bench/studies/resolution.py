@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.bench.stage1.world import truth_of
 from panoptic_ros.bench.studies.solving import score, solve
-from panoptic_ros.domain import DetectionSet, Rig, ViewFrame
+from panoptic_ros.domain import DetectionSet, Rig, ViewDetections, ViewFrame
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.simulation import CLEAN, Simulation, simulate
@@ -70,7 +70,8 @@ def _halved(image: Array) -> Array:
     """Means of 2 x 2 pixels."""
     height, width = (side // 2 * 2 for side in image.shape[:2])
     blocks = image[:height, :width].reshape(height // 2, 2, width // 2, 2, 3)
-    return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    halved: Array = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    return halved
 
 
 def _detect_and_solve(
@@ -81,7 +82,7 @@ def _detect_and_solve(
     detection = make_stage("detection", configure({})["detection"], StageContext(rig, skeleton, extras))
     sets = []
     for index, tick in enumerate(take.schedule.ticks):
-        views = []
+        views: list[ViewDetections] = []
         for camera in rig.cameras:
             frame = ViewFrame(camera.name, to_stamp(tick), index, images[camera.name][index])
             views += detection.step(frame).outputs

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.studies import StudyScore, score_study
@@ -28,8 +30,8 @@ def solve(
 
     def take(topic: str, record: Any) -> None:
         if topic == "poses":
-            ids = range(len(record.positions))
-            frames.append(SkeletonFrame(record.stamp_ns, list(ids), record.positions, record.covariances))
+            ids = np.arange(len(record.positions))
+            frames.append(SkeletonFrame(record.stamp_ns, ids, record.positions, record.covariances))
 
     pipeline = Pipeline(
         configure(settings), StageContext(rig, skeleton), ("voting", "assembly"), on_record=take

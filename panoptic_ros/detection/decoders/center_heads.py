@@ -67,7 +67,8 @@ def _box(heads: Mapping[str, Array], y: int, x: int, size: tuple[int, int]) -> A
     """Top, left, bottom, right in cells, within the map."""
     half = 0.5 * np.maximum(heads["box_scale"][:, y, x], 0.0)
     middle = heads["box_offset"][:, y, x] + (y, x)
-    return np.clip(np.concatenate([middle - half, middle + half]), 0.0, [*size, *size])
+    boxes: Array = np.clip(np.concatenate([middle - half, middle + half]), 0.0, [*size, *size])
+    return boxes
 
 
 def _best_cells(heat: Array, guess: Array, box: Array, variance: float) -> tuple[Array, Array]:

@@ -26,7 +26,8 @@ def simcc_maps(across: Array, down: Array, columns: Array, rows: Array, split: f
     scores = decode_simcc(across, down, split)[1]
     x = _sampled(across, columns * split)
     y = _sampled(down, rows * split)
-    return scores[:, None, None] * y[:, :, None] * x[:, None, :]
+    maps: Array = scores[:, None, None] * y[:, :, None] * x[:, None, :]
+    return maps
 
 
 def _sampled(values: Array, bins: Array) -> Array:

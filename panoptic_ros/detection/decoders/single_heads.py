@@ -38,4 +38,5 @@ def _distances(places: Array, rows: int, columns: int) -> Array:
     """Distance (N, rows, columns) of every cell from N places (row, column)."""
     down = (np.arange(rows) - places[:, :1]) ** 2
     across = (np.arange(columns) - places[:, 1:]) ** 2
-    return np.sqrt(down[:, :, None] + across[:, None, :])
+    distances: Array = np.sqrt(down[:, :, None] + across[:, None, :])
+    return distances

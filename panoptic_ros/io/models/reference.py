@@ -77,8 +77,8 @@ def _convolve(graph: GraphModel, operation: Operation, source: Array) -> Array:
     strides = operation.attributes["strides"][1:3]
     windows = _windows(source, kernel.shape[:2], strides, operation.attributes["padding"])
     if "Depthwise" in operation.kind:
-        result = np.einsum("nhwcij,ijcm->nhwcm", windows, kernel)
-        result = result.reshape(*windows.shape[:3], -1)
+        apart: Array = np.einsum("nhwcij,ijcm->nhwcm", windows, kernel)
+        result = apart.reshape(*windows.shape[:3], -1)
     else:
         result = np.tensordot(windows, kernel, ((4, 5, 3), (0, 1, 2)))
     for step in operation.attributes.get("fused_ops", ()):

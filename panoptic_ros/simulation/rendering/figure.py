@@ -108,4 +108,5 @@ def _head(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance) -
 
 def _unit(vectors: Array) -> Array:
     """Vectors (T, 3) of length 1."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    directions: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return directions

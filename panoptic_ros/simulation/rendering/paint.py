@@ -120,7 +120,8 @@ def _normals(local: Array, radii: Array, lengths: Array) -> Array:
     tangent = slope / np.sqrt(np.maximum(1.0 - slope * slope, 1e-6))
     rho = np.linalg.norm(local[:, :2], axis=-1)
     foot = np.clip(local[:, 2] - rho * tangent, 0.0, lengths)  # where the normal starts on the axis
-    return local - np.stack([np.zeros_like(foot), np.zeros_like(foot), foot], axis=-1)
+    normals: Array = local - np.stack([np.zeros_like(foot), np.zeros_like(foot), foot], axis=-1)
+    return normals
 
 
 def _face_reference(unit: Array) -> Array:

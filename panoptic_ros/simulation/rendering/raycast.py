@@ -105,7 +105,7 @@ def cast_rays_reference(
 def _nearest_hit(o: Array, d: Array, length: float, a: float, b: float) -> Array:
     """Depth (H, W) of the first hit of rays o + t * d, inf where there is none."""
     spheres = [_sphere_hit(o - [0.0, 0.0, z], d, r) for z, r in ((0.0, a), (length, b))]
-    nearest = np.minimum(*spheres)
+    nearest: Array = np.minimum(*spheres)
     s = (a - b) / length
     if abs(s) >= 1.0:
         return nearest
@@ -116,7 +116,8 @@ def _nearest_hit(o: Array, d: Array, length: float, a: float, b: float) -> Array
     side = (-qb - np.sqrt(qb * qb - qa * qc)) / qa
     z = o[2] + side * d[..., 2]
     on_side = (z > a * s) & (z < length + b * s) & (np.abs(qa) > 1e-12)
-    return np.where(on_side, side, nearest)
+    depths: Array = np.where(on_side, side, nearest)
+    return depths
 
 
 def _sphere_hit(o: Array, d: Array, radius: float) -> Array:

@@ -90,7 +90,7 @@ class CameraRenderer:
 
     def _view(self, shapes: Shapes, t: int, present: Array, joints: Array, time: float) -> RenderedView:
         depth, hits = self._cast(shapes, t, present)
-        shade = cv2.remap(
+        shade = cv2.remap(  # type: ignore[call-overload]  # the second map may be None
             self._studio.floor.shade(joints), self._floor_cells, None, cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_CONSTANT, borderValue=1.0,
         )  # fmt: skip

@@ -73,7 +73,7 @@ class Room:
             t = (wall.value - eye[wall.axis]) / np.where(along == 0.0, 1e-12, along)
             seen = (t > 0.0) & (t < depth)
             points = np.clip(eye + np.where(seen, t, 0.0)[..., None] * rays, -FAR, FAR)
-            picture = cv2.remap(
+            picture = cv2.remap(  # type: ignore[call-overload]  # the second map may be None
                 wall.texture, self._texels(wall, points), None, cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_REFLECT,
             )  # fmt: skip
@@ -93,9 +93,9 @@ class Room:
 
 def _texture(rng: np.random.Generator, colour: tuple[float, ...], contrast: float, frames: int) -> Array:
     """Cloudy paint of a colour with grain and some rectangles: pictures and doors."""
-    clouds = rng.normal(0.0, 1.0, (24, 24, 1)) + rng.normal(0.0, 0.2, (24, 24, 3))
-    clouds = cv2.resize(clouds, (TEXTURE, TEXTURE), interpolation=cv2.INTER_CUBIC)
-    texture = np.array(colour) + contrast * clouds + rng.normal(0.0, 3.0, clouds.shape)
+    coarse = rng.normal(0.0, 1.0, (24, 24, 1)) + rng.normal(0.0, 0.2, (24, 24, 3))
+    clouds = cv2.resize(coarse, (TEXTURE, TEXTURE), interpolation=cv2.INTER_CUBIC)
+    texture: Array = np.array(colour) + contrast * clouds + rng.normal(0.0, 3.0, clouds.shape)
     for left, top, width, height in rng.integers((0, 60, 25, 40), (470, 330, 90, 170), (frames, 4)).tolist():
         paint = rng.uniform(50.0, 190.0, 3).tolist()
         cv2.rectangle(texture, (left, top), (left + width, top + height), paint, -1)

@@ -35,8 +35,8 @@ class Floor:
             below = np.rint(self.cells(points[..., :2])).astype(int).tolist()
             for name, radius in (("lAnkle", 0.13), ("rAnkle", 0.13), ("BodyCenter", 0.20)):
                 cv2.circle(contact, below[J[name]], self._cells(radius), CONTACT, -1)
-        key, contact = (cv2.GaussianBlur(m, (0, 0), s) for m, s in ((key, SOFT_KEY), (contact, SOFT_CONTACT)))
-        return key * contact
+        soft = cv2.GaussianBlur(key, (0, 0), SOFT_KEY)
+        return soft * cv2.GaussianBlur(contact, (0, 0), SOFT_CONTACT)
 
     def _cells(self, metres: float) -> int:
         return max(1, round(metres * self._scale))

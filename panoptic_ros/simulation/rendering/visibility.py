@@ -22,4 +22,5 @@ def visible_joints(view: RenderedView, camera: Camera, joints: Array, slack: flo
     rows = np.clip(np.rint(np.nan_to_num(pixels[..., 1])), 0, height - 1).astype(int)
     own = view.people[rows, columns] == np.arange(1, len(joints) + 1)[:, None]
     depth = camera.cam_from_world.apply(joints)[..., 2]
-    return seen & own & (view.depth[rows, columns] > depth - slack)
+    visible: Array = seen & own & (view.depth[rows, columns] > depth - slack)
+    return visible

@@ -44,6 +44,7 @@ class Appearance:
         )
 
 
-def _colour(hue: int, saturation: int, value: int) -> Array:
+def _colour(hue: np.int64, saturation: np.int64, value: np.int64) -> Array:
     pixel = np.array([[[hue, saturation, value]]], np.uint8)
-    return cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0].astype(np.float64)
+    colour: Array = cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0].astype(np.float64)
+    return colour
