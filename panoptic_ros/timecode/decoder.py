@@ -85,5 +85,5 @@ class LtcDecoder:
         if not word.upheld:
             return []
         words, self._held = self._held, []
-        self._read_until = word.grid[0] + 0.5 * WORD_CELLS * word.grid[1]
+        self._read_until = word.grid.middle + 0.5 * WORD_CELLS * word.grid.cell
         return words

@@ -16,6 +16,7 @@ from panoptic_ros.timecode.decoder import LtcDecoder
 from panoptic_ros.timecode.follow.pace import Pace
 from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.label.rates import with_rate
+from panoptic_ros.timecode.signal.wave import Samples
 from panoptic_ros.timecode.word.fit import WordFit, fit_word
 
 Array = np.ndarray
@@ -75,11 +76,11 @@ def _timed_anew(words: list[Word], samples: Array, sample_rate: int) -> list[Wor
         _, line = pace.early(good[0][1].grid, good[0][0].number)
     pace = Pace(words[0].reverse, words[0].bending, line)
     out = []
-    for word, fit in zip(words, fits):
-        if fit is None:
+    for word, found in zip(words, fits):
+        if found is None:
             out.append(word)
             continue
-        start, std, _ = pace.take(word.number, fit)
+        start, std, _ = pace.take(word.number, found)
         out.append(replace(word, start=start, std=std))
     return out
 
@@ -88,7 +89,7 @@ def _fit(word: Word, samples: Array, sample_rate: int) -> WordFit | None:
     """Of a word that nothing contradicts."""
     if not word.sure:
         return None
-    first = max(0, int(word.grid[0] - 45.0 * word.grid[1]))
-    last = int(word.grid[0] + 45.0 * word.grid[1])
-    part = samples[first:last].astype(np.float64)
-    return fit_word(part, first, word.bits, word.grid, sample_rate, word.shape, word.bending)
+    first = max(0, int(word.grid.middle - 45.0 * word.grid.cell))
+    last = int(word.grid.middle + 45.0 * word.grid.cell)
+    part = Samples(first, samples[first:last].astype(np.float64))
+    return fit_word(part, word.bits, word.grid, sample_rate, word.shape, word.bending)

@@ -8,9 +8,10 @@ from panoptic_ros.timecode.follow.following import Follow
 from panoptic_ros.timecode.follow.pace import Pace
 from panoptic_ros.timecode.follow.reading import read_word, word_complete
 from panoptic_ros.timecode.label.evidence import judge
+from panoptic_ros.timecode.label.expected import ExpectedLabels
 from panoptic_ros.timecode.label.stretch import solve_labels
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
-from panoptic_ros.timecode.signal.grid import moved_grid
+from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.word.acquisition import Found, Search
 from panoptic_ros.timecode.word.bit_clock import drawn_grid, nearby_grid
@@ -38,20 +39,22 @@ def lock(
     solution = solve_labels(words, found.reverse, config.agreeing_words)
     if solution is None:
         return None
-    grid, number = _first_word(stream, stream.recorded(grids[0]), bending, read_until)
-    shape, read = EdgeShape(stream.sample_rate), 0
+    grid, number = _first_word(stream, stream.in_recorded(grids[0]), bending, read_until)
+    shape = EdgeShape(stream.sample_rate)
     for _ in range(PASSES):
-        follow = Follow(grid, number, found.reverse, solution, Pace(found.reverse, bending), shape)
+        labels = ExpectedLabels(solution)
+        follow = Follow(grid, number, labels, Pace(found.reverse, bending), shape)
         while follow.misses < config.lost_words and word_complete(follow, stream):
             read_word(follow, stream)
-        read = follow.read
-    return follow.restart(grid, number, solution) if read >= config.agreeing_words else None
+    if follow.read < config.agreeing_words:
+        return None
+    return follow.restarted(grid, number, ExpectedLabels(solution, labels.user))
 
 
-def _first_word(stream: Stream, grid: Array, bending: bool, read_until: float) -> tuple[Array, int]:
+def _first_word(stream: Stream, grid: Grid, bending: bool, read_until: float) -> tuple[Grid, int]:
     """The grid and number of the first word that is there, from those of word 0."""
     number = 0
-    earliest = max(stream.first - EARLY * grid[1], read_until - 0.5 * grid[1])
+    earliest = max(stream.first - EARLY * grid.cell, read_until - 0.5 * grid.cell)
     while not (bending and number == -FARTHEST):
         before = moved_grid(grid, -float(WORD_CELLS))
         if _begin_of(before) < earliest:
@@ -62,22 +65,22 @@ def _first_word(stream: Stream, grid: Array, bending: bool, read_until: float) -
     return grid, number
 
 
-def _begin_of(grid: Array) -> float:
+def _begin_of(grid: Grid) -> float:
     """Where a word begins, but for its bend."""
-    return float(grid[0] - 0.5 * WORD_CELLS * grid[1])
+    return grid.middle - 0.5 * WORD_CELLS * grid.cell
 
 
-def _row(stream: Stream, found: Found, search: Search) -> list[Array]:
+def _row(stream: Stream, found: Found, search: Search) -> list[Grid]:
     """The grids of the words of constant length in the newest part of the signal."""
-    length = WORD_CELLS * found.grid[1]
+    length = WORD_CELLS * found.grid.cell
     end = len(stream.sums) - 1
     begin = end - search.seconds * stream.sums_rate
-    first = -int((found.grid[0] - 0.5 * length - begin) / length)
-    last = int((end - found.grid[0] - 0.5 * length) / length)
+    first = -int((found.grid.middle - 0.5 * length - begin) / length)
+    last = int((end - found.grid.middle - 0.5 * length) / length)
     return [moved_grid(found.grid, float(WORD_CELLS * k)) for k in range(first, last + 1)]
 
 
-def _chain(sums: Array, found: Found) -> list[Array]:
+def _chain(sums: Array, found: Found) -> list[Grid]:
     """The grids of the words that can be followed from one to the next, backwards and forwards."""
     middle = _drawn(sums, found.grid, found.reverse)
     if middle is None:
@@ -86,9 +89,9 @@ def _chain(sums: Array, found: Found) -> list[Array]:
     return [*before[::-1], middle, *after]
 
 
-def _neighbours(sums: Array, grid: Array, reverse: bool, step: int) -> list[Array]:
+def _neighbours(sums: Array, grid: Grid, reverse: bool, step: int) -> list[Grid]:
     """The grids of the words before (-1) or after (1) another, as far as they can be followed."""
-    grids: list[Array] = []
+    grids: list[Grid] = []
     beside = _drawn(sums, moved_grid(grid, step * float(WORD_CELLS)), reverse)
     while beside is not None:
         grids.append(beside)
@@ -96,9 +99,9 @@ def _neighbours(sums: Array, grid: Array, reverse: bool, step: int) -> list[Arra
     return grids
 
 
-def _drawn(sums: Array, grid: Array, reverse: bool) -> Array | None:
+def _drawn(sums: Array, grid: Grid, reverse: bool) -> Grid | None:
     """The grid moved to a word's edges, if there is a word."""
-    ends = [moved_grid(grid, side * (0.5 * WORD_CELLS + 0.5))[0] for side in (-1.0, 1.0)]
+    ends = [moved_grid(grid, side * (0.5 * WORD_CELLS + 0.5)).middle for side in (-1.0, 1.0)]
     if ends[0] < 0.0 or ends[1] > len(sums) - 1:
         return None
     for _ in range(2):

@@ -12,7 +12,7 @@ from collections import deque
 import numpy as np
 
 from panoptic_ros.timecode.follow.lines import curve_excess, line_fit
-from panoptic_ros.timecode.signal.grid import moved_grid
+from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.word.fit import WordFit
 from panoptic_ros.timecode.word.fit_kernels import widest_gap
 from panoptic_ros.timecode.word.layout import WORD_CELLS
@@ -40,7 +40,7 @@ class Pace:
 
     def __init__(self, reverse: bool, bending: bool, line: tuple[float, float] | None = None):
         self.bending = bending
-        self._reverse = reverse
+        self.reverse = reverse
         self._fits: deque[tuple[int, WordFit]] = deque(maxlen=3)  # of the last words, with numbers
         self._words = np.empty((4, 0))  # the last ones, see `line_fit`
         self._on_line = 0  # of them in a row
@@ -58,7 +58,7 @@ class Pace:
         """Whether the words lie on a line."""
         return self._line is not None
 
-    def take(self, number: int, fit: WordFit) -> tuple[float, float, Array]:
+    def take(self, number: int, fit: WordFit) -> tuple[float, float, Grid]:
         """A word was read: start of bit 0 and its standard deviation; the grid of the next word."""
         white = max(fit.covariance[0, 0], 1e-12)
         self._edges.append(fit.observed[0, 0] / white)
@@ -73,29 +73,29 @@ class Pace:
         if self._line is not None or words.shape[1] > 2:
             self.bending = self._line is None
         self._on_line = 0 if self._line is None else min(self._on_line + 1, LONG_WORDS)
-        side = HALF if self._reverse else -HALF
+        side = HALF if self.reverse else -HALF
         if self._line is not None:
             cell, cell_std = self._line
             variance = white * scale + (side * cell_std) ** 2 + self._hidden(fit)
-            following = np.array([fit.middle + WORD_CELLS * cell, cell, 0.0])
+            following = Grid(fit.middle + WORD_CELLS * cell, cell, 0.0)
             return fit.middle + side * cell, _std(variance), following
         edge, variance = self._between(number, fit, side, scale)
         return edge, _std(variance + fit.unseen**2), self._advance(number, fit)
 
-    def passed(self, grid: Array, fit: WordFit) -> tuple[float, float]:
+    def passed(self, grid: Grid, fit: WordFit) -> tuple[float, float]:
         """The start and its deviation of a word that clicks may have shifted: nothing is learnt from it."""
-        side = HALF if self._reverse else -HALF
-        edge = float(moved_grid(np.array([fit.middle, grid[1], grid[2]]), side)[0])
+        side = HALF if self.reverse else -HALF
+        edge = moved_grid(grid._replace(middle=fit.middle), side).middle
         scale = max(1.0, self._scale, fit.observed[0, 0] / max(fit.covariance[0, 0], 1e-12))
         return edge, _std(scale * (fit.covariance[0, 0] + HALF**2 * fit.covariance[1, 1]) + self._hidden(fit))
 
-    def early(self, grid: Array, number: int) -> tuple[Array, tuple[float, float] | None]:
+    def early(self, grid: Grid, number: int) -> tuple[Grid, tuple[float, float] | None]:
         """The grid of an earlier word and the line, by the speed that is known by now."""
         if self._line is None or self.bending or not self._steady:
             return grid, None
         last, fit = self._fits[-1]
         back = fit.middle - (last - number) * WORD_CELLS * self._line[0]
-        return np.array([back, self._line[0], 0.0]), self._line
+        return Grid(back, self._line[0], 0.0), self._line
 
     def _hidden(self, fit: WordFit) -> float:
         """Variance that edges of a word do not show: what its fit fears, and what words about a curve say.
@@ -135,32 +135,32 @@ class Pace:
         if len(words) > 2 and words[-2][0] == number - 1 and words[-3][0] == number - 2:
             away = words[-2][1].middle - _middle_of(words[-3][1], fit, 2.0)
             self._turns.append(away * away)
-        if not self._reverse and len(words) > 1 and words[-2][0] == number - 1:
+        if not self.reverse and len(words) > 1 and words[-2][0] == number - 1:
             before = words[-2][1]
             middles = 0.25 * (before.covariance[0, 0] + fit.covariance[0, 0])
             cells = (WORD_CELLS / 8.0) ** 2 * (before.covariance[1, 1] + fit.covariance[1, 1])
             return _middle_of(before, fit, 1.0), scale * (middles + cells) + HERMITE * self._rough
         gradient = np.array([1.0, side * (1.0 + fit.bend * side), fit.cell * side * side])
         variance = float(gradient @ fit.covariance @ gradient)
-        return float(moved_grid(fit.grid, side)[0]), scale * variance + BEYOND * self._rough
+        return moved_grid(fit.grid, side).middle, scale * variance + BEYOND * self._rough
 
     @property
     def _rough(self) -> float:
         """Mean square of middles against their neighbours."""
         return sum(self._turns) / len(self._turns) if self._turns else 0.0
 
-    def _advance(self, number: int, fit: WordFit) -> Array:
+    def _advance(self, number: int, fit: WordFit) -> Grid:
         """The grid of the next word while the speed changes; the change is taken to go on changing."""
         before, bend = self._bend
         self._bend = number, fit.bend
         if not self.bending:
-            return moved_grid(np.array([fit.middle, fit.cell, 0.0]), float(WORD_CELLS))
+            return moved_grid(Grid(fit.middle, fit.cell, 0.0), float(WORD_CELLS))
         turn = fit.bend - bend if before == number - 1 else 0.0
         cubic = float(np.clip(turn, -MOST_TURN, MOST_TURN)) / (3.0 * WORD_CELLS)
         u = float(WORD_CELLS)
         stretch = 1.0 + 2.0 * fit.bend * u + 3.0 * cubic * u * u
         middle = fit.middle + fit.cell * (u + fit.bend * u * u + cubic * u**3)
-        return np.array([middle, fit.cell * stretch, (fit.bend + 3.0 * cubic * u) / stretch])
+        return Grid(middle, fit.cell * stretch, (fit.bend + 3.0 * cubic * u) / stretch)
 
 
 def _middle_of(before: WordFit, after: WordFit, words: float) -> float:

@@ -11,7 +11,7 @@ from panoptic_ros.timecode.follow.following import Follow
 from panoptic_ros.timecode.label.evidence import Verdict
 from panoptic_ros.timecode.label.rates import with_rate
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
-from panoptic_ros.timecode.signal.grid import moved_grid
+from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.word.bit_clock import drawn_grid, nearby_grid
 from panoptic_ros.timecode.word.fit import WordFit, fit_word
@@ -35,7 +35,7 @@ class Word:
         sure: whether nothing contradicts the word.
         upheld: whether it and those before have their labels; if not, a word that is so must follow.
         number: of the word in its signal.
-        bits, grid: (80,) in the order of the stream; (3,) as fitted.
+        bits, grid: (80,) in the order of the stream; as fitted.
         bending: whether the speed changes within words.
         shape: of a step, as learnt from the signal so far.
     """
@@ -51,7 +51,7 @@ class Word:
     upheld: bool
     number: int
     bits: Array
-    grid: Array
+    grid: Grid
     bending: bool
     shape: EdgeShape
 
@@ -59,7 +59,7 @@ class Word:
 def word_complete(follow: Follow, stream: Stream) -> bool:
     """Whether all samples of the next word are there."""
     after = len(SYNC) if follow.reverse else 1.0  # cells that are listened to
-    return stream.holds(moved_grid(follow.grid, 0.5 * WORD_CELLS + after)[0])
+    return stream.holds(moved_grid(follow.grid, 0.5 * WORD_CELLS + after).middle)
 
 
 def read_word(follow: Follow, stream: Stream) -> Word | None:
@@ -74,7 +74,7 @@ def read_word(follow: Follow, stream: Stream) -> Word | None:
 class _Heard(NamedTuple):
     """A word that was judged: its grid on the running sum, and whether it is good where it was expected."""
 
-    grid: Array
+    grid: Grid
     verdict: Verdict
     expected: bool
 
@@ -82,7 +82,7 @@ class _Heard(NamedTuple):
 def _listen(follow: Follow, stream: Stream) -> _Heard:
     """Judge the word where it is expected and, if it does not fit its label there, near by."""
     sums, reverse = stream.sums, follow.reverse
-    grid = stream.conditioned(follow.grid)
+    grid = stream.in_sums(follow.grid)
     levels = word_levels(sums, grid, reverse)
     verdict = follow.judge(levels)
     expected = verdict.good and follow.straight
@@ -100,8 +100,7 @@ def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
     """The word with its exact start; None if the fit does not settle."""
     good = heard.verdict.good
     label, known = follow.label(good)
-    known = known and (good or follow.started)
-    verdict = follow.bits(label, good)
+    verdict = follow.labels.bits(label, good)
     upheld = known and follow.upheld(good)
     bits, fit = _fitted(follow, stream, heard, verdict)
     if fit is None:
@@ -114,9 +113,9 @@ def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
         timecode=with_rate(label, follow.rate(stream.sample_rate)),
         start=start,
         std=std,
-        cell=follow.grid[1],
+        cell=follow.grid.cell,
         reverse=follow.reverse,
-        user_bits=follow.user.value,
+        user_bits=follow.labels.user.value,
         known=known,
         sure=good,
         upheld=upheld,
@@ -133,14 +132,14 @@ def _fitted(follow: Follow, stream: Stream, heard: _Heard, verdict: Verdict) -> 
     forward = slice(None, None, -1 if follow.reverse else 1)
     bits = verdict.bits[forward]
     fit = _fit(follow, stream, bits, follow.grid) if heard.expected else None
-    if fit is None or abs(fit.middle - follow.grid[0]) > NEAR * fit.cell:
+    if fit is None or abs(fit.middle - follow.grid.middle) > NEAR * fit.cell:
         signs = np.ascontiguousarray(verdict.signs[forward])
         terms = 3 if follow.bending else 2
         grid = drawn_grid(stream.sums, heard.grid, signs, verdict.level, terms)
-        fit = _fit(follow, stream, bits, stream.recorded(grid))
+        fit = _fit(follow, stream, bits, stream.in_recorded(grid))
     return bits, fit
 
 
-def _fit(follow: Follow, stream: Stream, bits: Array, grid: Array) -> WordFit | None:
+def _fit(follow: Follow, stream: Stream, bits: Array, grid: Grid) -> WordFit | None:
     """The word with these bits near a grid of recorded samples."""
-    return fit_word(stream.raw, stream.first, bits, grid, stream.sample_rate, follow.shape, follow.bending)
+    return fit_word(stream.recorded, bits, grid, stream.sample_rate, follow.shape, follow.bending)

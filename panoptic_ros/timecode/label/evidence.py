@@ -15,7 +15,7 @@ from panoptic_ros.domain import Timecode
 from panoptic_ros.timecode.label.user_bits import UserBits
 from panoptic_ros.timecode.word.layout import USER_BITS, WORD_CELLS, known_bits
 from panoptic_ros.timecode.word.levels import WordLevels
-from panoptic_ros.timecode.word.viterbi import FREE, LEAST_NOISE, best_path, soft_bits, verdict
+from panoptic_ros.timecode.word.viterbi import FREE, LEAST_NOISE, best_path, match, soft_bits
 
 Array = np.ndarray
 GOOD_NATS = 15.0  # by which a word may contradict its label
@@ -70,22 +70,23 @@ def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdi
     """
     if free is None:
         free = free_score(levels)
-    nats, level, share, tenth, anywhere, bits, signs = verdict(levels.halves, wanted, levels.before, free)
-    whole = anywhere > LEAST_ANYWHERE * level > 0.0
-    good = whole and nats < GOOD_NATS and share > LEAST_QUALITY and tenth > LEAST_TENTH * level
-    possible = whole and nats < POSSIBLE_NATS and share > POSSIBLE_QUALITY
-    return Verdict(nats, bits, signs, level, share, good, possible)
+    fit = match(levels.halves, wanted, levels.before, free)
+    whole = fit.anywhere > LEAST_ANYWHERE * fit.level > 0.0
+    even = fit.tenth > LEAST_TENTH * fit.level
+    good = whole and even and fit.nats < GOOD_NATS and fit.share > LEAST_QUALITY
+    possible = whole and fit.nats < POSSIBLE_NATS and fit.share > POSSIBLE_QUALITY
+    return Verdict(fit.nats, fit.bits, fit.signs, fit.level, fit.share, good, possible)
 
 
 def free_score(levels: WordLevels) -> float:
     """Of the best path without a label."""
-    return best_path(levels.halves, NO_BITS, levels.before)[0]
+    return float(best_path(levels.halves, NO_BITS, levels.before).score)
 
 
 def soft_nats(levels: WordLevels, wanted: Array) -> Array:
     """Nats (80,) for ones, given some bits (80,)."""
     halves = levels.halves
-    level = (best_path(halves, wanted, levels.before)[0] - abs(levels.before)) / len(halves)
+    level = (best_path(halves, wanted, levels.before).score - abs(levels.before)) / len(halves)
     noise = max(float(halves @ halves) / len(halves) - level * level, (LEAST_NOISE * level) ** 2, 1e-30)
     return level * soft_bits(halves, wanted, levels.before) / noise
 
@@ -109,7 +110,7 @@ class Evidence:
             self.contradiction = judge(levels, bits, self._free).nats
             self.same_user = self.contradiction < USER_NATS
             if self.same_user:
-                self._free = best_path(levels.halves, bits, levels.before)[0]
+                self._free = float(best_path(levels.halves, bits, levels.before).score)
 
     def verdict(self, label: Timecode) -> Verdict:
         """Of a label."""

@@ -5,8 +5,8 @@ with samples need few operations.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,8 +17,7 @@ HIGHEST_HZ = 330.0
 KNOT_HZ = 6000.0  # at least: lines follow hum of 50 Hz to 0.03 %
 
 
-@dataclass(frozen=True, slots=True)
-class Baseline:
+class Baseline(NamedTuple):
     """Orthonormal slow functions.
 
     Args:
@@ -30,7 +29,7 @@ class Baseline:
     step: int
 
 
-def baseline(count: int, sample_rate: int) -> Baseline:
+def baseline_of(count: int, sample_rate: int) -> Baseline:
     """Of `count` samples.
 
     Cosines are level at both ends; hum and what droop leaves are not: a line and a parabola come with them.
@@ -69,15 +68,13 @@ def hat_sums(rows: Array, step: int) -> Array:
 
 
 @_sum
-def gram_without(rows: Array, basis: Array, step: int) -> tuple[Array, Array]:
+def gram_without(rows: Array, baseline: Baseline) -> tuple[Array, Array]:
     """Products (I, I) of rows (I, N) without their part in a baseline, and that part (I, T).
 
     Written out, since these are too small for a library that starts threads.
-
-    Args:
-        basis, step: see `baseline`.
     """
-    sums = hat_sums(rows, step)
+    basis = baseline.basis
+    sums = hat_sums(rows, baseline.step)
     slow = np.empty((len(rows), len(basis)))
     gram = np.empty((len(rows), len(rows)))
     for i in range(len(rows)):

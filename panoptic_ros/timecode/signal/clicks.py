@@ -2,6 +2,8 @@
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -10,6 +12,24 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 EVERY = 7  # th sample tells the level; no multiple of a half cell's length
 FOOT = 0.04  # times the level, at least: what is so far off beside a click belongs to it
 TOGETHER = 64  # samples that are looked at in one go
+
+
+class ClickLimits(NamedTuple):
+    """What is a click.
+
+    Args:
+        reach: samples to both sides whose mean is the baseline.
+        piece: samples over which the level is taken.
+        share: of the samples that lie below the level.
+        most: times the level; what is beyond is a click.
+        longest: samples of a burst; what lasts longer is no click.
+    """
+
+    reach: int
+    piece: int
+    share: float
+    most: float
+    longest: int
 
 
 @_jit
@@ -29,13 +49,9 @@ def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
 
 
 @_jit
-def bridge_clicks(raw: Array, reach: int, piece: int, share: float, most: float, longest: int) -> Array:
-    """The samples with short bursts far above their neighbourhood replaced by straight lines.
-
-    Args:
-        reach: samples to both sides whose mean is the baseline.
-        longest: samples of a burst; what lasts longer is no click.
-    """
+def bridge_clicks(raw: Array, limits: ClickLimits) -> Array:
+    """The samples with short bursts far above their neighbourhood replaced by straight lines."""
+    reach, piece, share, most, longest = limits
     count = len(raw)
     high = _above_baseline(raw, reach)
     levels = piece_levels(high, piece, share, EVERY)

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.signal import firwin
 
 from panoptic_ros.timecode.signal.baseline import hat_sums
-from panoptic_ros.timecode.signal.clicks import bridge_clicks
+from panoptic_ros.timecode.signal.clicks import ClickLimits, bridge_clicks
 from panoptic_ros.timecode.signal.filters import between, high_pass, limit
 
 Array = np.ndarray
@@ -41,10 +41,13 @@ class Conditioner:
         self._beside = int((BASELINE_SECONDS + CLICK_SECONDS) * sample_rate) + 2
         self.reach = self._half + self._beside
         self._piece = max(8, int(LEVEL_SECONDS * sample_rate * self.up))
-        self._clicks = (
-            int(BASELINE_SECONDS * sample_rate), max(8, int(LEVEL_SECONDS * sample_rate)),
-            LEVEL_SHARE, CLICK, max(2, int(CLICK_SECONDS * sample_rate)),
-        )  # fmt: skip
+        self._clicks = ClickLimits(
+            reach=int(BASELINE_SECONDS * sample_rate),
+            piece=max(8, int(LEVEL_SECONDS * sample_rate)),
+            share=LEVEL_SHARE,
+            most=CLICK,
+            longest=max(2, int(CLICK_SECONDS * sample_rate)),
+        )
         self._raw = np.zeros(self._beside)  # before the first sample there was silence
         self._history = np.zeros(self._half)
 
@@ -54,7 +57,7 @@ class Conditioner:
         if len(raw) <= 2 * self._beside:
             self._raw = raw
             return np.zeros(0)
-        clean = bridge_clicks(raw, *self._clicks)[self._beside : -self._beside]
+        clean = bridge_clicks(raw, self._clicks)[self._beside : -self._beside]
         self._raw = raw[-2 * self._beside :]
         joined = np.concatenate([self._history, clean])
         if len(joined) <= 2 * self._half:

@@ -30,7 +30,7 @@ from panoptic_ros.timecode.signal.shape_kernels import (
     shape_rows,
     without_own,
 )
-from panoptic_ros.timecode.signal.wave import train_rows
+from panoptic_ros.timecode.signal.wave import Edges, Samples, train_rows
 
 Array = np.ndarray
 REACH = 12  # samples at up to 48 kHz
@@ -81,26 +81,24 @@ class EdgeShape:
         return values + self.droop * integrated(values)
 
     def learn(
-        self, values: Array, low: int, grid: Array, places: Array, level: float, slow: Baseline,
-        excess: float, sudden: float,
-    ) -> None:  # fmt: skip
+        self, clean: Samples, edges: Edges, level: float, baseline: Baseline, excess: float, sudden: float
+    ) -> None:
         """From a word whose fit has settled.
 
         Args:
-            values: (N,) samples as recorded, without clicks.
-            low: index of the first.
-            grid, places: see `train_rows`.
+            clean: samples as recorded, without clicks.
+            edges: as fitted.
             level: of the word, signed.
-            slow: what is left free.
+            baseline: what is left free.
             excess: variance of the word's edges over that from white noise.
             sudden: share of the edges that jump from plateau to plateau between two samples.
         """
-        train = train_rows(low, values, grid, places, self._guess, 4)
-        rows = shape_rows(train, level, low, grid, places, self._splines, self._knot)
-        gram, _ = gram_without(rows, slow.basis, slow.step)
+        train = train_rows(clean, edges, self._guess, 4)
+        rows = shape_rows(train, level, clean.first, edges, self._splines, self._knot)
+        gram, _ = gram_without(rows, baseline)
         reduced = without_own(gram)
         known = np.append(self._solution, -1.0)
-        noise = (float(known @ reduced @ known) / len(values) + LEAST_NOISE**2) * max(1.0, excess)
+        noise = (float(known @ reduced @ known) / len(clean.values) + LEAST_NOISE**2) * max(1.0, excess)
         keep = 1.0 - 1.0 / min(MEMORY, 0.5 * self.words + 4.0)
         alone = np.linalg.solve(reduced[:-1, :-1] / noise + self._prior, reduced[:-1, -1] / noise)
         self._droops.append(float(alone[-1]))

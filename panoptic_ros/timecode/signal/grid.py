@@ -1,19 +1,35 @@
-"""A grid of cells: a word's bit clock.
-
-A grid is (middle, cell, bend): cell u from the middle begins at middle + cell * (u + bend * u^2).
-"""
+"""A grid of cells: the bit clock of a word."""
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
+
 from numba import njit
 
-Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
+class Grid(NamedTuple):
+    """Cell u from the middle of a word begins at middle + cell * (u + bend * u^2), in samples.
+
+    Args:
+        middle: of the word, samples.
+        cell: its length at the middle, samples.
+        bend: half of the relative change of the cell's length from cell to cell.
+    """
+
+    middle: float
+    cell: float
+    bend: float
+
+
 @_jit
-def moved_grid(grid: Array, cells: float) -> Array:
+def place_of(grid: Grid, u: float) -> float:
+    """Where cell u begins, samples."""
+    return grid.middle + grid.cell * (u + grid.bend * u * u)
+
+
+@_jit
+def moved_grid(grid: Grid, cells: float) -> Grid:
     """The same grid about another middle."""
-    middle, cell, bend = grid
-    turn = 1.0 + 2.0 * bend * cells
-    return np.array([middle + cell * (cells + bend * cells * cells), cell * turn, bend / turn])
+    turn = 1.0 + 2.0 * grid.bend * cells
+    return Grid(place_of(grid, cells), grid.cell * turn, grid.bend / turn)

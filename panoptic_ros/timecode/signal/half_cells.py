@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from panoptic_ros.timecode.signal.grid import Grid, place_of
+
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -22,13 +24,12 @@ def integral(sums: Array, position: float) -> float:
 
 
 @_jit
-def half_levels(sums: Array, middle: float, cell: float, bend: float, first: float, count: int) -> Array:
+def half_levels(sums: Array, grid: Grid, first: float, count: int) -> Array:
     """Mean levels (2 * count,) of the half cells of `count` cells from cell `first` of a grid on."""
     levels = np.empty(2 * count)
     before, value = 0.0, 0.0
     for k in range(2 * count + 1):
-        u = first + 0.5 * k
-        place = middle + cell * (u + bend * u * u)
+        place = place_of(grid, first + 0.5 * k)
         now = integral(sums, place)
         if k > 0:
             levels[k - 1] = (now - value) / (place - before)
@@ -66,9 +67,9 @@ def energy(sums: Array, start: float, half: float, bend: float, count: int) -> f
 
 
 @_jit
-def grid_energy(sums: Array, middle: float, cell: float, bend: float, first: float, count: int) -> float:
+def grid_energy(sums: Array, grid: Grid, first: float, count: int) -> float:
     """Mean square of `half_levels`."""
-    start = middle + cell * (first + bend * first * first)
+    _, cell, bend = grid
     half = cell * (0.5 + bend * (first + 0.25))  # the first one; second differences are constant
-    total = energy(sums, start, half, 0.5 * bend * cell, 2 * count)
+    total = energy(sums, place_of(grid, first), half, 0.5 * bend * cell, 2 * count)
     return total * 4.0 / (cell * cell * 2.0 * count)

@@ -4,6 +4,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from panoptic_ros.timecode.signal.wave import Edges
+
 Array = np.ndarray
 OWN, PLACE = 5, 3  # unknowns of each word alone: its level, that times time twice, its place, its length
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -23,7 +25,7 @@ def integrated(values: Array) -> Array:
 
 @_jit
 def shape_rows(
-    train: Array, level: float, low: int, grid: Array, places: Array, splines: Array, knot: float
+    train: Array, level: float, first_sample: int, edges: Edges, splines: Array, knot: float
 ) -> Array:
     """What a word consists of, (`OWN` + J + 2, N).
 
@@ -43,11 +45,12 @@ def shape_rows(
         rows[2, i] = train[1, i] * (2.0 * i / (count - 1.0) - 1.0)
     rows[-1] = train[4] / level
     rows[-2] = -integrated(rows[-1])
-    middle, cell, bend = grid
+    middle, cell, bend = edges.grid
+    places = edges.places
     sign = 1.0
     for k in range(len(places)):
         u = places[k]
-        edge = middle + cell * (u + bend * u * u) - low
+        edge = middle + cell * (u + bend * u * u) - first_sample
         after = int(np.ceil(edge))
         place = (after - edge) * phases
         below = min(int(place), phases - 1)

@@ -5,6 +5,8 @@ import numpy as np
 
 from panoptic_ros.timecode.signal.buffer import Buffer
 from panoptic_ros.timecode.signal.conditioning import Conditioner
+from panoptic_ros.timecode.signal.grid import Grid
+from panoptic_ros.timecode.signal.wave import Samples
 
 Array = np.ndarray
 KEPT_SECONDS = 1.0  # of samples: a signal that is found late is read from there on
@@ -32,9 +34,9 @@ class Stream:
         self._sums.append(np.zeros(1))
 
     @property
-    def raw(self) -> Array:
-        """(N,) the samples as recorded, from `first` on."""
-        return self._raw.values
+    def recorded(self) -> Samples:
+        """The samples as recorded, from `first` on."""
+        return Samples(self.first, self._raw.values)
 
     @property
     def sums(self) -> Array:
@@ -69,10 +71,10 @@ class Stream:
         """Whether the signal is conditioned up to a sample."""
         return bool(sample <= self.first + (len(self._sums.values) - 1) // self._up)
 
-    def recorded(self, grid: Array) -> Array:
+    def in_recorded(self, grid: Grid) -> Grid:
         """A grid on the running sum as one in recorded samples."""
-        return np.array([self.first + grid[0] / self._up, grid[1] / self._up, grid[2]])
+        return Grid(self.first + grid.middle / self._up, grid.cell / self._up, grid.bend)
 
-    def conditioned(self, grid: Array) -> Array:
+    def in_sums(self, grid: Grid) -> Grid:
         """A grid in recorded samples as one on the running sum."""
-        return np.array([(grid[0] - self.first) * self._up, grid[1] * self._up, grid[2]])
+        return Grid((grid.middle - self.first) * self._up, grid.cell * self._up, grid.bend)

@@ -6,11 +6,29 @@ has more than its sign, and its slope, at R samples to both sides and P places b
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
+from panoptic_ros.timecode.signal.grid import Grid
+
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+class Samples(NamedTuple):
+    """Samples (N,) as recorded, and the index of the first since the stream's start."""
+
+    first: int
+    values: Array
+
+
+class Edges(NamedTuple):
+    """The edges of a word, in cells from the middle of a grid; the wave rises at the first."""
+
+    grid: Grid
+    places: Array
 
 
 @_jit
@@ -29,25 +47,23 @@ def edge_places(bits: Array) -> Array:
 
 
 @_jit
-def train_rows(low: int, values: Array, grid: Array, places: Array, shape: Array, terms: int) -> Array:
+def train_rows(samples: Samples, edges: Edges, shape: Array, terms: int) -> Array:
     """A word's wave, that times time, its derivatives by middle, cell and bend, the samples, (terms + 1, N).
 
     Args:
-        low: index of the first sample.
-        values: (N,) samples.
-        places: edges in cells from the middle; the wave rises at the first.
         shape: (2, P + 1, 2 R) what a step has more than its sign, and its slope.
         terms: 5, or 4 without the bend.
     """
+    values, places = samples.values, edges.places
     count = len(values)
     phases, reach = shape.shape[1] - 1, shape.shape[2] // 2
     rows = np.zeros((terms + 1, count))
-    middle, cell, bend = grid
+    middle, cell, bend = edges.grid
     sign, begin = -1.0, 0
     for k in range(len(places)):
         u = places[k]
         stretched = u + bend * u * u
-        edge = middle + cell * stretched - low
+        edge = middle + cell * stretched - samples.first
         after = int(np.ceil(edge))
         end = min(max(after, 0), count)
         for i in range(begin, end):

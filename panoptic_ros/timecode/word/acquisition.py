@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.timecode.signal.grid import moved_grid
+from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.half_cells import half_levels
 from panoptic_ros.timecode.word.bit_clock import best_grid
 from panoptic_ros.timecode.word.layout import SYNC, SYNC_BACK, WORD_CELLS
@@ -57,7 +57,7 @@ CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0, 0.4)  # wow
 class Found:
     """A signal: its grid about the middle of a word, samples; direction; mean sync bits."""
 
-    grid: Array
+    grid: Grid
     reverse: bool
     sync: float
 
@@ -78,7 +78,7 @@ def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -
     found: list[Found] = []
     for half, edge in _coarse(sums, begin, 0.5 * shortest, 0.5 * longest, sample_rate, search):
         grid = _sharpen(sums, begin, half, edge, sample_rate, search)
-        if shortest < grid[1] < longest:
+        if shortest < grid.cell < longest:
             found += _words(sums, begin, grid)
     good = [item for item in found if item.sync >= search.least_sync]
     return sorted(good, key=lambda item: -item.sync)[:2]
@@ -112,12 +112,12 @@ def _coarse(
 
 def _sharpen(
     sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search
-) -> Array:
+) -> Grid:
     """The grid about the middle of the stretch, from parts that grow about it."""
     middle = begin + 0.5 * search.seconds * sample_rate
-    grid = np.array([edge + half * round((middle - edge) / half), 2.0 * half, 0.0])
+    grid = Grid(edge + half * round((middle - edge) / half), 2.0 * half, 0.0)
     for seconds in search.longer:
-        each_side = int(0.49 * seconds * sample_rate / grid[1])
+        each_side = int(0.49 * seconds * sample_rate / grid.cell)
         stretch, bend = 0.5 / each_side, min(search.most_bend, 0.5 / each_side**2)
         for scale in (1.0, 0.5, 0.25, 0.125):
             steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES, scale * bend * BENDS if bend else STILL
@@ -125,17 +125,16 @@ def _sharpen(
     return grid
 
 
-def _words(sums: Array, begin: float, grid: Array) -> Iterator[Found]:
+def _words(sums: Array, begin: float, grid: Grid) -> Iterator[Found]:
     """Where words are, for both directions."""
-    middle, cell, bend = grid
-    before = int((middle - begin) / cell) - 1
+    before = int((grid.middle - begin) / grid.cell) - 1
     count = 2 * before
-    halves = half_levels(sums, middle, cell, bend, -float(before), count)
+    halves = half_levels(sums, grid, -float(before), count)
     first = -float(before)
     if not _even_parity(halves):
         first, count = first + 0.5, count - 1
         halves = halves[1 : 2 * count + 1]
-    bits = best_path(halves, np.full(count, FREE, np.int8), 0.0)[1]
+    bits = best_path(halves, np.full(count, FREE, np.int8), 0.0).bits
     if count < WORD_CELLS + 16:
         return
     for reverse in (False, True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from panoptic_ros.timecode.signal.grid import Grid, place_of
 from panoptic_ros.timecode.signal.half_cells import grid_energy, integral
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 
@@ -15,31 +16,30 @@ STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative, of the length of a cell
 BENDS = np.linspace(-1e-4, 1e-4, 3)
 
 
-def nearby_grid(sums: Array, grid: Array) -> Array:
+def nearby_grid(sums: Array, grid: Grid) -> Grid:
     """The grid near the expected one of a word on which the signal has most energy."""
     return best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES, BENDS)
 
 
 @_jit
 def best_grid(
-    sums: Array, grid: Array, first: float, count: int, shifts: Array, stretches: Array, bends: Array
-) -> Array:
+    sums: Array, grid: Grid, first: float, count: int, shifts: Array, stretches: Array, bends: Array
+) -> Grid:
     """The grid near another, its middle moved in cells and its length stretched, of most energy."""
-    best, found = -1.0, grid.copy()
+    best, found = -1.0, grid
     for bend in bends:
         for stretch in stretches:
-            cell = grid[1] * (1.0 + stretch)
+            cell = grid.cell * (1.0 + stretch)
             for shift in shifts:
-                middle = grid[0] + shift * grid[1]
-                energy = grid_energy(sums, middle, cell, grid[2] + bend, first, count)
+                tried = Grid(grid.middle + shift * grid.cell, cell, grid.bend + bend)
+                energy = grid_energy(sums, tried, first, count)
                 if energy > best:
-                    best = energy
-                    found[0], found[1], found[2] = middle, cell, grid[2] + bend
+                    best, found = energy, tried
     return found
 
 
 @_jit
-def drawn_grid(sums: Array, grid: Array, signs: Array, level: float, terms: int) -> Array:
+def drawn_grid(sums: Array, grid: Grid, signs: Array, level: float, terms: int) -> Grid:
     """The grid moved to the edges of a word whose signs (2 N,) are known.
 
     The integral over a quarter of a cell to both sides of an edge is zero if the edge is in the middle.
@@ -56,7 +56,7 @@ def drawn_grid(sums: Array, grid: Array, signs: Array, level: float, terms: int)
         if signs[k] == signs[k - 1]:
             continue
         u = first + 0.5 * k
-        place = middle + cell * (u + bend * u * u)
+        place = place_of(grid, u)
         sum_here = integral(sums, place + reach) - integral(sums, place - reach)
         error = min(max(-signs[k] * sum_here / (2.0 * level), -reach), reach) / cell
         powers = np.array([1.0, u, u * u])
@@ -65,9 +65,6 @@ def drawn_grid(sums: Array, grid: Array, signs: Array, level: float, terms: int)
             for j in range(terms):
                 normal[i, j] += powers[i] * powers[j]
     change = np.linalg.solve(normal, right)
-    moved = grid.copy()
-    moved[0] += change[0] * cell
-    moved[1] *= 1.0 + change[1]
     if terms == 3:
-        moved[2] += change[2]
-    return moved
+        bend += change[2]
+    return Grid(middle + change[0] * cell, cell * (1.0 + change[1]), bend)

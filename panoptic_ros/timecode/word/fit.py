@@ -14,14 +14,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from panoptic_ros.timecode.signal.baseline import baseline
+from panoptic_ros.timecode.signal.baseline import baseline_of
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
-from panoptic_ros.timecode.signal.wave import edge_places
-from panoptic_ros.timecode.word.fit_kernels import fit_train, jumps, widest_gap
+from panoptic_ros.timecode.signal.grid import Grid
+from panoptic_ros.timecode.signal.wave import Edges, Samples, edge_places
+from panoptic_ros.timecode.word.fit_kernels import FitLimits, fit_train, jumps, widest_gap
 
 Array = np.ndarray
 MARGIN = 0.25  # cells before the first and after the last edge
-STEPS = 8.0  # of Gauss and Newton
+STEPS = 8  # of Gauss and Newton
 SETTLED = 0.04  # standard deviations of an edge: the next step would be the square of that
 LOST = 0.05  # cells
 OUTLIER = 4.0  # standard deviations
@@ -32,14 +33,14 @@ EDGE_SECONDS, EDGE_SAMPLES = 15.6e-6, 0.4  # standard deviation of an edge, at l
 
 @dataclass(frozen=True, slots=True)
 class WordFit:
-    """The grid of a word's cells: its middle and the length of a cell there in samples, its bend.
+    """The start of a word, by its grid.
 
     Args:
+        grid: in recorded samples.
         covariance: (3, 3) of middle, cell and bend, for white noise.
         observed: (3, 3) the same, from what edges say.
         level: signed, that before the first edge is -level.
-        low: index of the first sample of `clean`.
-        clean: (N,) the samples without clicks.
+        clean: the samples without clicks.
         clicked: whether there were any.
         places: edges in cells from the middle.
         unseen: standard deviation, samples, by which a wrong shape or clipping may put all edges off alike.
@@ -47,14 +48,11 @@ class WordFit:
         sudden: share of the edges that jump from plateau to plateau between two samples.
     """
 
-    middle: float
-    cell: float
-    bend: float
+    grid: Grid
     covariance: Array
     observed: Array
     level: float
-    low: int
-    clean: Array
+    clean: Samples
     clicked: bool
     places: Array
     unseen: float
@@ -62,9 +60,19 @@ class WordFit:
     sudden: float
 
     @property
-    def grid(self) -> Array:
-        """(3,) middle, cell, bend."""
-        return np.array([self.middle, self.cell, self.bend])
+    def middle(self) -> float:
+        """Of the word, samples."""
+        return self.grid.middle
+
+    @property
+    def cell(self) -> float:
+        """Length of a cell, samples."""
+        return self.grid.cell
+
+    @property
+    def bend(self) -> float:
+        """See `Grid`."""
+        return self.grid.bend
 
     @property
     def middle_std(self) -> float:
@@ -78,57 +86,61 @@ class WordFit:
 
     def teach(self, shape: EdgeShape, sample_rate: int) -> None:
         """Let the word teach the shape of a step."""
-        slow = baseline(len(self.clean), sample_rate)
+        baseline = baseline_of(len(self.clean.values), sample_rate)
         excess = self.observed[0, 0] / max(self.covariance[0, 0], 1e-12)
-        shape.learn(self.clean, self.low, self.grid, self.places, self.level, slow, excess, self.sudden)
+        shape.learn(self.clean, Edges(self.grid, self.places), self.level, baseline, excess, self.sudden)
 
 
 def fit_word(
-    raw: Array, first_index: int, bits: Array, grid: Array, sample_rate: int, shape: EdgeShape,
-    bending: bool = False,
-) -> WordFit | None:  # fmt: skip
+    recorded: Samples, bits: Array, grid: Grid, sample_rate: int, shape: EdgeShape, bending: bool = False
+) -> WordFit | None:
     """Fit a word; None if it is not wholly inside of the samples or the fit does not settle.
 
     Args:
-        raw: (N,) samples, the first of which has index `first_index`.
         bits: (80,) in the order of the file.
-        grid: (3,) a guess, good to a tenth of a cell over the word.
+        grid: a guess, good to a tenth of a cell over the word.
         shape: of a step.
         bending: whether the speed may change within the word.
     """
     half = 0.5 * len(bits)
-    middle, cell, bend = grid.tolist()
+    first, raw = recorded
+    middle, cell, bend = grid
     begin, end = middle + cell * (bend * half**2 - half), middle + cell * (bend * half**2 + half)
     low = int(np.ceil(begin - MARGIN * cell))
     high = int(np.floor(end + MARGIN * cell)) + 1
-    if low < first_index and begin > first_index - cell:
-        low = first_index  # the stream began with this word
-    if low < first_index or high > first_index + len(raw):
+    if low < first and begin > first - cell:
+        low = first  # the stream began with this word
+    if low < first or high > first + len(raw):
         return None
-    values = raw[low - first_index : high - first_index]
+    values = raw[low - first : high - first]
     places = edge_places(bits)
     straight = shape.straighten(values)
-    slow = baseline(len(values), sample_rate)
-    settled, found, level, covariance, observed, clean, clicked, unlike = fit_train(
-        low, straight, grid, places, shape.table, slow.basis, slow.step, _limits(sample_rate), bending
-    )  # fmt: skip
-    if not settled:
+    baseline, limits = baseline_of(len(values), sample_rate), _limits(sample_rate)
+    fit = fit_train(Samples(low, straight), Edges(grid, places), shape.table, baseline, limits, bending)
+    if not fit.settled:
         return None
-    if straight is not values:
-        clean = values - (straight - clean)
-    middle, cell, bend = found.tolist()
+    clean = fit.clean if straight is values else values - (straight - fit.clean)
+    middle, cell, bend = fit.grid
     gap = widest_gap(middle + cell * (places + bend * places**2), 1.0)
-    sudden = jumps(clean, abs(level))
+    sudden = jumps(clean, abs(fit.level))
     between = sudden * gap * shape.sudden / math.sqrt(12.0)
-    unseen = math.sqrt(between**2 + unlike + shape.doubt**2)
+    unseen = math.sqrt(between**2 + fit.misfit + shape.doubt**2)
     return WordFit(
-        middle, cell, bend, covariance, observed, float(level), low, clean, clicked, places, unseen, gap,
-        sudden,
-    )  # fmt: skip
+        grid=fit.grid,
+        covariance=fit.white,
+        observed=fit.observed,
+        level=fit.level,
+        clean=Samples(low, clean),
+        clicked=fit.clicked,
+        places=places,
+        unseen=unseen,
+        gap=gap,
+        sudden=sudden,
+    )
 
 
 @lru_cache(maxsize=8)
-def _limits(sample_rate: int) -> Array:
+def _limits(sample_rate: int) -> FitLimits:
     """For `fit_train`."""
     sigma = max(EDGE_SECONDS * sample_rate, EDGE_SAMPLES)
-    return np.array([STEPS, SETTLED, LOST, OUTLIER, GROSS, sigma, SHAKEN_SECONDS * sample_rate])
+    return FitLimits(STEPS, SETTLED, LOST, OUTLIER, GROSS, sigma, SHAKEN_SECONDS * sample_rate)

@@ -2,12 +2,15 @@
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from panoptic_ros.timecode.signal.baseline import gram_without
+from panoptic_ros.timecode.signal.baseline import Baseline, gram_without
 from panoptic_ros.timecode.signal.clicks import clicked
-from panoptic_ros.timecode.signal.wave import train_rows
+from panoptic_ros.timecode.signal.grid import Grid
+from panoptic_ros.timecode.signal.wave import Edges, Samples, train_rows
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -18,75 +21,125 @@ FILLS = 5  # times that clicks are replaced by what the fit says: it then says a
 BATCH = 8  # edges that are judged together: hum moves neighbours against each other
 
 
+class FitLimits(NamedTuple):
+    """When a fit has settled, and what is left out of it.
+
+    Args:
+        steps: of Gauss and Newton, at most.
+        settled: standard deviations of an edge; a step that is smaller is the last.
+        lost: cells by which the last step may still move edges.
+        outlier: standard deviations; samples that err by less are no clicks.
+        gross: times the level; samples that err by less are no clicks.
+        sigma: samples, standard deviation of an edge.
+        shaken: samples by which single edges may be misplaced.
+    """
+
+    steps: int
+    settled: float
+    lost: float
+    outlier: float
+    gross: float
+    sigma: float
+    shaken: float
+
+
+class TrainFit(NamedTuple):
+    """The fit of a word's edges.
+
+    Args:
+        settled: whether the rest holds.
+        grid: as fitted.
+        level: signed, that before the first edge is -level.
+        white: (3, 3) covariance of the grid, for white noise.
+        observed: (3, 3) the same, from what batches of edges say.
+        clean: (N,) samples without clicks.
+        clicked: whether there were any.
+        misfit: squared samples, see `misfit`.
+    """
+
+    settled: bool
+    grid: Grid
+    level: float
+    white: Array
+    observed: Array
+    clean: Array
+    clicked: bool
+    misfit: float
+
+
 @_jit
 def fit_train(
-    low: int, values: Array, grid: Array, places: Array, shape: Array, basis: Array, step: int,
-    limits: Array, bending: bool,
-) -> tuple[bool, Array, float, Array, Array, Array, bool, float]:  # fmt: skip
+    samples: Samples, edges: Edges, shape: Array, baseline: Baseline, limits: FitLimits, bending: bool
+) -> TrainFit:
     """Fit grid and level of a word with known edges by Gauss and Newton; samples far off are left out.
 
     Args:
-        grid: (3,) a guess.
-        basis, step: see `baseline`.
-        limits: see `timing`.
-
-    Returns: whether it settled, grid, level, white and observed covariance (3, 3), samples without clicks,
-    whether there were any, and `misfit`.
+        edges: their grid is a guess.
+        shape: see `train_rows`.
     """
     terms = 5 if bending else 4
-    steps, settled, lost, outlier, gross, sigma, shaken = limits
+    values, places = samples.values, edges.places
     half = 0.5 * (places[-1] - places[0])
-    grid, clean, fills, moved, level = grid.copy(), values, 0, np.inf, 0.0
+    grid, clean, fills, moved, level = edges.grid, values, 0, np.inf, 0.0
     nothing = np.zeros((3, 3))
     rows = np.zeros((1, 1))
     error = values
-    freedom = max(1, len(values) - len(basis) - terms)
-    for turn in range(int(steps) + FILLS):
-        rows = train_rows(low, clean, grid, places, shape, terms)
-        solution, inverse, square, weights = fit_step(rows, basis, step)
+    freedom = max(1, len(values) - len(baseline.basis) - terms)
+    for turn in range(limits.steps + FILLS):
+        rows = train_rows(Samples(samples.first, clean), Edges(grid, places), shape, terms)
+        solution, inverse, square, weights = fit_step(rows, baseline)
         level = solution[0]
         if abs(level) < 1e-9 or not np.isfinite(solution).all():
-            return False, grid, level, nothing, nothing, clean, False, 0.0
+            return TrainFit(False, grid, level, nothing, nothing, clean, False, 0.0)
         change = solution[2:] / level
-        grid[0] += min(max(change[0], -0.2 * grid[1]), 0.2 * grid[1])
-        grid[1] += min(max(change[1], -0.002 * grid[1]), 0.002 * grid[1])
-        if bending:
-            grid[2] += min(max(change[2], -2e-4), 2e-4)
+        grid = _stepped(grid, change)
         noise = np.sqrt(square / freedom)
         moved = max(abs(change[0]), half * abs(change[1]))
-        finished = moved <= settled * sigma + 0.1 * noise / abs(level) * np.sqrt(inverse[2, 2])
-        if not finished and turn + 1 < int(steps) + fills:
+        finished = moved <= limits.settled * limits.sigma + 0.1 * noise / abs(level) * np.sqrt(inverse[2, 2])
+        if not finished and turn + 1 < limits.steps + fills:
             continue
-        error = left_over(rows, solution, basis, step, weights)
+        error = left_over(rows, solution, baseline, weights)
         if not finished or fills == FILLS:
             break
         error += values - clean
-        clicks = clicked(error, rows[2], abs(level), outlier, gross, shaken)
+        clicks = clicked(error, rows[2], abs(level), limits.outlier, limits.gross, limits.shaken)
         if not (fills or clicks.any()):
             break
         clean = np.where(clicks, values - error, values)
         fills += 1
-    white, seen = nothing.copy(), nothing.copy()
+    white, observed = nothing.copy(), nothing.copy()
+    edges = Edges(grid, places)
     moves = terms - 2
     corner = np.ascontiguousarray(inverse[2:, 2:])
     white[:moves, :moves] = corner * (square / freedom / level**2)
-    scatter = score_scatter(low, rows, error, grid, places, moves)
-    seen[:moves, :moves] = corner @ scatter @ corner / level**2
-    unlike = misfit(low, rows, error, grid, places) / level**2
-    return moved <= lost * grid[1], grid, level, white, seen, clean, fills > 0, unlike
+    scatter = score_scatter(samples.first, rows, error, edges, moves)
+    observed[:moves, :moves] = corner @ scatter @ corner / level**2
+    unlike = misfit(samples.first, rows, error, edges) / level**2
+    settled = moved <= limits.lost * grid.cell
+    return TrainFit(settled, grid, level, white, observed, clean, fills > 0, unlike)
 
 
 @_jit
-def fit_step(rows: Array, basis: Array, step: int) -> tuple[Array, Array, float, Array]:
+def _stepped(grid: Grid, change: Array) -> Grid:
+    """The grid after a step (2,) or, with the bend, (3,), which is limited."""
+    middle, cell, bend = grid
+    middle += min(max(change[0], -0.2 * cell), 0.2 * cell)
+    cell += min(max(change[1], -0.002 * cell), 0.002 * cell)
+    if len(change) > 2:
+        bend += min(max(change[2], -2e-4), 2e-4)
+    return Grid(middle, cell, bend)
+
+
+@_jit
+def fit_step(rows: Array, baseline: Baseline) -> tuple[Array, Array, float, Array]:
     """Least squares of the last row by the others with a free baseline.
 
     Args:
         rows: see `train_rows`.
-        basis, step: see `baseline`.
 
     Returns: the solution, the inverse of the normal matrix, the squared error, the baseline's weights.
     """
-    gram, slow = gram_without(rows, basis, step)
+    gram, slow = gram_without(rows, baseline)
     terms = len(gram) - 1
     normal, right = gram[:terms, :terms].copy(), gram[:terms, terms].copy()
     trace = np.trace(normal)
@@ -101,8 +154,9 @@ def fit_step(rows: Array, basis: Array, step: int) -> tuple[Array, Array, float,
 
 
 @_jit
-def left_over(rows: Array, solution: Array, basis: Array, step: int, weights: Array) -> Array:
+def left_over(rows: Array, solution: Array, baseline: Baseline, weights: Array) -> Array:
     """What the fit does not explain (N,)."""
+    basis, step = baseline
     error = rows[len(solution)].copy()
     knots = np.zeros(basis.shape[1])
     for j in range(len(weights)):
@@ -120,20 +174,22 @@ def left_over(rows: Array, solution: Array, basis: Array, step: int, weights: Ar
 
 
 @_sum
-def score_scatter(low: int, rows: Array, error: Array, grid: Array, places: Array, moves: int) -> Array:
+def score_scatter(first: int, rows: Array, error: Array, edges: Edges, moves: int) -> Array:
     """Sum over batches of edges of the outer products of their scores, (moves, moves).
 
     Args:
         rows: see `train_rows`; those from the third on are slopes.
         error: (N,) what the fit leaves.
     """
+    middle, cell, bend = edges.grid
+    places = edges.places
     scatter, score = np.zeros((moves, moves)), np.zeros(moves)
     begin, count = 0, len(error)
     for k in range(BATCH, len(places) + BATCH, BATCH):
         end = count
         if k + BATCH // 2 < len(places):
             u = 0.5 * (places[k - 1] + places[k])
-            end = min(max(int(grid[0] + grid[1] * (u + grid[2] * u * u)) - low, begin), count)
+            end = min(max(int(middle + cell * (u + bend * u * u)) - first, begin), count)
         if end <= begin:
             continue
         for j in range(moves):
@@ -149,19 +205,20 @@ def score_scatter(low: int, rows: Array, error: Array, grid: Array, places: Arra
 
 
 @_sum
-def misfit(low: int, rows: Array, error: Array, grid: Array, places: Array) -> float:
+def misfit(first: int, rows: Array, error: Array, edges: Edges) -> float:
     """How far, in squared samples, what all edges leave alike may have moved them.
 
     A fit leaves nothing along the slope. What it leaves across it, sample by sample beside the edges and
     surely not by noise, tells how much of a wrong shape there may be along it.
     """
+    middle, cell, bend = edges.grid
     mean, inside = np.zeros(2 * BESIDE), 0
     sign = 1.0
-    for u in places:
-        first = int(np.ceil(grid[0] + grid[1] * (u + grid[2] * u * u) - low)) - BESIDE
-        if first >= 0 and first + 2 * BESIDE <= len(error):
+    for u in edges.places:
+        begin = int(np.ceil(middle + cell * (u + bend * u * u) - first)) - BESIDE
+        if begin >= 0 and begin + 2 * BESIDE <= len(error):
             for j in range(2 * BESIDE):
-                mean[j] += sign * error[first + j]
+                mean[j] += sign * error[begin + j]
             inside += 1
         sign = -sign
     power, steep = 0.0, 0.0

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.timecode.signal.grid import Grid
 from panoptic_ros.timecode.signal.half_cells import half_levels
 from panoptic_ros.timecode.word.layout import SYNC, WORD_CELLS
 
@@ -42,10 +43,10 @@ class WordLevels:
     before: float = 0.0
 
 
-def word_levels(sums: Array, grid: Array, reverse: bool) -> WordLevels:
+def word_levels(sums: Array, grid: Grid, reverse: bool) -> WordLevels:
     """Of the word about a grid; what lies outside of the sums says nothing."""
     first = -0.5 * WORD_CELLS - (0 if reverse else len(SYNC))
-    levels = half_levels(sums, grid[0], grid[1], grid[2], first, WORD_CELLS + len(SYNC))
+    levels = half_levels(sums, grid, first, WORD_CELLS + len(SYNC))
     if reverse:
         levels = np.ascontiguousarray(levels[::-1])
     sync, halves = levels[: 2 * len(SYNC)], levels[2 * len(SYNC) :]

@@ -2,6 +2,8 @@
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -11,8 +13,37 @@ FREE = -1  # a bit that is not known
 LEAST_NOISE = 0.35  # of the level: what noise-free recordings have from echoes and filters
 
 
+class Path(NamedTuple):
+    """Bits (N,) and signs (2 N,) of half cells, and the sum of levels times signs and of what is before."""
+
+    score: float
+    bits: Array
+    signs: Array
+
+
+class Match(NamedTuple):
+    """How given bits fit levels.
+
+    Args:
+        nats: by which they are worse than the best bits.
+        level: of the signal.
+        share: of the magnitude that is explained.
+        tenth: the least level of the ten tenths.
+        anywhere: the least level of a tenth that begins anywhere.
+        bits, signs: see `Path`.
+    """
+
+    nats: float
+    level: float
+    share: float
+    tenth: float
+    anywhere: float
+    bits: Array
+    signs: Array
+
+
 @_jit
-def best_path(halves: Array, wanted: Array, before: float) -> tuple[float, Array, Array]:
+def best_path(halves: Array, wanted: Array, before: float) -> Path:
     """The bits that explain half-cell levels best (Viterbi), some of which may be given.
 
     At every cell's start the level changes sign, in the middle of a one it does so again: the state
@@ -22,8 +53,6 @@ def best_path(halves: Array, wanted: Array, before: float) -> tuple[float, Array
         halves: (2 N,).
         wanted: (N,) 0, 1 or `FREE`.
         before: sum of levels that speaks for a positive first half.
-
-    Returns: the sum of levels times signs and of what is before, the bits (N,), the signs (2 N,).
     """
     count = len(wanted)
     one_into = np.empty((count, 2), np.bool_)
@@ -46,7 +75,7 @@ def best_path(halves: Array, wanted: Array, before: float) -> tuple[float, Array
             state = 1 - state
         sign = 1 - 2 * state
         signs[2 * k], signs[2 * k + 1] = sign, -sign if one else sign
-    return max(plus, minus), bits, signs
+    return Path(max(plus, minus), bits, signs)
 
 
 @_jit
@@ -82,14 +111,8 @@ def soft_bits(halves: Array, wanted: Array, before: float) -> Array:
 
 
 @_jit
-def verdict(
-    halves: Array, wanted: Array, before: float, free: float
-) -> tuple[float, float, float, float, float, Array, Array]:
-    """How given bits fit levels, see `best_path`.
-
-    Returns: nats by which they are worse than the best bits, which score `free`; the level; the share of the
-    magnitude that is explained; the least level of the ten tenths, and of a tenth anywhere; bits and signs.
-    """
+def match(halves: Array, wanted: Array, before: float, free: float) -> Match:
+    """How given bits fit levels, see `best_path`; the best bits score `free`."""
     score, bits, signs = best_path(halves, wanted, before)
     count = len(halves)
     told = score - before * signs[0]
@@ -108,4 +131,4 @@ def verdict(
     noise = max(square / count - level * level, (LEAST_NOISE * level) ** 2)
     nats = level * (free - score) / noise if noise > 0.0 else np.inf
     share = told / total if total > 0.0 else 0.0
-    return nats, level, share, tenths.min() * 10.0 / count, least, bits, signs
+    return Match(nats, level, share, tenths.min() * 10.0 / count, least, bits, signs)

@@ -8,17 +8,17 @@ from panoptic_ros.simulation.ltc_signal import (
     encode_ltc,
     timecode_rate,
 )
-from panoptic_ros.timecode.signal.clicks import bridge_clicks
+from panoptic_ros.timecode.signal.clicks import ClickLimits, bridge_clicks
 
 
 def test_clicks_are_bridged_and_nothing_else() -> None:
     signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("25")), 3, 48000).samples.astype(float)
-    shape = 72, 600, 0.8, 2.4, 28
-    np.testing.assert_array_equal(bridge_clicks(signal, *shape), signal)
+    limits = ClickLimits(reach=72, piece=600, share=0.8, most=2.4, longest=28)
+    np.testing.assert_array_equal(bridge_clicks(signal, limits), signal)
     bad = signal.copy()
     bad[2000:2006] += 1.5
     bad[3333] -= 2.0
-    clean = bridge_clicks(bad, *shape)
+    clean = bridge_clicks(bad, limits)
     assert np.abs(clean).max() < 0.3
     changed = np.flatnonzero(clean != signal)
     assert set(changed) <= set(range(1998, 2008)) | set(range(3331, 3336))

@@ -12,6 +12,7 @@ from panoptic_ros.simulation.ltc_signal import (
     timecode_rate,
     word_bits,
 )
+from panoptic_ros.timecode.signal.grid import Grid
 from panoptic_ros.timecode.signal.half_cells import half_levels, integral
 from panoptic_ros.timecode.word.viterbi import FREE, best_path
 
@@ -50,4 +51,4 @@ def test_cells_of_a_clean_signal() -> None:
     score, bits, _ = best_path(halves, np.full(160, FREE, np.int8), 0.0)
     assert bits.tolist() == [bit for label in signal.labels for bit in word_bits(label)]
     assert score > 0.999 * np.abs(halves).sum()
-    np.testing.assert_allclose(half_levels(sums, 50.5, 20.0, 0.0, 0.0, 160), halves, atol=1e-12)
+    np.testing.assert_allclose(half_levels(sums, Grid(50.5, 20.0, 0.0), 0.0, 160), halves, atol=1e-12)

@@ -13,7 +13,8 @@ from panoptic_ros.simulation.ltc_signal import (
     word_bits,
 )
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
-from panoptic_ros.timecode.signal.wave import train_rows
+from panoptic_ros.timecode.signal.grid import Grid
+from panoptic_ros.timecode.signal.wave import Edges, Samples, train_rows
 from panoptic_ros.timecode.word.fit import fit_word
 from panoptic_ros.timecode.word.fit_kernels import jumps, misfit, widest_gap
 
@@ -24,14 +25,14 @@ def test_fit_of_a_clean_word_is_exact(rate: int) -> None:
     bits = np.array(word_bits(signal.labels[1]))
     cell = rate / 2000
     raw = signal.samples.astype(float)
-    guess = np.array([signal.starts[1] + 40.07 * cell, 1.0003 * cell, 0.0])
-    fit = fit_word(raw, 0, bits, guess, rate, EdgeShape(rate))
+    guess = Grid(signal.starts[1] + 40.07 * cell, 1.0003 * cell, 0.0)
+    fit = fit_word(Samples(0, raw), bits, guess, rate, EdgeShape(rate))
     assert fit is not None
     microseconds = 1e6 * (fit.middle - signal.starts[1] - 40 * cell) / rate
     assert abs(microseconds) < {8000: 6.0, 16000: 3.0}.get(rate, 0.5)  # the edges are not band-limited
     assert fit.cell == pytest.approx(cell, rel=1e-4)
-    late = guess + [140 * cell, 0.0, 0.0]
-    assert fit_word(raw, 0, bits, late, rate, EdgeShape(rate)) is None  # not all there
+    late = guess._replace(middle=guess.middle + 140 * cell)
+    assert fit_word(Samples(0, raw), bits, late, rate, EdgeShape(rate)) is None  # not all there
 
 
 def test_fit_reaches_the_bound_of_cramer_and_rao() -> None:
@@ -42,7 +43,7 @@ def test_fit_reaches_the_bound_of_cramer_and_rao() -> None:
     errors, stds = [], []
     for seed in range(60):
         raw = degrade_audio(signal.samples, rate, AudioFaults(snr_db=snr_db, seed=seed)).astype(float)
-        fit = fit_word(raw, 0, bits, np.array([850.4, 20.0, 0.0]), rate, EdgeShape(rate))
+        fit = fit_word(Samples(0, raw), bits, Grid(850.4, 20.0, 0.0), rate, EdgeShape(rate))
         assert fit is not None
         errors.append(fit.middle - 850.0)
         stds.append(fit.middle_std)
@@ -56,16 +57,16 @@ def test_clicks_do_not_move_a_word() -> None:
     """They are left out, and what was left out does not hold the fit where it was with them."""
     rate = 48000
     signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("30")), 1, rate, lead=50.0, tail=50.0)
-    bits, guess = np.array(word_bits(signal.labels[0])), np.array([850.4, 20.0, 0.0])
+    bits, guess = np.array(word_bits(signal.labels[0])), Grid(850.4, 20.0, 0.0)
     errors, ratios = [], []
     for seed in range(60):
         rng = np.random.default_rng(seed)
         raw = degrade_audio(signal.samples, rate, AudioFaults(snr_db=40.0, seed=seed)).astype(float)
-        quiet = fit_word(raw, 0, bits, guess, rate, EdgeShape(rate))
+        quiet = fit_word(Samples(0, raw), bits, guess, rate, EdgeShape(rate))
         assert quiet is not None and not quiet.clicked
         for at in rng.integers(100, 1600, 4):
             raw[at : at + 5] += rng.choice([-1.0, 1.0]) * 2.0 * np.exp(-np.arange(5.0))
-        fit = fit_word(raw, 0, bits, guess, rate, EdgeShape(rate))
+        fit = fit_word(Samples(0, raw), bits, guess, rate, EdgeShape(rate))
         assert fit is not None and fit.clicked
         errors.append(fit.middle - quiet.middle)
         ratios.append((fit.middle - 850.0) / max(fit.middle_std, np.sqrt(fit.covariance[0, 0])))
@@ -86,11 +87,11 @@ def test_widest_gap() -> None:
 
 def test_misfit_is_seen_in_wrong_shapes_only() -> None:
     rng = np.random.default_rng(3)
-    grid, places = np.array([400.3, 20.0, 0.0]), np.flatnonzero(rng.integers(0, 3, 36)) - 18.0
+    edges = Edges(Grid(400.3, 20.0, 0.0), np.flatnonzero(rng.integers(0, 3, 36)) - 18.0)
     at = np.arange(-4, 4) + np.arange(9)[:, None] / 8.0
     steep = np.stack([np.zeros_like(at), np.exp(-(at**2))])
-    rows = train_rows(0, np.zeros(800), grid, places, steep, 4)
+    rows = train_rows(Samples(0, np.zeros(800)), edges, steep, 4)
     noise = 0.1 * rng.standard_normal(800)
     wrong = noise + 0.2 * rows[0] * (np.abs(rows[2]) > 0.5)
-    assert misfit(0, rows, noise, grid, places) < 0.05**2
-    assert misfit(0, rows, wrong, grid, places) > 0.05**2
+    assert misfit(0, rows, noise, edges) < 0.05**2
+    assert misfit(0, rows, wrong, edges) > 0.05**2

@@ -6,6 +6,7 @@ import pytest
 
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
+from panoptic_ros.timecode.signal.grid import Grid
 from panoptic_ros.timecode.word.levels import WordLevels, word_levels
 
 CELL = 20.0
@@ -20,7 +21,7 @@ def heard(word: int, reverse: bool, cut: bool = False) -> WordLevels:
     if cut:
         samples[slice(int(middle + 40 * CELL), None) if reverse else slice(0, int(middle - 40 * CELL))] = 0.0
     sums = np.concatenate([[0.0], np.cumsum(samples)])
-    return word_levels(sums, np.array([middle, CELL, 0.0]), reverse)
+    return word_levels(sums, Grid(middle, CELL, 0.0), reverse)
 
 
 @pytest.mark.parametrize("reverse", [False, True])
