@@ -5,25 +5,15 @@ import argparse
 from pathlib import Path
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.build import config_class
-from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.files import write_bytes
-from panoptic_ros.io.parameter_files import parameter_page, parameter_yaml
 from panoptic_ros.io.resources import share_folder
+from panoptic_ros.running.generated_files import STAGES, generated_files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("action", choices=("show", "write"), help="print them, or write the generated files")
-    parser.add_argument("stage", nargs="?", choices=tuple(NODES), help="show this stage only")
-
-
-def generated_files() -> dict[str, str]:
-    """Content of every generated file by its path in the repository."""
-    classes = {name: config_class(name) for name in NODES}
-    files = {f"config/{name}.yaml": parameter_yaml(name, cls) for name, cls in classes.items()}
-    files["docs/parameters.md"] = parameter_page(classes)
-    return files
+    parser.add_argument("stage", nargs="?", choices=STAGES, help="show this stage only")
 
 
 def run(args: argparse.Namespace) -> int:

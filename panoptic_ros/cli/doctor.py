@@ -4,10 +4,8 @@ from __future__ import annotations
 import argparse
 import json
 
-from panoptic_ros.cli.doctor_machine import MACHINE_CHECKS
-from panoptic_ros.cli.doctor_network import NETWORK_CHECKS
-from panoptic_ros.cli.doctor_ros import ROS_CHECKS
-from panoptic_ros.cli.finding import LEVELS, Finding, run_checks
+from panoptic_ros.running.doctor.checks import CHECKS
+from panoptic_ros.running.doctor.finding import LEVELS, Finding, run_checks
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run all checks; 2 if one failed, else 0."""
-    findings = run_checks({**MACHINE_CHECKS, **ROS_CHECKS, **NETWORK_CHECKS})
+    findings = run_checks(CHECKS)
     print(as_json(findings) if args.json else as_lines(findings))
     return 2 if any(finding.level == "FAIL" for finding in findings.values()) else 0
 

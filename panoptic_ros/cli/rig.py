@@ -3,20 +3,13 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from panoptic_ros.domain import DetectionSet, Rig
+from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
-from panoptic_ros.evaluation.rig_check import RigReport, check_rig
-from panoptic_ros.io.plain_formats import read_detections
-from panoptic_ros.io.rigs import WRITABLE, find_rig, read_rig, write_rig
-from panoptic_ros.io.rigs.camera_info import POSES
-from panoptic_ros.io.skeletons import load_skeleton, map_joints
-
-LARGEST_SAMPLE = 200  # detection sets that are looked at
+from panoptic_ros.io.rigs import WRITABLE, write_rig
+from panoptic_ros.running.rig_files import check_views, read_rig_at
+from panoptic_ros.view.rig_table import rig_document, rig_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,9 +40,7 @@ def _read(args: argparse.Namespace, path: Path) -> Rig:
         panels = [int(word) for word in _words(args.panels)]
     except ValueError:
         raise UsageError(f"--panels {args.panels!r} is no list of whole numbers") from None
-    if path.is_dir() and not (path / POSES).is_file():  # a capture folder, or what a run left
-        path = find_rig(path)
-    return read_rig(path, unit=args.unit, types=_words(args.types), panels=panels)
+    return read_rig_at(path, unit=args.unit, types=_words(args.types), panels=panels)
 
 
 def _words(text: str) -> list[str]:
@@ -68,43 +59,6 @@ def _convert(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     """Exit code 2 if there is a warning: the user can mend it."""
     rig = _read(args, args.rig)
-    skeleton = load_skeleton("panoptic19")
-    sets: tuple[DetectionSet, ...] = ()
-    if args.detections is not None:
-        detections = read_detections(args.detections)
-        skeleton, mapping = map_joints("panoptic19", detections.joint_names)
-        sets = _sample(tuple(detections.sets(rig, mapping, skeleton.hash)))
-    report = check_rig(rig, sets, skeleton)
-    print(json.dumps(_document(report), indent=1) if args.json else _table(rig, report))
+    report = check_views(rig, args.detections)
+    print(json.dumps(rig_document(report), indent=1) if args.json else rig_table(rig, report))
     return 2 if report.warnings else 0
-
-
-def _sample(sets: Sequence[DetectionSet]) -> tuple[DetectionSet, ...]:
-    """Evenly spread over the file."""
-    return tuple(sets[:: max(1, -(-len(sets) // LARGEST_SAMPLE))])
-
-
-def _document(report: RigReport) -> dict[str, object]:
-    cameras = [
-        {"camera": fit.camera, "people": fit.people,
-         "residual_px": None if np.isnan(fit.residual_px) else fit.residual_px}
-        for fit in report.cameras
-    ]  # fmt: skip
-    notices = [vars(note) | {"values": dict(note.values)} for note in report.notices]
-    return {"cameras": cameras, "notices": notices}
-
-
-def _table(rig: Rig, report: RigReport) -> str:
-    width = max(6, *(len(name) for name in rig.names))
-    row = f"{{:{width}}}  {{:>11}}  {{:>8}}  {{:>23}}  {{:>12}}  {{:>7}}"
-    lines = [row.format("camera", "image", "focal px", "position m", "rays miss px", "matched")]
-    for camera, fit in zip(rig.cameras, report.cameras):
-        size = f"{camera.image_size[0]} x {camera.image_size[1]}"
-        focal = f"{camera.intrinsics.matrix[0, 0]:.1f}"
-        place = " ".join(f"{value:7.2f}" for value in camera.centre)
-        miss = "-" if np.isnan(fit.residual_px) else f"{fit.residual_px:.1f}"
-        lines.append(row.format(camera.name, size, focal, place, miss, fit.people))
-    lines += [f"{note.severity}: {note.text}" for note in report.notices]
-    if not report.notices:
-        lines.append("the views agree")
-    return "\n".join(lines)

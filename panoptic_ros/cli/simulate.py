@@ -6,13 +6,7 @@ import sys
 from pathlib import Path
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.files import write_json
-from panoptic_ros.io.folders import staged_folder
-from panoptic_ros.io.occluders import FILE as OCCLUDERS
-from panoptic_ros.io.occluders import write_occluders
-from panoptic_ros.io.plain_formats import write_detections
-from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.simulation import SCENES, SKELETON, Scene, Simulation, scene, simulate
+from panoptic_ros.running.simulate import scene_lines, write_take
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,43 +23,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write a take of a scene, whole or not at all."""
     if args.list:
-        print("\n".join(f"{name:<20}{summary(item)}" for name, item in SCENES.items()))
+        print("\n".join(f"{name:<20}{line}" for name, line in scene_lines().items()))
         return 0
     if args.scene is None or args.out is None:
         raise UsageError("name a scene and a folder: panoptic simulate SCENE --out DIR (see --list)")
-    take = simulate(scene(args.scene), args.seed, args.frames)
-    if not take.scene.rendered and (args.images or args.depth):
-        rendered = ", ".join(name for name, item in SCENES.items() if item.rendered)
-        raise UsageError(f"{args.scene} has no images; scenes with images are {rendered}")
-    with staged_folder(args.out) as folder:
-        write_rig(folder / "rig.json", take.rig)
-        if take.rig.occluders is not None:
-            write_occluders(folder / OCCLUDERS, take.rig.occluders)
-        write_json(folder / "truth.json.gz", take.truth_document())
-        if take.scene.rendered:
-            from panoptic_ros.cli.simulate_images import write_capture  # numba is slow to load
-
-            for done, name in enumerate(write_capture(folder, take, args.images, args.depth), start=1):
-                _progress(f"rendered {name}, {done} of {len(take.rig)} cameras")
-            _progress("")
-        else:
-            write_detections(folder / "detections.json.gz", SKELETON.joint_names, take.detection_sets())
-    print(f"{args.out}: {describe(args.scene, take)}")
+    take = write_take(
+        args.scene, args.out, seed=args.seed, frames=args.frames, images=args.images, depth=args.depth,
+        on_camera=_progress,
+    )  # fmt: skip
+    size = f"{len(take.schedule.ticks)} frames, {len(take.rig)} cameras, {len(take.people)} people"
+    print(f"{args.out}: {args.scene}, {size}")
     return 0
 
 
-def summary(item: Scene) -> str:
-    """One line about a scene."""
-    return f"{len(item.activities)} people, {item.frames} frames: {item.about}"
-
-
-def describe(name: str, take: Simulation) -> str:
-    """One line about a take."""
-    frames, cameras = len(take.schedule.ticks), len(take.rig)
-    return f"{name}, {frames} frames, {cameras} cameras, {len(take.people)} people"
-
-
-def _progress(text: str) -> None:
-    """A line that the next one replaces, if somebody is watching."""
+def _progress(camera: str, done: int, total: int) -> None:
+    """A line that the next one replaces, if somebody is watching; the last leaves none."""
     if sys.stderr.isatty():
+        text = f"rendered {camera}, {done} of {total} cameras" if done < total else ""
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)

@@ -2,12 +2,12 @@
 import pytest
 import yaml
 
-from panoptic_ros.cli.config import generated_files
 from panoptic_ros.cli.main import main
 from panoptic_ros.graph.build import config_class, parse_setting
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.params import load
+from panoptic_ros.running.generated_files import generated_files
 
 
 @pytest.mark.parametrize("name", sorted(generated_files()))

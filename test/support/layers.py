@@ -27,7 +27,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "view": {"numpy", "cv2", "matplotlib", "mpl_toolkits"},
     "bench": {"numpy", "scipy", "numba"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
-    "running": {"rclpy"},
+    "running": {"numpy", "cv2", "onnxruntime", "rclpy"},  # those of the doctor among them
     "cli": {"numpy", "cv2", "onnxruntime"},
 }
 THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in backends/

@@ -3,32 +3,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from panoptic_ros.cli.sync.sources import Sources, collect
-from panoptic_ros.clocks import ClocksConfig, ClocksStage
-from panoptic_ros.clocks.report import CameraClock, findings, measure_camera, phase_s, timecode_findings
-from panoptic_ros.clocks.stereo import LEAST_READINGS, align_timecodes
-from panoptic_ros.domain import Camera, ClockModel, Rig, SkeletonModel, ViewDetections
-from panoptic_ros.errors import DataError
-from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.io.files import write_json
-from panoptic_ros.stage import Notice, StageContext
-from panoptic_ros.sync import SyncConfig, SyncStage
-from panoptic_ros.view.sync_plot import write_sync_plot
-
-FORMAT = "panoptic-sync-report-1"
-SECOND = 1_000_000_000
-UNSEEN = (
-    "stamps cannot show what is wrong by a constant, e.g. a latency of 30 ms; where people move, "
-    "`panoptic solve --offsets-from-motion` finds it (live: offsets.active)"
-)
+from panoptic_ros.running.sync_report.report import report_clocks, write_report
+from panoptic_ros.view.sync_table import sync_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,145 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Exit code 2 if there is a warning: the user can mend it."""
-    sources = collect(args.source)
-    cameras, short = _measure(sources)
-    models, told = _clock_models(sources)
-    notices = (*short, *findings(cameras), *timecode_findings([*sources.gaps, *told]))
-    document = {
-        "format": FORMAT,
-        "cameras": [_camera_row(camera, cameras[0]) for camera in cameras],
-        "devices": [_device_row(model) for model in models.values()],
-        "aligned": _aligned(sources),
-        "grouping": _grouping(sources, [camera.name for camera in cameras]),
-        "notices": [vars(note) | {"values": dict(note.values)} for note in notices],
-    }
-    print(json.dumps(document, indent=1) if args.json else "\n".join(_table(document)))
+    report = report_clocks(args.source)
+    print(json.dumps(report.document, indent=1) if args.json else "\n".join(sync_table(report.document)))
     if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)
-        write_json(args.out / "sync_report.json", document, indent=1)
-        write_sync_plot(args.out / "sync.png", cameras, models)
-    return 2 if any(note.severity == "warning" for note in notices) else 0
-
-
-def _measure(sources: Sources) -> tuple[list[CameraClock], list[Notice]]:
-    cameras, short = [], []
-    for name, table in sources.cameras.items():
-        try:
-            cameras.append(measure_camera(name, table.stamps_ns, table.numbers))
-        except DataError as error:
-            short.append(Notice("sync_report.too_short", "warning", str(error), {"camera": name}))
-    return cameras, short
-
-
-def _clock_models(sources: Sources) -> tuple[dict[str, ClockModel], list[Notice]]:
-    stage = ClocksStage(ClocksConfig())
-    results = [stage.step(reading) for reading in sources.readings] + [stage.flush()]
-    models = {model.device: model for result in results for model in result.outputs}
-    return models, [notice for result in results for notice in result.notices]
-
-
-def _camera_row(camera: CameraClock, first: CameraClock) -> dict[str, Any]:
-    timing = camera.timing
-    row = {
-        "camera": camera.name, "frames": len(timing.counts), "rate_hz": timing.rate_hz,
-        "rate_std_hz": timing.rate_std_hz, "nominal_hz": camera.nominal_hz, "off_ppm": camera.off_ppm,
-        "phase_ms": 1e3 * phase_s(first, camera), "jitter_ms": 1e3 * timing.jitter_s,
-        "interval_std_ms": 1e3 * timing.interval_std_s, "late_p99_ms": 1e3 * camera.late_p99_s,
-        "lost": timing.lost, "gaps": timing.gaps, "stamps_back": timing.not_later,
-        "beat_ms": 1e3 * camera.beat_s, "host_grid": camera.paced, "one_way": timing.one_way,
-    }  # fmt: skip
-    return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in row.items()}
-
-
-def _device_row(model: ClockModel) -> dict[str, Any]:
-    master, std = model.master_from_device(model.until_ns)
-    return {
-        "device": model.device, "stamp_ns": model.until_ns, "master_ns": int(master),
-        "offset_s": (int(master) - model.until_ns) / SECOND, "drift_ppm": 1e6 * model.drift,
-        "drift_std_ppm": 1e6 * float(np.sqrt(model.covariance[1, 1])), "std_us": 1e-3 * std,
-        "segment": model.segment,
-    }  # fmt: skip
-
-
-def _aligned(sources: Sources) -> list[dict[str, Any]]:
-    """Two timecodes on the channels of one recording."""
-    rows = []
-    for name, channels in sources.recordings.items():
-        if len(channels) == 2 and all(len(found) >= LEAST_READINGS for found in channels):
-            model = align_timecodes(channels[0], channels[1], "channel 1")
-            row = _device_row(model)
-            rows.append({"recording": name, "offset_s": row["offset_s"], "drift_ppm": row["drift_ppm"],
-                         "std_us": row["std_us"]})  # fmt: skip
-    return rows
-
-
-def _grouping(sources: Sources, cameras: Sequence[str]) -> dict[str, Any] | None:
-    """What sync makes of these stamps with its defaults."""
-    if len(cameras) < 2:
-        return None
-    names = {name: re.sub(r"\W", "_", name) for name in cameras}
-    intrinsics = Intrinsics(np.array([[1.0, 0, 1], [0, 1, 1], [0, 0, 1]]), np.zeros(5))
-    rig = Rig(tuple(Camera(own, (2, 2), intrinsics, Rigid.identity()) for own in names.values()))
-    skeleton = SkeletonModel("none", ("a", "b"), 0, ((0, 1),), 0)
-    nobody = np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros(0)
-    views = [
-        ViewDetections(names[name], stamp, k, (2, 2), skeleton.hash, *nobody)
-        for name in cameras
-        for k, stamp in enumerate(sources.cameras[name].stamps_ns)
-    ]
-    stage = SyncStage(SyncConfig(queue_limit=100_000), StageContext(rig, skeleton))
-    views.sort(key=lambda view: view.stamp_ns)
-    results = [stage.step(view) for view in views] + [stage.flush()]
-    sets = [item for result in results for item in result.outputs]
-    codes = Counter(notice.code for result in results for notice in result.notices)
-    used = [(view.camera, view.frame_number) for item in sets for view in item.views]
-    away = [abs(view.stamp_ns - item.stamp_ns) / 1e6 for item in sets for view in item.views]
-    return {
-        "frames": len(views), "sets": len(sets), "used": len(used), "used_twice": len(used) - len(set(used)),
-        "views_per_set": len(used) / max(1, len(sets)),
-        "away_ms_mean": float(np.mean(away)) if away else None,
-        "away_ms_max": float(np.max(away)) if away else None, "notices": dict(sorted(codes.items())),
-    }  # fmt: skip
-
-
-def _table(document: dict[str, Any]) -> list[str]:
-    lines: list[str] = []
-    if document["cameras"]:
-        width = max(6, *(len(row["camera"]) for row in document["cameras"]))
-        lines.append(
-            f"{'camera':{width}} {'frames':>6} {'fps':>9} {'off ppm':>8} {'phase ms':>8} {'jitter ms':>9} "
-            f"{'late p99':>8} {'lost':>5} {'gaps':>5} {'beat ms':>7}"
-        )
-    for row in document["cameras"]:
-        phase = "-" if row["phase_ms"] is None else f"{row['phase_ms']:.2f}"
-        lines.append(
-            f"{row['camera']:{width}} {row['frames']:6} {row['rate_hz']:9.4f} {row['off_ppm']:8.0f} "
-            f"{phase:>8} "
-            f"{row['jitter_ms']:9.3f} {row['late_p99_ms']:8.2f} {row['lost']:5} {row['gaps']:5} "
-            f"{row['beat_ms']:7.2f}"
-        )
-    for row in document["devices"]:
-        lines.append(
-            f"{row['device']}: master time is its clock {row['offset_s']:+.6f} s, drift "
-            f"{row['drift_ppm']:+.3f} +- "
-            f"{row['drift_std_ppm']:.3f} ppm, +- {row['std_us']:.2f} us at its last word"
-        )
-    for row in document["aligned"]:
-        lines.append(
-            f"{row['recording']}: channel 0 is {row['offset_s']:+.7f} s ahead of channel 1, drift "
-            f"{row['drift_ppm']:+.4f} ppm, +- {row['std_us']:.2f} us"
-        )
-    grouping = document["grouping"]
-    if grouping:
-        lines.append(
-            f"sync: {grouping['sets']} sets of {grouping['views_per_set']:.2f} views, {grouping['used']} of "
-            f"{grouping['frames']} frames used, {grouping['used_twice']} twice; "
-            f"{grouping['away_ms_mean']:.2f} ms "
-            f"from their set's instant on average, {grouping['away_ms_max']:.1f} at most"
-        )
-    lines += [f"{note['severity']}: {note['text']}" for note in document["notices"]]
-    if not document["notices"]:
-        lines.append("nothing is wrong with these clocks as far as stamps tell")
-    if grouping:
-        lines.append(UNSEEN)
-    return lines
+        write_report(args.out, report)
+    return 2 if report.warned else 0

@@ -7,7 +7,7 @@ import socket
 import sys
 from pathlib import Path
 
-from panoptic_ros.cli.finding import Check, Finding, fail, finish, ok, start_python, warn
+from panoptic_ros.running.doctor.finding import Check, Finding, fail, finish, ok, start_python, warn
 
 SHARED_MEMORY = Path("/dev/shm")
 LITTLE_SHARED_MEMORY = 256  # MiB; Docker's default is 64

@@ -12,9 +12,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from panoptic_ros.cli.finding import Check, Finding, fail, ok, warn
 from panoptic_ros.errors import UserError
 from panoptic_ros.io.resources import cache_folder
+from panoptic_ros.running.doctor.finding import Check, Finding, fail, ok, warn
 
 SUPPORTED = ((3, 10), (3, 13))  # first and last minor version of Python
 PACKAGES = ("numpy", "scipy", "onnxruntime", "onnx", "rosbags", "PyYAML", "numba", "matplotlib")

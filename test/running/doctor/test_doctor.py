@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from panoptic_ros.cli import doctor, doctor_machine, doctor_network, doctor_ros
-from panoptic_ros.cli.finding import Finding, fail, finish, ok, run_checks, start_python, warn
+from panoptic_ros.cli import doctor
 from panoptic_ros.cli.main import main
+from panoptic_ros.running.doctor import machine, network, ros
+from panoptic_ros.running.doctor.finding import Finding, fail, finish, ok, run_checks, start_python, warn
 
 needs_wheels = pytest.mark.skipif(
-    not doctor_ros._from_wheels(), reason="ROS is that of the system, not from wheels"
+    not ros._from_wheels(), reason="ROS is that of the system, not from wheels"
 )
 
 
@@ -31,9 +32,7 @@ def test_one_line_per_check_and_a_sum() -> None:
 def test_exit_code_and_document(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], finding: Finding, code: int
 ) -> None:
-    monkeypatch.setattr(doctor, "MACHINE_CHECKS", {"one": lambda: finding})
-    monkeypatch.setattr(doctor, "ROS_CHECKS", {})
-    monkeypatch.setattr(doctor, "NETWORK_CHECKS", {})
+    monkeypatch.setattr(doctor, "CHECKS", {"one": lambda: finding})
     assert main(["doctor", "--json"]) == code
     document = json.loads(capsys.readouterr().out)
     assert document["healthy"] is (code == 0)
@@ -61,59 +60,59 @@ def test_a_process_that_hangs_is_ended() -> None:
 
 def test_machine_checks_hold_here() -> None:
     for name in ("python", "packages", "onnxruntime", "video", "cache"):
-        finding = doctor_machine.MACHINE_CHECKS[name]()
+        finding = machine.MACHINE_CHECKS[name]()
         assert finding.level == "OK", (name, finding)
 
 
 def test_old_python_and_other_machines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor_machine.platform, "machine", lambda: "aarch64")
-    assert doctor_machine.check_python().level == "WARN"
-    monkeypatch.setattr(doctor_machine, "SUPPORTED", ((3, 98), (3, 99)))
-    assert doctor_machine.check_python().level == "FAIL"
+    monkeypatch.setattr(machine.platform, "machine", lambda: "aarch64")
+    assert machine.check_python().level == "WARN"
+    monkeypatch.setattr(machine, "SUPPORTED", ((3, 98), (3, 99)))
+    assert machine.check_python().level == "FAIL"
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor_machine, "PACKAGES", ("numpy", "no-such-package"))
-    finding = doctor_machine.check_packages()
+    monkeypatch.setattr(machine, "PACKAGES", ("numpy", "no-such-package"))
+    finding = machine.check_packages()
     assert finding.level == "FAIL" and finding.found == "missing: no-such-package"
 
 
 def test_a_model_that_was_never_fetched(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path))
-    finding = doctor_machine.check_model()
+    finding = machine.check_model()
     assert (finding.level, finding.remedy) == ("WARN", "panoptic models fetch")
 
 
 def test_a_full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     for limit, level in (("NO_SPACE", "FAIL"), ("LITTLE_SPACE", "WARN")):
         with monkeypatch.context() as patch:
-            patch.setattr(doctor_machine, limit, 1e9)
-            assert doctor_machine.check_disk().level == level
+            patch.setattr(machine, limit, 1e9)
+            assert machine.check_disk().level == level
 
 
 def test_a_cache_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "file"))
-    finding = doctor_machine.check_cache()
+    finding = machine.check_cache()
     assert finding.level == "FAIL" and "PANOPTIC_CACHE" in finding.remedy
 
 
 @needs_wheels
 def test_the_guard_without_its_library_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(doctor_ros.GUARD, "1")
+    monkeypatch.setenv(ros.GUARD, "1")
     monkeypatch.setenv("LD_LIBRARY_PATH", "/usr/lib")
-    finding = doctor_ros.check_environment()
-    assert (finding.level, finding.remedy) == ("FAIL", f"unset {doctor_ros.GUARD}")
+    finding = ros.check_environment()
+    assert (finding.level, finding.remedy) == ("FAIL", f"unset {ros.GUARD}")
 
 
 @needs_wheels
 def test_another_ros_and_another_middleware(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("LD_LIBRARY_PATH", str(Path(sys.prefix) / "lib"))
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
-    assert doctor_ros.check_environment().level == "FAIL"
+    assert ros.check_environment().level == "FAIL"
     (tmp_path / "librcl.so").touch()
     monkeypatch.setenv("LD_LIBRARY_PATH", f"{tmp_path}:{Path(sys.prefix) / 'lib'}")
-    finding = doctor_ros.check_environment()
+    finding = ros.check_environment()
     assert finding.level == "WARN" and str(tmp_path) in finding.found
 
 
@@ -123,30 +122,30 @@ def test_definitions_that_differ_are_named(tmp_path: Path) -> None:
         (tmp_path / folder).mkdir()
         for name, text in texts.items():
             (tmp_path / folder / f"{name}.msg").write_text(text)
-    assert doctor_ros._differences(tmp_path / "one", tmp_path / "two") == ["B.msg", "C.msg", "D.msg"]
+    assert ros._differences(tmp_path / "one", tmp_path / "two") == ["B.msg", "C.msg", "D.msg"]
 
 
 def test_log_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in ("HOME", "ROS_HOME", "ROS_LOG_DIR"):
         monkeypatch.delenv(name, raising=False)
-    assert doctor_ros.check_log_folder().level == "FAIL"
+    assert ros.check_log_folder().level == "FAIL"
     monkeypatch.setenv("HOME", str(tmp_path))
-    assert doctor_ros.check_log_folder() == ok(f"{tmp_path}/.ros/log is writable")
+    assert ros.check_log_folder() == ok(f"{tmp_path}/.ros/log is writable")
     (tmp_path / "file").touch()
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "file"))
-    assert doctor_ros.check_log_folder().level == "FAIL"
+    assert ros.check_log_folder().level == "FAIL"
 
 
 def test_shared_memory_and_leftovers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(doctor_network, "SHARED_MEMORY", tmp_path)
+    monkeypatch.setattr(network, "SHARED_MEMORY", tmp_path)
     with (tmp_path / "fastrtps_0123").open("wb") as file:
         file.truncate(65 << 20)
-    assert doctor_network.check_leftovers().level == "WARN"
-    monkeypatch.setattr(doctor_network, "LITTLE_SHARED_MEMORY", 1 << 40)
-    finding = doctor_network.check_shared_memory()
+    assert network.check_leftovers().level == "WARN"
+    monkeypatch.setattr(network, "LITTLE_SHARED_MEMORY", 1 << 40)
+    finding = network.check_shared_memory()
     assert finding.level == "WARN" and "--shm-size" in finding.remedy
-    monkeypatch.setattr(doctor_network, "SHARED_MEMORY", tmp_path / "none")
-    assert doctor_network.check_shared_memory().level == "WARN"
+    monkeypatch.setattr(network, "SHARED_MEMORY", tmp_path / "none")
+    assert network.check_shared_memory().level == "WARN"
 
 
 @pytest.mark.parametrize(
@@ -154,7 +153,7 @@ def test_shared_memory_and_leftovers(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 )
 def test_settings_that_keep_nodes_apart(monkeypatch: pytest.MonkeyPatch, variable: str, value: str) -> None:
     monkeypatch.setenv(variable, value)
-    finding = doctor_network.check_graph()
+    finding = network.check_graph()
     assert finding.level == "FAIL" and value in finding.found
 
 
@@ -163,6 +162,6 @@ def test_ros_checks_hold_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("ROS_DOMAIN_ID", "86")
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    for check in (doctor_ros.check_rclpy, doctor_ros.check_messages, doctor_network.check_graph):
+    for check in (ros.check_rclpy, ros.check_messages, network.check_graph):
         finding = check()
         assert finding.level == "OK", finding

@@ -10,8 +10,8 @@ import os
 import sys
 from pathlib import Path
 
-from panoptic_ros.cli.finding import Check, Finding, fail, finish, ok, start_python, warn
 from panoptic_ros.io.resources import share_folder
+from panoptic_ros.running.doctor.finding import Check, Finding, fail, finish, ok, start_python, warn
 
 GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"  # set by the ROS wheels when they have set LD_LIBRARY_PATH
 

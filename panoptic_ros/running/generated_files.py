@@ -1,0 +1,16 @@
+"""The files of the repository that are generated from the parameters of the stages."""
+from __future__ import annotations
+
+from panoptic_ros.graph.build import config_class
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.io.parameter_files import parameter_page, parameter_yaml
+
+STAGES = tuple(NODES)
+
+
+def generated_files() -> dict[str, str]:
+    """Content of every generated file by its path in the repository."""
+    classes = {name: config_class(name) for name in STAGES}
+    files = {f"config/{name}.yaml": parameter_yaml(name, cls) for name, cls in classes.items()}
+    files["docs/parameters.md"] = parameter_page(classes)
+    return files

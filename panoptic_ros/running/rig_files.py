@@ -1,0 +1,45 @@
+"""Rigs in files: read with their choices, checked against 2D people."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from panoptic_ros.domain import DetectionSet, Rig
+from panoptic_ros.evaluation.rig_check import RigReport, check_rig
+from panoptic_ros.io.plain_formats import read_detections
+from panoptic_ros.io.rigs import find_rig, read_rig
+from panoptic_ros.io.rigs.camera_info import POSES
+from panoptic_ros.io.skeletons import load_skeleton, map_joints
+
+LARGEST_SAMPLE = 200  # detection sets that are looked at
+
+
+def read_rig_at(
+    path: Path, *, unit: str | None = None, types: Sequence[str] = (), panels: Sequence[int] = ()
+) -> Rig:
+    """The rig of a file, or of a folder that holds one: a capture folder, or what a run left.
+
+    Args:
+        unit: m, cm or mm, of a TOML file that does not state it.
+        types, panels: of CMU Panoptic, see `io.rigs.read_rig`.
+
+    Raises:
+        UserError: if there is none, or it cannot be used.
+    """
+    if path.is_dir() and not (path / POSES).is_file():
+        path = find_rig(path)
+    return read_rig(path, unit=unit, types=types, panels=panels)
+
+
+def check_views(rig: Rig, detections: Path | None = None) -> RigReport:
+    """Whether the views of a rig agree, also by 2D people of a file, if one is given."""
+    if detections is None:
+        return check_rig(rig, (), load_skeleton("panoptic19"))
+    people = read_detections(detections)
+    skeleton, mapping = map_joints("panoptic19", people.joint_names)
+    return check_rig(rig, _sample(tuple(people.sets(rig, mapping, skeleton.hash))), skeleton)
+
+
+def _sample(sets: Sequence[DetectionSet]) -> tuple[DetectionSet, ...]:
+    """Evenly spread over the file."""
+    return tuple(sets[:: max(1, -(-len(sets) // LARGEST_SAMPLE))])
