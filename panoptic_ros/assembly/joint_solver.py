@@ -12,10 +12,10 @@ last step.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, refine_point
 from panoptic_ros.consensus.truncation import truncated
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

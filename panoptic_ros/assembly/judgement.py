@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
 SAME_JOINTS = 3  # joints that such skeletons must share

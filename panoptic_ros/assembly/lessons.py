@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 MOST = 1000  # residuals per instant, about
 THINNING = 1e7  # the digits of an observation that say whether it is taken

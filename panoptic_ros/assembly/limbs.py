@@ -2,9 +2,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.dynamic_programming import PartTree
@@ -19,6 +18,7 @@ from panoptic_ros.assembly.solve import Guide, Solved, sources
 from panoptic_ros.consensus.grouping import Grouping, Scene
 from panoptic_ros.consensus.guidance import Prediction
 from panoptic_ros.domain import ProposalSet, SkeletonModel
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

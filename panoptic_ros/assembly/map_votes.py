@@ -11,10 +11,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import ProposalSet, SkeletonModel
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

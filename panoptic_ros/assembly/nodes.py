@@ -7,9 +7,9 @@ then the measurement.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.domain import ProposalSet
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

@@ -7,7 +7,8 @@ noise is size ** exponent, with an exponent between 0 and 1: the slope of log re
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

@@ -6,9 +6,9 @@ much noisier they are is learnt online (see `noise`); here is only geometry: a b
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.joint_solver import solve_again, solve_joints
 from panoptic_ros.consensus.agreement import limb_costs
 from panoptic_ros.consensus.grouping import Grouping, Scene
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

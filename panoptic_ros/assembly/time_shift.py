@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.people import People
@@ -22,6 +21,7 @@ from panoptic_ros.consensus.gauss_newton import MIN_DEPTH
 from panoptic_ros.consensus.grouping import Scene
 from panoptic_ros.consensus.guidance import Prediction
 from panoptic_ros.domain import SkeletonModel, TimeShift
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

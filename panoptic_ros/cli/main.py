@@ -11,7 +11,7 @@ from typing import NoReturn
 import panoptic_ros
 from panoptic_ros.errors import PanopticError, UsageError
 from panoptic_ros.io.interruption import interrupted, listen_to_signals
-from panoptic_ros.io.kernel_cache import find_room_for_kernels, full_disk_told
+from panoptic_ros.io.kernel_cache import full_disk_told
 
 VERBS: dict[str, str] = {
     "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
@@ -79,7 +79,6 @@ def program() -> None:
     interpreter would otherwise forget our exit code and kill itself with the signal.
     """
     listen_to_signals()
-    find_room_for_kernels()
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

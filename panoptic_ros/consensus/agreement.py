@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 MIN_DEPTH = 0.05  # m
 NOTHING = 50.0  # exponent, of an agreement below the digits of any other

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 MAX_STEP = 0.5  # m, of one step
 MIN_DEPTH = 0.05  # m

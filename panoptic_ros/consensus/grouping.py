@@ -4,12 +4,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.consensus.agreement import agreement_with_people
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.gauss_newton import solve_symmetric
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

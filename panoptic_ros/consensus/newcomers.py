@@ -6,13 +6,13 @@ supported is taken, until none is left.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.consensus.agreement import agreement_of_pairs
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.grouping import MIN_COMMON, Grouping, Scene, hand_out, triangulate_linear
 from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, look
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

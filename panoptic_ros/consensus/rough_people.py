@@ -4,7 +4,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import RigArrays, gather
@@ -14,6 +13,7 @@ from panoptic_ros.consensus.guidance import Guidance
 from panoptic_ros.consensus.newcomers import find_people
 from panoptic_ros.consensus.truncation import truncated
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

@@ -6,9 +6,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # of a place and a view

@@ -1,7 +1,7 @@
 """Truncated costs that still tell hopeless places apart."""
 from __future__ import annotations
 
-from numba import njit
+from panoptic_ros.kernels import njit
 
 HAIR = 1e-6
 

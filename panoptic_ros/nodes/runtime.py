@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError
 from panoptic_ros.io.interruption import first_request_told, listen_to_signals
-from panoptic_ros.io.kernel_cache import find_room_for_kernels, full_disk_told
+from panoptic_ros.io.kernel_cache import full_disk_told
 
 
 @contextmanager
@@ -63,7 +63,6 @@ def run_nodes(
     """
     listen_to_signals(lambda: os._exit(0))  # nodes that are being made leave nothing to tidy up
     try:
-        find_room_for_kernels()
         start_ros(arguments)
         with full_disk_told():
             nodes = make()

@@ -5,7 +5,8 @@ A matrix (n, n) of half bandwidth b is kept as its lower band (n, b + 1): band[i
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -8,8 +8,8 @@ clock of its camera by do changes the residual by d_i do with d_i = A_i X'(t_i).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.offsets.banded import backward, factor, forward, inverse_in_band
 
 SPAN = 4  # control points that act at an instant

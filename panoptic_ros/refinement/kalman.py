@@ -7,7 +7,8 @@ the frame rate.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,8 +6,8 @@ and the views say the velocity by themselves with some information.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.refinement.kalman import cholesky, take, whiten, whitened_row
 
 

@@ -12,7 +12,8 @@ certain then; by how much was found by simulation of such errors, roughly.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 

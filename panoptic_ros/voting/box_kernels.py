@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting.limit_kernels import hide
 from panoptic_ros.voting.rectangle_kernels import (
     ALL,

@@ -4,8 +4,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting.kernels import hidden, project
 
 CELLS = 2.0  # of a score map, within which a joint explains a peak

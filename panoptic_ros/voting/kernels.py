@@ -1,15 +1,14 @@
 """Compiled kernels of voting. `score_field`, `score_volume` and the tests hold the numpy meaning.
 
-All that sample scores are in one file because numba's cache watches only the file of the function that is
-called. `scene` is a `VoteScene`; its sums run over the views in order.
+All that sample scores are in one file. `scene` is a `VoteScene`; its sums run over the views in order.
 """
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`

@@ -5,8 +5,7 @@ is nearer than the nearest is not hidden, what is farther than the farthest is.
 """
 from __future__ import annotations
 
-from numba import njit
-
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting.rectangle_kernels import NONE, PART, SEES, TINY, U0, U1, W0, W1
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)

@@ -1,7 +1,7 @@
 """Compiled kernel that merges score maps. Arguments as in `VoteScene`; grid (V, 2): their sizes in cells."""
 from __future__ import annotations
 
-from numba import njit
+from panoptic_ros.kernels import njit
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
 SLACK = 1e-9  # of borders in the plane at 1 m

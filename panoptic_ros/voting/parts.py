@@ -4,9 +4,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting import kernels
 from panoptic_ros.voting.scene import VoteScene
 

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 HASH = -7046029254386353131  # odd, with well mixed bits
 BITS = 19  # of a voxel's index per axis, from its least; the rest of 64 for joints

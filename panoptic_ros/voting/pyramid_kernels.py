@@ -8,7 +8,7 @@ bit 32 on). These kernels call nothing outside of this file.
 """
 from __future__ import annotations
 
-from numba import njit
+from panoptic_ros.kernels import njit
 
 GROUP = 32  # joints in a pyramid
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting.lens_bounds import BINS
 
 BEND = 38  # column of the first lens bound in `views`

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting.kernels import hidden, project
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 

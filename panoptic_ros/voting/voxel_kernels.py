@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.voting.box_kernels import GROUP
 from panoptic_ros.voting.kernels import hidden
 from panoptic_ros.voting.score_field import GAUSSIAN_END

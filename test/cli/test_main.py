@@ -27,7 +27,7 @@ def raising(monkeypatch):
         (DataError("x is bad"), 2, "panoptic config: x is bad"),
         (ContractError("a bug"), 1, "panoptic config: a bug"),
         (OSError(errno.ENOSPC, "Disk full"), 2, "panoptic config: Disk full: make room, also where compiled "
-         "kernels are kept (50 MB beside the program, in the home folder, or in NUMBA_CACHE_DIR)"),
+         "kernels are kept (50 MB in the user's cache, or where NUMBA_CACHE_DIR says)"),
         (KeyboardInterrupt(), 2, "panoptic config: interrupted"),
     ],
 )

@@ -56,6 +56,7 @@ def test_every_room_has_a_rank_and_every_rank_a_room():
         ("panoptic_ros.voting.x", "import numpy as np\nnp.random.normal()"),
         ("panoptic_ros.voting.x", "import numpy as np\nnp.random.default_rng()"),
         ("panoptic_ros.voting.x", "import matplotlib"),
+        ("panoptic_ros.voting.x", "from numba import njit"),
         ("panoptic_ros.attic.x", "import math"),
     ],
 )

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.simulation.rendering.shapes import Material
 
 Array = np.ndarray

@@ -9,7 +9,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 _sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})

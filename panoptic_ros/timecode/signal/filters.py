@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.timecode.signal.clicks import EVERY, piece_levels
 
 Array = np.ndarray

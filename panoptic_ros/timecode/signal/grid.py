@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
+from panoptic_ros.kernels import njit
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 

@@ -6,8 +6,8 @@ matched filter, and their energy is largest where the grid's edges are those of 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.timecode.signal.grid import Grid, place_of
 
 Array = np.ndarray

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.timecode.signal.grid import Grid, place_of
 from panoptic_ros.timecode.signal.half_cells import grid_energy, integral
 from panoptic_ros.timecode.word.layout import WORD_CELLS

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from panoptic_ros.kernels import njit
 from panoptic_ros.timecode.signal.baseline import Baseline, gram_without
 from panoptic_ros.timecode.signal.clicks import clicked
 from panoptic_ros.timecode.signal.grid import Grid

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)

@@ -1,0 +1,147 @@
+"""Where compiled kernels are kept: one folder per module, named by all that its code depends on."""
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+
+from panoptic_ros.kernels.sources import closure_hash, edited_meanwhile
+
+KEPT = 4  # folders of every module, of the last used: other checkouts, and the way back
+DAY_S = 86_400.0  # for which a folder is kept in any case, as somebody may be at work with it
+SETTINGS: Any = numba.config
+VERSIONS = (
+    f"Python {sys.version} numpy {np.__version__} numba {numba.__version__} "
+    f"llvmlite {sys.modules['llvmlite'].__version__} optimised {SETTINGS.OPT} checked {SETTINGS.BOUNDSCHECK}"
+)
+
+
+@cache
+def cache_folder() -> Path:
+    """The folder of all kernels, which can be written: where NUMBA_CACHE_DIR says, or in the user's cache.
+
+    Where neither can be written, a folder of the user's own among the temporary ones.
+
+    Raises:
+        OSError: if there is no place at all, or somebody else owns that folder: what is in it would be run.
+    """
+    for place in _places():
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=place).close()
+        except OSError:
+            continue
+        return place
+    own = Path(tempfile.gettempdir()) / f"panoptic_ros-kernels-{os.getuid()}"
+    own.mkdir(mode=0o700, exist_ok=True)
+    if own.is_symlink() or own.stat().st_uid != os.getuid():
+        raise PermissionError(f"{own} is not yours: set NUMBA_CACHE_DIR to a folder that you can write")
+    return own
+
+
+def _places() -> list[Path]:
+    if SETTINGS.CACHE_DIR:
+        return [Path(SETTINGS.CACHE_DIR) / "panoptic_ros"]
+    user = os.environ.get("XDG_CACHE_HOME", "")
+    places = [Path(user)] if os.path.isabs(user) else []
+    if os.environ.get("HOME"):
+        places.append(Path(os.environ["HOME"]) / ".cache")
+    return [place / "panoptic_ros" / "kernels" for place in places]
+
+
+@cache
+def module_folder(module: str) -> Path:
+    """The folder of a module's kernels, which need not be there yet; marked as used if it is."""
+    name = sha256(f"{VERSIONS} {closure_hash(module)}".encode()).hexdigest()[:20]
+    folder = cache_folder() / f"{module.partition('.')[2]}-{name}"
+    with suppress(FileNotFoundError):
+        os.utime(folder)
+    return folder
+
+
+def remove_old(folder: Path) -> None:
+    """Remove the folders of a module's other versions, but for the last used ones.
+
+    Several processes may do so at a time. One that works with a removed folder makes it anew.
+    """
+    stem = folder.name.rpartition("-")[0]
+    others = [path for path in folder.parent.glob(f"{stem}-*") if path.name.rpartition("-")[0] == stem]
+    used = sorted(((_used_s(path), path) for path in others if path != folder), reverse=True)
+    for last_s, path in used[KEPT - 1 :]:
+        if last_s < time.time() - DAY_S:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _used_s(path: Path) -> float:
+    """When a folder was used last; now, if another process has just removed it."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return time.time()
+
+
+class _Locator:
+    """What numba asks for the place of a function's kernels; see `numba.core.caching`."""
+
+    def __init__(self, function: Callable[..., Any], path: str):
+        self._py_file = path
+        self._folder = module_folder(function.__module__)
+        self._line = function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], path: str) -> _Locator:
+        return cls(function, path)
+
+    def ensure_cache_path(self) -> None:
+        if not self._folder.exists():
+            self._folder.mkdir(parents=True, exist_ok=True)
+            remove_old(self._folder)
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+class _Kernels(CompileResultCacheImpl):
+    _locator_classes = [_Locator]
+
+
+class KernelCache(FunctionCache):
+    """The cache of one function; nothing is kept of sources that were edited after the process began."""
+
+    _impl_class = _Kernels
+
+    def __init__(self, function: Callable[..., Any]):
+        super().__init__(function)
+        if edited_meanwhile(function.__module__):
+            self.disable()
+
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        """numba's key, and the names of fields: numba knows named tuples by the name of their class only."""
+        return (*super()._index_key(sig, codegen), tuple(_field_names(getattr(sig, "args", sig))))
+
+
+def _field_names(kinds: Any) -> Iterator[tuple[str, ...]]:
+    """The fields of all named tuples among types and inside of them, in order."""
+    for kind in kinds:
+        yield tuple(getattr(kind, "fields", ()))
+        if isinstance(kind, types.BaseTuple):
+            yield from _field_names(kind)

@@ -1,0 +1,35 @@
+"""Telling that something is being compiled."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from numba.core import event
+
+
+class _Starts(event.Listener):
+    def __init__(self, told: Callable[[str], None]):
+        self._told = told
+
+    def on_start(self, event: Any) -> None:
+        function = event.data["dispatcher"].py_func
+        self._told(f"{function.__module__}.{function.__qualname__}")
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+@contextmanager
+def on_compilation(told: Callable[[str], None]) -> Iterator[None]:
+    """While this holds, call `told` with the full name of every function when its compilation begins.
+
+    Kernels that are taken from the cache are not told. `told` is called in the thread that compiles; what
+    other threads compile meanwhile is told too.
+    """
+    listener = _Starts(told)
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)

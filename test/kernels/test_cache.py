@@ -1,0 +1,177 @@
+"""Compiled code is never stale, and is shared by all copies of the same sources."""
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import panoptic_ros
+from panoptic_ros.kernels import cache
+
+ROOT = Path(panoptic_ros.__file__).parent
+SAMPLE = {
+    "__init__.py": "",
+    "numbers.py": "FACTOR = 2.0\n",
+    "callee.py": (
+        "from panoptic_ros.kernels import njit\n"
+        "from panoptic_ros.sample.numbers import (\n    FACTOR,\n)\n"
+        "@njit(cache=True)\ndef scaled(x):\n    return FACTOR * x\n"
+    ),
+    "kernel.py": (
+        "from panoptic_ros.kernels import njit\n"
+        "from panoptic_ros.sample.callee import scaled\n"
+        "@njit(cache=True)\ndef shifted(x):\n    return scaled(x) + 1.0\n"
+        "@njit(cache=True)\ndef height(pair):\n    return pair.height\n"
+    ),
+    "pair.py": (
+        "from typing import NamedTuple\n"
+        "class Pair(NamedTuple):\n    height: float\n    width: float\n"
+    ),
+    "other.py": "TEXT = ''\n",
+}
+PROGRAM = """
+from panoptic_ros.kernels import on_compilation
+from panoptic_ros.sample.kernel import height, shifted
+from panoptic_ros.sample.pair import Pair
+compiled = []
+with on_compilation(compiled.append):
+    print(shifted(3.0), height(Pair(height=1.0, width=2.0)))
+print(*[name.rpartition(".")[2] for name in compiled if name.startswith("panoptic_ros")])
+"""
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """Makes a package with the cache and a few kernels in a folder of this name."""
+
+    def make(name):
+        package = tmp_path / name / "panoptic_ros"
+        shutil.copytree(ROOT / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "__init__.py", package)
+        (package / "sample").mkdir()
+        for file, text in SAMPLE.items():
+            (package / "sample" / file).write_text(text)
+        return package
+
+    return make
+
+
+def run(package: Path, program: str = PROGRAM) -> tuple[str, str]:
+    """What a program prints with a package: its result, and which kernels it compiled."""
+    kept = str(package.parent.parent / "kept")
+    environment = {**os.environ, "PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": kept}
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment,
+        cwd=package.parent,
+    )  # fmt: skip
+    result, compiled = done.stdout.splitlines()
+    return result, compiled
+
+
+def test_a_second_run_compiles_nothing(copy):
+    package = copy("a")
+    assert run(package) == ("7.0 1.0", "shifted scaled height")
+    assert run(package) == ("7.0 1.0", "")
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "result"),
+    [
+        ("numbers.py", "2.0", "5.0", "16.0 1.0"),  # a constant two files away
+        ("callee.py", "FACTOR * x", "x", "4.0 1.0"),
+        ("pair.py", "    height: float\n    width", "    width: float\n    height", "7.0 1.0"),
+    ],
+)
+def test_an_edit_in_another_file_is_compiled(copy, file, old, new, result):
+    package = copy("a")
+    run(package)
+    source = package / "sample" / file
+    before = source.stat()
+    source.write_text(source.read_text().replace(old, new))
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))  # as some tools leave it
+    assert run(package)[0] == result
+
+
+def test_copies_of_the_same_sources_share_what_is_compiled(copy):
+    run(copy("a"))
+    assert run(copy("b")) == ("7.0 1.0", "")
+
+
+def test_what_a_kernel_cannot_reach_compiles_nothing(copy):
+    package = copy("a")
+    run(package)
+    (package / "sample" / "other.py").write_text("TEXT = 'edited'\n")
+    assert run(package) == ("7.0 1.0", "")
+
+
+def test_copies_of_the_whole_package_share_what_is_compiled(tmp_path):
+    program = (
+        "import numpy as np\nfrom panoptic_ros.kernels import on_compilation\n"
+        "from panoptic_ros.offsets.banded import factor\n"
+        "compiled, matrix = [], np.ones((3, 1))\n"
+        "with on_compilation(compiled.append):\n    print(factor(matrix))\n"
+        "print(*{name.rpartition('.')[2] for name in compiled if 'ros.' in name})\n"
+    )
+    first, second = (tmp_path / name / "panoptic_ros" for name in "ab")
+    for package in (first, second):
+        shutil.copytree(ROOT, package, ignore=shutil.ignore_patterns("__pycache__"))
+    assert run(first, program) == ("True", "factor")
+    assert run(second, program) == ("True", "")
+
+
+def test_nothing_is_kept_of_sources_that_were_edited_meanwhile(copy):
+    package = copy("a")
+    late = "import pathlib, time, panoptic_ros.kernels.sources as s\n"
+    late += "time.sleep(0.05); pathlib.Path('panoptic_ros/sample/numbers.py').touch(); time.sleep(0.05)\n"
+    assert run(package, late + PROGRAM)[1] == "shifted scaled height"
+    assert run(package)[1] == "shifted scaled height"
+
+
+def test_the_folder_follows_the_user(monkeypatch, tmp_path):
+    def found(**variables):
+        monkeypatch.setattr(os, "environ", {name: str(value) for name, value in variables.items()})
+        cache.cache_folder.cache_clear()
+        return cache.cache_folder()
+
+    monkeypatch.setattr(cache.SETTINGS, "CACHE_DIR", "")
+    monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    own = tmp_path / f"panoptic_ros-kernels-{os.getuid()}"
+    assert found(HOME=tmp_path) == tmp_path / ".cache/panoptic_ros/kernels"
+    assert found(HOME=tmp_path, XDG_CACHE_HOME=tmp_path / "x") == tmp_path / "x/panoptic_ros/kernels"
+    assert found(HOME=tmp_path, XDG_CACHE_HOME="relative") == tmp_path / ".cache/panoptic_ros/kernels"
+    assert found(HOME=blocked) == own
+    assert found() == own and own.stat().st_mode & 0o077 == 0
+    other = os.getuid() + 1
+    monkeypatch.setattr(os, "getuid", lambda: other)
+    own.rename(tmp_path / f"panoptic_ros-kernels-{other}")
+    with pytest.raises(PermissionError, match="NUMBA_CACHE_DIR"):
+        found()
+    monkeypatch.setattr(cache.SETTINGS, "CACHE_DIR", str(tmp_path / "mine"))
+    assert found() == tmp_path / "mine/panoptic_ros"
+    cache.cache_folder.cache_clear()
+
+
+def test_old_versions_are_removed_and_the_last_used_kept(tmp_path):
+    now = time.time()
+    for age_days in range(8):
+        folder = tmp_path / f"voting.kernels-{age_days}"
+        folder.mkdir()
+        os.utime(folder, (now - age_days * 86_500, now - age_days * 86_500))
+    (tmp_path / "voting.kernels.more-0").mkdir()
+    os.utime(tmp_path / "voting.kernels.more-0", (0, 0))
+    cache.remove_old(tmp_path / "voting.kernels-0")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *(f"voting.kernels-{age_days}" for age_days in range(cache.KEPT)), "voting.kernels.more-0",
+    ]  # fmt: skip
+
+
+def test_no_folder_of_today_is_removed(tmp_path):
+    for number in range(2 * cache.KEPT):
+        (tmp_path / f"a-{number}").mkdir()
+    cache.remove_old(tmp_path / "a-0")
+    assert len(list(tmp_path.iterdir())) == 2 * cache.KEPT
