@@ -12,10 +12,10 @@ class ClocksConfig(Config):
 
     window_s: float = param(
         20.0, unit="s", ge=1.0, le=600.0,
-        doc="Length of the readings' window; longer is more precise, shorter follows a warming crystal.",
+        doc="Length of the window of readings; longer is more precise, shorter follows a warming crystal.",
     )  # fmt: skip
     least_span_s: float = param(
-        1.0, unit="s", ge=0.1, le=60.0, doc="Span of readings from which on a device's first model is given."
+        1.0, unit="s", ge=0.1, le=60.0, doc="Span of readings before the first model of a device is given."
     )
     period_s: float = param(0.25, unit="s", ge=0.0, le=60.0, doc="Time between two models of a device.")
     jump_s: float = param(
@@ -28,8 +28,8 @@ class ClocksConfig(Config):
     )
     stamps: str = param(
         "auto", choices=("auto", "symmetric", "one-way"),
-        doc="How stamps err: symmetric ones are averaged; one-way ones are late by what the way took, and "
-        "the line lies under them. auto: one-way if they are late more than early.",
+        doc="How stamps err: symmetric errors are averaged; one-way stamps are late by a transport delay, "
+        "and the line lies under them. auto: one-way if stamps are late more than early.",
     )  # fmt: skip
     delays_ms: tuple[str, ...] = param(
         (), unit="ms",
@@ -38,7 +38,7 @@ class ClocksConfig(Config):
     )  # fmt: skip
     wander_ppm: float = param(
         0.5, unit="ppm", ge=0.0, le=1000.0,
-        doc="How far a device's rate may wander while nothing is heard; its uncertainty grows by that.",
+        doc="How far the rate of a device may wander while nothing is heard; its uncertainty grows by that.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""One device: which of its readings belong to one line, and what has jumped where they do not."""
+"""The clock of one device: which readings are on its line, and what has jumped where they are not."""
 from __future__ import annotations
 
 from collections import deque
@@ -16,12 +16,12 @@ from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.stage import Notice
 
 LEAST_TOLERANCE = 2e-4  # s
-LARGEST_GROWTH = 0.25  # s, of the tolerance after a gap: a stamp that is years on is no gap
+LARGEST_GROWTH = 0.25  # s, of the tolerance after a gap; a stamp that is years ahead is no gap
 NOISE_FACTOR = 8.0
 UNKNOWN_DRIFT = 3e-4  # of a clock that nobody has measured
 FRAME_SHARE = 0.1  # of a frame, at most, between a jump and whole frames
-MORE_WORDS = 6  # where samples tell nothing: time for other devices to tell of a jump of the timecode
-FEW_POINTS = 20  # too few to tell how much stamps scatter
+MORE_WORDS = 6  # to wait where samples tell nothing, as another device may report a jump of the timecode
+FEW_POINTS = 20  # fewer do not tell how much stamps scatter
 NOISY_WORDS = 12  # consecutive readings off the line, on no line of their own
 Cause = Literal["clock", "timecode"]
 
@@ -37,9 +37,9 @@ class _Samples:
 class DeviceClock:
     """The line of one device.
 
-    Three things tell time: the label, the stamp and the count of samples. A reading that is off the line
-    is kept aside; when several of them agree, the one of the three that disagrees with the
-    other two has jumped.
+    Three things tell time: the label, the stamp and the count of samples. A reading that is off the line is
+    an outlier and is kept aside. When several outliers agree, that one of the three has jumped which
+    disagrees with the other two.
     """
 
     def __init__(self, name: str, config: ClocksConfig, timeline: Timeline):
@@ -87,7 +87,7 @@ class DeviceClock:
             self._strays.append(point)
             return notices + self._judge_strays(tolerance)
         if self._points and stamp <= self._points[-1].device_ns:
-            text = f"a timecode reading of {self._name} is not later than the one before; left out"
+            text = f"a timecode reading of {self._name} is not later than the one before it and is left out"
             return (*notices, Notice("clocks.stamp_back", "warning", text, {"device": self._name}))
         self._strays = []
         self._add(point)
@@ -114,14 +114,14 @@ class DeviceClock:
         return self._model
 
     def _check_rate(self, label: Timecode) -> tuple[Notice, ...]:
-        """A rate that turns out to be another one gives all labels another meaning."""
+        """Begin anew if the rate turns out to be another one: all labels then have another meaning."""
         before, self._rate = self._rate, label.rate
         if before is None or before == label.rate:
             return ()
         self._timeline.forget(self._name)
         self._model = self._prior = None
         self._start()
-        text = f"the timecode of {self._name} runs at {float(label.rate.exact):.5g} Hz, unlike it seemed"
+        text = f"the timecode of {self._name} runs at {float(label.rate.exact):.5g} Hz, not as it seemed"
         return (Notice("clocks.rate", "info", text, {"device": self._name}),)
 
     def _expect(self, stamp: int) -> tuple[int | None, float]:
@@ -164,7 +164,7 @@ class DeviceClock:
             self._samples.period = (last.master_ns - first.master_ns) / SECOND / (last.sample - first.sample)
         self._samples.last = last.sample
 
-    # ------------------------------------------------------------------ readings off the line
+    # ------------------------------------------------------------------ outliers
 
     def _judge_strays(self, tolerance: float) -> tuple[Notice, ...]:
         self._strays = self._strays[-NOISY_WORDS:]
@@ -186,7 +186,7 @@ class DeviceClock:
         return ()
 
     def _jump(self, strays: list[Point], jump: int, cause: Cause) -> tuple[Notice, ...]:
-        """Several readings agree on another line."""
+        """Follow readings that agree on another line, and say what has jumped."""
         values = {"device": self._name, "step_s": jump / SECOND, "cause": cause}
         if cause == "timecode":
             self._timeline.jumped(self._name, jump)
@@ -205,14 +205,14 @@ class DeviceClock:
         return (Notice("clocks.jump", "warning", text, values),)
 
     def _whole_frames(self, jump: int, tolerance: float) -> int:
-        """The jump as whole frames, if it is so many: generators are set by frames, devices agree exactly."""
+        """The jump as whole frames if it is near that: generators are set by frames, so devices agree."""
         rate = self._rate.exact if self._rate is not None else Fraction(1)
         whole = round(round(Fraction(jump, SECOND) * rate) * SECOND / rate)
         near = min(tolerance, FRAME_SHARE / float(rate)) * SECOND
         return whole if abs(whole - jump) <= near else jump
 
     def _cause(self, stray: Point, jump: int, tolerance: float) -> Cause | None:
-        """Samples count on with the stamps: then labels have jumped; or with the labels. None: neither."""
+        """What has jumped: the labels if samples agree with stamps, the clock if they agree with labels."""
         if self._timeline.known_jump(self._name, jump):
             return "timecode"
         last, samples = self._points[-1], self._samples
@@ -227,7 +227,7 @@ class DeviceClock:
         return likely if causes[likely] <= allowed else None
 
     def _noisier(self) -> tuple[Notice, ...]:
-        """Stamps scatter more than they did: take the readings as they are, about the line or a new one."""
+        """Stamps scatter more than before: accept the outliers, about the old line or a new one."""
         misses = sorted(s.master_ns - (self._expect(s.device_ns)[0] or 0) for s in self._strays)
         strays, middle = self._strays, misses[len(misses) // 2] / SECOND
         self._noise = None

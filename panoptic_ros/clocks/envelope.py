@@ -1,9 +1,9 @@
-"""The line under one-way delays: stamps are late by what the way took, never early.
+"""The lower envelope under one-way delays: transport makes stamps late, never early.
 
-y_k = offset + slope x_k + d_k with d_k >= 0. Least squares finds the mean delay, which changes with the load;
-the line that lies under all points and nearest to them does not. That line is the edge of the lower convex
-hull below the mean of x (Moon, Skelly, Towsley, INFOCOM 1999; Zhang, Liu, Xia, INFOCOM 2002). A single stamp
-that is too early would carry it off, so points that hold the line up far from all others go first.
+y_k = offset + slope x_k + d_k with d_k >= 0. Least squares finds the mean delay, which changes with the
+load. The line that lies under all points and nearest to them does not. It is the edge of the lower convex
+hull below the mean of x (Moon, Skelly, Towsley, INFOCOM 1999; Zhang, Liu, Xia, INFOCOM 2002). One stamp
+that is too early would pull the line down, so outliers far below all other points are removed first.
 """
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST_POINTS = 8
 EARLY_SHARE = 0.01  # of the points, at most, may be too early; at least two
 EARLY_FACTOR = 6.0  # times the usual distance of the lowest points from the line
 LEAST_SHARE = 0.02  # of the delays' scatter: stamps of whole milliseconds crowd on the line
-LOW_SHARE = 0.05  # of the points tells how dense they are near the line
+LOW_SHARE = 0.05  # of the points, the lowest ones, which tell how dense points are near the line
 
 
 def fit_lower_line(x: Array, y: Array) -> Line:

@@ -14,7 +14,7 @@ Array = np.ndarray
 SECOND = 1_000_000_000
 SKEW_POINTS = 150
 SKEW_RATIO = 2.0  # tail of late stamps over that of early ones
-PRIOR_DRIFT = 1e-6  # by so much a crystal's rate may differ after a jump of its count
+PRIOR_DRIFT = 1e-6  # how much the rate of a crystal may differ after a jump of its count
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A model, whether its stamps were taken as one-way, and how far points scatter about it, s."""
+    """A model, whether its stamps were taken as one-way, and the scatter of points about it, s."""
 
     model: ClockModel
     one_way: bool
@@ -49,7 +49,7 @@ def estimate(
     Args:
         stamps: "auto", "symmetric" or "one-way", see `ClocksConfig`.
         one_way: what "auto" has found so far.
-        before: a model from other points; its drift helps where these span too little.
+        before: a model from other points; its drift helps where these points span too little time.
         least_noise: that points have at least, s.
     """
     reference = points[len(points) // 2]
@@ -57,7 +57,7 @@ def estimate(
     x = np.array([(point.device_ns - reference.device_ns) / SECOND for point in points])
     y = np.array([(point.master_ns - point.device_ns - base) / SECOND for point in points])
     noises = np.array([max(point.noise_s, least_noise) for point in points])
-    noises[noises == 0.0] = noises.max()  # the first ones, before the length of a sample was known
+    noises[noises == 0.0] = noises.max()  # of readings before the length of a sample was known
     line = fit_line(x, y, noises)
     error = y - line.offset - line.slope * x
     if stamps == "auto" and not one_way:
@@ -83,7 +83,7 @@ def _late_more_than_early(lateness: Array) -> bool:
 
 
 def _with_drift(line: Line, before: ClockModel) -> Line:
-    """The line and what was known of the drift, each with its weight."""
+    """The line updated by what was known of the drift (a Kalman update)."""
     known = before.covariance[1, 1] + PRIOR_DRIFT**2
     own = line.covariance[1, 1]
     if own <= 0.01 * known:

@@ -1,8 +1,8 @@
-"""The clock of a camera from the stamps of its frames alone: period, drops, jitter, and the line under them.
+"""The clock of a camera from the stamps of its frames: period, drops, jitter, and the line under them.
 
-Frames are exposed at even times; what a host stamps is later by what their way took. Counting frames
-along the stamps gives the axis, dropped ones included; the line under the stamps (`envelope`) is the
-camera's clock, up to a constant that stamps cannot show.
+Frames are exposed at even times, and stamps of the host are late by a transport delay. The x axis is the
+count of frames, dropped ones included. The line under the stamps (`envelope`) is the clock of the camera, up
+to a constant that stamps cannot show.
 """
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from panoptic_ros.errors import DataError
 
 Array = np.ndarray
 LEAST_FRAMES = 8
-FOLLOW = 0.1  # of the error by which the next frame is expected elsewhere
+FOLLOW = 0.1  # of the error of a frame, by which the expected time of the next one is moved
 LATE_RATIO = 2.0
 
 
@@ -26,14 +26,14 @@ class FrameTiming:
     """What the stamps of a camera tell.
 
     Args:
-        rate_hz, rate_std_hz: frames per second of the stamps' clock.
+        rate_hz, rate_std_hz: frames per second of the clock that stamps.
         counts: (N,) number of every frame on the camera's even grid; dropped ones are left out.
-        errors_s: (N,) stamp less that of the line.
-        interval_std_s: of the steps between stamps, drops left out.
+        errors_s: (N,) stamp minus the line.
+        interval_std_s: of the steps between stamps, without drops.
         jitter_s: robust standard deviation about the line through the stamps.
-        lost: frames that are missing between others; gaps: places where any are.
-        not_later: stamps that are not later than the one before, left out of all else.
-        one_way: the stamps are late more than early, and the line lies under them.
+        lost: frames that are missing between others; gaps: places where frames are missing.
+        not_later: stamps that are not later than the one before; all else is without them.
+        one_way: whether stamps are late more than early, so that the line lies under them.
     """
 
     reference_ns: int
@@ -116,7 +116,7 @@ def _usual_step(steps: Array) -> float:
 
 
 def _line(counts: Array, times: Array) -> tuple[Line, bool]:
-    """Stamps over counts: under the stamps if they are late more than early."""
+    """The line of stamps over counts, and whether it lies under them as they are late more than early."""
     x = counts.astype(float)
     line = fit_line(x, times, np.full(len(x), 1e-9))
     error = times - line.offset - line.slope * x

@@ -26,7 +26,7 @@ def fit_line(x: Array, y: Array, noise: Array) -> Line:
 
     Args:
         x, y: (N,) N >= 2 different x.
-        noise: (N,) standard deviations that the points claim; a larger scatter overrules them.
+        noise: (N,) standard deviations that the points claim; a larger scatter overrides them.
     """
     rows = np.stack([np.ones_like(x), x], axis=1)
     solution = _huber(rows, y)
@@ -44,7 +44,7 @@ def fit_line(x: Array, y: Array, noise: Array) -> Line:
     solution = _solve(rows, y, weights)
     error = y - rows @ solution
     freedom = max(1, len(y) - 2)
-    scale = max(1.0, float(weights @ error**2) / freedom)  # of the variances; never better than claimed
+    scale = max(1.0, float(weights @ error**2) / freedom)  # of the variances; never less than claimed
     covariance = np.linalg.pinv((rows * weights[:, None]).T @ rows, hermitian=True) * scale
     return Line(float(solution[0]), float(solution[1]), covariance, float(np.sqrt(error @ error / freedom)))
 

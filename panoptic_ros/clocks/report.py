@@ -19,7 +19,7 @@ USUAL_RATES = (
 )  # fmt: skip
 MANY_LOST = 0.005
 PACED = 0.6  # concentration of stamps on the host's grid
-PACED_JITTER_S = 3e-4  # stamps of hardware scatter less, and lie on a grid as well
+PACED_JITTER_S = 3e-4  # hardware stamps may lie on a grid as well, but scatter less
 BEAT = 0.25  # of a period, that frames wander about an even clock
 SAME_RATE = 8e-4
 OUT_OF_PHASE = 0.1  # of a period
@@ -32,9 +32,9 @@ class CameraClock:
 
     Args:
         nominal_hz: the usual rate that is nearest; off_ppm: how far the camera is from it.
-        paced: concentration in 0..1 of stamps on the grid of the host's seconds.
+        paced: concentration in 0..1 of stamps on the grid of the seconds of the host.
         beat_s: by how much smoothed frame times wander about an even clock, peak to peak.
-        late_p99_s: of the stamps against the line, less their median.
+        late_p99_s: 99th percentile of how late stamps are, minus the median.
     """
 
     name: str
@@ -86,7 +86,7 @@ def measure_camera(
 
 
 def phase_s(one: CameraClock, other: CameraClock) -> float:
-    """How much later the other's frames are than the nearest ones of the first, s; NaN at other rates."""
+    """How much later frames of `other` are than the nearest ones of `one`, s; NaN if the rates differ."""
     if abs(one.timing.rate_hz / other.timing.rate_hz - 1.0) > SAME_RATE:
         return float("nan")
     period = one.period_s
@@ -197,7 +197,7 @@ def _of_phases(cameras: Sequence[CameraClock]) -> list[Notice]:
 
 
 def timecode_findings(told: Sequence[Notice]) -> tuple[Notice, ...]:
-    """What stages told of timecode; what they told of a device more often is said once, with how often."""
+    """The notices of stages about timecode; equal ones of a device are one, with their number."""
     return tuple(_each_once([notice for notice in told if notice.code != "clocks.stamp_back"]))
 
 

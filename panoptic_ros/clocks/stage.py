@@ -10,8 +10,8 @@ from panoptic_ros.domain import ClockModel, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 
-RATE_OFF = 600e-6  # more than that is no crystal's error: 29.97 and 30 fps differ by 1000 ppm
-NO_CLOCK = 0.01  # timecode that is so far off its rate would carry all else away
+RATE_OFF = 600e-6  # no crystal errs by more; 29.97 and 30 fps differ by 1000 ppm
+NO_CLOCK = 0.01  # timecode so far off its rate is no clock
 
 
 class ClocksStage:
@@ -29,7 +29,7 @@ class ClocksStage:
         self._rate_off: set[str] = set()
 
     def step(self, item: TimecodeReading) -> StepResult[ClockModel]:
-        """Take a reading; gives the device's model every `period_s`, and at once after a jump.
+        """Take a reading; return the model of its device every `period_s`, and at once after a jump.
 
         Raises:
             DataError: if its numbers are not finite.
@@ -52,7 +52,7 @@ class ClocksStage:
             return StepResult((), notices)
         notices += self._check_rate(model)
         if not _usable(model):
-            self._timeline.forget(model.device)  # others are measured by time, which it does not tell
+            self._timeline.forget(model.device)  # it must not change the time of others
             return StepResult((), notices)
         return StepResult((model,), notices)
 
@@ -67,7 +67,7 @@ class ClocksStage:
         return StepResult(tuple(model for model in known if _usable(model)), notices)
 
     def _check_rate(self, model: ClockModel) -> tuple[Notice, ...]:
-        """Tell once of a device whose timecode runs at another rate than it says."""
+        """Report once that the timecode of a device runs at another rate than it says."""
         if _surely(model) <= RATE_OFF or model.device in self._rate_off:
             return ()
         self._rate_off.add(model.device)
@@ -80,7 +80,7 @@ class ClocksStage:
         return (Notice("clocks.timecode_rate", "warning", text, {"device": model.device}),)
 
     def _listen(self) -> tuple[Notice, ...]:
-        """Tell once of a device that has fallen silent while others are heard."""
+        """Report once that a device has fallen silent while others are heard."""
         silent = set(self._timeline.silent())
         fresh = sorted(silent - self._silent)
         self._silent = silent

@@ -1,4 +1,4 @@
-"""Two timecodes on the channels of one recording: their sample index is the axis that they share.
+"""Two timecodes on the channels of one recording: they share the sample index as their axis.
 
 This is how Joo et al. (2017, 3.3) align the clock of one camera system with that of another: no stamp of
 any computer is involved, and the recorder's own rate cancels.

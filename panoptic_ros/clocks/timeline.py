@@ -1,4 +1,4 @@
-"""Master time from timecode: counted on over midnight, and running on where the timecode jumps."""
+"""Master time from timecode: it continues over midnight and where the timecode jumps."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from panoptic_ros.domain import Timecode
 
 SECOND = 1_000_000_000
-SAME_GENERATOR_NS = 10 * SECOND  # devices whose timecodes are so near are taken to hear the same one
+SAME_GENERATOR_NS = 10 * SECOND  # devices whose timecodes are nearer are taken to hear the same generator
 SILENT_NS = 3 * SECOND
-SAME_JUMP_NS = 100_000  # two devices heard the same jump if they agree so well
+SAME_JUMP_NS = 100_000  # two devices that agree better heard the same jump
 
 
 def day_ns(timecode: Timecode) -> int:
@@ -37,9 +37,9 @@ class Timeline:
     """The master time line that all devices share.
 
     A generator that is set anew (free-running drop-frame generators often are, once a day) makes every
-    device hear the same jump, each a little later than the other. Time itself did not jump: from there on,
-    master time is the timecode less the jump. A device that joins later takes over what the device
-    with the nearest time has followed.
+    device hear the same jump, one a little later than the other. Time itself did not jump: from there on,
+    master time is the timecode minus the jump. A device that joins later takes over the jumps of the device
+    with the nearest time.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Timeline:
     def master_ns(self, device: str, timecode: Timecode, expected_ns: int | None = None) -> int:
         """Master time of a label, on the day nearest to `expected_ns`, or to the device's newest time.
 
-        A day that another device has not lived through is not expected.
+        A day that no other device has reached is not expected.
         """
         place = self._places.get(device)
         if place is None:
@@ -90,13 +90,13 @@ class Timeline:
         return any(abs(s - shift) <= SAME_JUMP_NS for s in self._shifts[place.jumps + 1 :])
 
     def rejoin(self, device: str, master_ns: int) -> int:
-        """A device whose clock jumped may have missed jumps of the timecode: follow the nearest other's.
+        """Follow the jumps of the nearest other device: one whose clock jumped may have missed some.
 
         Args:
             master_ns: of its newest label.
 
         Returns:
-            What is to be added to its times, ns.
+            What must be added to its times, ns.
         """
         own = self._places[device]
         change, distance = 0, SAME_GENERATOR_NS
@@ -110,7 +110,7 @@ class Timeline:
         return change
 
     def forget(self, device: str) -> None:
-        """The device begins anew, as one that joins."""
+        """Let the device begin anew, like one that joins."""
         self._places.pop(device, None)
 
     def silent(self) -> list[str]:

@@ -14,7 +14,7 @@ from panoptic_ros.offsets.tracks import Tracks
 
 Array = np.ndarray
 LEAST_AGREEMENT = 0.25  # mean over joints, of a 2D person with a track
-MIRROR_MARGIN = 1.15  # exchanged sides must agree this much better
+MIRROR_MARGIN = 1.15  # times the agreement: what exchanged sides must reach
 LEAST_COMMON = 4  # joints
 GATE = 3.0  # scales between a joint and its track
 MIN_DEPTH = 0.05  # m
@@ -45,10 +45,10 @@ def associate(
     frames: Sequence[CameraFrame], times: Array, stamps: Array, tracks: Tracks, arrays: RigArrays,
     skeleton: SkeletonModel, scale: float,
 ) -> Observations:  # fmt: skip
-    """Give the 2D people of every frame to the tracks, best agreement first, one each.
+    """Associate the 2D people of every frame with the tracks, best agreement first, one to one.
 
     Args:
-        times: (F,) s from the reference, of the frames as corrected so far; stamps: (F,) s, uncorrected.
+        times: (F,) s from the reference, of the frames as corrected so far. stamps: (F,) s, uncorrected.
         scale: m, of the agreement: wide while clocks are far off.
     """
     mirror = np.array(skeleton.mirror)
@@ -96,7 +96,7 @@ def _pairs(
 def _joints(
     frame: CameraFrame, place: Array, person: int, exchange: Array | None, arrays: RigArrays, scale: float
 ) -> tuple[Array, ...]:
-    """Joint, camera, point, score and depth of what lies near the track."""
+    """Joint, camera, point, score and depth of the joints inside the gate about the track."""
     plane, scores = frame.plane[person], frame.scores[person]
     if exchange is not None:
         plane, scores = plane[exchange], scores[exchange]

@@ -19,7 +19,7 @@ from panoptic_ros.offsets.uncertainty import (
 )
 
 Array = np.ndarray
-SURE = 3.0  # standard deviations from which on a known offset is more than chance
+SURE = 3.0  # standard deviations beyond which a known offset is significant
 SECOND = 1_000_000_000
 
 
@@ -29,11 +29,11 @@ class CameraClocks:
 
     Args:
         offsets (C,) s at the reference, drifts (C,); deviations, drift_deviations: (C,) theirs.
-        known: (C,) enough moved before this camera to tell, held against the others that are known.
-        bias: m, systematic error of the 2D joints as far as it shows, part of the deviations.
+        known: (C,) whether enough moved before this camera to know its offset against the other known ones.
+        bias: m, estimated systematic error of the 2D joints; part of the deviations.
         speed: (C,) m/s, rms speed of the joints across the camera's rays.
         rays: (C,) 2D joints used. iterations, converged: of the estimate.
-        held: (C,) corrected before, and so corrected on.
+        held: (C,) whether it was corrected before, and so still is.
         strays: (C,) s, see `straying`; part of the deviations.
     """
 
@@ -80,10 +80,10 @@ class CameraClocks:
         cls, cameras: Iterable[str], reference_ns: int, state: Array, covariance: Array, trusted: str,
         fit: Fit, held: Array | None = None,
     ) -> CameraClocks:  # fmt: skip
-        """The clocks (2C,) with their covariance about the mean, counted from the camera that is right.
+        """The clocks (2C,) with their covariance about the mean, relative to the trusted camera.
 
         Args:
-            fit: the newest one, for what it rests on. held: (C,) cameras that are corrected already.
+            fit: the newest one, for its statistics. held: (C,) cameras that are corrected already.
         """
         names = tuple(cameras)
         count = len(names)
@@ -98,7 +98,7 @@ class CameraClocks:
         elif known.any():
             offsets -= common_shift(offsets[known], deviations[known])
             drifts -= drifts[known].mean()
-        known &= known.sum() > 1  # one alone is known against nobody
+        known &= known.sum() > 1  # a single camera is known against no other
         speed = np.array(
             [np.sqrt(_mean((fit.across[fit.seen.camera == c] ** 2).sum(axis=1))) for c in range(count)]
         )
@@ -109,10 +109,10 @@ class CameraClocks:
         )  # fmt: skip
 
     def after(self, before: CameraClocks, trusted: str) -> CameraClocks:
-        """These clocks as the next ones after those in force `before`.
+        """These clocks as the successors of those in force `before`.
 
-        Corrected time does not step: of the cameras that are corrected already, most run on, or the trusted
-        one does. One of them that is not known any more keeps its old clock.
+        Corrected time does not step: most of the cameras that are corrected already run on, or the trusted
+        one does. A camera that is not known any more keeps its old clock.
         """
         since = 1e-9 * (self.reference_ns - before.reference_ns)
         old = before.offsets + before.drifts * since
@@ -138,15 +138,15 @@ class CameraClocks:
 
     @property
     def applied(self) -> Array:
-        """Which cameras (C,) are corrected: before, or because their offset is known and more than chance."""
+        """Which cameras (C,) are corrected: those corrected before or with a significant offset."""
         used: Array = self.held | self.known & (np.abs(self.offsets) > SURE * self.deviations)
         return used
 
     def corrections(self, sets: Iterable[DetectionSet], every: bool = False) -> dict[str, Array]:
-        """Per camera what to add (K,) ns to the stamps of its frames, in the order of the sets.
+        """Per camera the correction (K,) ns of the stamps of its frames, in the order of the sets.
 
         Args:
-            every: also of cameras whose offset is not `applied`.
+            every: whether to correct cameras whose offset is not `applied` as well.
         """
         table: dict[str, list[float]] = {name: [] for name in self.cameras}
         use = np.ones(len(self.cameras), bool) if every else self.applied
@@ -159,7 +159,7 @@ class CameraClocks:
         return {name: np.array(values) for name, values in table.items()}
 
     def models(self) -> list[ClockModel]:
-        """The corrections as clock models, one per camera; no correction where none is worth it."""
+        """The corrections as clock models, one per camera; 0 where none is `applied`."""
         count, models = len(self.cameras), []
         for c, name in enumerate(self.cameras):
             pick = np.ix_([c, count + c], [c, count + c])

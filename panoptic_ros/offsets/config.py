@@ -8,7 +8,7 @@ from panoptic_ros.params import Config, named_numbers, param
 
 @dataclass(frozen=True, kw_only=True)
 class OffsetsConfig(Config):
-    """Clocks of cameras from the motion that they see, while it goes on."""
+    """Clocks of cameras from the motion that they see, live."""
 
     active: bool = param(
         False,
@@ -16,21 +16,21 @@ class OffsetsConfig(Config):
     )
     block_s: float = param(
         2.0, unit="s", ge=0.5, le=30.0,
-        doc="Time whose motion is taken together; one estimate, and new clock models, per block.",
+        doc="Length of a block of motion; each block gives one estimate and new clock models.",
     )  # fmt: skip
     memory_s: float = param(
         60.0, unit="s", ge=2.0, le=3600.0,
-        doc="Time after which what was seen counts 1/e; longer is more precise, shorter follows crystals.",
+        doc="Time after which a measurement counts 1/e; longer is more precise, shorter follows crystals.",
     )  # fmt: skip
     trusted_camera: str = param(
         "",
-        doc="A camera whose stamps are right; empty: those of most cameras if they agree, else offsets "
+        doc="A camera whose stamps are right; empty: most cameras are right if they agree, else offsets "
         "have mean 0.",
     )
     delays_ms: tuple[str, ...] = param(
         (), unit="ms",
-        doc="What is known of the clocks already, as in sync.delays_ms and equal to it (its default); what "
-        "is found comes on top.",
+        doc="What is known of the clocks already; the same as sync.delays_ms, which is its default. "
+        "Offsets that are found are added to it.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

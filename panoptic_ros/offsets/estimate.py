@@ -18,18 +18,18 @@ FIRST_NOISE = 3e-3  # of the normalised plane
 LARGEST_STEP = 0.04  # s per iteration
 ENOUGH = 2e-5  # s: largest step when converged
 LEARNING = 12  # iterations for which noise and stiffness are learnt
-MEMORY = 3  # of Anderson's acceleration
+MEMORY = 3  # states of Anderson acceleration
 LARGEST_JUMP = 3.0  # steps; a longer accelerated one is not taken
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """Clocks of C cameras, corrected = stamp + offset + drift * (stamp - reference), and what they rest on.
+    """Clocks of C cameras, corrected = stamp + offset + drift * (stamp - reference), and their statistics.
 
     Args:
         offsets: (C,) s at the reference. drifts: (C,).
         information: (2C, 2C) of (offsets, drifts) from the rays, without any prior.
-        converged: the last step was small. iterations: taken.
+        converged: whether the last step was small. iterations: number of steps.
         seen: the N rays that were used, in the order of the trajectories.
         misses: (N, 2) m, distance of the ray from its trajectory, across the ray. across: (N, 2) m/s,
             velocity of the joint across the ray. precision: (N,) 1/m^2, weight of the ray.
@@ -47,7 +47,7 @@ class Fit:
 
 
 class _Problem:
-    """The rays, and what is learnt about them on the way: noise, stiffness of the trajectories, outliers."""
+    """The rays, and what is learnt about them during the iterations: noise, stiffness, outliers."""
 
     def __init__(self, series: Series, cameras: int):
         seen = series.seen
@@ -59,7 +59,7 @@ class _Problem:
         self.precision = np.zeros(len(seen.stamp))
 
     def linearise(self, state: Array, learn: bool) -> tuple[Array, Array]:
-        """Fit the trajectories under these clocks: information (2C, 2C), right-hand side (2C,)."""
+        """Fit the trajectories given the clocks; information (2C, 2C), right-hand side (2C,)."""
         series, seen = self.series, self.series.seen
         times = seen.stamp + state[seen.camera] + state[self.cameras + seen.camera] * seen.stamp
         scale = 1.0 / (self._noise.sigmas() * seen.depth)
@@ -84,8 +84,8 @@ def fit_clocks(
 ) -> Fit:
     """Estimate offsets and drifts from the joints of tracked people.
 
-    Gauss-Newton on the clocks with the trajectories eliminated, Cauchy weights, and Anderson's acceleration
-    once noise and stiffness have settled; plain steps look converged while milliseconds are missing.
+    Gauss-Newton steps of the clocks with the trajectories eliminated and Cauchy weights, and Anderson
+    acceleration once noise and stiffness have settled. Plain steps look converged while milliseconds off.
 
     Args:
         offsets (C,) s, drifts (C,): to start from. prior: (2C,) their standard deviations about 0.
@@ -113,7 +113,7 @@ def fit_clocks(
 
 
 def centred(values: Array, cameras: int) -> Array:
-    """Offsets and drifts with mean 0: what all cameras share cannot be seen."""
+    """Offsets and drifts with mean 0, as what all cameras share is not observable."""
     parts = values[:cameras], values[cameras:]
     return np.concatenate([part - part.mean() for part in parts])
 
@@ -128,7 +128,7 @@ def _learn_stiffness(stiffness: Array, counts: Array, rough: Array) -> Array:
 
 
 def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
-    """Anderson's mixing of the last states and steps."""
+    """Anderson mixing of the last states and steps."""
     state, step = history[-1]
     plain: Array = state + step
     if len(history) < 2:

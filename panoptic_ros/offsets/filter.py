@@ -1,4 +1,4 @@
-"""What blocks of motion say about the clocks, added up with slow forgetting."""
+"""An information filter of the clocks over blocks of motion, with slow forgetting."""
 from __future__ import annotations
 
 import numpy as np
@@ -6,8 +6,8 @@ import numpy as np
 from panoptic_ros.offsets.estimate import centred
 
 Array = np.ndarray
-JUMP = 6.0  # standard deviations between a block and what was known, from which on a clock has jumped
-LEAST_JUMP = 3e-3  # s, of what may be a jump
+JUMP = 6.0  # standard deviations of an innovation, beyond which a clock has jumped
+LEAST_JUMP = 3e-3  # s; less is no jump
 VAGUE = 1e-3  # of the prior's information, added so that the information of a block can be inverted
 
 
@@ -15,7 +15,7 @@ class ClockFilter:
     """An information filter of (offsets in s at the newest reference, drifts), 2C states.
 
     Args:
-        prior: (2C,) standard deviations about 0 that never go away. memory_s: see `OffsetsConfig`.
+        prior: (2C,) standard deviations about 0, which are not forgotten. memory_s: see `OffsetsConfig`.
     """
 
     def __init__(self, cameras: int, prior: Array, memory_s: float):
@@ -24,7 +24,7 @@ class ClockFilter:
         self._vector = np.zeros(2 * cameras)
 
     def move(self, seconds: float) -> None:
-        """Let time pass: the reference moves on, and what is known fades."""
+        """Predict: the reference moves ahead, and information fades."""
         back = np.eye(2 * self._cameras)
         back[: self._cameras, self._cameras :] = -seconds * np.eye(self._cameras)
         fade = np.exp(-seconds / self._memory)
@@ -32,16 +32,16 @@ class ClockFilter:
         self._vector = fade * back.T @ self._vector
 
     def add(self, state: Array, information: Array) -> Array:
-        """Take the estimate (2C,) of a block and its information (2C, 2C).
+        """Update with the estimate (2C,) of a block and its information (2C, 2C).
 
         What was known of a camera whose clock has jumped is forgotten first. As the jump may lie anywhere in
-        the block, the block counts for that camera within half of the jump only.
+        the block, the block then tells the offset of that camera to half of the jump only.
 
         Returns:
             How far (C,) s clocks have jumped against the others, 0 where they have not.
         """
         jumps = np.zeros(self._cameras)
-        for _ in range(self._cameras // 2):  # more cannot be told from the others
+        for _ in range(self._cameras // 2):  # more could not be told from jumps of the others
             camera, jump = self._jump(state, information)
             if jump == 0.0:
                 break
@@ -59,10 +59,10 @@ class ClockFilter:
         return centred(covariance @ self._vector, self._cameras), gauge @ covariance @ gauge.T
 
     def _jump(self, state: Array, information: Array) -> tuple[int, float]:
-        """The camera whose jump explains most of how a block differs from what was known, and by how much.
+        """The camera whose jump explains most of the innovation of a block, and the jump.
 
-        The test is that of a shift of one camera's offset in a difference of known covariance; what all
-        cameras share is left out.
+        The test is that of a shift of one offset in an innovation of known covariance, without what all
+        cameras share.
         """
         count = self._cameras
         before, spread = self.state()
@@ -78,7 +78,7 @@ class ClockFilter:
         return camera, jump
 
     def _forget(self, camera: int) -> None:
-        """Take away what is known of a camera; what is known of the others without it stays."""
+        """Marginalise a camera out: what is known of the others without it stays."""
         for k in (camera, self._cameras + camera):
             if self._information[k, k] > 0.0:
                 share = self._information[k] / self._information[k, k]
@@ -88,7 +88,7 @@ class ClockFilter:
 
 
 def _less_sure(information: Array, k: int, deviation: float) -> Array:
-    """Information after state `k` has got an independent error with this standard deviation."""
+    """Information after an independent error with this standard deviation is added to state `k`."""
     column = information[:, k]
     reduced: Array = information - np.outer(column, column) / (deviation**-2.0 + column[k])
     return reduced

@@ -1,4 +1,4 @@
-"""The 2D people of every camera frame, undistorted once, each at its own stamp."""
+"""The 2D people of every camera frame at its own stamp, undistorted once."""
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -33,7 +33,7 @@ def camera_frames(
     """The frames of detection sets, in the order of the sets and of the rig.
 
     Args:
-        every: of each camera one frame in so many sets is taken, of some cameras in each set.
+        every: take one frame of each camera in so many sets, with other cameras in every set.
 
     Raises:
         DataError: as `consensus.evidence.gather`.

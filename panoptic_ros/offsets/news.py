@@ -1,4 +1,4 @@
-"""What is told about clocks while they are found: each thing once."""
+"""Notices about clocks while they are found, each once."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -9,20 +9,20 @@ from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
-PATIENCE_S = 10.0  # after which clocks that are still not known are told
+PATIENCE_S = 10.0  # after which clocks that are still not known are reported
 
 
 class News:
-    """Which cameras are corrected, and by how much; which clocks have jumped; which stay unknown."""
+    """Says which cameras are corrected and by how much, which clocks have jumped, and which stay unknown."""
 
     def __init__(self, cameras: Sequence[str]):
         self._cameras = tuple(cameras)
-        self._told: set[str] = set()  # cameras whose correction is known to the reader
+        self._told: set[str] = set()  # cameras whose correction was reported
         self._passed = 0.0  # s
-        self._missed = False  # the unknown ones were told
+        self._missed = False  # whether the unknown ones were reported
 
     def of(self, clocks: CameraClocks, jumps: Array, seconds: float) -> tuple[Notice, ...]:
-        """The news of one block.
+        """The notices of one block.
 
         Args:
             jumps: (C,) s, how far clocks jumped in it. seconds: how long it was.
@@ -60,7 +60,7 @@ class News:
 
 def _jump(name: str, jump: float) -> Notice:
     text = (
-        f"the clock of camera {name} has jumped by about {-1e3 * jump:+.0f} ms against the others; what was "
-        "known of it is forgotten, and found anew from motion"
+        f"the clock of camera {name} has jumped by about {-1e3 * jump:+.0f} ms against the others; it is "
+        "found anew from motion"
     )
     return Notice("offsets.jump", "warning", text, {"camera": name, "jump_s": -jump})

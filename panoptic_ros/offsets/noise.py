@@ -1,11 +1,11 @@
-"""How noisy 2D joints are, from what is left of them after the fit."""
+"""How noisy 2D joints are, from the residuals of the fit."""
 from __future__ import annotations
 
 import numpy as np
 
 Array = np.ndarray
 SCORE_BINS = 5
-LEAST_COUNT = 60  # residuals from which on a group has a noise of its own
+LEAST_COUNT = 60  # residuals that a group needs for a noise of its own
 RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
 LEAST_NOISE = 2e-5  # of the normalised plane: 0.03 px at a focal length of 1500 px
 
@@ -13,7 +13,7 @@ LEAST_NOISE = 2e-5  # of the normalised plane: 0.03 px at a focal length of 1500
 class Noise:
     """Standard deviations on the normalised plane: by score, times factors of cameras and of joints.
 
-    All are medians of residuals, so outliers do not matter.
+    All come from medians of residuals, so outliers do not matter.
     """
 
     def __init__(self, cameras: Array, joints: Array, scores: Array, start: float):
@@ -24,7 +24,7 @@ class Noise:
         self._factors = [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
 
     def sigmas(self) -> Array:
-        """(N,) of every observation."""
+        """(N,) standard deviations of the observations."""
         value = np.full(len(self._groups[0]), self._start)
         for group, factors in zip(self._groups, self._factors):
             value *= factors[group]
@@ -32,7 +32,7 @@ class Noise:
         return sigmas
 
     def learn(self, ratios: Array) -> None:
-        """Take residuals (N,) in units of `sigmas`, leverage removed."""
+        """Learn from residuals (N,) in units of `sigmas`, corrected for leverage."""
         left = ratios.copy()
         for group, factors in zip(self._groups, self._factors):
             for k in range(len(factors)):

@@ -1,4 +1,4 @@
-"""Clocks of a recorded capture: solve, estimate, correct, again; what `panoptic solve` does."""
+"""Clocks of a recorded capture, as in `panoptic solve`: solve, estimate, correct, and repeat."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -19,8 +19,8 @@ from panoptic_ros.offsets.tracks import Tracks
 Array = np.ndarray
 Solver = Callable[[Sequence[DetectionSet]], Sequence[TrackedPoseSet]]
 SCALES = (0.15, 0.10)  # m, agreement of 2D people with tracks: wide while clocks are far off
-WINDOWS, WINDOW_S = 12, 6.0  # of a long capture: so many windows of so many seconds tell the clocks
-MOST_FRAMES = 12_000  # that the clocks are estimated from; of more, some of every camera
+WINDOWS, WINDOW_S = 12, 6.0  # of a long capture: number and length of the windows that are used
+MOST_FRAMES = 12_000  # that the clocks are estimated from; if there are more, some of every camera
 PRIOR_OFFSET = 0.1  # s
 PRIOR_DRIFT = 5e-5
 
@@ -59,9 +59,9 @@ def correct_from_motion(
 ) -> Corrected:
     """Find the cameras' clocks from the people in a recorded capture, and group its frames by them.
 
-    Pass 1 solves with the stamps as they are. With cameras 60 ms apart the rays of somebody who runs miss
-    each other by 20 cm, so some views of fast people are lost to it; the estimate uses every frame at its own
-    stamp all the same, and pass 2 repeats with the corrected ones.
+    Pass 1 solves with the stamps as they are. If cameras are 60 ms apart, the rays of somebody who runs miss
+    each other by 20 cm, so pass 1 loses some views of fast people. The estimate still uses every frame at its
+    own stamp, and pass 2 repeats all with corrected stamps.
 
     Args:
         solve: tracked people of sets.
@@ -87,9 +87,9 @@ def correct_from_motion(
 
 
 def telling_part(sets: Sequence[DetectionSet]) -> list[DetectionSet]:
-    """What the clocks are estimated from: all of a short capture, of a long one some windows spread over it.
+    """The sets that the clocks are estimated from: all of a short capture, some windows of a long one.
 
-    Of each share of the capture the window in which most 2D people are seen.
+    A long capture is cut into equal parts. Each gives the window in which most 2D people are seen.
     """
     stamps = np.array([item.stamp_ns for item in sets], np.int64)
     if 1e-9 * (stamps[-1] - stamps[0]) <= WINDOWS * WINDOW_S:

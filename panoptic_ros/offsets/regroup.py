@@ -1,4 +1,4 @@
-"""Detection sets anew, after their frames' stamps have been corrected."""
+"""Detection sets grouped anew after a correction of the stamps."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -14,8 +14,8 @@ Array = np.ndarray
 def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> list[DetectionSet]:
     """The same instants with the frames that are nearest to them by corrected stamps.
 
-    Every frame is used at most once, and only within half of the sets' median period; of two frames that
-    are nearest to one instant the nearer is taken.
+    Every frame is used at most once, and only within half of the median period of the sets. If two frames are
+    nearest to one instant, the nearer one is taken.
 
     Args:
         sets: in the order of time.

@@ -10,9 +10,9 @@ from panoptic_ros.offsets.trajectories import SPAN
 
 Array = np.ndarray
 KNOTS = 0.08  # s
-LONGEST_GAP = 0.5  # s without any ray, from which on a trajectory begins anew
+LONGEST_GAP = 0.5  # s without any ray; after a longer gap a trajectory begins anew
 LEAST_RAYS = 12  # of a trajectory
-MARGIN = 0.1  # s of spline beyond the outermost rays, for clocks on the move
+MARGIN = 0.1  # s of spline beyond the outermost rays, as clocks may still move
 
 
 @dataclass(frozen=True, slots=True, eq=False)

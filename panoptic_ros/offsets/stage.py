@@ -1,4 +1,4 @@
-"""The offsets stage: clocks from motion while it goes on."""
+"""The offsets stage: clocks from motion, live."""
 from __future__ import annotations
 
 from collections import deque
@@ -25,16 +25,15 @@ from panoptic_ros.stage import StageContext, StepResult
 Array = np.ndarray
 SECOND = 1_000_000_000
 FRAME_LIMIT = 4096  # frames that wait at most, e.g. while nobody is tracked
-ALL_FRAMES = 10  # cameras up to which every frame is used; of more, as many frames in all, by turns
+ALL_FRAMES = 10  # cameras of which every frame is used; more cameras take turns, with as many frames in all
 
 
 class OffsetsStage:
     """From views with the cameras' own stamps, and tracked people on the master time line, to clock models.
 
-    A block is closed by the first tracked people that are `block_s` newer than its begin. Its frames are
-    given to the tracks by the clocks that are in force, so what feeds back into sync comes from closed blocks
-    alone, and a run in one process is deterministic. Cameras are corrected from when their offsets are more
-    than chance.
+    A block is closed by the first tracked people that are `block_s` newer than its beginning. Its frames are
+    associated with the tracks by the clocks in force. So the feedback to sync comes from closed blocks alone,
+    and a run in one process is deterministic. A camera is corrected as soon as its offset is significant.
     """
 
     def __init__(self, config: OffsetsConfig, context: StageContext):
@@ -82,12 +81,12 @@ class OffsetsStage:
         return self._close()
 
     def flush(self) -> StepResult[ClockModel]:
-        """Forget all; an unfinished block gives nothing, as nobody is left to use it."""
+        """Forget all. An unfinished block gives nothing, as no frames are left that could use it."""
         self.reset()
         return StepResult()
 
     def _keep(self, view: ViewDetections) -> None:
-        """Let a frame wait for the end of its block, if it is its camera's turn."""
+        """Keep a frame until its block ends, if it is the turn of its camera."""
         turn = self._turns.get(view.camera, self._arrays.index.get(view.camera, 0))
         if turn % -(-len(self._rig) // ALL_FRAMES) == 0:
             stamp = max(0, view.stamp_ns + self._delays.get(view.camera, 0))

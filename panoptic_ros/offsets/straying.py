@@ -1,4 +1,4 @@
-"""Whether clocks keep to the lines that were found for them."""
+"""Whether clocks stay on the lines that were found for them."""
 from __future__ import annotations
 
 import numpy as np
@@ -6,16 +6,16 @@ import numpy as np
 from panoptic_ros.offsets.estimate import Fit
 
 Array = np.ndarray
-PART = 1.0  # s, parts of the time that are held against the whole
-LEAST = 3e-3  # s, of straying that is told
+PART = 1.0  # s, length of the parts that are compared with the whole
+LEAST = 3e-3  # s; less counts as none
 CHANCE = 6.0  # standard deviations up to which a part may differ by chance
 
 
 def straying(fit: Fit, bias: float, inflation: float) -> Array:
-    """How far (C,) s the clock of each camera strays from its line, in the worst part of the time; 0 if not.
+    """How far (C,) s the clock of each camera is from its line in the worst part of the time; 0 if it is not.
 
-    The rays of a camera in one part are a measurement of its clock there, given everything else. What a part
-    may differ by chance, or by a bias of the detector's joints, does not count.
+    The rays of a camera in one part measure its clock there, given everything else. Differences that chance
+    or a bias of the detected joints explains do not count.
 
     Args:
         bias: m, of 2D joints, see `uncertainty.detector_bias`. inflation: of variances.

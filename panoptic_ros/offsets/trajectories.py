@@ -1,4 +1,4 @@
-"""Kernel: the trajectory of every joint through all its rays, and what it says about the cameras' clocks.
+"""Kernel: the trajectory of every joint through all its rays, and what it says about the clocks.
 
 A trajectory is a uniform cubic B-spline with a penalty on its second differences, the prior of white
 acceleration. Observation i at the corrected time t_i is the linear pair of rows A_i X(t_i) = b_i. Moving the

@@ -1,4 +1,4 @@
-"""How sure the clocks are, and which instant all cameras count from."""
+"""How certain the clocks are, and which cameras they are relative to."""
 from __future__ import annotations
 
 import numpy as np
@@ -11,7 +11,7 @@ STAMP_JITTER = 5e-4  # s, of single stamps; all joints of a frame share it
 LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s over which means of residuals are taken
 LEAST_BLOCK = 5  # rays
 FEW_BLOCKS = 20
-EXCESS = 1.5  # from which ratio of variances on means of residuals betray a bias
+EXCESS = 1.5  # ratio of variances beyond which means of residuals show a bias
 NORMAL_MEDIAN = 0.6745  # of |x|
 MIXED_NOISE = 1.38  # this ratio for independent noise: few rays in a block, and some much noisier than others
 AGREE = 3e-3  # s, offsets that differ less are the same
@@ -21,9 +21,9 @@ CHANCE = 2.0  # standard deviations of their difference, up to which they may di
 def covariance_of(fit: Fit, prior: Array) -> Array:
     """Covariance (2C, 2C) of (offsets, drifts) about their means over the cameras.
 
-    The estimate's own, inflated if noise stays the same for several frames; the stamps' jitter;
-    and what biases of the detector do: a joint that is seen 25 mm ahead of a person who walks by at 1 m/s
-    looks like a clock that is 25 ms off.
+    It is that of the estimate, inflated if noise is correlated over several frames, plus the jitter of
+    stamps and the effect of detector biases: a joint that is detected 25 mm ahead of a person who walks by
+    at 1 m/s looks like a clock that is 25 ms off.
     """
     cameras = len(fit.offsets)
     covariance = np.linalg.inv(fit.information / inflation(fit) + np.diag(prior**-2.0))
@@ -41,12 +41,12 @@ def honest_information(fit: Fit, prior: Array) -> Array:
 
 
 def inflation(fit: Fit) -> float:
-    """Of the variances, at least 1. Squared excess, as what lasts for a short block usually outlasts it."""
+    """Factor of the variances, at least 1: squared excess, as correlated noise outlasts short blocks."""
     return _excess(*_block_means(fit, SHORT_BLOCK)) ** 2
 
 
 def _floor(fit: Fit) -> Array:
-    """Variance (2C,) that no number of joints takes away: jitter of stamps, and biases of the detector."""
+    """Variance (2C,) that more joints do not reduce: jitter of stamps, and biases of the detector."""
     cameras = len(fit.offsets)
     frames = [len(np.unique(fit.seen.stamp[fit.seen.camera == c])) for c in range(cameras)]
     jitter = STAMP_JITTER**2 / np.maximum(frames, 1.0)
@@ -54,10 +54,10 @@ def _floor(fit: Fit) -> Array:
 
 
 def detector_bias(fit: Fit) -> float:
-    """How far (m) joints are seen beside where the rays of all cameras meet, for a second at a time.
+    """How far (m) joints are detected from where the rays of all cameras meet, over seconds.
 
-    Taken across the motion, as clocks cannot change that; 0 if means over blocks of residuals are as small as
-    independent noise makes them.
+    It is taken across the motion, which clocks do not change. It is 0 if means over blocks of residuals are
+    as small as independent noise makes them.
     """
     means, expected = _block_means(fit, LONG_BLOCK)
     if _excess(means, expected) < EXCESS:
@@ -96,8 +96,8 @@ def _excess(means: Array, expected: Array) -> float:
 def _bias_variance(fit: Fit, bias: float) -> Array:
     """Variance (C,) s^2 that a bias of `bias` m gives the offsets.
 
-    People who move another way have another bias; one way of one person counts as one bias however many
-    joints and frames it has.
+    People who move in another direction have another bias. One direction of one person counts as one bias,
+    however many joints and frames it has.
     """
     cameras = len(fit.offsets)
     if bias == 0.0:
@@ -114,9 +114,9 @@ def _bias_variance(fit: Fit, bias: float) -> Array:
 
 
 def acquainted(covariance: Array) -> Array:
-    """Cameras (C,) whose offsets are known against each other; all, where there are no two of them.
+    """Cameras (C,) whose offsets are known against each other; all, if there are no two of them.
 
-    A camera that nobody walks by, and that may be off by anything, leaves what is known of the others.
+    So a camera that sees no motion, and may have any offset, does not spoil what is known of the others.
     """
     members = np.ones(len(covariance), bool)
     while members.sum() > 1:
@@ -130,9 +130,9 @@ def acquainted(covariance: Array) -> Array:
 
 
 def common_shift(offsets: Array, deviations: Array) -> float:
-    """What all offsets (C,) have in common and cannot be seen, s, to be taken off.
+    """The unobservable part that all offsets (C,) share, s, which is subtracted.
 
-    If most cameras agree with each other they keep their stamps; otherwise the mean stays 0.
+    If most cameras agree with each other, they keep their stamps; otherwise the mean is 0.
     """
     best = np.zeros(len(offsets), bool)
     for offset, deviation in zip(offsets, deviations):

@@ -12,16 +12,17 @@ class SyncConfig(Config):
 
     master: str = param(
         "auto",
-        doc="The camera whose rate and phase the sets have; auto: the fastest one, of equally fast ones the "
-        "first of the rig. Without meaning where rate_hz is given.",
+        doc="The camera whose rate and phase the sets have; auto: the fastest one, or the first of the rig "
+        "among equally fast ones. Has no meaning if rate_hz is given.",
     )  # fmt: skip
     rate_hz: float = param(
         0.0, unit="Hz", ge=0.0, le=1000.0,
         doc="Sets at this fixed rate, at multiples of its period on the master clock; 0: those of a camera.",
     )  # fmt: skip
     phase_s: float = param(
-        0.0, unit="s", ge=-1.0, le=1.0, doc="By so much the sets of a fixed rate are later than multiples."
-    )
+        0.0, unit="s", ge=-1.0, le=1.0,
+        doc="How much later sets of a fixed rate are than multiples of the period.",
+    )  # fmt: skip
     window_s: float = param(
         0.0, unit="s", ge=0.0, le=1.0,
         doc="Frames at most this far from an instant belong to its set; 0: 0.6 of the time between two sets, "

@@ -19,9 +19,9 @@ FOREVER = 2**63 - 1  # a model that needs no observations to stay true
 HELD = 64  # frames of a camera that wait for a clock
 GAP_S = 0.3  # a longer step between frames may hide a jump of the clock
 ODD_STEP = 0.2  # of a period, from whole periods
-MOST_PERIODS = 2  # one frame is lost now and then; more may be a jump by whole periods
-PATIENCE_S = 2.0  # of frames, for a clock to be heard again after a gap
-BEFORE_JUMP = "its clock jumped before anything was known of it"
+MOST_PERIODS = 2  # now and then one frame is lost; more may be a jump by whole periods
+PATIENCE_S = 2.0  # of frames, to wait for a new clock model after a gap
+BEFORE_JUMP = "its clock jumped before anything was known about it"
 RECENT = 9  # frame steps that tell a camera's period
 
 
@@ -31,7 +31,7 @@ class _Camera:
 
     Args:
         model: the line that its frames are on; following: the next one, after a jump of the clock.
-        held: frames that came after something odd and wait for a model that knows of it.
+        held: frames after an irregular step, which wait for a model that knows of it.
     """
 
     model: ClockModel | None = None
@@ -46,8 +46,8 @@ class StampCorrection:
     """Moves the stamps of views to master time.
 
     A camera whose clock is observed (a model with `until_ns`) can jump. Its own frames show that at once:
-    they go back, or their step is no whole number of periods, or more than two of them. From there on its
-    frames wait for a model that has heard something since; so no frame is given a wrong time.
+    they go back, or their step is no whole number of periods, or more than two periods. From there on its
+    frames wait for a model with readings after the step. So no frame is given a wrong time.
     """
 
     def __init__(self, cameras: Sequence[str], config: SyncConfig):
@@ -60,7 +60,7 @@ class StampCorrection:
         return self._device.get(camera, self._device.get(ALL, camera))
 
     def clock(self, model: ClockModel) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
-        """Take a model; gives the frames that waited for it, in master time."""
+        """Take a model; return the frames that waited for it, in master time."""
         released: list[ViewDetections] = []
         notices: list[Notice] = []
         for name, camera in self._cameras.items():
@@ -74,7 +74,7 @@ class StampCorrection:
         return released, tuple(notices)
 
     def view(self, view: ViewDetections) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
-        """Take a frame; gives the frames that are on the master time line now."""
+        """Take a frame; return the frames that are on the master time line now."""
         notices: list[Notice] = []
         camera = self._cameras[view.camera]
         required = view.camera in self._device or ALL in self._device
@@ -87,7 +87,7 @@ class StampCorrection:
         self._follow(camera, view.stamp_ns)
         return self._moved([view], camera.model, notices), tuple(notices)
 
-    # ------------------------------------------------------------------ what is odd
+    # ------------------------------------------------------------------ irregular steps
 
     def _odd(self, camera: _Camera, stamp_ns: int) -> bool:
         """Whether the clock may have jumped since the camera's last frame."""
@@ -111,7 +111,7 @@ class StampCorrection:
             camera.told = True
         camera.held.append(view)
         if len(camera.held) > HELD:
-            notices.append(_lost(camera.held.popleft(), "no clock model knows of its time"))
+            notices.append(_lost(camera.held.popleft(), "no clock model covers its time"))
         return tuple(notices)
 
     def _release(self, camera: _Camera, notices: list[Notice]) -> list[ViewDetections]:
@@ -138,7 +138,7 @@ class StampCorrection:
         return self._moved(views, camera.model, notices)
 
     def _drop_unknown(self, camera: _Camera, notices: list[Notice]) -> None:
-        """A clock that jumps before its first model takes the time of the frames before with it."""
+        """Drop frames before a jump that came before the first model: their time cannot be known."""
         model, held = camera.model, camera.held
         if model is None:
             return
@@ -151,10 +151,10 @@ class StampCorrection:
             lost.append(held.popleft())
         notices += [_lost(view, BEFORE_JUMP) for view in lost]
 
-    # ------------------------------------------------------------------ what is regular
+    # ------------------------------------------------------------------ regular steps
 
     def _switch(self, camera: _Camera, stamp_ns: int) -> None:
-        """A new line that no odd step announced: take it once the old one is over."""
+        """Take a new line that no irregular step announced, once the old one is over."""
         old, new = camera.model, camera.following
         if old is None or new is None or stamp_ns < new.from_ns:
             return
@@ -169,7 +169,7 @@ class StampCorrection:
     def _moved(
         self, views: Iterable[ViewDetections], model: ClockModel | None, notices: list[Notice]
     ) -> list[ViewDetections]:
-        """Frames in master time; those that would come before its beginning have a wrong model."""
+        """Frames in master time; those before its beginning are dropped, as their model must be wrong."""
         moved = []
         for view in views:
             delay = round(1e6 * of_name(self._delays, view.camera))

@@ -13,9 +13,9 @@ SECOND = 1_000_000_000
 SAME_RATE = 0.02  # cameras that differ by less have the same rate
 STEPS = 60  # frame steps whose mean is the period
 LEAST_STEPS = 3
-PULL = 0.3  # of its distance, by which a frame of the master camera moves the instants
-FARTHEST = 0.25  # of a period, that one frame may pull from
-PHASE_GAIN = 0.05
+PULL = 0.3  # gain of the update of instants by a frame of the master camera
+FARTHEST = 0.25  # of a period: an innovation counts no more than that
+PHASE_GAIN = 0.05  # of the update of a camera's phase against the master camera
 
 
 class Pace:
@@ -26,7 +26,7 @@ class Pace:
         self.newest: int | None = None
 
     def add(self, stamp_ns: int) -> float:
-        """Take the next stamp; gives the period so far in ns, 0 while it is not sure."""
+        """Take the next stamp; return the period so far in ns, 0 while it is not sure."""
         if self.newest is not None:
             self._steps.append(stamp_ns - self.newest)
         self.newest = stamp_ns
@@ -75,10 +75,10 @@ class Grid:
 
 
 class CameraInstants:
-    """Instants that follow the frames of one camera: predicted, and pulled by every frame that comes.
+    """Instants that follow the frames of one camera: predicted, and updated by every frame that comes.
 
-    Late stamps move them little, dropped frames leave no gap. While the master camera has no frame, cameras
-    of the same rate carry the phase that they have had against it.
+    Late stamps move them little, and dropped frames leave no gap. While the master camera has no frame,
+    cameras of the same rate stand in, with the phase that they have had against it.
     """
 
     def __init__(self, master: str, period: float, same_rate: frozenset[str]):

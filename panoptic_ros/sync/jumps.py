@@ -1,4 +1,4 @@
-"""Clocks that jump where no clock model tells: cameras against each other."""
+"""Clocks that jump where no clock model says so: cameras are compared with each other."""
 from __future__ import annotations
 
 from collections import deque
@@ -13,7 +13,7 @@ SMALL_NS = SECOND // 10  # stamps that go back by less are frames out of order
 SURE = 3  # frames after a jump that make it certain
 HELD = 64
 AHEAD_NS = SECOND
-ALONE = 30  # frames of one camera while no other gives any: then there is nothing to be held against
+ALONE = 30  # frames of one camera while no other gives any: then there is nothing to compare with
 
 
 @dataclass
@@ -32,10 +32,10 @@ class _Camera:
 class JumpGuard:
     """Keeps frames with impossible stamps from being grouped.
 
-    Back: frames whose stamps go back are held. When those of all cameras do, a clock that they share was set
-    back: master time runs on, so that sets never go back. Ahead (live only): a camera whose stamps step
-    on by seconds while the others go on as before is left out until they have caught up; after a pause its
-    stamps would be those of the others.
+    Back: frames whose stamps go back are held. If the stamps of all cameras go back, a clock that they
+    share was set back. Master time runs on, so that sets never go back. Ahead (live only): a camera whose
+    stamps step ahead by seconds while the others go on as before is left out until they have caught up.
+    After a pause its stamps would agree with those of the others.
 
     Args:
         live: whether frames of all cameras arrive about when they were taken.
@@ -81,7 +81,7 @@ class JumpGuard:
     # ------------------------------------------------------------------ ahead
 
     def _steps_ahead(self, camera: _Camera, view: ViewDetections) -> bool:
-        """Whether it is seconds further on from its last frame than the others are from theirs of then."""
+        """Whether its stamps have advanced by seconds more than those of the others since its last frame."""
         if camera.newest is None or camera.others < 0:
             return False
         others = self._newest_but(camera)
@@ -93,7 +93,7 @@ class JumpGuard:
     def _wait(
         self, camera: _Camera, view: ViewDetections, arrived: bool
     ) -> tuple[list[ViewDetections], list[Notice]]:
-        """Either the clock jumped, or all had a pause: then another one steps on as well, or none goes on."""
+        """Hold a frame that is ahead: its clock jumped, or all had a pause and others are ahead as well."""
         if camera.ahead:
             self._refused += arrived
             return [], self._tell(camera, view, "ahead of the other cameras")
@@ -114,7 +114,7 @@ class JumpGuard:
         return views, []
 
     def _expose(self, going_on: _Camera) -> list[Notice]:
-        """A camera goes on as before, so those that stepped on have a clock that jumped."""
+        """Report cameras that are ahead: another one goes on as before, so their clocks have jumped."""
         notices: list[Notice] = []
         for camera in self._cameras.values():
             if camera is not going_on and camera.early:

@@ -8,8 +8,7 @@ from panoptic_ros.domain import ViewDetections
 from panoptic_ros.sync.instants import Pace
 
 EARLY = 0.45  # of a period: a frame so little before an instant needs no comparison with the next one
-
-SLOWER = 1.05
+SLOWER = 1.05  # times the time between instants: the period of a slower camera
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class CameraQueue:
         Args:
             reach: the farthest it may be, ns.
             spacing: between instants, ns. A slower camera's frame beyond half of it is left to the next one.
-            over: no more frames are waited for.
+            over: whether no more frames are waited for.
         """
         surplus: list[ViewDetections] = []
         over = over or self.ended

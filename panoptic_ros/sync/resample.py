@@ -12,7 +12,7 @@ from panoptic_ros.sync.queue import Waiting
 Array = np.ndarray
 FARTHEST = 0.25  # of a person's size, that a joint may move between two frames
 LONGEST = 1.6  # of a period, between two frames with a line between them
-SPEED = 1.0  # m/s: how fast a joint may be of which nothing is known
+SPEED = 1.0  # m/s: how fast a joint may move if nothing is known of it
 DEPTH = 5.0  # m
 NOISE_PX = 2.0  # of a joint of score 1
 
@@ -30,10 +30,10 @@ class View:
 def interpolate(view: View, instant: int) -> ViewDetections:
     """The chosen frame's people at the instant, with its stamp; score maps are left out.
 
-    Joints that both frames around the instant have, of people who are linked, lie on the line between; its
-    variance is (1-a)^2 + a^2 of one frame's, so it is smaller, and the mean of the scores stands for it.
-    Other joints stay where the chosen frame has them; the way that they may have gone meanwhile (1 m/s)
-    counts as noise and lowers their scores.
+    If both frames around the instant have a joint of a linked person, the joint is interpolated linearly.
+    Its variance is (1-a)^2 + a^2 of that of one frame, which is smaller; its score is the mean of both.
+    Other joints stay where the chosen frame has them. How far they may have moved meanwhile (1 m/s) counts
+    as noise and lowers their scores.
     """
     chosen = view.chosen.view
     if chosen.stamp_ns == instant:
@@ -58,7 +58,7 @@ def interpolate(view: View, instant: int) -> ViewDetections:
 
 
 def _around(view: View, instant: int) -> tuple[ViewDetections, ViewDetections] | None:
-    """The frames before and after the instant, if they follow on each other."""
+    """The frames before and after the instant, if they are consecutive."""
     chosen = view.chosen
     pair = (chosen, view.after) if chosen.stamp < instant else (view.before, chosen)
     first, second = pair
@@ -71,7 +71,7 @@ def _around(view: View, instant: int) -> tuple[ViewDetections, ViewDetections] |
 
 
 def _trust(view: ViewDetections, instant: int, camera: Camera) -> Array:
-    """By how much a joint that may have moved since loses of its score."""
+    """The factor by which a joint loses score, as it may have moved since."""
     seconds = abs(instant - view.stamp_ns) * 1e-9
     moved = SPEED * seconds * camera.intrinsics.matrix[0, 0] / DEPTH
     return np.asarray(NOISE_PX**2 / (NOISE_PX**2 + moved**2))

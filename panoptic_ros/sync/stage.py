@@ -16,18 +16,18 @@ from panoptic_ros.sync.resample import View, interpolate
 from panoptic_ros.sync.strays import StrayFilter
 
 SECOND = 1_000_000_000
-FIRST_FRAMES = 4  # of every camera, which tell their rates
+FIRST_FRAMES = 4  # of every camera, from which their rates are found
 REACH = 0.6  # of the time between sets
-ALIKE = 0.05  # of it: stamps that differ by so little are those of one trigger
+ALIKE = 0.05  # of the time between sets: stamps that differ by less are those of one trigger
 USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
 
 
 class SyncStage:
     """Groups views by their times on the master time line.
 
-    A set is given when every camera of the rig has the frame that is nearest to the set's instant, or one
-    beyond it, or has ended; or when a frame newer than the deadline has come. So with `deadline_s` = 0
-    the sets depend on the stamps alone.
+    A set is given when every camera of the rig has the frame that is nearest to the instant of the set, or a
+    frame beyond it, or has ended; or when a frame newer than the deadline has come. So with `deadline_s` = 0
+    sets depend on stamps alone.
     """
 
     def __init__(self, config: SyncConfig, context: StageContext):
@@ -62,7 +62,7 @@ class SyncStage:
         self._index = 0
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
-        """Take the view of one camera, the news that no more will come from it, or its clock model.
+        """Take the view of a camera, its end of stream, or a clock model.
 
         Raises:
             DataError: if the rig lacks the camera, or the skeleton is another.
@@ -164,7 +164,7 @@ class SyncStage:
         return StepResult(tuple(sets), tuple(notices))
 
     def _all_decided(self, instants: Instants, instant: int, over: bool) -> bool:
-        """Whether every camera has its choice. What is decided stays so, so nobody is asked twice."""
+        """Whether every camera has its choice. A decided choice stays: no camera is asked twice."""
         reach, queues = self._reach(instants), self._in_order
         while self._decided < len(queues):
             if not queues[self._decided].choose(instant, reach, instants.period, over).decided:
@@ -267,7 +267,7 @@ class SyncStage:
         return interpolate(View(before, chosen, rest[0] if rest else None, camera), stamp)
 
     def _stamp_of(self, instants: Instants, instant: int, stamps: list[int]) -> int:
-        """The instant; of cameras with one trigger the middle stamp, which is one of theirs."""
+        """The instant; for cameras with one trigger, the median of their stamps."""
         if not stamps or isinstance(instants, Grid):
             return instant
         middle = sorted(stamps)[(len(stamps) - 1) // 2]

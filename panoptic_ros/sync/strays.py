@@ -1,4 +1,4 @@
-"""Stamps that cannot be right, of frames whose camera goes on as before."""
+"""Outliers among stamps: single frames of a camera that goes on as before."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ from panoptic_ros.domain import ViewDetections
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-FAR_NS = 2 * SECOND  # from a camera's last frame: beyond it is a pause, a jump of the clock, or a bad stamp
-PERIODS = 4  # of a slow camera that are not far yet
+FAR_NS = 2 * SECOND  # from the last frame of a camera; what is farther is a pause, a jump or an outlier
+PERIODS = 4  # of a slow camera, which are not far yet
 SURE = 3  # frames in a row that show a pause or a jump
 LATEST_NS = (2**31 - 1) * SECOND  # messages hold no later stamps
 
@@ -21,7 +21,7 @@ class _Camera:
 
     Args:
         newest: stamp of its newest frame on the line; reach: how far from it the next one may be, ns.
-        off: frames off the line, in a row of their own as far as one can tell.
+        off: frames off the line, which so far are consecutive among themselves.
     """
 
     newest: int | None = None
@@ -30,18 +30,19 @@ class _Camera:
 
 
 class StrayFilter:
-    """Drops frames with stamps far off those of their own camera before and after.
+    """Drops frames whose stamps are far off those of their own camera before and after.
 
-    A frame seconds away from the last one waits for the next two. If one of them is on the line of before,
-    its stamp was bad; if all three are in a row, the camera paused or its clock jumped, and all are given.
-    So do the first frames of a camera. What is given depends on the stamps of that camera alone.
+    A frame seconds away from the last one waits for the next two. If one of these is on the old line, the
+    stamp of the first was an outlier. If all three are consecutive, the camera paused or its clock jumped,
+    and all are given. The first frames of a camera wait in the same way. What is given depends on the
+    stamps of that camera alone.
     """
 
     def __init__(self, cameras: Sequence[str]):
         self._cameras = {name: _Camera() for name in cameras}
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
-        """The frames that are on the camera's line now, and the news of those that were not."""
+        """The frames that are on the line of their camera now, and notices about those that were not."""
         if view.stamp_ns >= LATEST_NS:
             return [], [_stray(view)]
         camera = self._cameras[view.camera]
@@ -59,7 +60,7 @@ class StrayFilter:
         return released, notices
 
     def end(self, name: str) -> tuple[list[ViewDetections], list[Notice]]:
-        """No more frames come: the only ones of a camera are given, others that still wait are dropped."""
+        """End a camera: its only frames are given; after others, those that still wait are dropped."""
         camera = self._cameras[name]
         waiting, camera.off = camera.off, []
         if camera.newest is None:
@@ -72,13 +73,13 @@ def _steps(views: Sequence[ViewDetections]) -> list[int]:
 
 
 def _in_a_row(steps: Sequence[int]) -> bool:
-    """Whether stamps go on, and as one camera's do."""
+    """Whether stamps increase by steps that one camera may make."""
     return not steps or (min(steps) > 0 and max(steps) <= max(FAR_NS, PERIODS * min(steps)))
 
 
 def _stray(view: ViewDetections) -> Notice:
     text = (
         f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: "
-        "its stamp is not in a row with those of its camera's frames before and after"
+        "its stamp is an outlier among those of its camera before and after"
     )
     return Notice("sync.stray_stamp", "warning", text, {"camera": view.camera, "stamp_ns": view.stamp_ns})

@@ -1,4 +1,4 @@
-"""Linear timecode (LTC, SMPTE ST 12-1) from audio: labels and the exact instants they stand for.
+"""Linear timecode (LTC, SMPTE ST 12-1) from audio: labels, and the exact instants that they stand for.
 
 In: `AudioBlock`s of one or several devices. Out: a `TimecodeReading` per word, with the fractional
 sample at which it starts and a standard deviation.
@@ -18,7 +18,7 @@ sample at which it starts and a standard deviation.
   against the labels of the frames beside (`evidence`): timecode that stands still must not count on. A word
   that clicks or noise contradict is reported only between others that do not. User bits are the last that
   were certain, 0 before (`user_bits`).
-* `follow`: words are read one by one (`reading`), where the speed of the last ones expects the next
+* `follow`: words are read one by one (`reading`), each where the speed of the last words predicts it
   (`pace`).
 
 Loops are compiled (`kernels`).

@@ -1,4 +1,4 @@
-"""The timecode of a whole recording: what was learnt later serves the beginning of each signal too.
+"""The timecode of a whole recording: the beginning of each signal uses what was learnt later.
 
 Words are read as in a stream. Then the first ones of each signal are timed anew with the shape of edges and
 the speed that the following words have taught, and all words of a signal get the rate that its last word has.
@@ -20,8 +20,8 @@ from panoptic_ros.timecode.signal.wave import Samples
 from panoptic_ros.timecode.word.fit import WordFit, fit_word
 
 Array = np.ndarray
-EARLY_WORDS = 90  # after which the shape is known well enough while it is learnt
-LINE_WORDS = 12  # by which the speed at the beginning is found
+EARLY_WORDS = 90  # are timed again; after them the shape was known well enough
+LINE_WORDS = 12  # from which the speed at the beginning is found
 PIECE_SECONDS = 1.0
 
 
@@ -65,7 +65,7 @@ def _signals(words: list[Word]) -> Iterator[list[Word]]:
 
 
 def _timed_anew(words: list[Word], samples: Array, sample_rate: int) -> list[Word]:
-    """The words with starts by all that is known at their signal's end."""
+    """The words with starts by all that is known at the end of their signal."""
     fits = [_fit(word, samples, sample_rate) for word in words]
     pace = Pace(words[0].reverse, words[0].bending)
     line = None
@@ -86,7 +86,7 @@ def _timed_anew(words: list[Word], samples: Array, sample_rate: int) -> list[Wor
 
 
 def _fit(word: Word, samples: Array, sample_rate: int) -> WordFit | None:
-    """Of a word that nothing contradicts."""
+    """The fit of a word that nothing contradicts."""
     if not word.sure:
         return None
     first = max(0, int(word.grid.middle - 45.0 * word.grid.cell))

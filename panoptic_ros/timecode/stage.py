@@ -12,7 +12,7 @@ from panoptic_ros.timecode.follow.breaks import Heard, find_break
 from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.kernels import compile_kernels
 
-STAMPS_SECONDS = 3.0  # of block stamps that are kept: longer than a word waits to be reported
+STAMPS_SECONDS = 3.0  # of block stamps are kept: more than a word waits to be reported
 
 
 @dataclass
@@ -29,7 +29,7 @@ class _Device:
 
 
 class TimecodeStage:
-    """See the package. Gaps and other sample rates start a device anew; nothing else is remembered.
+    """See the package. A gap or another sample rate starts a device anew; nothing of before is remembered.
 
     The constructor compiles the kernels, or takes them from numba's cache.
     """
@@ -93,7 +93,7 @@ class TimecodeStage:
 
 
 def _breaks(device: _Device, words: list[Word]) -> list[Notice]:
-    """Where labels or samples do not count on from the last ones."""
+    """Notices where labels or samples do not continue those of the last word."""
     notices: list[Notice] = []
     for word in words:
         heard = Heard(word, _stamp(device, device.first_sample + word.start))

@@ -1,7 +1,7 @@
-"""Where words do not follow each other: the timecode jumped, or audio was lost of which no count tells.
+"""Where words do not follow each other: the timecode jumped, or audio was lost and not counted.
 
-Label, count of samples and stamp all tell how much time has passed between two words. The one that disagrees
-with the other two is wrong.
+Labels, the count of samples and stamps all tell how much time has passed between two words. The one that
+disagrees with the other two is wrong.
 """
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Heard:
 
 
 def find_break(device: str, sample_rate: int, last: Heard, new: Heard) -> tuple[Notice, ...] | None:
-    """What happened between two words of a device; None if the next word must tell.
+    """Notices of what happened between two words of a device; None if the next word must decide.
 
     Audio that is lost inside of a word moves its start, but not yet its stamp.
     """

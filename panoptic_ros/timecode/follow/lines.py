@@ -18,8 +18,8 @@ def line_fit(words: Array) -> tuple[float, float, float, float, float, float]:
     Args:
         words: (4, N) numbers, middles, variances by white noise, and unseen.
 
-    Returns: slope, its norm, squared error per degree of freedom, how much more a cubic explains by each
-    of its two terms than it leaves by each degree of freedom (0 for fewer than 6 words), mean variances.
+    Returns: slope, its norm, squared error per degree of freedom, the variance ratio (F statistic) of
+    a cubic's two terms (0 for fewer than 6 words), mean variances.
     """
     count = words.shape[1]
     shown, unseen = words[2].mean(), words[3].mean()

@@ -1,8 +1,8 @@
-"""Where words begin and the next is expected, by the words so far: a tape that keeps its speed, or does not.
+"""Where words begin and the next is predicted, by the words so far, at constant or changing speed.
 
-At constant speed the length of a cell comes from a line through the last words, and only the middle of a word
-from itself. Where the speed changes, a word begins half-way between two middles on the cubic through
-both with the speeds there. How far words lie off a smooth curve tells what their edges do not show.
+At constant speed the length of a cell comes from a line through the last words, and a word itself gives
+only its middle. If the speed changes, a word begins half-way between two middles, on the cubic through both
+with the speeds there. The distance of words from a smooth curve shows errors that their edges do not show.
 """
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 Array = np.ndarray
 LEAST_STD = 0.00005  # samples; no sampler is better
-BENDING = 0.05  # cells about a line: the speed changes so much that it does so within a word
-FEW_WORDS = 6  # from which a curve is told from scatter
+BENDING = 0.05  # cells about a line: the speed then changes within a word
+FEW_WORDS = 6  # fewer do not tell a curve from scatter
 CURVED = 20.0  # variance ratio of what a cubic explains beyond a line, and of its scatter
 SPREAD = 4e-4  # samples squared, about a line at constant speed
 LINE_WORDS = 10  # through whose middles the line goes that gives the length of a cell
 MOST_TURN = 1e-4  # of the bend from word to word
 HALF = 0.5 * WORD_CELLS
-FEARED_WORDS = 6.0  # that what a word's fit fears is worth
+PRIOR_WORDS = 6.0  # that the stated unseen error of a fit is worth
 LONG_WORDS = 48  # about a parabola: slow errors are seen only over many words
 HERMITE, BEYOND = 3.0 / 256.0, 1.0 / 3.0  # variance of a start, over that of middles by their neighbours
 
 
 class Pace:
-    """Of one signal.
+    """The pace of one signal.
 
     Args:
         line: length of a cell and its deviation if they are known from later words.
@@ -98,10 +98,10 @@ class Pace:
         return Grid(back, self._line[0], 0.0), self._line
 
     def _hidden(self, fit: WordFit) -> float:
-        """Variance that edges of a word do not show: what its fit fears, and what words about a curve say.
+        """Variance that the edges of a word do not show: by its fit, and by how words scatter about a curve.
 
-        Words whose edges lie alike between samples err alike, so fears stand until words have covered
-        most of that; only then may words about a curve say less than edges do.
+        Words whose edges lie alike between samples share an error. So what the fit states counts until words
+        have covered most places between samples. Only then may the scatter about a curve reduce it.
         """
         freedom = max(0, self._on_line - 3)
         if not freedom:
@@ -109,9 +109,9 @@ class Pace:
         words = self._words[:, -self._on_line :]
         covered = freedom * max(0.0, 1.0 - 2.0 * widest_gap(words[1], fit.gap) / fit.gap)
         excess = curve_excess(words, self._scale)
-        share = (freedom if excess > 0.0 else covered) / (FEARED_WORDS + freedom)
+        share = (freedom if excess > 0.0 else covered) / (PRIOR_WORDS + freedom)
         least = -0.9 * self._scale * fit.covariance[0, 0]
-        return FEARED_WORDS / (FEARED_WORDS + covered) * fit.unseen**2 + max(least, share * excess)
+        return PRIOR_WORDS / (PRIOR_WORDS + covered) * fit.unseen**2 + max(least, share * excess)
 
     def _find_line(self) -> tuple[float, float] | None:
         """Length of a cell and its deviation by the line through the last words, if they lie on one."""
@@ -146,11 +146,11 @@ class Pace:
 
     @property
     def _rough(self) -> float:
-        """Mean square of middles against their neighbours."""
+        """Mean squared distance of middles from the curve through their neighbours."""
         return sum(self._turns) / len(self._turns) if self._turns else 0.0
 
     def _advance(self, number: int, fit: WordFit) -> Grid:
-        """The grid of the next word while the speed changes; the change is taken to go on changing."""
+        """The grid of the next word while the speed changes; its change is extrapolated as well."""
         before, bend = self._bend
         self._bend = number, fit.bend
         if not self.bending:

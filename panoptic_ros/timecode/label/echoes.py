@@ -1,9 +1,9 @@
-"""What a room's echoes make of labels: the same mistake in every word.
+"""Echoes of a room make the same error in every word; a linear channel tells right labels from wrong ones.
 
-Echoes of the last word fall on the same bits of the next, for most bits of words do not change. They turn
-bits in pairs (where the edge between two bits is lost another appears, so the word's parity does not
-tell), and in every word alike, so that more words do not make it better. But echoes are linear: a filter of
-one word's length explains the levels of the right labels and leaves much of those of wrong ones.
+Echoes of one word fall on the same bits of the next, as most bits of words do not change. They turn bits in
+pairs (where the edge between two bits is lost another appears, so the parity of the word does not show it),
+and they do so in every word, so more words do not help. But echoes are linear: a filter as long as a word
+explains the levels if the labels are right, and leaves large residuals if they are wrong.
 """
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import numpy as np
 
 Array = np.ndarray
 LATE = 160  # half cells by which echoes come late, at most: a word
-EARLY = 2  # half cells that a filter without phase or an inexact grid spreads edges forward
+EARLY = 2  # half cells by which a filter of zero phase or an inexact grid spreads edges forward
 PRIOR = 0.01  # variance of noise over that of a coefficient of the filter
 
 
 def echo_nats(levels: Sequence[Array], signs: Sequence[Array]) -> float:
-    """How badly signs explain levels through the linear channel that fits best; differences count.
+    """How badly signs explain levels through the linear channel that fits best; only differences matter.
 
     Args:
         levels: (160,) of the half cells of consecutive words in the order of the stream.

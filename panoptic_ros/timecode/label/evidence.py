@@ -1,9 +1,9 @@
-"""What one word says for a label: against all other labels, and against those of the frames beside it.
+"""The evidence of one word for a label: against all other labels, and against those of the frames beside it.
 
-Timecode that stands still sends labels that differ in few bits from those counted on, and a user bit beside
-them can hide the turned polarity that shows it. So where a word has the user bits of the words before,
-whatever its label is, labels are judged with them, and a label must be ahead of those next to it. All is in
-nats (natural logarithms of probability).
+Timecode that stands still sends labels that differ in few bits from those that count on, and a user bit
+beside them can hide the turned polarity that shows it. So if a word has the user bits of the words before,
+whatever its label is, labels are judged with these bits. And a label must be more likely than those next to
+it. All evidence is in nats (natural logarithms of probability ratios).
 """
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ LEAST_TENTH = 0.25  # of the word's level, in each tenth of it: a cut word has l
 LEAST_ANYWHERE = 0.1  # in a tenth that begins anywhere: silence has less
 POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # the same for words between good ones
 CLEAN_SHARE = 0.93  # of the levels that bits explain if there is no click
-CLEAR_NATS = 1.0  # a clean word that contradicts its label by less has no other
-USER_NATS = 8.0  # by which a word may contradict the user bits of others and still have them
+CLEAR_NATS = 1.0  # a clean word that contradicts its label by less cannot have another
+USER_NATS = 8.0  # by which a word may contradict the user bits of others and still share them
 BESIDE = (-1, 1, -2, 2, -3, 3, -4, 4)  # frames: timecode that stands still is lost after so many
 BEHIND_NATS = 24.0  # of the labels beside: a word that clicks spoil may be so far behind
 NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
@@ -43,7 +43,7 @@ class Verdict:
         share: of the levels' magnitude that is explained.
         good: whether the word is there and has this label.
         possible: whether it may have it; clicks contradict for a moment.
-        ahead: by which the labels of the frames beside fit worse, if that was asked.
+        ahead: nats by which the labels of the frames beside fit worse; infinite if they were not compared.
     """
 
     nats: float
@@ -62,7 +62,7 @@ class Verdict:
 
 
 def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdict:
-    """Judge a word.
+    """Judge how a label fits a word.
 
     Args:
         wanted: (80,) the label's bits.
@@ -79,7 +79,7 @@ def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdi
 
 
 def free_score(levels: WordLevels) -> float:
-    """Of the best path without a label."""
+    """The score of the best path without a label."""
     return float(best_path(levels.halves, NO_BITS, levels.before).score)
 
 
@@ -92,7 +92,7 @@ def soft_nats(levels: WordLevels, wanted: Array) -> Array:
 
 
 class Evidence:
-    """Of one word.
+    """The evidence of one word.
 
     Args:
         user: what is known of the user bits.
@@ -113,11 +113,11 @@ class Evidence:
                 self._free = float(best_path(levels.halves, bits, levels.before).score)
 
     def verdict(self, label: Timecode) -> Verdict:
-        """Of a label."""
+        """The verdict on a label."""
         return judge(self._levels, self._wanted(label), self._free)
 
     def compared(self, label: Timecode, found: Verdict) -> Verdict:
-        """Its verdict, after a look at the labels beside it where the word is not clear."""
+        """The verdict on a label, compared with the labels beside it if the word is not clear."""
         if found.clean and found.nats < CLEAR_NATS:
             return found
         beside = (Timecode.from_frame_count(label.frame_count + step, label.rate) for step in BESIDE)
@@ -126,7 +126,7 @@ class Evidence:
         return replace(found, good=found.good and ahead >= 0.0, possible=possible, ahead=ahead)
 
     def with_user(self, label: Timecode, user: Array) -> Verdict:
-        """Of a label with user bits (32,)."""
+        """The verdict on a label with user bits (32,)."""
         wanted = known_bits(label)
         wanted[USER_BITS] = user
         return judge(self._levels, wanted, self._free)

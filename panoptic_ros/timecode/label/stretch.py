@@ -1,10 +1,10 @@
 """Which labels a stretch of words has: all words are judged together against labels that count on.
 
-A word alone may be unreadable, or read as something else. So words are never just read: the
-most likely labels of the whole stretch are proposed from soft bits field by field, then each proposal
-is judged by how much worse the levels of all words fit if its bits are forced on them, in nats
-(natural logarithms of probability). The best is believed if it is far ahead of the next, if no other
-explains the words better once echoes are considered, and if enough words say it alone as well.
+A word alone may be unreadable, or be read as something else. So the most likely labels of the whole stretch
+are proposed from soft bits, field by field. Each proposal is judged by how much worse the levels of all
+words fit if its bits are given, in nats (natural logarithms of probability ratios). The best one is
+believed if it is far ahead of the next, if no other explains the words better through echoes, and if enough
+words confirm it alone.
 """
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = np.ndarray
 WORST_NATS = 40.0  # that one word can count against labels
 AHEAD_NATS = 16.0  # of the next best labels
 DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are compared for echoes
-ECHO_WORDS = 5  # that tell what the channel is where labels alone are in doubt
+ECHO_WORDS = 5  # that are needed to estimate the channel where labels are in doubt
 CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
 
 
@@ -75,7 +75,7 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
 
 
 def _each_alone(words: Sequence[WordLevels], counting: Counting, user: UserBits) -> list[Verdict]:
-    """What each word says for its label against those of the frames beside."""
+    """The verdict of each word on its label, compared with those of the frames beside."""
     verdicts = []
     for number, levels in enumerate(words):
         label, evidence = counting.label(number), Evidence(levels, user)

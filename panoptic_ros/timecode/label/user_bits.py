@@ -1,4 +1,4 @@
-"""User bits: what is certain about them."""
+"""The user bits of a signal, once they are certain."""
 from __future__ import annotations
 
 import numpy as np
@@ -12,7 +12,7 @@ MANY_NATS = 90.0  # by which any word must: several bits; a click turns one or t
 
 
 class UserBits:
-    """What the words of a signal say. What was certain stays until words clearly say something else.
+    """User bits by all words of a signal. What was certain stays until words clearly say something else.
 
     Args:
         soft: (32,) nats for ones from words that were judged together.
@@ -35,7 +35,7 @@ class UserBits:
         return self._value if self.certain else 0
 
     def hear(self, soft: Array, contradiction: float, clear: bool) -> None:
-        """A good word.
+        """Learn from a good word.
 
         Args:
             soft: (32,) nats for ones.

@@ -1,7 +1,7 @@
-"""What a fit leaves free of a word's samples: everything slow, such as DC and hum.
+"""The baseline of a word's samples, which a fit leaves free: everything slow, such as DC and hum.
 
-Slow functions are given at every few samples and lie on straight lines between them, so that their products
-with samples need few operations.
+Its functions are given at every few samples, with straight lines between, so that their products with samples
+need few operations.
 """
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Baseline(NamedTuple):
 
 
 def baseline_of(count: int, sample_rate: int) -> Baseline:
-    """Of `count` samples.
+    """The baseline of `count` samples: cosines, a line and a parabola.
 
-    Cosines are level at both ends; hum and what droop leaves are not: a line and a parabola come with them.
+    Cosines are level at both ends; hum and the rest of droop are not.
     """
     terms = max(4, int(2.0 * HIGHEST_HZ * count / sample_rate))
     return _baseline(count, terms, max(1, int(sample_rate / KNOT_HZ)))
@@ -54,7 +54,7 @@ def _baseline(count: int, terms: int, step: int) -> Baseline:
 
 @_sum
 def hat_sums(rows: Array, step: int) -> Array:
-    """Products (I, K) of rows (I, N) with hats on every `step`-th sample, down to 0 on the next ones."""
+    """Products (I, K) of rows (I, N) with triangular hats on every `step`-th sample, 0 at the next ones."""
     count = rows.shape[1]
     sums = np.zeros((len(rows), (count - 1) // step + 2))
     for i in range(len(rows)):

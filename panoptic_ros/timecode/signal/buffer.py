@@ -15,7 +15,7 @@ class Buffer:
 
     @property
     def values(self) -> Array:
-        """Those that are kept."""
+        """(N,) the values that are kept."""
         return self._store[self._begin : self._end]
 
     def append(self, values: Array) -> None:

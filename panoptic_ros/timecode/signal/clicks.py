@@ -10,9 +10,9 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-EVERY = 7  # th sample tells the level; no multiple of a half cell's length
-FOOT = 0.04  # times the level, at least: what is so far off beside a click belongs to it
-TOGETHER = 64  # samples that are looked at in one go
+EVERY = 7  # every 7th sample tells the level; no multiple of the length of a half cell
+FOOT = 0.04  # times the level, at least: samples beside a click that are farther off belong to it
+TOGETHER = 64  # samples that are tested in one go
 
 
 class ClickLimits(NamedTuple):
@@ -35,7 +35,7 @@ class ClickLimits(NamedTuple):
 
 @_jit
 def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
-    """The magnitude below which a share of each piece lies, or of a neighbour if that is more."""
+    """The quantile of the magnitude in each piece, or in a neighbour if that is more."""
     pieces = max(1, len(signal) // piece)
     levels = np.empty(pieces)
     for k in range(pieces):
@@ -80,14 +80,14 @@ def bridge_clicks(raw: Array, limits: ClickLimits) -> Array:
 
 @_jit
 def clicked(error: Array, slope: Array, level: float, most: float, gross: float, shaken: float) -> Array:
-    """Which samples (N,) of a word are grossly off its wave, or off beside such a one.
+    """Which samples (N,) of a word are gross outliers of its wave, or outliers beside such a one.
 
     Args:
-        error: (N,) what a fit of the wave leaves.
+        error: (N,) residuals of a fit of the wave.
         slope: (N,) of the wave; where it is steep, edges may be misplaced.
         level: of the wave.
-        most: deviations that are not off.
-        gross: times the level.
+        most: standard deviations, robust; less is no outlier.
+        gross: times the level; less is no gross outlier.
         shaken: samples by which edges may be misplaced.
     """
     foot = max(most * 1.4826 * np.median(np.abs(error[::4])), FOOT * level)
@@ -109,7 +109,7 @@ def clicked(error: Array, slope: Array, level: float, most: float, gross: float,
 
 @_jit
 def _above_baseline(raw: Array, reach: int) -> Array:
-    """Samples without the mean of those up to `reach` to both sides."""
+    """Samples minus the mean of those up to `reach` to both sides."""
     count = len(raw)
     sums = np.empty(count + 1)
     sums[0] = 0.0

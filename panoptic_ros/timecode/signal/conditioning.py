@@ -1,4 +1,4 @@
-"""From raw samples to a signal without DC, hum and clicks, chunk by chunk, with no delay."""
+"""From recorded samples to a signal without DC, hum and clicks, with edges where they were."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,24 +10,24 @@ from panoptic_ros.timecode.signal.filters import between, high_pass, limit
 
 Array = np.ndarray
 FILTER_SECONDS = 0.014
-KNOT_HZ = 6000.0  # at least: what lies below the corner is worked out so often, with lines between
+KNOT_HZ = 6000.0  # least rate at which the low pass is computed, with lines between
 FINE_RATE = 32_000  # Hz, at least: edges lie between samples
-BESIDE = 16  # samples to both sides of those that are put between
+BESIDE = 16  # samples to both sides that an upsampled one is computed from
 WINDOW = "kaiser", 4.5
 LEVEL_SECONDS = 0.0125
-LEVEL_SHARE = 0.8  # of the samples lie below the level; drooping recordings are mostly far below
+LEVEL_SHARE = 0.8  # of the samples lie below the level; where recordings droop, most are far below
 CLIP = 1.8  # times the level; edges overshoot by less
-BLANK = 3.0  # times the level; what is beyond is a click and says nothing
+BLANK = 3.0  # times the level; what is beyond is a click and is set to 0
 CLICK = 2.4  # times the level, before the filter could smear it
 CLICK_SECONDS = 0.0006  # at most
 BASELINE_SECONDS = 0.0015  # to both sides of a sample that may be a click
 
 
 class Conditioner:
-    """Clicks bridged, a linear-phase high pass, a limiter; low sample rates come out `up` times as fine.
+    """Bridges clicks, then a linear-phase high pass and a limiter; low sample rates are upsampled by `up`.
 
-    The filter is symmetric and its output is put where its centre was, so edges stay where they
-    are; in exchange the newest `reach` samples wait for the next chunk.
+    The filter is symmetric and its output belongs to its centre, so edges stay where they are. In exchange
+    the newest `reach` samples wait for the next chunk.
     """
 
     def __init__(self, sample_rate: int, corner_hz: float):
@@ -52,7 +52,7 @@ class Conditioner:
         self._history = np.zeros(self._half)
 
     def push(self, raw: Array) -> Array:
-        """Conditioned samples, `reach` behind the raw ones; `up` for each that came in after the start."""
+        """Conditioned samples, `up` for each recorded one, of which the newest `reach` still wait."""
         raw = np.concatenate([self._raw, raw])
         if len(raw) <= 2 * self._beside:
             self._raw = raw
@@ -72,7 +72,7 @@ class Conditioner:
 
 
 def _between(up: int) -> Array:
-    """What samples (up - 1, 2 M) beside a place count for it, for places between two samples."""
+    """Interpolation weights (up - 1, 2 M) of samples for the places between two samples (windowed sinc)."""
     away = np.arange(1 - BESIDE, BESIDE + 1) - np.arange(1, up)[:, None] / up
     rows = np.sinc(away) * np.i0(WINDOW[1] * np.sqrt(1.0 - (away / BESIDE) ** 2))
     return rows / rows.sum(axis=1, keepdims=True)

@@ -1,17 +1,17 @@
-"""What a step of the signal looks like in the samples: a guess, and what the words teach.
+"""The step response of the channel, as it appears in the samples: a guess, and corrections learnt from words.
 
-A generator's edge of 40 us behind a recorder's low pass is a good guess on a short line. Other filters,
-tapes and clipping change it, and with it where a word seems to begin, by an amount that depends on its bits.
-So the words themselves teach a correction (cubic B-splines) and the droop of a coupling capacitor
-(the part of the integral of the samples that gives the plateaus back). All are linear: normal equations are
-summed up over words, each with its own level, place, length and baseline left free.
+An edge of 40 us of the generator behind the low pass of a recorder is a good guess for a short line. Other
+filters, tapes and clipping change it. That also changes where a word seems to begin, by an amount that
+depends on its bits. So a correction of the step response (cubic B-splines) is learnt from the words, and
+the droop of a coupling capacitor (the share of the integral of the samples that restores the plateaus). All
+of it is linear: normal equations are summed over words, and the level, place, length and baseline of each
+word are left free.
 
-Where the origin of a step is, cannot be learnt. The correction must not move the guess, as a least-squares
-fit of the guess would see it, wherever it lies between samples: so learning takes the scatter away, and
-leaves the mean.
+The origin of a step cannot be learnt. The correction must not move the guess as a least-squares fit of the
+guess would see it, wherever it lies between samples. So learning removes the scatter and leaves the mean.
 
-Words often last a whole number of samples, so that many in a row show a step at the same places only. What
-lies between follows from the band that a recorder lets pass. Without that, words would stick to those places.
+Words often last a whole number of samples. Many in a row then show a step at the same places only. What lies
+between follows from the band that a recorder lets pass. Without that, words would stick to those places.
 """
 from __future__ import annotations
 
@@ -36,20 +36,27 @@ Array = np.ndarray
 REACH = 12  # samples at up to 48 kHz
 KNOT = 0.5  # samples at up to 48 kHz
 BASE_RATE = 48_000
-# What corrections may be beforehand, of the level: odd ones, even ones, which come from lopsided filters,
-# and those that a recorder's low pass cannot make, but clipping can.
+# Prior deviations of corrections, of the level: odd ones, even ones, which come from asymmetric filters, and
+# those outside of the band of a recorder, which clipping makes.
 SPREADS = np.array([0.1, 0.005, 0.005])
 LEAST_SPREAD = 1e-4
 DROOP_SPREAD = 0.1  # per sample
 MEMORY = 300.0  # words; half of them at first, since the first ones were fitted with the guess
 LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond
-SURE = 4.0  # standard deviations from which on droop is believed
-ALIKE_WORDS = 3.0  # that count as one, since hum repeats
-LEAST_NOISE = 0.01  # of the level: what splines cannot say
+SURE = 4.0  # standard deviations beyond which droop is believed
+ALIKE_WORDS = 3.0  # words that count as one, since hum repeats
+LEAST_NOISE = 0.01  # of the level: what splines cannot model
 
 
 class EdgeShape:
-    """The shape of a step at a sample rate, as `table` for the kernels."""
+    """The step response at a sample rate, as `table` for the kernels.
+
+    Attributes:
+        doubt: samples, standard deviation of a word's place by what is not known of the shape.
+        sudden: share of the edges that jump from plateau to plateau between two samples.
+        droop: per sample; 0 if there is none.
+        words: that were learnt from.
+    """
 
     def __init__(self, sample_rate: int):
         scale = max(1, round(sample_rate / BASE_RATE))
@@ -75,7 +82,7 @@ class EdgeShape:
         self.words = 0
 
     def straighten(self, values: Array) -> Array:
-        """Samples (N,) without droop; a baseline is left."""
+        """Samples (N,) with their droop removed; a baseline is left."""
         if self.droop == 0.0:
             return values
         return values + self.droop * integrated(values)
@@ -83,14 +90,14 @@ class EdgeShape:
     def learn(
         self, clean: Samples, edges: Edges, level: float, baseline: Baseline, excess: float, sudden: float
     ) -> None:
-        """From a word whose fit has settled.
+        """Learn from a word whose fit has settled.
 
         Args:
             clean: samples as recorded, without clicks.
             edges: as fitted.
             level: of the word, signed.
             baseline: what is left free.
-            excess: variance of the word's edges over that from white noise.
+            excess: variance of the edges of the word over that of white noise.
             sudden: share of the edges that jump from plateau to plateau between two samples.
         """
         train = train_rows(clean, edges, self._guess, 4)
@@ -126,9 +133,9 @@ class EdgeShape:
         self.table.flags.writeable = False
 
     def _place_doubt(self, moves: Array) -> float:
-        """Standard deviation, samples, by which what is not known of the shape may move a word.
+        """Standard deviation, samples, of a word's place by what is not known of the shape.
 
-        Where no edge was heard yet, the guess may be as wrong as it was found elsewhere.
+        Where no edge was heard yet, the guess may be as wrong as it was found to be elsewhere.
 
         Args:
             moves: (J + 1,) of a word by each correction and the droop.
@@ -147,7 +154,7 @@ class EdgeShape:
         return float(np.sqrt(max(0.0, variance)))
 
     def _drooping(self) -> bool:
-        """Whether words agree that there is droop; hum looks like it now and then."""
+        """Whether words agree that there is droop; hum sometimes looks like it."""
         words = len(self._droops)
         count = words / ALIKE_WORDS
         mean = sum(self._droops) / words

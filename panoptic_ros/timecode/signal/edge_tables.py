@@ -1,5 +1,4 @@
-"""Tables of a step of the signal: what it is guessed to look like, and the corrections that words may teach.
-"""
+"""Tables of the step response: the guess, and the corrections that may be learnt."""
 from __future__ import annotations
 
 from functools import lru_cache
@@ -56,7 +55,7 @@ def kinds_of(count: int, knot: float) -> Array:
 
 @lru_cache(maxsize=8)
 def moves_of(sample_rate: int, reach: int, knot: float) -> Array:
-    """How far each correction and the droop would move the guess, to scale (J + 1,)."""
+    """How far each correction and the droop would move the guess (J + 1,), up to a common factor."""
     slope = step_guess(sample_rate, reach)[1]
     return np.append((spline_tables(reach, knot)[:, 0] * slope).sum(axis=(1, 2)), 0.0)
 

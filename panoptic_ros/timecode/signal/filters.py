@@ -13,7 +13,7 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def high_pass(samples: Array, hats: Array, low_pass: Array, step: int) -> Array:
-    """Samples (N,) without what a symmetric low pass leaves of them, those in the middle of a stretch.
+    """Samples minus their symmetric low pass, for those in the middle of a stretch (N,).
 
     Args:
         hats: (K,) the samples' `hat_sums`.
@@ -35,7 +35,7 @@ def high_pass(samples: Array, hats: Array, low_pass: Array, step: int) -> Array:
 
 @_jit
 def between(samples: Array, weights: Array) -> Array:
-    """Samples with others between them; M are lost at both ends.
+    """Samples with interpolated ones between them; M are lost at both ends.
 
     Args:
         weights: (U, 2 M) of the samples beside each place.
@@ -55,7 +55,7 @@ def between(samples: Array, weights: Array) -> Array:
 
 @_jit
 def limit(signal: Array, piece: int, share: float, clip: float, blank: float) -> None:
-    """Cut off what is far above the level of its neighbourhood, in place; nought what is farther."""
+    """Clip what is far above the level of its neighbourhood, in place; set to 0 what is still farther."""
     levels = piece_levels(signal, piece, share, EVERY)
     for k in range(len(levels)):
         end = len(signal) if k == len(levels) - 1 else (k + 1) * piece

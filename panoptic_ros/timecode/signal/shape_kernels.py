@@ -7,7 +7,7 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.timecode.signal.wave import Edges
 
 Array = np.ndarray
-OWN, PLACE = 5, 3  # unknowns of each word alone: its level, that times time twice, its place, its length
+OWN, PLACE = 5, 3  # unknowns of each word alone: level, level times time and time squared, place, length
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -27,9 +27,9 @@ def integrated(values: Array) -> Array:
 def shape_rows(
     train: Array, level: float, first_sample: int, edges: Edges, splines: Array, knot: float
 ) -> Array:
-    """What a word consists of, (`OWN` + J + 2, N).
+    """Design matrix of a word, (`OWN` + J + 2, N).
 
-    Those of the word alone, the splines of the shape, the droop, the samples; levels are 1.
+    Rows: the unknowns of the word alone, the splines of the shape, the droop, the samples; levels are 1.
 
     Args:
         train: (5, N) the word's `train_rows`.
@@ -67,7 +67,7 @@ def shape_rows(
 
 @_jit
 def without_own(gram: Array) -> Array:
-    """Products (I, I) of a word's rows without their part in what is its own, (I - `OWN`, I - `OWN`)."""
+    """Gram matrix (I, I) of a word's rows with its own unknowns eliminated, (I - `OWN`, I - `OWN`)."""
     rest = gram.copy()
     for k in range(OWN):
         for i in range(k + 1, len(rest)):

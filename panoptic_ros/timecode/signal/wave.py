@@ -51,7 +51,7 @@ def train_rows(samples: Samples, edges: Edges, shape: Array, terms: int) -> Arra
     """A word's wave, that times time, its derivatives by middle, cell and bend, the samples, (terms + 1, N).
 
     Args:
-        shape: (2, P + 1, 2 R) what a step has more than its sign, and its slope.
+        shape: (2, P + 1, 2 R) see above.
         terms: 5, or 4 without the bend.
     """
     values, places = samples.values, edges.places

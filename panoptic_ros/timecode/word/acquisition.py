@@ -1,8 +1,8 @@
-"""Finding a timecode signal: grid of cells, direction and the place of the words, from nothing.
+"""Acquisition of a timecode signal: grid of cells, direction and the place of the words, from nothing.
 
-The energy of half-cell integrals is largest when every edge lies between two half cells. It is
-computed for all cell lengths and phases over a short stretch, then sharpened on longer ones. The
-best few lengths are tried in full, since patterns of bits can favour a multiple of the true one.
+The energy of half-cell integrals is largest if every edge lies between two half cells. It is computed for all
+cell lengths and phases over a short stretch, then refined on longer ones. The best few lengths are tried in
+full, since patterns of bits can favour a multiple of the true one.
 """
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ SHIFTS, STRETCHES, BENDS = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How to look at a stretch.
+    """How to search a stretch.
 
     Args:
-        seconds: newest part of the signal that is looked at.
-        coarse: s, of the first look; the longest over which the speed may seem constant.
-        longer: s, of the sharpening.
+        seconds: newest part of the signal that is searched.
+        coarse: s, of the first step; the longest over which the speed may seem constant.
+        longer: s, of the refinements.
         most_bend: relative change of the speed per cell, half of it; 0 looks for constant speeds.
         least_sync: bits of 16, mean over the words.
         least_share: of the signal's power, in the half cells of the best length.
@@ -50,7 +50,7 @@ class Search:
 
 SHORT = Search(0.22, 0.06, (0.12, 0.22), 0.0, 14.5)  # soon after a signal has begun
 LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), 0.0, 12.0)  # through noise
-CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0, 0.4)  # wow
+CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0, 0.4)  # through wow
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -
     begin = length - search.seconds * sample_rate
     found: list[Found] = []
     for half, edge in _coarse(sums, begin, 0.5 * shortest, 0.5 * longest, sample_rate, search):
-        grid = _sharpen(sums, begin, half, edge, sample_rate, search)
+        grid = _refine(sums, begin, half, edge, sample_rate, search)
         if shortest < grid.cell < longest:
             found += _words(sums, begin, grid)
     good = [item for item in found if item.sync >= search.least_sync]
@@ -110,7 +110,7 @@ def _coarse(
                 break
 
 
-def _sharpen(
+def _refine(
     sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search
 ) -> Grid:
     """The grid about the middle of the stretch, from parts that grow about it."""

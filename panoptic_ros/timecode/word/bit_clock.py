@@ -25,7 +25,7 @@ def nearby_grid(sums: Array, grid: Grid) -> Grid:
 def best_grid(
     sums: Array, grid: Grid, first: float, count: int, shifts: Array, stretches: Array, bends: Array
 ) -> Grid:
-    """The grid near another, its middle moved in cells and its length stretched, of most energy."""
+    """The grid of most energy near another: middle shifted in cells, length stretched, bend changed."""
     best, found = -1.0, grid
     for bend in bends:
         for stretch in stretches:

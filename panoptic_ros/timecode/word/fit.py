@@ -1,10 +1,10 @@
 """When exactly a word began: least squares of its known edge train on the raw samples.
 
-With the bits known, the signal is known up to start, cell length, level and its slow change, and a
-baseline (DC, hum), which is projected out. For white noise this is the
-maximum-likelihood estimate, whose variance is that of Cramer and Rao for these edges. Besides the variance
-that white noise gives, there is one from what batches of edges say: there jitter and echoes show. What all
-edges leave alike, as clipping and wrong shapes do, stays unseen there: `unseen` says how much it may be.
+If the bits are known, the signal is known up to start, cell length, level and its slow change, and a baseline
+(DC, hum), which is projected out. For white noise this is the maximum-likelihood estimate, whose variance is
+the Cramer-Rao bound for these edges. Besides the variance by white noise there is one from the scatter of
+batches of edges, which shows jitter and echoes. Errors that all edges share, by clipping and wrong shapes, do
+not show there: `unseen` says how large they may be.
 """
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from panoptic_ros.timecode.word.fit_kernels import FitLimits, fit_train, jumps, 
 Array = np.ndarray
 MARGIN = 0.25  # cells before the first and after the last edge
 STEPS = 8  # of Gauss and Newton
-SETTLED = 0.04  # standard deviations of an edge: the next step would be the square of that
+SETTLED = 0.04  # standard deviations of an edge; the next step would be the square of that
 LOST = 0.05  # cells
 OUTLIER = 4.0  # standard deviations
 GROSS = 0.25  # times the level: more than a slightly misplaced edge
@@ -38,13 +38,13 @@ class WordFit:
     Args:
         grid: in recorded samples.
         covariance: (3, 3) of middle, cell and bend, for white noise.
-        observed: (3, 3) the same, from what edges say.
+        observed: (3, 3) the same, from the scatter of edges.
         level: signed, that before the first edge is -level.
         clean: the samples without clicks.
         clicked: whether there were any.
         places: edges in cells from the middle.
-        unseen: standard deviation, samples, by which a wrong shape or clipping may put all edges off alike.
-        gap: the widest place between two samples, of 1, where no edge lies.
+        unseen: samples, standard deviation of an error that all edges share, by a wrong shape or clipping.
+        gap: the widest part between two samples, of 1, in which no edge lies.
         sudden: share of the edges that jump from plateau to plateau between two samples.
     """
 
@@ -85,7 +85,7 @@ class WordFit:
         return float(np.sqrt(self.observed[1, 1]))
 
     def teach(self, shape: EdgeShape, sample_rate: int) -> None:
-        """Let the word teach the shape of a step."""
+        """Let the shape of a step learn from the word."""
         baseline = baseline_of(len(self.clean.values), sample_rate)
         excess = self.observed[0, 0] / max(self.covariance[0, 0], 1e-12)
         shape.learn(self.clean, Edges(self.grid, self.places), self.level, baseline, excess, self.sudden)

@@ -16,9 +16,9 @@ Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
 BESIDE = 3  # samples to both sides of an edge, which are most of it
-SURELY = 2.0  # times what noise would leave
-FILLS = 5  # times that clicks are replaced by what the fit says: it then says a little less of them
-BATCH = 8  # edges that are judged together: hum moves neighbours against each other
+SURELY = 2.0  # times the power that noise would leave
+FILLS = 5  # times that clicks are replaced by the fit, which then depends a little less on them
+BATCH = 8  # edges per batch: hum moves neighbours against each other
 
 
 class FitLimits(NamedTuple):
@@ -71,7 +71,7 @@ class TrainFit(NamedTuple):
 def fit_train(
     samples: Samples, edges: Edges, shape: Array, baseline: Baseline, limits: FitLimits, bending: bool
 ) -> TrainFit:
-    """Fit grid and level of a word with known edges by Gauss and Newton; samples far off are left out.
+    """Fit grid and level of a word with known edges by Gauss-Newton steps; clicks are left out.
 
     Args:
         edges: their grid is a guess.
@@ -132,7 +132,7 @@ def _stepped(grid: Grid, change: Array) -> Grid:
 
 @_jit
 def fit_step(rows: Array, baseline: Baseline) -> tuple[Array, Array, float, Array]:
-    """Least squares of the last row by the others with a free baseline.
+    """Least squares of the last row by the others, with a free baseline.
 
     Args:
         rows: see `train_rows`.
@@ -155,7 +155,7 @@ def fit_step(rows: Array, baseline: Baseline) -> tuple[Array, Array, float, Arra
 
 @_jit
 def left_over(rows: Array, solution: Array, baseline: Baseline, weights: Array) -> Array:
-    """What the fit does not explain (N,)."""
+    """Residuals (N,) of the fit."""
     basis, step = baseline
     error = rows[len(solution)].copy()
     knots = np.zeros(basis.shape[1])
@@ -179,7 +179,7 @@ def score_scatter(first: int, rows: Array, error: Array, edges: Edges, moves: in
 
     Args:
         rows: see `train_rows`; those from the third on are slopes.
-        error: (N,) what the fit leaves.
+        error: (N,) residuals.
     """
     middle, cell, bend = edges.grid
     places = edges.places
@@ -206,10 +206,10 @@ def score_scatter(first: int, rows: Array, error: Array, edges: Edges, moves: in
 
 @_sum
 def misfit(first: int, rows: Array, error: Array, edges: Edges) -> float:
-    """How far, in squared samples, what all edges leave alike may have moved them.
+    """How far, in squared samples, an error that all edges share may have moved them.
 
-    A fit leaves nothing along the slope. What it leaves across it, sample by sample beside the edges and
-    surely not by noise, tells how much of a wrong shape there may be along it.
+    A fit leaves no residual along the slope. The mean residual across it, sample by sample beside the edges
+    and beyond noise, tells how much of a wrong shape there may be along it.
     """
     middle, cell, bend = edges.grid
     mean, inside = np.zeros(2 * BESIDE), 0

@@ -20,7 +20,7 @@ FIELDS = (  # units and tens: first bit and number of bits of each, number of va
 )
 DROP_FRAME_BIT = 10
 DROP_RATE = FrameRate(30, Fraction(30000, 1001), True)
-# Ways of counting. Whether 30 labels last a second or a little more, a word does not say.
+# Ways of counting. A word does not say whether 30 labels last a second or a little more.
 COUNTINGS = (FrameRate(24, Fraction(24)), FrameRate(25, Fraction(25)), FrameRate(30, Fraction(30)), DROP_RATE)
 USER_BITS = np.array([8 * group + 4 + i for group in range(8) for i in range(4)])
 

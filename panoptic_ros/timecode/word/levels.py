@@ -1,8 +1,8 @@
-"""What is heard of a word: the levels of its half cells, and what the word before says of their polarity.
+"""The levels of the half cells of a word, and their polarity by the sync word before it.
 
 A word alone has two polarities. A change of its bit 0 then only turns the sign of its first half cell,
-which noise does as easily, and words that should count on but stand still could be read on. The sync word
-that was sent just before has one polarity only, and a cell always begins with a change.
+which noise does as easily. So words that stand still could be read as if they counted on. The sync word
+that was sent just before has one polarity only, and a cell always begins with a transition.
 """
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST_SYNC = 0.8  # share of the levels' magnitude before a word that a sync wor
 
 
 def _signs_before() -> Array:
-    """Of the half cells of a sync word that is followed by a positive one."""
+    """Signs of the half cells of a sync word that a positive half cell follows."""
     signs, first = [], 1.0
     for bit in SYNC:
         signs += [first, -first] if bit else [first, first]
@@ -36,7 +36,7 @@ class WordLevels:
 
     Args:
         halves: (160,) of its half cells.
-        before: sum of levels of a sync word before it that speaks for a positive first half cell.
+        before: correlation with the sync word before it; positive if the first half cell is.
     """
 
     halves: Array
@@ -44,7 +44,7 @@ class WordLevels:
 
 
 def word_levels(sums: Array, grid: Grid, reverse: bool) -> WordLevels:
-    """Of the word about a grid; what lies outside of the sums says nothing."""
+    """The levels of the word on a grid; what lies outside of the sums counts as 0."""
     first = -0.5 * WORD_CELLS - (0 if reverse else len(SYNC))
     levels = half_levels(sums, grid, first, WORD_CELLS + len(SYNC))
     if reverse:
