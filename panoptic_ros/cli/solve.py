@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.cli.offsets import add_offset_options, correct
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options
 from panoptic_ros.domain import TrackedPoseSet
@@ -18,6 +19,7 @@ from panoptic_ros.io.detector_context import bias_extras
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections, write_skeletons
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import map_joints, skeleton_of
+from panoptic_ros.params import config_of
 from panoptic_ros.running.parameters import read_parameters, with_defaults, with_occluders
 from panoptic_ros.stage import Notice, StageContext
 
@@ -49,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     name = args.skeleton if args.skeleton != "auto" else _choose(detections)
     skeleton, joint_map = map_joints(name, detections.joint_names)
     configs = with_defaults(parameters, {})
-    table = configs["assembly"].bias_table  # type: ignore[attr-defined]
+    table = config_of(configs, AssemblyConfig).bias_table
     context = StageContext(rig, skeleton, bias_extras(table, skeleton))
     sets = list(detections.sets(rig, joint_map, skeleton.hash, known=everything.names))
     sets = correct(sets, context, configs, args)

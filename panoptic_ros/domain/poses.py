@@ -1,8 +1,9 @@
 """Skeletons in 3D: without identity, tracked, refined."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import partial
 
 import numpy as np
 
@@ -103,7 +104,7 @@ class TrackedPoseSet(PoseSet):
         ids: (P,) int64, unique within the set; the same number is the same person over time.
     """
 
-    ids: Array = ()  # type: ignore[assignment]
+    ids: Array = field(default_factory=partial(np.zeros, 0, np.int64))
 
     def __post_init__(self) -> None:
         PoseSet.__post_init__(self)

@@ -12,6 +12,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError
 from panoptic_ros.io.interruption import first_request_told, listen_to_signals
@@ -93,7 +94,7 @@ def _spin(nodes: Sequence[Any], wanted: Callable[[], bool]) -> None:
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
 
 
 def leave(code: int) -> None:

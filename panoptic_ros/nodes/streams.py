@@ -21,11 +21,9 @@ class StreamEnds:
     """
 
     def __init__(self, node: Node, on_end: Callable[[str], None]):
-        self._publisher = node.create_publisher(message_class("panoptic_msgs/msg/EndOfStream"), TOPIC,
-                                                END_OF_STREAM)  # fmt: skip
-        self._subscription = node.create_subscription(
-            message_class("panoptic_msgs/msg/EndOfStream"), TOPIC, self._ended, END_OF_STREAM
-        )
+        self._message = message_class("panoptic_msgs/msg/EndOfStream")
+        self._publisher = node.create_publisher(self._message, TOPIC, END_OF_STREAM)
+        self._subscription = node.create_subscription(self._message, TOPIC, self._ended, END_OF_STREAM)
         self._on_end = on_end
         self._lock = threading.Lock()  # messages are counted by a worker, ends come on the executor
         self._expected: dict[str, int] = {}
@@ -47,7 +45,7 @@ class StreamEnds:
 
     def announce(self, topic: str, count: int) -> None:
         """Tell all readers that `count` messages were all of this topic."""
-        self._publisher.publish(self._publisher.msg_type(topic=topic, count=count))
+        self._publisher.publish(self._message(topic=topic, count=count))
 
     def _ended(self, message: Any) -> None:
         with self._lock:

@@ -4,10 +4,20 @@ A stage's configuration is a subclass of `Config` whose fields are made with `pa
 the ROS declarations (`nodes/`), `config/*.yaml`, `docs/parameters.md` and `--set stage.name=value`.
 No files are opened here.
 """
-from panoptic_ros.params.config import Config, Param, describe, diff, from_text, load, param, to_mapping
+from panoptic_ros.params.config import (
+    Config,
+    Param,
+    config_of,
+    describe,
+    diff,
+    from_text,
+    load,
+    param,
+    to_mapping,
+)
 from panoptic_ros.params.named import named_numbers, named_words, of_name
 
 __all__ = [
-    "Config", "Param", "describe", "diff", "from_text", "load", "named_numbers", "named_words", "of_name",
-    "param", "to_mapping",
+    "Config", "Param", "config_of", "describe", "diff", "from_text", "load", "named_numbers", "named_words",
+    "of_name", "param", "to_mapping",
 ]  # fmt: skip

@@ -102,6 +102,18 @@ def load(cls: type[C], values: Mapping[str, Any], where: str = "") -> C:
     return cls(**values)
 
 
+def config_of(configs: Mapping[str, Config], cls: type[C]) -> C:
+    """The configuration of a class among those of all stages.
+
+    Raises:
+        ContractError: if there is none.
+    """
+    for config in configs.values():
+        if type(config) is cls:
+            return config
+    raise ContractError(f"there is no {cls.__name__} among the configurations of {', '.join(configs)}")
+
+
 def to_mapping(config: Config) -> dict[str, Any]:
     """The configuration as plain values that `load` takes back; tuples become lists."""
     rows = ((item.name, getattr(config, item.name)) for item in describe(type(config)))

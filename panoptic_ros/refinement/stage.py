@@ -174,5 +174,5 @@ def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:
         ones = np.ones((1, count))
         yield TrackedPoseSet(
             index, index * 33_000_000, skeleton.hash, positions + 0.01 * index,
-            np.tile(1e-4 * np.eye(3), (1, count, 1, 1)), ones, 2 * ones, ones, np.ones(1), ids=[0],
+            np.tile(1e-4 * np.eye(3), (1, count, 1, 1)), ones, 2 * ones, ones, np.ones(1), ids=np.array([0]),
         )  # fmt: skip

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
@@ -16,6 +17,7 @@ from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.models import read_card
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON, load_skeleton, map_joints
+from panoptic_ros.params import config_of
 from panoptic_ros.running.bag_checks import check_contents, check_stamps
 from panoptic_ros.running.bag_topics import BagChoice, depth_streams, image_streams, names_of
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
@@ -53,8 +55,9 @@ def plan_bags(
         found = asked.subset(counts)
         require_two(found)
         stage = "sync" if streams[0].key == "detections" else "detection"
+        extras: Mapping[str, Any] = {}
         if stage == "sync":
-            skeleton, extras = _recorded_skeleton(options, bags, bag_of), {}
+            skeleton = _recorded_skeleton(options, bags, bag_of)
         else:
             skeleton, extras = options.detector()
         check_contents(bag_of, found, skeleton)
@@ -76,7 +79,7 @@ def _recorded_skeleton(
         _refuse_detector_options(options, bags[0])
         return recorded
     stream, bag = next(iter(bag_of.items()))
-    model = configure(options.all_parameters())["detection"].model  # type: ignore[attr-defined]
+    model = config_of(configure(options.all_parameters()), DetectionConfig).model
     named = load_skeleton(options.skeleton)
     filled, _ = map_joints(options.skeleton, read_card(model).card.joints)  # as a detector's joints allow
     for skeleton in (named, filled):

@@ -9,6 +9,8 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.evaluation.capture_report import summarise_capture
 from panoptic_ros.graph.build import make_stage
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.params import config_of
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.results import MARK, Results
 from panoptic_ros.stage import Notice, StageContext
@@ -104,7 +106,7 @@ def _plan_notices(plan: Plan) -> list[Notice]:
 
 def _clock_notices(plan: Plan, results: Results) -> list[Notice]:
     """What was found of the clocks, where that was asked for."""
-    if not plan.configs["offsets"].active:  # type: ignore[attr-defined]
+    if not config_of(plan.configs, OffsetsConfig).active:
         return []
     found = [
         f"{name} {1e-6 * model.offset_ns:+.2f} ms +- {1e3 * model.covariance[0, 0] ** 0.5:.2f}"

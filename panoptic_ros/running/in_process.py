@@ -16,6 +16,8 @@ from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import CHAIN, Pipeline
 from panoptic_ros.io.bag_streams import DEPTH_KEYS, merged
 from panoptic_ros.io.messages import frame_from_message, from_message
+from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.params import config_of
 from panoptic_ros.running.newest_frames import newest_frames
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.results import Results
@@ -25,7 +27,7 @@ from panoptic_ros.stage import Notice, StageContext
 def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageStatistics]:
     """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
     stages = CHAIN[CHAIN.index(plan.stage) :]
-    beside = ("offsets",) if plan.configs["offsets"].active else ()  # type: ignore[attr-defined]
+    beside = ("offsets",) if config_of(plan.configs, OffsetsConfig).active else ()
     statistics = {name: StageStatistics() for name in (*stages, *beside)}
 
     def note(stage: str, notice: Notice) -> None:

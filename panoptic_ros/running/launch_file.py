@@ -12,7 +12,8 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.params import diff
+from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.params import config_of, diff
 from panoptic_ros.running.plan import Plan
 
 CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
@@ -52,7 +53,7 @@ def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_qua
             }
             node = stage("detection", cameras=cameras, compressed=compressed, **_if_any(depths))
             processes[f"detection-{k}"] = [{**node, "name": f"detection_{k}"}]
-    if plan.configs["offsets"].active:  # type: ignore[attr-defined]
+    if config_of(plan.configs, OffsetsConfig).active:
         processes["offsets"] = [stage("offsets")]
     fusion = [stage(name) for name in ("sync", *FUSION)]
     processes["fusion"] = [*fusion, {"kind": "markers", "parameters": {"flow": flow}}]

@@ -6,15 +6,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import check_names
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.params import config_of
 from panoptic_ros.running.parameters import Parameters, with_occluders
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.saved_offsets import saved_lines, saved_offsets
+from panoptic_ros.sync.config import SyncConfig
 
 
 @dataclass(frozen=True)
@@ -44,8 +49,8 @@ class RunOptions:
 
     def detector(self) -> tuple[SkeletonModel, Mapping[str, Any]]:
         """The working skeleton and the extras of the stages, for the pose model."""
-        config = configure(self.all_parameters())["detection"]
-        return detector_extras(config.model, self.skeleton)  # type: ignore[attr-defined]
+        config = config_of(configure(self.all_parameters()), DetectionConfig)
+        return detector_extras(config.model, self.skeleton)
 
     def complete(self, plan: Plan) -> Plan:
         """The plan with occluders, offsets and the biases of the detector's joints.
@@ -56,7 +61,7 @@ class RunOptions:
         check_names(plan.rig.names)
         rig = with_occluders(plan.rig, self.occluders)
         plan = plan if self.offsets is None else _with_offsets(plan, self.offsets)
-        table = plan.configs["assembly"].bias_table  # type: ignore[attr-defined]
+        table = config_of(plan.configs, AssemblyConfig).bias_table
         return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
 
 
@@ -65,8 +70,8 @@ NO_OPTIONS = RunOptions()
 
 def _with_offsets(plan: Plan, path: Path) -> Plan:
     """The plan with offsets that were found before as delays of the cameras."""
-    sync, offsets = plan.configs["sync"], plan.configs["offsets"]
-    if sync.delays_ms:  # type: ignore[attr-defined]
+    sync, offsets = config_of(plan.configs, SyncConfig), config_of(plan.configs, OffsetsConfig)
+    if sync.delays_ms:
         raise UsageError("--offsets and sync.delays_ms both tell how late stamps are; give one of them")
     saved = saved_offsets(path, plan.rig.names)
     delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())

@@ -7,14 +7,16 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import try_shutdown
 
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
+from panoptic_ros.params import config_of
+from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.launch_file import write_launch_file
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.processes import Processes, prepare_environment
@@ -41,7 +43,7 @@ def _run(
     plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int
 ) -> dict[str, dict[str, str]]:
     flow_name = "live" if plan.live else "replay"
-    window = WINDOW + math.ceil(plan.frame_rate * plan.configs["refinement"].lag)  # type: ignore[attr-defined]
+    window = WINDOW + math.ceil(plan.frame_rate * config_of(plan.configs, RefinementConfig).lag)
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality)
     document = json.loads(launch.read_text())
     names = [entry["name"] for p in document["processes"].values() for entry in p if "name" in entry]
@@ -63,7 +65,7 @@ def _run(
         executor.shutdown()
         collector.destroy_node()
         statics.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
         launch.unlink(missing_ok=True)
 
 

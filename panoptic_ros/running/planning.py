@@ -12,7 +12,7 @@ from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
-from panoptic_ros.running.parameters import with_defaults
+from panoptic_ros.running.parameters import Parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
 
 
@@ -100,7 +100,7 @@ def plan_devices(
     require_two(chosen)
     rate = frame_rate or 30.0
     own = {"frame_rate": frame_rate, "latency_ms": latency_ms}
-    defaults = {
+    defaults: Parameters = {
         # detection works through the cameras in turn
         "sync": {"deadline_s": max(LIVE_DEFAULTS["sync"]["deadline_s"], 3.0 / rate)},
         "detection": {"threads": max(1, (os.cpu_count() or 2) // 2)},

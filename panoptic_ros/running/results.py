@@ -17,8 +17,9 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.plain_formats import write_skeletons
-from panoptic_ros.params import named_numbers, of_name
+from panoptic_ros.params import config_of, named_numbers, of_name
 from panoptic_ros.running.plan import Plan
+from panoptic_ros.sync.config import SyncConfig
 
 MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
 
@@ -95,8 +96,7 @@ class Results:
         self._bag.close()
         write_skeletons(self.folder / "skeletons.json.gz", self._plan.skeleton.joint_names, self.poses)
         if self.clocks:
-            config: Any = self._plan.configs["sync"]
-            given = named_numbers("SyncConfig.delays_ms", config.delays_ms)
+            given = named_numbers("SyncConfig.delays_ms", config_of(self._plan.configs, SyncConfig).delays_ms)
             delays = {name: of_name(given, name) for name in self.views if of_name(given, name)}
             write_models(self.folder / "offsets.json", self.clocks, delays)
 

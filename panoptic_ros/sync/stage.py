@@ -6,7 +6,7 @@ from math import ceil
 
 from panoptic_ros.domain import ClockModel, DetectionSet, EndOfStream, ViewDetections
 from panoptic_ros.errors import ConfigError, DataError
-from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.stage import Notice, Severity, StageContext, StepResult
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.correction import StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_master
@@ -86,8 +86,8 @@ class SyncStage:
                     f"camera {item.camera} sends skeleton {item.skeleton_hash}, "
                     f"expected {self._skeleton_hash}"
                 )
-            views, told = self._strays.take(item)
-            notices += told
+            views, strays = self._strays.take(item)
+            notices += strays
             self._correct(views, notices)
         return self._give(notices, final=False)
 
@@ -275,6 +275,6 @@ class SyncStage:
         return middle if farthest <= ALIKE * instants.period else instant
 
 
-def _dropped(code: str, view: ViewDetections, why: str, severity: str = "warning") -> Notice:
+def _dropped(code: str, view: ViewDetections, why: str, severity: Severity = "warning") -> Notice:
     text = f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: {why}"
-    return Notice(code, severity, text, {"camera": view.camera, "stamp_ns": view.stamp_ns})  # type: ignore[arg-type]
+    return Notice(code, severity, text, {"camera": view.camera, "stamp_ns": view.stamp_ns})

@@ -71,8 +71,8 @@ def _timed_anew(words: list[Word], samples: Array, sample_rate: int) -> list[Wor
     line = None
     good = [(word, fit) for word, fit in zip(words, fits) if fit is not None]
     if len(good) >= LINE_WORDS:
-        for word, fit in good[:LINE_WORDS]:
-            pace.take(word.number, fit)
+        for word, there in good[:LINE_WORDS]:
+            pace.take(word.number, there)
         _, line = pace.early(good[0][1].grid, good[0][0].number)
     pace = Pace(words[0].reverse, words[0].bending, line)
     out = []

@@ -51,10 +51,10 @@ class TrackingStage:
         self._advance(item.stamp_ns)
         owners = self._assign(item)
         notices = self._update(item, owners)
-        chosen = [k for k, track in enumerate(owners) if track is not None and track.number >= 0]
-        chosen.sort(key=lambda k: owners[k].number)  # type: ignore[union-attr]
-        ids = [owners[k].number for k in chosen]  # type: ignore[union-attr]
-        return StepResult((_tracked(item, chosen, ids),), notices)
+        known = ((k, track.number) for k, track in enumerate(owners) if track is not None)
+        numbers = {k: number for k, number in known if number >= 0}
+        chosen = sorted(numbers, key=lambda k: numbers[k])
+        return StepResult((_tracked(item, chosen, [numbers[k] for k in chosen]),), notices)
 
     def _advance(self, stamp_ns: int) -> None:
         """Predict all tracks to the instant and drop those that waited too long."""

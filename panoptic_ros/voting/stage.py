@@ -198,4 +198,5 @@ def has_anything(view: ViewDetections) -> bool:
 def _proposals(item: DetectionSet, *arrays: Array) -> ProposalSet:
     if arrays:
         return ProposalSet(item, *arrays)
-    return ProposalSet(item, np.zeros((0, 3)), (), (), (), np.zeros((0, 2)), (), ())
+    none = np.zeros(0)
+    return ProposalSet(item, np.zeros((0, 3)), none, none, none, np.zeros((0, 2)), none, none)

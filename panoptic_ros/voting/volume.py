@@ -37,14 +37,15 @@ class Volume:
             raise ConfigError(
                 f"volume = {list(bounds)} is no box; give least x, y, z and then largest x, y, z in metres"
             )
-        lower = tuple(int(np.floor(a / side + 1e-9)) for a in bounds[:3])
-        upper = tuple(int(np.ceil(b / side - 1e-9)) for b in bounds[3:])
-        return cls(lower, upper, side)  # type: ignore[arg-type]
+        x0, y0, z0 = (int(np.floor(a / side + 1e-9)) for a in bounds[:3])
+        x1, y1, z1 = (int(np.ceil(b / side - 1e-9)) for b in bounds[3:])
+        return cls((x0, y0, z0), (x1, y1, z1), side)
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Number of voxels along each axis."""
-        return tuple(b - a for a, b in zip(self.lower, self.upper))  # type: ignore[return-value]
+        (x0, y0, z0), (x1, y1, z1) = self.lower, self.upper
+        return x1 - x0, y1 - y0, z1 - z0
 
     def contains(self, voxels: Array) -> Array:
         """Whether voxels (N, 3) are in the volume (N,)."""

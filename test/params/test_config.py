@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from panoptic_ros.errors import ConfigError, ContractError
-from panoptic_ros.params import Config, describe, diff, from_text, load, param, to_mapping
+from panoptic_ros.params import Config, config_of, describe, diff, from_text, load, param, to_mapping
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,3 +72,14 @@ def test_field_without_param_is_a_bug():
 
     with pytest.raises(ContractError):
         describe(Plain)
+
+
+def test_a_configuration_is_found_by_its_class():
+    class Other(Sample):
+        pass
+
+    configs = {"first": Other(), "second": Sample(size_m=0.5)}
+    assert config_of(configs, Sample).size_m == 0.5
+    assert config_of(configs, Other) is configs["first"]
+    with pytest.raises(ContractError, match="no Sample among the configurations of first"):
+        config_of({"first": Other()}, Sample)

@@ -62,7 +62,7 @@ def from_message(message: Any, record: str) -> Any:
 def _write_maps(maps: ScoreMaps | None, family: Messages) -> Any:
     if maps is None:
         empty = np.zeros(0, np.int32)
-        maps = ScoreMaps((1, 1), np.eye(2, 3), empty, empty, empty.reshape(0, 2), empty.reshape(0, 2), [])
+        maps = ScoreMaps((1, 1), np.eye(2, 3), empty, empty, empty.reshape(0, 2), empty.reshape(0, 2), empty)
     return family.make(
         "ScoreMaps",
         grid_width=maps.grid_size[0],
@@ -225,19 +225,18 @@ def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
         people = message.skeletons
         joints = int(message.joint_count)
         shapes = {"positions": (3,), "covariances": (3, 3), "scores": (), "views": (), "states": ()}
-        arrays = [
-            np.array([shaped(getattr(p, name), f"Skeleton.{name}", joints, *tail) for p in people])
+        arrays = {
+            name: np.array([shaped(getattr(p, name), f"Skeleton.{name}", joints, *tail) for p in people])
             .reshape(len(people), joints, *tail)
             for name, tail in shapes.items()
-        ]  # fmt: skip
-        values = (
-            int(message.index), stamp_of(message.header), str(message.skeleton_hash), *arrays,
-            np.array([p.score for p in people], float), time_ns(message.newest_stamp),
-            _read_time_shift(people, joints), _read_sources(message),
+        }  # fmt: skip
+        ids = {"ids": np.array([p.id for p in people], np.int64)} if issubclass(cls, TrackedPoseSet) else {}
+        return cls(
+            int(message.index), stamp_of(message.header), str(message.skeleton_hash),
+            person_scores=np.array([p.score for p in people], float),
+            newest_ns=time_ns(message.newest_stamp), time_shift=_read_time_shift(people, joints),
+            sources=_read_sources(message), **arrays, **ids,
         )  # fmt: skip
-        if issubclass(cls, TrackedPoseSet):
-            return cls(*values, ids=[p.id for p in people])
-        return cls(*values)
 
     return read
 

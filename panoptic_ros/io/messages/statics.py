@@ -145,7 +145,10 @@ def read_timecode(message: Any) -> TimecodeReading:
         raise DataError("TimecodeReading.rate_denominator is 0")
     exact = Fraction(int(message.rate_numerator), int(message.rate_denominator))
     rate = FrameRate(round(exact), exact, bool(message.drop_frame))
-    label = Timecode(*(int(getattr(message, f)) for f in ("hours", "minutes", "seconds", "frames")), rate)
+    hours, minutes, seconds, frames = (
+        int(number) for number in (message.hours, message.minutes, message.seconds, message.frames)
+    )
+    label = Timecode(hours, minutes, seconds, frames, rate)
     return TimecodeReading(
         str(message.header.frame_id), stamp_of(message.header), label, float(message.start_sample),
         float(message.std_samples), bool(message.reverse), int(message.user_bits),

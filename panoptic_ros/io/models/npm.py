@@ -124,8 +124,9 @@ def _extract(archive: Path, package: str, wanted: Sequence[PackedFile]) -> list[
     try:
         with tarfile.open(archive, "r|gz") as stream:
             for entry in stream:
-                if entry.name in names and entry.isfile():
-                    found[entry.name] = stream.extractfile(entry).read()  # type: ignore[union-attr]
+                content = stream.extractfile(entry) if entry.name in names and entry.isfile() else None
+                if content is not None:
+                    found[entry.name] = content.read()
                 if len(found) == len(names):
                     break
     except (tarfile.TarError, gzip.BadGzipFile, zlib.error, EOFError) as error:

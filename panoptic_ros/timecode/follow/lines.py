@@ -58,7 +58,8 @@ def curve_excess(words: Array, scale: float) -> float:
     weights = np.linalg.solve(_products(powers), (powers * y).sum(axis=1))
     squares = (y - weights[0] * powers[0] - weights[1] * powers[1] - weights[2] * powers[2]) ** 2
     squares = np.minimum(squares, FAR * np.median(squares))
-    return squares.sum() / (count - 3) - scale * words[2].mean()
+    excess: float = squares.sum() / (count - 3) - scale * words[2].mean()
+    return excess
 
 
 @_jit

@@ -111,7 +111,8 @@ class Pace:
         excess = curve_excess(words, self._scale)
         share = (freedom if excess > 0.0 else covered) / (PRIOR_WORDS + freedom)
         least = -0.9 * self._scale * fit.covariance[0, 0]
-        return PRIOR_WORDS / (PRIOR_WORDS + covered) * fit.unseen**2 + max(least, share * excess)
+        variance: float = PRIOR_WORDS / (PRIOR_WORDS + covered) * fit.unseen**2 + max(least, share * excess)
+        return variance
 
     def _find_line(self) -> tuple[float, float] | None:
         """Length of a cell and its deviation by the line through the last words, if they lie on one."""

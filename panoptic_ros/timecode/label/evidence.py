@@ -133,7 +133,8 @@ class Evidence:
 
     def soft_user(self, label: Timecode) -> Array:
         """Nats (32,) for ones in the user bits of a word with a label."""
-        return soft_nats(self._levels, known_bits(label))[USER_BITS]
+        nats: Array = soft_nats(self._levels, known_bits(label))[USER_BITS]
+        return nats
 
     def _wanted(self, label: Timecode) -> Array:
         wanted = known_bits(label)

@@ -46,7 +46,7 @@ def _baseline(count: int, terms: int, step: int) -> Baseline:
     below, rest = np.divmod(np.arange(count), step)
     after = rest / step
     lines = knots[:, below] * (1.0 - after) + knots[:, below + 1] * after
-    triangle = np.linalg.qr(lines.T, mode="r")
+    triangle = np.asarray(np.linalg.qr(lines.T, mode="r"))
     basis = np.linalg.solve(triangle.T, knots)
     basis.flags.writeable = False
     return Baseline(basis, step)

@@ -75,4 +75,5 @@ def _between(up: int) -> Array:
     """Interpolation weights (up - 1, 2 M) of samples for the places between two samples (windowed sinc)."""
     away = np.arange(1 - BESIDE, BESIDE + 1) - np.arange(1, up)[:, None] / up
     rows = np.sinc(away) * np.i0(WINDOW[1] * np.sqrt(1.0 - (away / BESIDE) ** 2))
-    return rows / rows.sum(axis=1, keepdims=True)
+    shares: Array = rows / rows.sum(axis=1, keepdims=True)
+    return shares

@@ -20,7 +20,8 @@ def integral(sums: Array, position: float) -> float:
     place = min(max(position + 0.5, 0.0), len(sums) - 1.001)
     below = int(place)
     part = place - below
-    return sums[below] * (1.0 - part) + sums[below + 1] * part
+    value: float = sums[below] * (1.0 - part) + sums[below + 1] * part
+    return value
 
 
 @_jit
