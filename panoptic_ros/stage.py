@@ -7,16 +7,29 @@ caller decides what to print.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
 from panoptic_ros.domain import Rig, SkeletonModel
 
-__all__ = ["Notice", "Stage", "StageContext", "StepResult"]
+__all__ = [
+    "Notice",
+    "Pass",
+    "Progress",
+    "Recording",
+    "Stage",
+    "StageContext",
+    "StepResult",
+    "each",
+    "part_of",
+    "untold",
+]
 
 In = TypeVar("In", contravariant=True)
 Out = TypeVar("Out", covariant=True)
+Artefact = TypeVar("Artefact", covariant=True)
+Item = TypeVar("Item")
 Severity = Literal["info", "warning", "error"]
 
 
@@ -59,3 +72,59 @@ class Stage(Protocol[In, Out]):
 
     def reset(self) -> None:
         """Forget everything, as if just constructed."""
+
+
+# Passes: what needs a whole recording.
+
+Progress = Callable[[float, str], None]
+"""Is told the share that is done, 0..1, and what is being done."""
+
+
+class Recording(Protocol):
+    """The records of a capture, which can be read as often as one likes."""
+
+    def records(
+        self, topic: str, scope: str = "", begin_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterable[Any]:
+        """Records of one topic in the order of their stamps.
+
+        Args:
+            topic: its key in `graph.topics.TOPICS`, or "truth" for `evaluation.SkeletonFrame`s.
+            scope: the camera or device, for topics that have one.
+            begin_ns, end_ns: only stamps from the first and before the second one; None = all.
+        """
+
+
+@runtime_checkable
+class Pass(Protocol[Artefact]):
+    """Constructed as `SomePass(config, context)`.
+
+    Deterministic as a stage is, and without state: a run leaves nothing behind for the next one.
+    """
+
+    def run(self, recording: Recording, progress: Progress) -> Artefact:
+        """Read the recording and return what was to be found: clocks, a table, scores, motion.
+
+        A pass writes no files, so an interruption leaves nothing that is half-written.
+
+        Args:
+            progress: is called between steps, with shares that never go back and end at 1. What it
+                raises interrupts the pass.
+        """
+
+
+def untold(share: float, doing: str) -> None:
+    """Progress that nobody wants to know."""
+
+
+def part_of(progress: Progress, begin: float, end: float) -> Progress:
+    """Progress of a part of some work: its 0..1 are `begin`..`end` of the whole."""
+    return lambda share, doing: progress(min(end, begin + (end - begin) * share), doing)
+
+
+def each(items: Iterable[Item], count: int, progress: Progress, doing: str) -> Iterator[Item]:
+    """The items, `count` in number, with progress before each of them and after the last."""
+    for done, item in enumerate(items):
+        progress(done / count, doing)
+        yield item
+    progress(1.0, doing)

@@ -17,6 +17,7 @@ from panoptic_ros.offsets import CameraClocks, regroup
 from panoptic_ros.params import Config
 from panoptic_ros.running.saved_offsets import saved_lines, saved_offsets
 from panoptic_ros.stage import StageContext
+from panoptic_ros.view.progress import PassBar
 
 
 def add_saved_option(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +59,8 @@ def correct(
         if args.offsets_out or args.trusted_camera:
             raise UsageError("--offsets-out and --trusted-camera need --offsets-from-motion")
         return list(sets) if args.offsets is None else _moved(sets, context, args)
-    found = find_clocks(sets, context, configs, args.trusted_camera)
+    with PassBar("clocks from motion") as bar:
+        found = find_clocks(sets, context, configs, args.trusted_camera, bar.show)
     if not args.quiet:
         print("\n".join(clock_lines(found.clocks)))
     if args.offsets_out:

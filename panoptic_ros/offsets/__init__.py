@@ -17,7 +17,7 @@ from residuals that clocks cannot explain, and is part of the standard deviation
 is known, and a notice says so. Calibration errors are not separated from clocks.
 """
 from panoptic_ros.offsets.clocks import CameraClocks
-from panoptic_ros.offsets.passes import Corrected, clocks_from_motion, correct_from_motion
+from panoptic_ros.offsets.passes import MotionClocks, MotionClocksConfig, clocks_from_motion
 from panoptic_ros.offsets.regroup import regroup
 
-__all__ = ["CameraClocks", "Corrected", "clocks_from_motion", "correct_from_motion", "regroup"]
+__all__ = ["CameraClocks", "MotionClocks", "MotionClocksConfig", "clocks_from_motion", "regroup"]

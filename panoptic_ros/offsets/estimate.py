@@ -1,6 +1,7 @@
 """Clocks of cameras from the motion that they see: the offsets that make the rays meet."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,8 +81,9 @@ class _Problem:
 
 
 def fit_clocks(
-    seen: Observations, cameras: int, offsets: Array, drifts: Array, prior: Array, rounds: int = 40
-) -> Fit:
+    seen: Observations, cameras: int, offsets: Array, drifts: Array, prior: Array, rounds: int = 40,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Fit:  # fmt: skip
     """Estimate offsets and drifts from the joints of tracked people.
 
     Gauss-Newton steps of the clocks with the trajectories eliminated and Cauchy weights, and Anderson
@@ -89,13 +91,14 @@ def fit_clocks(
 
     Args:
         offsets (C,) s, drifts (C,): to start from. prior: (2C,) their standard deviations about 0.
-        rounds: most iterations.
+        rounds: most iterations. progress: is told the share that is done, 0..1.
     """
     problem = _Problem(make_series(seen), cameras)
     state = centred(np.concatenate([offsets, drifts]).astype(np.float64), cameras)
     information, converged, done = np.zeros((2 * cameras, 2 * cameras)), False, 0
     history: list[tuple[Array, Array]] = []
     while len(problem.series.counts) and done < rounds and not converged:
+        progress(done / rounds)
         learn = done < LEARNING
         information, right = problem.linearise(state, learn)
         step = np.linalg.solve(information + np.diag(prior**-2.0), right - state / prior**2)

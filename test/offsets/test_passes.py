@@ -6,14 +6,20 @@ import pytest
 
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
-from panoptic_ros.offsets import CameraClocks, correct_from_motion, passes
-from panoptic_ros.offsets.passes import WINDOW_S, WINDOWS, telling_part
+from panoptic_ros.graph.clocks_from_motion import Corrected, find_clocks
+from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.offsets import CameraClocks, MotionClocks, MotionClocksConfig, passes, regroup
+from panoptic_ros.offsets.passes import WINDOW_S, WINDOWS, telling_spans
+from panoptic_ros.stage import untold
 
 
-def found(capture, trusted=""):
-    return correct_from_motion(
-        capture.sets, capture.rig, capture.skeleton, lambda sets: capture.tracked, trusted
-    )
+def found(capture, trusted="", sets=None, tracked=None):
+    """The clocks of a capture, or of other sets and tracked people, and the sets corrected by them."""
+    sets = capture.sets if sets is None else sets
+    people = capture.tracked if tracked is None else tracked
+    work = MotionClocks(MotionClocksConfig(lambda items: people, trusted), capture.context)
+    clocks = work.run(HeldRecording({"detection_sets": sets}), untold)
+    return Corrected(clocks, regroup(sets, clocks.corrections(sets)))
 
 
 @pytest.fixture(scope="module")
@@ -90,10 +96,11 @@ def test_of_very_many_frames_some_of_every_camera_are_used(make_capture, monkeyp
 
 def test_without_people_nothing_is_known(make_capture):
     capture = make_capture(seconds=0.5)
-    result = correct_from_motion(capture.sets, capture.rig, capture.skeleton, lambda sets: [])
+    result = found(capture, tracked=[])
     assert not result.clocks.known.any() and len(result.sets) == len(capture.sets)
-    empty = correct_from_motion([], capture.rig, capture.skeleton, lambda sets: [])
-    assert empty.sets == [] and not empty.clocks.known.any()
+    nothing = MotionClocks(MotionClocksConfig(lambda items: []), capture.context)
+    assert not nothing.run(HeldRecording({}), untold).known.any()
+    assert find_clocks([], capture.context, {}).sets == []
 
 
 def test_views_that_are_missing_do_no_harm(make_capture):
@@ -103,7 +110,7 @@ def test_views_that_are_missing_do_no_harm(make_capture):
         DetectionSet(s.index, s.stamp_ns, s.skeleton_hash, tuple(v for v in s.views if rng.random() < 0.7))
         for s in capture.sets
     ]
-    clocks = correct_from_motion(sets, capture.rig, capture.skeleton, lambda _: capture.tracked).clocks
+    clocks = found(capture, sets=sets).clocks
     error = clocks.offsets - capture.offsets
     assert np.abs(error - error.mean()).max() < 1.5e-3
 
@@ -130,6 +137,13 @@ def test_unknown_clocks_correct_nothing(make_capture):
     assert all((v == 0.0).all() for v in clocks.corrections(capture.sets).values())
 
 
+def told(sets):
+    """The sets that the clocks are estimated from."""
+    stamps = np.array([item.stamp_ns for item in sets])
+    people = np.array([sum(len(view.points) for view in item.views) for item in sets])
+    return [s for begin, end in telling_spans(stamps, people) for s in sets if begin <= s.stamp_ns < end]
+
+
 def test_of_an_hour_some_windows_with_people_tell(make_capture):
     few = make_capture(seconds=0.2).sets
     second = 1_000_000_000
@@ -137,11 +151,11 @@ def test_of_an_hour_some_windows_with_people_tell(make_capture):
         DetectionSet(i, i * second, few[0].skeleton_hash, few[0].views if i % 300 >= 200 else ())
         for i in range(3600)
     ]
-    part = telling_part(hour)
+    part = told(hour)
     assert len(part) == WINDOWS * WINDOW_S and all(item.views for item in part)
     stamps = [item.stamp_ns for item in part]
     assert stamps == sorted(set(stamps)) and stamps[-1] - stamps[0] > 3000 * second
-    assert telling_part(hour[:40]) == hour[:40]
+    assert told(hour[:40]) == hour[:40]
 
 
 def test_biased_joints_make_the_deviations_larger(make_capture):

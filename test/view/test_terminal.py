@@ -1,11 +1,12 @@
 """Progress bar and live table: right numbers, in place in a terminal, plain elsewhere."""
 import io
 import re
+from itertools import pairwise
 
 import pytest
 
 from panoptic_ros.view.live_table import LiveTable
-from panoptic_ros.view.progress import ProgressBar
+from panoptic_ros.view.progress import PassBar, ProgressBar, TimeLeft
 
 
 class Terminal(io.StringIO):
@@ -82,6 +83,61 @@ def test_the_bar_without_total_and_without_terminal(clock):
     with ProgressBar(10, "x", quiet, clock) as bar:
         bar.update(10)
     assert quiet.getvalue() == ""
+
+
+def test_a_pass_tells_its_share_the_time_left_and_what_it_does(clock):
+    out = Terminal()
+    with PassBar("clocks", out, clock) as bar:
+        bar.show(0.0, "solving")
+        assert out.screen()[0] == f"clocks [{28 * '.'}]   0 %  --:-- left  solving"
+        for k in range(1, 101):
+            clock.now += 0.2
+            bar.show(k / 400, "solving")
+        assert out.screen()[0] == f"clocks [#######{21 * '.'}]  25 %  01:00 left  solving"
+        clock.now += 60.0
+        bar.show(1.0, "estimating")
+        assert out.screen()[0] == f"clocks [{28 * '#'}] 100 %  00:00 left  estimating"
+    assert out.getvalue().count("\n") == 1
+
+
+def test_a_pass_is_not_drawn_for_each_step_nor_without_a_terminal(clock):
+    out, quiet = Terminal(), io.StringIO()
+    with PassBar("x", out, clock) as bar, PassBar("x", quiet, clock) as silent:
+        for k in range(1001):
+            clock.now += 0.001
+            bar.show(k / 1000, "step")
+            silent.show(k / 1000, "step")
+    assert 5 <= out.getvalue().count("\r") <= 15 and quiet.getvalue() == ""
+
+
+def test_a_long_line_is_cut_to_the_terminal(clock, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    out = Terminal()
+    PassBar("clocks from motion", out, clock).show(0.5, "something with a very long name")
+    assert len(out.screen()[0]) == 59
+
+
+def test_time_left_of_steady_work_is_exact_and_counts_down():
+    left = TimeLeft()
+    assert left.seconds(0.0) is None
+    for elapsed in range(101):
+        left.update(elapsed / 100, float(elapsed))
+        assert elapsed == 0 or left.seconds(elapsed) == pytest.approx(100 - elapsed)
+
+
+def test_time_left_does_not_jump_where_steps_are_uneven():
+    """Half of the work takes 20 s, the other half 60 s: what is shown moves by less than a second a step."""
+    left, shown, pace = TimeLeft(), [], []
+    for k in range(1, 801):
+        elapsed = 0.1 * k
+        share = elapsed / 40.0 if elapsed <= 20.0 else 0.5 + (elapsed - 20.0) / 120.0
+        left.update(share, elapsed)
+        if elapsed >= 1.0:
+            shown.append(left.seconds(elapsed))
+            pace.append(elapsed / share - elapsed)
+    steps = [b - a for a, b in pairwise(shown)]
+    assert max(abs(step) for step in steps) < 0.2
+    assert max(abs(a - b) for a, b in zip(shown, pace)) < 10.0 and shown[-1] < 3.0
 
 
 def test_the_table_shows_cameras_people_and_latency_in_place(skeleton, make_poses, clock):
