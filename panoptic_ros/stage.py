@@ -73,6 +73,17 @@ class Stage(Protocol[In, Out]):
     def reset(self) -> None:
         """Forget everything, as if just constructed."""
 
+    def state(self) -> bytes:
+        """All that later steps depend on; the stage is unchanged."""
+
+    def begin(self, state: bytes) -> None:
+        """Replace all of the stage's own state by what `state` gave, of a stage of this class and context.
+
+        Raises:
+            DataError: if the bytes are not whole, or of another stage, version, configuration or context; the
+                stage is then unchanged.
+        """
+
 
 # Passes: what needs a whole recording.
 

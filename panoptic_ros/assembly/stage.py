@@ -14,7 +14,7 @@ from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, l
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.nodes import has_maps
 from panoptic_ros.assembly.noise import NoiseTable
-from panoptic_ros.assembly.noise_growth import box_diagonals
+from panoptic_ros.assembly.noise_growth import NoiseGrowth, box_diagonals
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.phantoms import agreed_shares
@@ -23,18 +23,32 @@ from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion,
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.consensus.evidence import Evidence, RigArrays, gather
 from panoptic_ros.consensus.grouping import Scene
-from panoptic_ros.consensus.guidance import Guidance, Prediction
+from panoptic_ros.consensus.guidance import GUIDANCE_FIELDS, Guidance, Prediction
 from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet
 from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
 
-class AssemblyStage:
+class AssemblyStage(Stateful):
     """Skeletons of one instant, without identity, from a `ProposalSet`.
 
     The constructor compiles the kernels, or takes them from numba's cache.
     """
+
+    LAYOUT = StateLayout(
+        "assembly", ("_noise", "_guidance", "_last_ns"),
+        (
+            Fields.named(Guidance, GUIDANCE_FIELDS),
+            Fields.named(
+                NoiseTable, "_initial _memory _low _width _scores _views shares factors growth learnt"
+            ),
+            Fields.named(NoiseGrowth, "_memory _sums _middle exponent"),
+        ),
+        shared=("_mirror", "_groups"),
+        same={"configuration": "_config", "cameras": "_context.rig.names", "skeleton": "_hash"},
+    )  # fmt: skip
 
     def __init__(self, config: AssemblyConfig, context: StageContext):
         self._config, self._context, self._skeleton = config, context, context.skeleton

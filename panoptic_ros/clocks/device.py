@@ -27,7 +27,7 @@ Cause = Literal["clock", "timecode"]
 
 
 @dataclass
-class _Samples:
+class Samples:
     """The device's count of samples as a second axis of time."""
 
     last: float = -1.0  # of the newest point
@@ -62,7 +62,7 @@ class DeviceClock:
         self._segment += 1
         self._points: deque[Point] = deque(points or [])
         self._strays: list[Point] = []
-        self._samples = _Samples()
+        self._samples = Samples()
         if self._points:
             self._follow_samples(self._points[0], self._points[-1])
         self.urgent = True  # the next model is due as soon as there is one

@@ -1,21 +1,41 @@
 """The clocks stage: timecode readings of any number of devices to clock models."""
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 
 from panoptic_ros.clocks.config import ClocksConfig
-from panoptic_ros.clocks.device import DeviceClock
-from panoptic_ros.clocks.timeline import SECOND, SILENT_NS, Timeline
-from panoptic_ros.domain import ClockModel, TimecodeReading
+from panoptic_ros.clocks.device import DeviceClock, Samples
+from panoptic_ros.clocks.estimate import Point
+from panoptic_ros.clocks.timeline import SECOND, SILENT_NS, Place, Timeline
+from panoptic_ros.domain import ClockModel, FrameRate, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Fields, Stateful, StateLayout
 
 RATE_OFF = 600e-6  # no crystal errs by more; 29.97 and 30 fps differ by 1000 ppm
 NO_CLOCK = 0.01  # timecode so far off its rate is no clock
 
 
-class ClocksStage:
+class ClocksStage(Stateful):
     """See the package. Devices share the master time line and nothing else."""
+
+    LAYOUT = StateLayout(
+        "clocks", ("_timeline", "_devices", "_silent", "_rate_off"),
+        (
+            ClockModel, FrameRate, Point, Place, Samples,
+            Fields.named(Fraction, "_numerator _denominator", is_value=True),
+            Fields.named(Timeline, "_shifts _places"),
+            Fields.named(
+                DeviceClock,
+                "_name _config _timeline _delay_ns _segment _model _prior _noise _usual_noise _one_way _rate "
+                "_points _strays _samples urgent given_ns",
+            ),
+        ),
+        shared=("_config",),
+        same={"configuration": "_config"},
+    )  # fmt: skip
 
     def __init__(self, config: ClocksConfig, context: StageContext | None = None):
         self._config = config

@@ -25,7 +25,7 @@ def day_length_ns(timecode: Timecode) -> int:
 
 
 @dataclass
-class _Place:
+class Place:
     """Where a device is: how many jumps of the timecode it has followed, and its newest time."""
 
     jumps: int
@@ -44,7 +44,7 @@ class Timeline:
 
     def __init__(self) -> None:
         self._shifts: list[int] = [0]  # ns, added to the timecode after so many jumps
-        self._places: dict[str, _Place] = {}
+        self._places: dict[str, Place] = {}
 
     def master_ns(self, device: str, timecode: Timecode, expected_ns: int | None = None) -> int:
         """Master time of a label, on the day nearest to `expected_ns`, or to the device's newest time.
@@ -130,7 +130,7 @@ class Timeline:
             own = _nearest_day(raw + self._shifts[place.jumps], timecode, place.newest_ns)
             if abs(own - place.newest_ns) < distance:
                 best, jumps, distance = own, place.jumps, abs(own - place.newest_ns)
-        self._places[device] = _Place(jumps, best, self._total_heard())
+        self._places[device] = Place(jumps, best, self._total_heard())
         return best
 
 

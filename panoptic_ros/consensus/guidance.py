@@ -15,6 +15,9 @@ LOST_SIGMA = 0.35  # m, joints predicted worse than this are forgotten
 FIRM_VIEWS = 3  # that agree on a joint make its place firm
 FIRM_TIME = 0.08  # s, for so long
 ESTABLISHED_JOINTS = 4  # on which they agreed make a person's existence sure
+GUIDANCE_FIELDS = (  # all attributes of a Guidance, for the state of who has one
+    "_joints _mirror _groups _memory _acceleration _states _variances _ages _unagreed _unseen _balance"
+)
 BALANCE_MEMORY = 0.9  # per frame, of how many views see a limb with its sides exchanged
 
 

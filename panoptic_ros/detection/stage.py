@@ -13,6 +13,7 @@ from panoptic_ros.detection.people import boxes_of_points
 from panoptic_ros.domain import JointMap, ViewDetections, ViewFrame, VisibilityLimit
 from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Stateful, StateLayout
 
 Array = np.ndarray
 MARGIN = 1.1  # people may leave the good range by this factor without a notice
@@ -20,7 +21,7 @@ PATIENCE = 15  # frames in which people are too small or too large before it is 
 UNCLAIMED_PEAK = 0.3  # peaks of nobody in the maps count from here
 
 
-class DetectionStage:
+class DetectionStage(Stateful):
     """Finds people in the images of any number of cameras, each camera on its own.
 
     `context.extras` holds "detector", a DetectorModel, and "joint_map", the JointMap from its
@@ -29,6 +30,11 @@ class DetectionStage:
     Raises:
         BackendError: if the network cannot be run here or is not what its card says.
     """
+
+    LAYOUT = StateLayout(
+        "detection", ("_sides", "_outside", "_noticed"), (SideChooser,),
+        same={"configuration": "config", "model": "model_name", "skeleton": "skeleton_hash"},
+    )  # fmt: skip
 
     def __init__(self, config: DetectionConfig, context: StageContext):
         model = context.extras.get("detector")
@@ -41,6 +47,7 @@ class DetectionStage:
                 f"model {model.card.name} has {len(model.card.joints)}"
             )
         self.config = with_card_thresholds(config, model.card)
+        self.model_name = model.card.name
         self.skeleton_hash = context.skeleton.hash
         self.joint_map = joint_map
         self.network: CropNetwork | FullImageNetwork

@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.consensus.evidence import RigArrays
-from panoptic_ros.domain import ClockModel, DetectionSet, TrackedPoseSet, ViewDetections
+from panoptic_ros.domain import (
+    ClockModel,
+    DetectionSet,
+    TimeShift,
+    TrackedPoseSet,
+    ViewDetections,
+    ViewSources,
+)
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.offsets.association import associate
 from panoptic_ros.offsets.clocks import CameraClocks
@@ -21,6 +28,7 @@ from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.offsets.uncertainty import honest_information
 from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.stage import StageContext, StepResult
+from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
 SECOND = 1_000_000_000
@@ -28,13 +36,24 @@ FRAME_LIMIT = 4096  # frames that wait at most, e.g. while nobody is tracked
 ALL_FRAMES = 10  # cameras of which every frame is used; more cameras take turns, with as many frames in all
 
 
-class OffsetsStage:
+class OffsetsStage(Stateful):
     """From views with the cameras' own stamps, and tracked people on the master time line, to clock models.
 
     A block is closed by the first tracked people that are `block_s` newer than its beginning. Its frames are
     associated with the tracks by the clocks in force. So the feedback to sync comes from closed blocks alone,
     and a run in one process is deterministic. A camera is corrected as soon as its offset is significant.
     """
+
+    LAYOUT = StateLayout(
+        "offsets", ("_filter", "_frames", "_turns", "_tracked", "_in_force", "_correcting", "_news"),
+        (
+            TrackedPoseSet, TimeShift, ViewSources, CameraClocks, CameraFrame,
+            Fields.named(ClockFilter, "_cameras _prior _memory _information _vector"),
+            Fields.named(News, "_cameras _told _passed _missed"),
+        ),
+        shared=("_prior",),
+        same={"configuration": "_config", "cameras": "_rig.names", "skeleton": "_skeleton.hash"},
+    )  # fmt: skip
 
     def __init__(self, config: OffsetsConfig, context: StageContext):
         self._config, self._rig, self._skeleton = config, context.rig, context.skeleton

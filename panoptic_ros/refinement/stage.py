@@ -6,24 +6,46 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain import JointState, RefinedPoseSet, SkeletonModel, TrackedPoseSet, ViewSources
+from panoptic_ros.domain import (
+    JointState,
+    RefinedPoseSet,
+    SkeletonModel,
+    TimeShift,
+    TrackedPoseSet,
+    ViewSources,
+)
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.bias_floor import bias_floor, with_floor
 from panoptic_ros.refinement.bones import BoneLengths
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.lag import Clock
-from panoptic_ros.refinement.person import PersonMotion, Smoothed
-from panoptic_ros.refinement.tuning import LastingErrors
+from panoptic_ros.refinement.person import Moment, PersonMotion, Smoothed
+from panoptic_ros.refinement.tuning import LastingErrors, Tuning
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
 
 
-class RefinementStage:
+class RefinementStage(Stateful):
     """Smoothed skeletons, one set for each that comes in, late by the lag.
 
     The constructor compiles the kernels, or takes them from numba's cache.
     """
+
+    LAYOUT = StateLayout(
+        "refinement", ("_waiting", "_people", "_lengths", "_last_ns", "_clock", "_lasting"),
+        (
+            TrackedPoseSet, TimeShift, ViewSources, Moment,
+            Fields.named(PersonMotion, "_config _joints _share _moments _tuning _still _speeds"),
+            Fields.named(Tuning, "_joints _lasting factor _level _weight _seen _before"),
+            Fields.named(LastingErrors, "_weight _correlation"),
+            Fields.named(BoneLengths, "_bones means counts"),
+            Fields.named(Clock, "_lag_ns _period _newest _last"),
+        ),
+        shared=("_config", "_bones"),
+        same={"configuration": "_config", "skeleton": "_hash"},
+    )  # fmt: skip
 
     def __init__(self, config: RefinementConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton

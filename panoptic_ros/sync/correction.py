@@ -26,7 +26,7 @@ RECENT = 9  # frame steps that tell a camera's period
 
 
 @dataclass
-class _Camera:
+class CameraClock:
     """One camera's clock.
 
     Args:
@@ -53,7 +53,7 @@ class StampCorrection:
     def __init__(self, cameras: Sequence[str], config: SyncConfig):
         self._device = named_words("SyncConfig.clocks", config.clocks)
         self._delays = named_numbers("SyncConfig.delays_ms", config.delays_ms)
-        self._cameras = {name: _Camera() for name in cameras}
+        self._cameras = {name: CameraClock() for name in cameras}
 
     def device_of(self, camera: str) -> str:
         """Whose clock stamps the frames of a camera."""
@@ -89,7 +89,7 @@ class StampCorrection:
 
     # ------------------------------------------------------------------ irregular steps
 
-    def _odd(self, camera: _Camera, stamp_ns: int) -> bool:
+    def _odd(self, camera: CameraClock, stamp_ns: int) -> bool:
         """Whether the clock may have jumped since the camera's last frame."""
         assert camera.model is not None
         if camera.model.until_ns == FOREVER or camera.newest is None:
@@ -102,7 +102,7 @@ class StampCorrection:
         ratio = step / float(np.median(camera.steps))
         return round(ratio) > MOST_PERIODS or abs(ratio - max(1, round(ratio))) > ODD_STEP
 
-    def _hold(self, camera: _Camera, view: ViewDetections) -> tuple[Notice, ...]:
+    def _hold(self, camera: CameraClock, view: ViewDetections) -> tuple[Notice, ...]:
         notices = []
         back = (camera.newest - view.stamp_ns) / SECOND if camera.newest is not None else 0.0
         if back > 0.0 and not camera.held and not camera.told:
@@ -114,7 +114,7 @@ class StampCorrection:
             notices.append(_lost(camera.held.popleft(), "no clock model covers its time"))
         return tuple(notices)
 
-    def _release(self, camera: _Camera, notices: list[Notice]) -> list[ViewDetections]:
+    def _release(self, camera: CameraClock, notices: list[Notice]) -> list[ViewDetections]:
         """The held frames, if a model knows their time."""
         if camera.newest is None:
             self._drop_unknown(camera, notices)
@@ -137,7 +137,7 @@ class StampCorrection:
         camera.told = False
         return self._moved(views, camera.model, notices)
 
-    def _drop_unknown(self, camera: _Camera, notices: list[Notice]) -> None:
+    def _drop_unknown(self, camera: CameraClock, notices: list[Notice]) -> None:
         """Drop frames before a jump that came before the first model: their time cannot be known."""
         model, held = camera.model, camera.held
         if model is None:
@@ -153,7 +153,7 @@ class StampCorrection:
 
     # ------------------------------------------------------------------ regular steps
 
-    def _switch(self, camera: _Camera, stamp_ns: int) -> None:
+    def _switch(self, camera: CameraClock, stamp_ns: int) -> None:
         """Take a new line that no irregular step announced, once the old one is over."""
         old, new = camera.model, camera.following
         if old is None or new is None or stamp_ns < new.from_ns:
@@ -161,7 +161,7 @@ class StampCorrection:
         if stamp_ns > old.until_ns + SECOND or new.from_ns > old.until_ns or stamp_ns < old.from_ns:
             camera.model, camera.following = new, None
 
-    def _follow(self, camera: _Camera, stamp_ns: int) -> None:
+    def _follow(self, camera: CameraClock, stamp_ns: int) -> None:
         if camera.newest is not None and 0 < stamp_ns - camera.newest < GAP_S * SECOND:
             camera.steps.append(stamp_ns - camera.newest)
         camera.newest = stamp_ns

@@ -17,7 +17,7 @@ ALONE = 30  # frames of one camera while no other gives any: then there is nothi
 
 
 @dataclass
-class _Camera:
+class GuardedCamera:
     newest: int | None = None
     others: int = -1  # the newest stamp of the others when this camera's newest frame came
     period: int = 0
@@ -42,7 +42,7 @@ class JumpGuard:
     """
 
     def __init__(self, cameras: Sequence[str], live: bool):
-        self._cameras = {name: _Camera() for name in cameras}
+        self._cameras = {name: GuardedCamera() for name in cameras}
         self._live = live
         self._shift = 0
         self._anybody_early = False
@@ -66,7 +66,7 @@ class JumpGuard:
         self._accept(camera, view.stamp_ns)
         return [view], self._expose(camera) if self._anybody_early else []
 
-    def _accept(self, camera: _Camera, stamp_ns: int) -> None:
+    def _accept(self, camera: GuardedCamera, stamp_ns: int) -> None:
         if camera.newest is not None and stamp_ns > camera.newest:
             camera.period = stamp_ns - camera.newest
         camera.newest = stamp_ns
@@ -75,12 +75,12 @@ class JumpGuard:
         camera.goes_on = True
         self._refused = 0
 
-    def _newest_but(self, own: _Camera) -> int:
+    def _newest_but(self, own: GuardedCamera) -> int:
         return max((c.newest or -1 for c in self._cameras.values() if c is not own), default=-1)
 
     # ------------------------------------------------------------------ ahead
 
-    def _steps_ahead(self, camera: _Camera, view: ViewDetections) -> bool:
+    def _steps_ahead(self, camera: GuardedCamera, view: ViewDetections) -> bool:
         """Whether its stamps have advanced by seconds more than those of the others since its last frame."""
         if camera.newest is None or camera.others < 0:
             return False
@@ -91,7 +91,7 @@ class JumpGuard:
         return step > AHEAD_NS and step - (others - camera.others) > AHEAD_NS
 
     def _wait(
-        self, camera: _Camera, view: ViewDetections, arrived: bool
+        self, camera: GuardedCamera, view: ViewDetections, arrived: bool
     ) -> tuple[list[ViewDetections], list[Notice]]:
         """Hold a frame that is ahead: its clock jumped, or all had a pause and others are ahead as well."""
         if camera.ahead:
@@ -113,7 +113,7 @@ class JumpGuard:
             self._accept(self._cameras[released.camera], released.stamp_ns)
         return views, []
 
-    def _expose(self, going_on: _Camera) -> list[Notice]:
+    def _expose(self, going_on: GuardedCamera) -> list[Notice]:
         """Report cameras that are ahead: another one goes on as before, so their clocks have jumped."""
         notices: list[Notice] = []
         for camera in self._cameras.values():
@@ -127,7 +127,7 @@ class JumpGuard:
 
     # ------------------------------------------------------------------ back
 
-    def _hold(self, camera: _Camera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+    def _hold(self, camera: GuardedCamera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         if camera.back and view.stamp_ns <= camera.back[-1].stamp_ns:
             camera.back.clear()
         if not any(c.back for c in self._cameras.values()):
@@ -155,7 +155,7 @@ class JumpGuard:
         )
         return views, [Notice("sync.clock_set_back", "warning", text, {"step_s": -jump / SECOND})]
 
-    def _living(self) -> list[_Camera]:
+    def _living(self) -> list[GuardedCamera]:
         """Cameras that have given a frame within the last two seconds of the newest."""
         newest = max((c.newest or -1 for c in self._cameras.values()), default=-1)
         return [
@@ -163,7 +163,7 @@ class JumpGuard:
             if c.back or (c.newest is not None and newest - c.newest < 2 * SECOND)
         ]  # fmt: skip
 
-    def _tell(self, camera: _Camera, view: ViewDetections, how: str) -> list[Notice]:
+    def _tell(self, camera: GuardedCamera, view: ViewDetections, how: str) -> list[Notice]:
         """Warn once a jump; its other frames are counted."""
         values = {"camera": view.camera, "stamp_ns": view.stamp_ns}
         text = f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns waits: it is {how}"

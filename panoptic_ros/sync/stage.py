@@ -7,11 +7,13 @@ from math import ceil
 from panoptic_ros.domain import ClockModel, DetectionSet, EndOfStream, ViewDetections
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Notice, Severity, StageContext, StepResult
+from panoptic_ros.state import Stateful
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.correction import StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_master
 from panoptic_ros.sync.jumps import JumpGuard
 from panoptic_ros.sync.queue import CameraQueue, Choice
+from panoptic_ros.sync.remembered import LAYOUT
 from panoptic_ros.sync.resample import View, interpolate
 from panoptic_ros.sync.strays import StrayFilter
 
@@ -22,13 +24,15 @@ ALIKE = 0.05  # of the time between sets: stamps that differ by less are those o
 USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
 
 
-class SyncStage:
+class SyncStage(Stateful):
     """Groups views by their times on the master time line.
 
     A set is given when every camera of the rig has the frame that is nearest to the instant of the set, or a
     frame beyond it, or has ended; or when a frame newer than the deadline has come. So with `deadline_s` = 0
     sets depend on stamps alone.
     """
+
+    LAYOUT = LAYOUT
 
     def __init__(self, config: SyncConfig, context: StageContext):
         self._config = config

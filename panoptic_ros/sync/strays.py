@@ -16,7 +16,7 @@ LATEST_NS = (2**31 - 1) * SECOND  # messages hold no later stamps
 
 
 @dataclass
-class _Camera:
+class StampLine:
     """One camera's line of stamps.
 
     Args:
@@ -39,7 +39,7 @@ class StrayFilter:
     """
 
     def __init__(self, cameras: Sequence[str]):
-        self._cameras = {name: _Camera() for name in cameras}
+        self._cameras = {name: StampLine() for name in cameras}
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         """The frames that are on the line of their camera now, and notices about those that were not."""

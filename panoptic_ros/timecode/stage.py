@@ -1,42 +1,30 @@
 """The timecode stage: audio blocks of any number of devices to readings."""
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass, field
-
 from panoptic_ros.domain import AudioBlock, TimecodeReading
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Stateful
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder
 from panoptic_ros.timecode.follow.breaks import Heard, find_break
 from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.kernels import compile_kernels
+from panoptic_ros.timecode.remembered import LAYOUT, Device
 
 STAMPS_SECONDS = 3.0  # of block stamps are kept: more than a word waits to be reported
 
 
-@dataclass
-class _Device:
-    """One uninterrupted stream of a device."""
-
-    name: str
-    sample_rate: int
-    first_sample: int
-    decoder: LtcDecoder
-    stamps: deque[tuple[int, int]] = field(default_factory=deque)  # first sample and stamp of blocks
-    next_sample: int = 0
-    last: Heard | None = None
-
-
-class TimecodeStage:
+class TimecodeStage(Stateful):
     """See the package. A gap or another sample rate starts a device anew; nothing of before is remembered.
 
     The constructor compiles the kernels, or takes them from numba's cache.
     """
 
+    LAYOUT = LAYOUT
+
     def __init__(self, config: TimecodeConfig, context: StageContext | None = None):
         self._config = config
-        self._devices: dict[str, _Device] = {}
+        self._devices: dict[str, Device] = {}
         compile_kernels()
 
     def step(self, item: AudioBlock) -> StepResult[TimecodeReading]:
@@ -73,11 +61,11 @@ class TimecodeStage:
         """Forget all devices."""
         self._devices = {}
 
-    def _start(self, block: AudioBlock) -> _Device:
+    def _start(self, block: AudioBlock) -> Device:
         decoder = LtcDecoder(self._config, block.sample_rate)
-        return _Device(block.device, block.sample_rate, block.first_sample, decoder)
+        return Device(block.device, block.sample_rate, block.first_sample, decoder)
 
-    def _read(self, device: _Device, words: list[Word]) -> list[TimecodeReading]:
+    def _read(self, device: Device, words: list[Word]) -> list[TimecodeReading]:
         return [
             TimecodeReading(
                 device=device.name,
@@ -92,7 +80,7 @@ class TimecodeStage:
         ]
 
 
-def _breaks(device: _Device, words: list[Word]) -> list[Notice]:
+def _breaks(device: Device, words: list[Word]) -> list[Notice]:
     """Notices where labels or samples do not continue those of the last word."""
     notices: list[Notice] = []
     for word in words:
@@ -104,13 +92,13 @@ def _breaks(device: _Device, words: list[Word]) -> list[Notice]:
     return notices
 
 
-def _stamp(device: _Device, sample: float) -> int:
+def _stamp(device: Device, sample: float) -> int:
     """The instant of a fractional sample on the device's clock, from the block that holds it."""
     first, stamp = next((block for block in reversed(device.stamps) if block[0] <= sample), device.stamps[0])
     return max(0, stamp + round((sample - first) / device.sample_rate * 1e9))
 
 
-def _gap(device: _Device, block: AudioBlock) -> Notice:
+def _gap(device: Device, block: AudioBlock) -> Notice:
     if block.sample_rate != device.sample_rate:
         text = f"audio of {device.name} changed from {device.sample_rate} to {block.sample_rate} Hz"
     else:

@@ -7,6 +7,7 @@ from scipy.optimize import linear_sum_assignment
 from panoptic_ros.domain import PoseSet, TrackedPoseSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.tracks import Track, joint_distances, return_costs
 
@@ -14,8 +15,13 @@ Array = np.ndarray
 FORBIDDEN = 1e6  # cost of pairs that must not be
 
 
-class TrackingStage:
+class TrackingStage(Stateful):
     """Identities for the skeletons of a `PoseSet`."""
+
+    LAYOUT = StateLayout(
+        "tracking", ("_tracks", "_next", "_last_ns"), (Track,),
+        same={"configuration": "_config", "skeleton": "_hash"},
+    )  # fmt: skip
 
     def __init__(self, config: TrackingConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton

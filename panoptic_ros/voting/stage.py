@@ -6,10 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.consensus.example import easy_instants
+from panoptic_ros.consensus.guidance import GUIDANCE_FIELDS, Guidance
 from panoptic_ros.consensus.rough_people import RoughPeople, RoughSolver
 from panoptic_ros.domain import Camera, DetectionSet, ProposalSet, ViewDetections
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import StageContext, StepResult
+from panoptic_ros.state import Fields, Stateful, StateLayout
 from panoptic_ros.voting import soft_vote
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
@@ -44,8 +46,15 @@ def demands(config: VotingConfig, view_count: int) -> Demands:
     return Demands(config.threshold or threshold, config.min_views or min_views)
 
 
-class VotingStage:
+class VotingStage(Stateful):
     """`DetectionSet` to `ProposalSet` (Joo et al. 2017, 5.1 and 5.2)."""
+
+    LAYOUT = StateLayout(
+        "voting", ("_solver._guidance", "_solver._last_ns"),
+        (Fields.named(Guidance, GUIDANCE_FIELDS),),
+        shared=("_solver._mirror",),
+        same={"configuration": "config", "cameras": "rig.names", "skeleton": "skeleton.hash"},
+    )  # fmt: skip
 
     def __init__(self, config: VotingConfig, context: StageContext):
         """Derives the volume and compiles the kernels.

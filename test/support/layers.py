@@ -9,7 +9,8 @@ STAGES = (
     "simulation", "evaluation",
 )  # fmt: skip
 RANKS: dict[str, int] = {
-    "errors": 0, "kernels": 0, "geometry": 1, "params": 1, "domain": 2, "stage": 3, "consensus": 3,
+    "errors": 0, "kernels": 0, "geometry": 1, "params": 1, "state": 1,
+    "domain": 2, "stage": 3, "consensus": 3,
     **{stage: 4 for stage in STAGES},
     "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6,
     "running": 7, "cli": 8,
@@ -20,6 +21,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     **{room: set() for room in ("errors", "params", "stage")},
     "kernels": {"numpy", "numba"},
     "geometry": {"numpy", "scipy"},
+    "state": {"numpy"},
     "domain": {"numpy"},
     **{name: {"numpy", "scipy", "cv2"} for name in STAGES},
     "consensus": {"numpy"},

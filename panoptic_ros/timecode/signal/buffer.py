@@ -13,6 +13,13 @@ class Buffer:
         self._store = np.empty(capacity)
         self._begin = self._end = 0
 
+    @classmethod
+    def of(cls, values: Array) -> Buffer:
+        """A buffer that holds values (N,)."""
+        buffer = cls(len(values))
+        buffer.append(values)
+        return buffer
+
     @property
     def values(self) -> Array:
         """(N,) the values that are kept."""

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +44,7 @@ LEAST_SPREAD = 1e-4
 DROOP_SPREAD = 0.1  # per sample
 MEMORY = 300.0  # words; half of them at first, since the first ones were fitted with the guess
 LEAST_DROOP_HZ = 6.0  # corner of the coupling; less moves edges by less than half a microsecond
+LEAST_RATE, LARGEST_RATE = 1000, 400_000  # Hz, of sound
 SURE = 4.0  # standard deviations beyond which droop is believed
 ALIKE_WORDS = 3.0  # words that count as one, since hum repeats
 LEAST_NOISE = 0.01  # of the level: what splines cannot model
@@ -58,7 +60,10 @@ class EdgeShape:
         words: that were learnt from.
     """
 
+    LEARNT = ("_normal", "_right", "_solution", "_droops", "table", "doubt", "sudden", "droop", "words")
+
     def __init__(self, sample_rate: int):
+        self.sample_rate = sample_rate
         scale = max(1, round(sample_rate / BASE_RATE))
         self.reach = REACH * scale
         self._knot = KNOT * scale
@@ -80,6 +85,20 @@ class EdgeShape:
         self.sudden = 1.0
         self.droop = 0.0
         self.words = 0
+
+    @classmethod
+    def of(cls, sample_rate: int, *learnt: Any) -> EdgeShape:
+        """The shape at a sample rate that has the values of `LEARNT`; all else is a function of the rate.
+
+        Raises:
+            ValueError: if no device has that rate.
+        """
+        if not LEAST_RATE <= sample_rate <= LARGEST_RATE:
+            raise ValueError(f"a sample rate of {sample_rate} Hz")
+        shape = cls(sample_rate)
+        for name, value in zip(cls.LEARNT, learnt, strict=True):
+            setattr(shape, name, value)
+        return shape
 
     def straighten(self, values: Array) -> Array:
         """Samples (N,) with their droop removed; a baseline is left."""

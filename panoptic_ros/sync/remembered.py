@@ -1,0 +1,33 @@
+"""What sync remembers."""
+from __future__ import annotations
+
+from fractions import Fraction
+
+from panoptic_ros.domain import ClockModel, ScoreMaps, ViewDetections, VisibilityLimit
+from panoptic_ros.state import Fields, StateLayout
+from panoptic_ros.sync.correction import CameraClock, StampCorrection
+from panoptic_ros.sync.instants import CameraInstants, Grid, Pace
+from panoptic_ros.sync.jumps import GuardedCamera, JumpGuard
+from panoptic_ros.sync.queue import CameraQueue, Waiting
+from panoptic_ros.sync.strays import StampLine, StrayFilter
+
+LAYOUT = StateLayout(
+    "sync",
+    (
+        "_strays", "_correction", "_guard", "_queues", "_in_order", "_current", "_decided", "_instants",
+        "_next", "_closed", "_stamp", "_newest", "_first", "_index",
+    ),
+    (
+        ClockModel, ScoreMaps, ViewDetections, VisibilityLimit,
+        CameraClock, GuardedCamera, StampLine, Waiting,
+        Fields.named(StrayFilter, "_cameras"),
+        Fields.named(StampCorrection, "_device _delays _cameras"),
+        Fields.named(JumpGuard, "_cameras _live _shift _anybody_early _refused"),
+        Fields.named(CameraQueue, "frames pace ended last_given"),
+        Fields.named(Pace, "_steps newest"),
+        Fields.named(Grid, "_rate _phase period"),
+        Fields.named(CameraInstants, "master period _same_rate _phases _last"),
+        Fields.named(Fraction, "_numerator _denominator", is_value=True),
+    ),
+    same={"configuration": "_config", "cameras": "_rig.names", "skeleton": "_skeleton_hash"},
+)  # fmt: skip

@@ -1,0 +1,74 @@
+"""What the timecode stage remembers of a device."""
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from panoptic_ros.domain import FrameRate, Timecode
+from panoptic_ros.state import Fields, StateLayout
+from panoptic_ros.timecode.decoder import LtcDecoder
+from panoptic_ros.timecode.follow.breaks import Heard
+from panoptic_ros.timecode.follow.following import Follow
+from panoptic_ros.timecode.follow.pace import Pace
+from panoptic_ros.timecode.follow.reading import Word
+from panoptic_ros.timecode.label.counting import Counting
+from panoptic_ros.timecode.label.evidence import Evidence, Verdict
+from panoptic_ros.timecode.label.expected import ExpectedLabels
+from panoptic_ros.timecode.label.stretch import Solution
+from panoptic_ros.timecode.label.user_bits import UserBits
+from panoptic_ros.timecode.signal.buffer import Buffer, Hops
+from panoptic_ros.timecode.signal.clicks import ClickLimits
+from panoptic_ros.timecode.signal.conditioning import Conditioner
+from panoptic_ros.timecode.signal.edge_shape import EdgeShape
+from panoptic_ros.timecode.signal.grid import Grid
+from panoptic_ros.timecode.signal.stream import Stream
+from panoptic_ros.timecode.signal.wave import Samples
+from panoptic_ros.timecode.word.fit import WordFit
+from panoptic_ros.timecode.word.levels import WordLevels
+
+
+@dataclass
+class Device:
+    """One uninterrupted stream of a device."""
+
+    name: str
+    sample_rate: int
+    first_sample: int
+    decoder: LtcDecoder
+    stamps: deque[tuple[int, int]] = field(default_factory=deque)  # first sample and stamp of blocks
+    next_sample: int = 0
+    last: Heard | None = None
+
+
+LAYOUT = StateLayout(
+    "timecode",
+    ("_devices",),
+    (
+        ClickLimits, Counting, Device, FrameRate, Grid, Heard, Solution, Timecode, Verdict,
+        Samples, Word, WordFit, WordLevels,
+        Fields.named(Fraction, "_numerator _denominator", is_value=True),
+        Fields.named(LtcDecoder, "_config _hop _hops _stream _follow _held _read_until _searches"),
+        Fields.named(Hops, "_length _pending _count"),
+        Fields.named(Stream, "sample_rate first _conditioner _up _raw _sums"),
+        Fields.named(Buffer, "values", make=Buffer.of),
+        Fields.named(
+            Conditioner, "up _step _low_pass _between _half _beside reach _piece _clicks _raw _history"
+        ),
+        Fields.named(Follow, "grid number labels shape misses read _pace _first"),
+        Fields.named(
+            ExpectedLabels,
+            "user _solution _countings _rates _ahead _evidence _labels _verdicts _last_ahead",
+        ),
+        Fields.named(
+            Pace,
+            "bending reverse _fits _words _on_line _early_line _line _astray _steady _bend _edges _scale "
+            "_turns",
+        ),
+        Fields.named(EdgeShape, " ".join(("sample_rate", *EdgeShape.LEARNT)), make=EdgeShape.of),
+        Fields.named(UserBits, "_nats certain _other _bits _value"),
+        Fields.named(Evidence, "_levels _free _user contradiction same_user"),
+    ),
+    shared=("_config",),
+    same={"configuration": "_config"},
+)  # fmt: skip
