@@ -147,13 +147,15 @@ class AssemblyStage(Stateful):
         """1 / standard deviation (D, J) on the normalised plane of 2D joints of these kinds, 0 = missing."""
         cameras = evidence.cameras[evidence.view]
         sigmas = self._noise.sigmas(evidence.scores, kinds, cameras, sizes, self._rig.diagonals)
-        return np.where(evidence.scores > 0.0, self._rig.focals[cameras][:, None] / sigmas, 0.0)
+        focals = self._rig.focals[cameras][:, None] * evidence.magnification
+        return np.where(evidence.scores > 0.0, focals / sigmas, 0.0)
 
     def _sizes(self, evidence: Evidence) -> Array:
         """Sizes (D,) of the 2D people as a share of their image's diagonal."""
         cameras = evidence.cameras[evidence.view]
         sizes: Array = box_diagonals(evidence.plane, evidence.scores)
-        relative: Array = sizes * (self._rig.focals / self._rig.diagonals)[cameras]
+        scale = (self._rig.focals / self._rig.diagonals)[cameras]
+        relative: Array = sizes * evidence.person_magnification * scale
         return relative
 
     def _kinds(self, scene: Scene, found: Candidates) -> Array:
@@ -195,6 +197,7 @@ class AssemblyStage(Stateful):
             kept, solved.positions, solved.normals, solved.residuals, solved.picks, shifts, evidence.plane,
             scene.precision, scene.cams, evidence.focals,
         )  # fmt: skip
+        pixels = pixels * evidence.magnification[rows, joints]
         cameras = evidence.cameras[evidence.view[rows]]
         scores, kinds = evidence.scores[rows, joints], kinds[rows, joints]
         self._noise.learn(scores, kinds, cameras, sizes[rows], pixels, self._rig.diagonals)

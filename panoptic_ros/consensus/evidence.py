@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.consensus.sight import Sight, sight_of
-from panoptic_ros.consensus.undistortion import undistort_points
+from panoptic_ros.consensus.undistortion import lens_records, undistort_points
 from panoptic_ros.domain import Camera, DetectionSet, Rig, SkeletonModel
 from panoptic_ros.errors import DataError
 
@@ -19,7 +19,7 @@ class RigArrays:
 
     Args:
         rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
-        focals: (C,) px. matrices: (C, 5) fx, fy, cx, cy, skew. distortions: (C, 5).
+        focals: (C,) px. lenses: (C,) see `lens_records`.
         boxes: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
         diagonals: (C,) px.
     """
@@ -28,9 +28,7 @@ class RigArrays:
     translations: Array
     centres: Array
     focals: Array
-    matrices: Array
-    distortions: Array
-    radii: Array
+    lenses: Array
     boxes: Array
     diagonals: Array
     index: dict[str, int]
@@ -40,13 +38,9 @@ class RigArrays:
     def of(cls, rig: Rig) -> RigArrays:
         """The arrays of a rig."""
         stack = rig.stack()
-        matrices = [camera.intrinsics.matrix for camera in rig.cameras]
         return cls(
             np.ascontiguousarray(stack.rotations), np.ascontiguousarray(stack.translations),
-            np.ascontiguousarray(stack.centres), stack.focals,
-            np.array([[k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]] for k in matrices]),
-            np.stack([camera.intrinsics.distortion for camera in rig.cameras]),
-            np.array([min(camera.intrinsics.radius_limit, 1e3) for camera in rig.cameras]),
+            np.ascontiguousarray(stack.centres), stack.focals, lens_records(rig),
             np.stack([_plane_box(camera) for camera in rig.cameras]),
             np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
             {name: i for i, name in enumerate(rig.names)},
@@ -73,8 +67,9 @@ class Evidence:
         starts: (V + 1,) first person of each view. view: (D,) view of each person.
         rows: (D,) index of the person in its view's record.
         plane: (D, J, 2) undistorted normalised points, 0 where missing.
-        scores: (D, J), 0 where missing. precision: (D, J) 1 / standard deviation on the normalised
-            plane, 0 where missing. sigmas: (D, J) px.
+        magnification: (D, J) how many times smaller or larger than on the axis things are in the image,
+            1 of Brown lenses; see `undistort_points`.
+        scores: (D, J), 0 where missing.
         delays: (V,) s, stamp of the view minus stamp of the set.
     """
 
@@ -84,6 +79,7 @@ class Evidence:
     view: Array
     rows: Array
     plane: Array
+    magnification: Array
     scores: Array
     delays: Array
     rotations: Array
@@ -96,6 +92,13 @@ class Evidence:
     def views(self) -> int:
         """Number of views."""
         return len(self.cameras)
+
+    @property
+    def person_magnification(self) -> Array:
+        """Mean magnification (D,) of the joints that each 2D person has."""
+        there = self.scores > 0.0
+        total = np.where(there, self.magnification, 0.0).sum(axis=1)
+        return np.where(there.any(axis=1), total / np.maximum(there.sum(axis=1), 1), 1.0)
 
 
 def gather(
@@ -126,13 +129,11 @@ def gather(
     keys = np.where(usable[..., None], pixels, 0.0).sum(axis=(1, 2))
     order = np.lexsort((keys, view))
     pixels, usable, scores = pixels[order], usable[order], scores[order]
-    plane, good = undistort_points(
-        pixels, usable, cameras[view], arrays.matrices, arrays.distortions, arrays.radii
-    )
+    plane, magnification, good = undistort_points(pixels, usable, cameras[view], arrays.lenses)
     delays = np.array([1e-9 * (record.stamp_ns - detections.stamp_ns) for record in records])
     return Evidence(
         cameras, np.array(slots, np.int64), starts, view, order - starts[view],
-        plane, np.where(good, scores, 0.0), delays, arrays.rotations[cameras],
+        plane, magnification, np.where(good, scores, 0.0), delays, arrays.rotations[cameras],
         arrays.translations[cameras], arrays.centres[cameras], arrays.focals[cameras],
         sight_of(arrays.boxes[cameras], [arrays.cameras[c] for c in cameras], records),
     )  # fmt: skip

@@ -83,7 +83,7 @@ class RoughSolver:
         evidence = gather(item, self._rig, self._skeleton, self._hash, 0.0)
         cameras = evidence.cameras[evidence.view]
         scale = self._rig.focals[cameras] / (NOISE * self._rig.diagonals[cameras])
-        precision = np.where(evidence.scores > 0.0, scale[:, None], 0.0)
+        precision = np.where(evidence.scores > 0.0, scale[:, None] * evidence.magnification, 0.0)
         return Scene(
             evidence, precision, self._mirror, (evidence.rotations, evidence.translations, evidence.delays)
         )

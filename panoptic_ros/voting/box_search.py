@@ -11,11 +11,10 @@ from panoptic_ros.voting import (
     limit_kernels,
     peak_kernels,
     pyramid_kernels,
-    rectangle_kernels,
     voxel_kernels,
 )
 from panoptic_ros.voting.lens_bounds import BINS, seen_radius, slope_bounds
-from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.scene import CAMERA, LENS_FIELDS, VoteScene, lens_of, map_sizes
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 from panoptic_ros.voting.score_volume import ENOUGH, Peaks, no_peaks, sorted_peaks
 from panoptic_ros.voting.volume import Volume
@@ -23,14 +22,18 @@ from panoptic_ros.voting.volume import Volume
 Array = np.ndarray
 GROUP = box_kernels.GROUP
 PAD = 6  # cells after each row: rows 4 KB apart would all need the same places in the cache
+VIEW = np.dtype(
+    [*CAMERA.descr, *((name, np.float64) for name in ("across", "bend_end", "far_x", "far_y")),
+     ("bends", np.float64, (BINS, 2))]
+)  # fmt: skip
 
 
 class BoxScene(NamedTuple):
     """What the kernels of the search need of V views and of up to 32 joints.
 
-    views: (V, 550) the numbers of `VoteScene.cameras`, then the sum of |R2k|, the end of the lens bounds
-        (0 without distortion), the largest |x| and |y| of the image in the plane at 1 m (with distortion
-        twice the radius that is seen), the lens bounds.
+    views: (V,) records `VIEW`: those of `VoteScene.cameras`; across, the sum of |R2k|; bend_end, the end of
+        the lens bounds (0 without distortion); far_x and far_y, the largest |x| and |y| of the image in the
+        plane at 1 m (with distortion the radius that is seen, twice); bends, the lens bounds.
     layers, spread, masks: see `pyramid_kernels`.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN where missing.
     reach: (V, P, 4) least and largest u, least and largest w that a person's keypoints reach.
@@ -94,29 +97,31 @@ class BoxSearch:
 
     def _pyramids(self, scene: VoteScene) -> tuple[Array, Array]:
         """Empty pyramids, large enough for the maps."""
-        _, cells = pyramid_layers(scene.cameras[:, 25:27].astype(np.int64))
+        _, cells = pyramid_layers(map_sizes(scene.cameras))
         if cells >= len(self._memory[1]):
             self._memory = new_pyramids(cells)
         pyramid_kernels.clear_pyramids(*self._memory)
         return self._memory
 
     def _views(self, scene: VoteScene) -> Array:
-        count = len(scene.cameras)
-        views = np.zeros((count, rectangle_kernels.BEND + 2 * BINS))
-        views[:, :34] = scene.cameras
-        views[:, 34] = np.abs(scene.cameras[:, 6:9]).sum(axis=1)
-        for v, row in enumerate(scene.cameras):
-            y = (np.array([-0.5, row[24] - 0.5]) - row[16]) / row[15]
-            x = (np.array([[-0.5], [row[23] - 0.5]]) - row[14] - row[13] * y) / row[12]
-            if row[17:22].any():
-                key = row[12:25].tobytes()
-                if key not in self._lenses:
-                    seen = seen_radius(row[17:22], float(np.sqrt(row[22])), float(np.hypot(x, y).max()))
-                    self._lenses[key] = (*slope_bounds(row[17:22], seen), seen)
-                bounds, views[v, 35], views[v, 36:38] = self._lenses[key]
-                views[v, rectangle_kernels.BEND :] = bounds.ravel()
-            else:
-                views[v, 36:38] = np.abs(x).max() * 1.000001, np.abs(y).max() * 1.000001
+        views = np.zeros(len(scene.cameras), VIEW)
+        for name in CAMERA.fields or ():
+            views[name] = scene.cameras[name]
+        views["across"] = np.abs(np.stack([views["r20"], views["r21"], views["r22"]], -1)).sum(axis=1)
+        for view in views:
+            y = (np.array([-0.5, view["height"] - 0.5]) - view["cy"]) / view["fy"]
+            x = (np.array([[-0.5], [view["width"] - 0.5]]) - view["cx"] - view["skew"] * y) / view["fx"]
+            lens, terms = lens_of(view)
+            if lens == "brown" and not terms.any():
+                view["far_x"], view["far_y"] = np.abs(x).max() * 1.000001, np.abs(y).max() * 1.000001
+                continue
+            key = view[LENS_FIELDS].tobytes()
+            if key not in self._lenses:
+                fold, reach = float(np.sqrt(view["fold"])), float(np.hypot(x, y).max())
+                seen = seen_radius(lens, terms, fold, reach)
+                self._lenses[key] = (*slope_bounds(lens, terms, seen), seen)
+            view["bends"], view["bend_end"], seen = self._lenses[key]
+            view["far_x"] = view["far_y"] = seen
         return views
 
     @staticmethod
@@ -139,7 +144,7 @@ def box_scene(
 ) -> BoxScene:
     """The arrays of the joints first, first + 1, ..., at most 32; writes into empty `new_pyramids`."""
     count = min(GROUP, scene.map_start.shape[1] - first)
-    grid = scene.cameras[:, 25:27].astype(np.int64)
+    grid = map_sizes(scene.cameras)
     layers, _ = pyramid_layers(grid)
     maps = (scene.map_start, scene.map_data, scene.patch_start, scene.patch_table)
     pyramid_kernels.build_pyramids(layers, *pyramids, grid, *maps, first, supporting)

@@ -26,8 +26,9 @@ def unexplained_peaks(scene, start, pixels, joints, points, shifts, delays):
     cameras, people, map_start = scene.cameras, scene.people, scene.map_start
     left = np.ones(len(pixels), np.bool_)
     for v in range(len(cameras)):
-        focal = max(cameras[v, 12], cameras[v, 15])
-        cell = 1.0 / math.hypot(cameras[v, 27], cameras[v, 28]) if cameras[v, 25] > 0.0 else 0.0
+        camera = cameras[v]
+        focal = max(camera.fx, camera.fy)
+        cell = 1.0 / math.hypot(camera.a0, camera.a1) if camera.columns > 0.0 else 0.0
         for n in range(len(points)):
             j = joints[n]
             first, last = start[v * map_start.shape[1] + j], start[v * map_start.shape[1] + j + 1]
@@ -37,17 +38,28 @@ def unexplained_peaks(scene, start, pixels, joints, points, shifts, delays):
             y = points[n, 1] + shifts[n, 1] * delays[v]
             z = points[n, 2] + shifts[n, 2] * delays[v]
             u, w, _, _, covered = project(cameras, v, x, y, z)
-            depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
+            far = _distance(camera, x, y, z)
             if not covered or hidden(cameras, scene.limits, v, x, y, z, u, w):
                 continue
             for k in range(first, last):
-                near = max(REACH * focal / depth, CELLS * cell)
+                near = max(REACH * focal / far, CELLS * cell)
                 if map_start[v, j] < 0:
-                    near = max(REACH * focal / depth, WIDTHS * _width(people[v, j], pixels[k]))
+                    near = max(REACH * focal / far, WIDTHS * _width(people[v, j], pixels[k]))
                 dx, dy = pixels[k, 0] - u, pixels[k, 1] - w
                 if dx * dx + dy * dy <= near * near:
                     left[k] = False
     return left
+
+
+@_jit
+def _distance(camera, x, y, z):
+    """How far away a world point is for the size that a thing there has in the image, m."""
+    depth = camera.r20 * x + camera.r21 * y + camera.r22 * z + camera.tz
+    if camera.fisheye > 0.0:  # sizes go by angles
+        across = camera.r00 * x + camera.r01 * y + camera.r02 * z + camera.tx
+        down = camera.r10 * x + camera.r11 * y + camera.r12 * z + camera.ty
+        return math.sqrt(across * across + down * down + depth * depth)
+    return depth
 
 
 @_jit

@@ -52,7 +52,7 @@ def _add_map_peaks(scene, v, j, threshold, pixels, total):
     """
     cameras, patches, data = scene.cameras, scene.patch_table, scene.patch_data
     least = int(255.0 * threshold)  # whole numbers compare faster
-    width, height, begin = int(cameras[v, 25]), int(cameras[v, 26]), scene.map_start[v, j]
+    width, height, begin = int(cameras[v].columns), int(cameras[v].rows), scene.map_start[v, j]
     first = scene.patch_start[v * scene.map_start.shape[1] + j]
     last = scene.patch_start[v * scene.map_start.shape[1] + j + 1]
     for k in range(first, last):
@@ -126,7 +126,7 @@ def _in_earlier_patch(patches, data, first, k, x, y, value):
 @_jit
 def _pixel(camera, a, b):
     """The pixel of a cell."""
-    ax, ay, bx, by = camera[27], camera[28], camera[30], camera[31]
-    a, b = a - camera[29], b - camera[32]
+    ax, ay, bx, by = camera.a0, camera.a1, camera.b0, camera.b1
+    a, b = a - camera.a2, b - camera.b2
     det = ax * by - ay * bx
     return (by * a - ay * b) / det, (ax * b - bx * a) / det

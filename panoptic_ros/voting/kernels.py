@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from panoptic_ros.consensus.lens_kernels import fisheye_factor
 from panoptic_ros.kernels import njit
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 
@@ -22,27 +23,31 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 @_jit
 def project(cameras, v, x, y, z):
     """Pixel (u, w), cell (a, b) of a world point in view v, and whether the view covers it."""
-    depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
+    camera = cameras[v]
+    depth = camera.r20 * x + camera.r21 * y + camera.r22 * z + camera.tz
     if depth <= MIN_DEPTH:
         return 0.0, 0.0, 0.0, 0.0, False
-    px = (cameras[v, 0] * x + cameras[v, 1] * y + cameras[v, 2] * z + cameras[v, 9]) / depth
-    py = (cameras[v, 3] * x + cameras[v, 4] * y + cameras[v, 5] * z + cameras[v, 10]) / depth
+    px = (camera.r00 * x + camera.r01 * y + camera.r02 * z + camera.tx) / depth
+    py = (camera.r10 * x + camera.r11 * y + camera.r12 * z + camera.ty) / depth
     r2 = px * px + py * py
-    if not r2 < cameras[v, 22]:
+    if not r2 < camera.fold:
         return 0.0, 0.0, 0.0, 0.0, False
-    p1, p2 = cameras[v, 19], cameras[v, 20]
-    radial = 1.0 + r2 * (cameras[v, 17] + r2 * (cameras[v, 18] + r2 * cameras[v, 21]))
+    p1, p2 = camera.p1, camera.p2
+    if camera.fisheye > 0.0:
+        radial = fisheye_factor(camera.k1, camera.k2, camera.k3, camera.k4, r2)
+    else:
+        radial = 1.0 + r2 * (camera.k1 + r2 * (camera.k2 + r2 * camera.k3))
     dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
     dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
-    u = cameras[v, 12] * dx + cameras[v, 13] * dy + cameras[v, 14]
-    w = cameras[v, 15] * dy + cameras[v, 16]
-    if not (-0.5 <= u <= cameras[v, 23] - 0.5 and -0.5 <= w <= cameras[v, 24] - 0.5):
+    u = camera.fx * dx + camera.skew * dy + camera.cx
+    w = camera.fy * dy + camera.cy
+    if not (-0.5 <= u <= camera.width - 0.5 and -0.5 <= w <= camera.height - 0.5):
         return u, w, 0.0, 0.0, False
-    if cameras[v, 25] == 0.0:
+    if camera.columns == 0.0:
         return u, w, 0.0, 0.0, True
-    a = cameras[v, 27] * u + cameras[v, 28] * w + cameras[v, 29]
-    b = cameras[v, 30] * u + cameras[v, 31] * w + cameras[v, 32]
-    return u, w, a, b, -0.5 <= a <= cameras[v, 25] - 0.5 and -0.5 <= b <= cameras[v, 26] - 0.5
+    a = camera.a0 * u + camera.a1 * w + camera.a2
+    b = camera.b0 * u + camera.b1 * w + camera.b2
+    return u, w, a, b, -0.5 <= a <= camera.columns - 0.5 and -0.5 <= b <= camera.rows - 0.5
 
 
 @_jit
@@ -51,10 +56,10 @@ def hidden(cameras, limits, v, x, y, z, u, w):
     start = int(limits[3 * v])
     if start == 0:
         return False
-    columns, rows = int(limits[3 * v + 1]), int(limits[3 * v + 2])
-    i = min(int((u + 0.5) * (columns / cameras[v, 23])), columns - 1)
-    k = min(int((w + 0.5) * (rows / cameras[v, 24])), rows - 1)
-    depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
+    camera, columns, rows = cameras[v], int(limits[3 * v + 1]), int(limits[3 * v + 2])
+    i = min(int((u + 0.5) * (columns / camera.width)), columns - 1)
+    k = min(int((w + 0.5) * (rows / camera.height)), rows - 1)
+    depth = camera.r20 * x + camera.r21 * y + camera.r22 * z + camera.tz
     return depth > limits[start + k * columns + i]
 
 
@@ -69,9 +74,10 @@ def _corner(at, size):
 @_jit
 def sample_map(cameras, v, start, data, a, b):
     """Merged map of view v that begins at `start`, at a cell."""
-    width = int(cameras[v, 25])
+    camera = cameras[v]
+    width = int(camera.columns)
     x0, x1, fx = _corner(a, width)
-    y0, y1, fy = _corner(b, int(cameras[v, 26]))
+    y0, y1, fy = _corner(b, int(camera.rows))
     top = data[start + y0 * width + x0] * (1.0 - fx) + data[start + y0 * width + x1] * fx
     bottom = data[start + y1 * width + x0] * (1.0 - fx) + data[start + y1 * width + x1] * fx
     return (top * (1.0 - fy) + bottom * fy) / 255.0
@@ -271,8 +277,9 @@ def _patch_corners(cameras, v, patch_table, patch_data, first, last, a, b, corne
 
     Returns the weights of the upper cells, and whether there is anything.
     """
-    x0, x1, fx = _corner(a, int(cameras[v, 25]))
-    y0, y1, fy = _corner(b, int(cameras[v, 26]))
+    camera = cameras[v]
+    x0, x1, fx = _corner(a, int(camera.columns))
+    y0, y1, fy = _corner(b, int(camera.rows))
     some = False
     for k in range(first, last):
         column, row, width, height = patch_table[k, 1:5]

@@ -40,9 +40,10 @@ def build_limits(layers, reach, limits):
 @_inline
 def hide(views, limits, layers, reach, v, x, y, z, step, h, lanes):
     """Of what view v sees of the halves of a box, take away what is hidden; arguments as of `rectangles`."""
-    deep = (h * (1.0 + TINY) + TINY) * views[v, 34]
+    view = views[v]
+    deep = (h * (1.0 + TINY) + TINY) * view.across
     columns, rows = int(limits[3 * v + 1]), int(limits[3 * v + 2])
-    across, down = columns / views[v, 23], rows / views[v, 24]
+    across, down = columns / view.width, rows / view.height
     for c in range(8):
         if lanes[SEES, c] == NONE:
             continue
@@ -60,7 +61,7 @@ def hide(views, limits, layers, reach, v, x, y, z, step, h, lanes):
         farthest = max(max(reach[a, 1], reach[a + right, 1]), max(reach[b, 1], reach[b + right, 1]))
         ax, ay = x + (step if c & 4 else -step), y + (step if c & 2 else -step)
         az = z + (step if c & 1 else -step)
-        depth = views[v, 6] * ax + views[v, 7] * ay + views[v, 8] * az + views[v, 11]
+        depth = view.r20 * ax + view.r21 * ay + view.r22 * az + view.tz
         if depth - deep > farthest:
             lanes[SEES, c] = NONE
         elif depth + deep > nearest:

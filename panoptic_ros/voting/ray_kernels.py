@@ -1,8 +1,9 @@
-"""Compiled kernels on the viewing rays of 2D peaks. They call nothing outside of this file."""
+"""Compiled kernels on the viewing rays of 2D peaks."""
 from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.consensus.lens_kernels import straighten_fisheye
 from panoptic_ros.kernels import njit
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -17,20 +18,25 @@ def pixel_rays(cameras, views, pixels):
     rays = np.full((len(pixels), 3), np.nan)
     for n in range(len(pixels)):
         camera = cameras[views[n]]
-        goal_y = (pixels[n, 1] - camera[16]) / camera[15]
-        goal_x = (pixels[n, 0] - camera[14] - camera[13] * goal_y) / camera[12]
-        x, y, found = _undistorted(camera[17:23], goal_x, goal_y)
+        goal_y = (pixels[n, 1] - camera.cy) / camera.fy
+        goal_x = (pixels[n, 0] - camera.cx - camera.skew * goal_y) / camera.fx
+        x, y, found = _undistorted(camera, goal_x, goal_y)
         if found:
             length = np.sqrt(x * x + y * y + 1.0)
-            for axis in range(3):
-                rays[n, axis] = (camera[axis] * x + camera[3 + axis] * y + camera[6 + axis]) / length
+            rays[n, 0] = (camera.r00 * x + camera.r10 * y + camera.r20) / length
+            rays[n, 1] = (camera.r01 * x + camera.r11 * y + camera.r21) / length
+            rays[n, 2] = (camera.r02 * x + camera.r12 * y + camera.r22) / length
     return rays
 
 
 @_jit
-def _undistorted(lens, goal_x, goal_y):
+def _undistorted(camera, goal_x, goal_y):
     """The undistorted point of a distorted one, by Newton's method, and whether it was found."""
-    k1, k2, p1, p2, k3, fold = lens
+    k1, k2, p1, p2, k3, fold = camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.fold
+    if camera.fisheye > 0.0:
+        reached = np.sqrt(goal_x * goal_x + goal_y * goal_y)
+        scale, found = straighten_fisheye(k1, k2, k3, camera.k4, np.sqrt(fold), reached)
+        return scale * goal_x, scale * goal_y, found
     x, y = goal_x, goal_y
     for _ in range(20):
         r2 = x * x + y * y

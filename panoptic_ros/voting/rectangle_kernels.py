@@ -1,6 +1,6 @@
 """Compiled kernels that bound what a view sees of the eight halves of a box, on its image and on its map.
 
-They call nothing outside of this file. Arrays as in `BoxScene`.
+Arrays as in `BoxScene`.
 """
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
+from panoptic_ros.consensus.lens_kernels import fisheye_factor
 from panoptic_ros.kernels import njit
 from panoptic_ros.voting.lens_bounds import BINS
 
-BEND = 38  # column of the first lens bound in `views`
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
 TINY = 1e-9
 FAR = 1e9  # half the side of a rectangle that is not bounded, in the plane at 1 m
@@ -31,15 +31,18 @@ def rectangles(views, v, x, y, z, step, h, lanes):
     the first and last columns and rows of the map there, not rounded down. Returns the layer of the pyramid
     in which all of them span few cells, wherever the cells of the layer begin.
     """
+    view = views[v]
     h = h * (1.0 + TINY) + TINY
-    across = views[v, 34]
+    across = view.across
     reach, all_reach = h * across, (h + step) * across
-    depth0 = views[v, 6] * x + views[v, 7] * y + views[v, 8] * z + views[v, 11]
+    depth0 = view.r20 * x + view.r21 * y + view.r22 * z + view.tz
     own, other, simple = 1.0, 0.0, depth0 - all_reach > MIN_DEPTH + TINY
-    if simple and views[v, 35] > 0.0:
+    if simple and view.bend_end > 0.0:
         own, other, simple = _bend_of_all(views, v, x, y, z, depth0, h + step)
-    if simple:
-        _project_halves(views, v, x, y, z, step, h, reach, own, other, lanes)
+    if simple and view.fisheye > 0.0:
+        _project_halves(views, v, x, y, z, step, h, reach, own, other, True, lanes)
+    elif simple:
+        _project_halves(views, v, x, y, z, step, h, reach, own, other, False, lanes)
     else:
         for c in range(8):
             sees, u0, u1, w0, w1 = view_box(
@@ -49,7 +52,7 @@ def rectangles(views, v, x, y, z, step, h, lanes):
             lanes[SEES, c] = sees
             lanes[U0, c], lanes[U1, c], lanes[W0, c], lanes[W1, c] = u0, u1, w0, w1
     layer, span = 0, SPAN
-    if views[v, 25] > 0.0:
+    if view.columns > 0.0:
         wide = _cells(views, v, lanes)
         while wide > span:
             layer, span = layer + 1, 2 * span
@@ -59,28 +62,32 @@ def rectangles(views, v, x, y, z, step, h, lanes):
 @_inline
 def _bend_of_all(views, v, x, y, z, depth, h):
     """Slope bounds for all of a box in front of a distorting lens, and whether all of it is well within."""
-    px = (views[v, 0] * x + views[v, 1] * y + views[v, 2] * z + views[v, 9]) / depth
-    py = (views[v, 3] * x + views[v, 4] * y + views[v, 5] * z + views[v, 10]) / depth
-    scale = h / (depth - h * views[v, 34])
-    far_x = abs(px) + scale * _lean(views, v, 0, px)
-    far_y = abs(py) + scale * _lean(views, v, 3, py)
-    far2, end = far_x * far_x + far_y * far_y, views[v, 35]
-    seen = min(views[v, 36], end)
+    view = views[v]
+    px = (view.r00 * x + view.r01 * y + view.r02 * z + view.tx) / depth
+    py = (view.r10 * x + view.r11 * y + view.r12 * z + view.ty) / depth
+    scale = h / (depth - h * view.across)
+    far_x, far_y = abs(px) + scale * _lean_x(view, px), abs(py) + scale * _lean_y(view, py)
+    far2, end = far_x * far_x + far_y * far_y, view.bend_end
+    seen = min(view.far_x, end)
     within = far2 < seen * seen * (1.0 - TINY)
-    at = BEND + 2 * min(int(math.sqrt(far2) / end * BINS) if within else 0, BINS - 1)
-    return views[v, at], views[v, at + 1], within
+    at = min(int(math.sqrt(far2) / end * BINS) if within else 0, BINS - 1)
+    return view.bends[at, 0], view.bends[at, 1], within
 
 
 @_inline
-def _project_halves(views, v, x, y, z, step, h, reach, own, other, lanes):
-    """`view_box` for the eight halves at once, where nothing special happens."""
-    r00, r01, r02 = views[v, 0], views[v, 1], views[v, 2]
-    r10, r11, r12 = views[v, 3], views[v, 4], views[v, 5]
-    r20, r21, r22 = views[v, 6], views[v, 7], views[v, 8]
-    tx, ty, tz = views[v, 9], views[v, 10], views[v, 11]
-    fx, skew, mx, fy, my = views[v, 12], views[v, 13], views[v, 14], views[v, 15], views[v, 16]
-    k1, k2, p1, p2, k3 = views[v, 17], views[v, 18], views[v, 19], views[v, 20], views[v, 21]
-    left, right, top, bottom = -0.5, views[v, 23] - 0.5, -0.5, views[v, 24] - 0.5
+def _project_halves(views, v, x, y, z, step, h, reach, own, other, fisheye, lanes):
+    """`view_box` for the eight halves at once, where nothing special happens.
+
+    The kind of the lens is an argument so that each has a loop without branches.
+    """
+    view = views[v]
+    r00, r01, r02 = view.r00, view.r01, view.r02
+    r10, r11, r12 = view.r10, view.r11, view.r12
+    r20, r21, r22 = view.r20, view.r21, view.r22
+    tx, ty, tz = view.tx, view.ty, view.tz
+    fx, skew, mx, fy, my = view.fx, view.skew, view.cx, view.fy, view.cy
+    k1, k2, p1, p2, k3, k4 = view.k1, view.k2, view.p1, view.p2, view.k3, view.k4
+    left, right, top, bottom = -0.5, view.width - 0.5, -0.5, view.height - 0.5
     for c in range(8):
         ax = x + (2.0 * (c >> 2) - 1.0) * step
         ay = y + (2.0 * (c >> 1 & 1) - 1.0) * step
@@ -94,7 +101,7 @@ def _project_halves(views, v, x, y, z, step, h, reach, own, other, lanes):
         lean_y = scale * (abs(r10 - py * r20) + abs(r11 - py * r21) + abs(r12 - py * r22))
         wx, wy = own * lean_x + other * lean_y, other * lean_x + own * lean_y
         r2 = px * px + py * py
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        radial = fisheye_factor(k1, k2, k3, k4, r2) if fisheye else 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
         dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
         u, w = fx * dx + skew * dy + mx, fy * dy + my
@@ -112,9 +119,10 @@ def _cells(views, v, lanes):
 
     Returns how many cells the widest rectangle spans, less one.
     """
-    m0, m1, m2 = views[v, 27], views[v, 28], views[v, 29]
-    m3, m4, m5 = views[v, 30], views[v, 31], views[v, 32]
-    last_x, last_y = views[v, 25] - 1.0, views[v, 26] - 1.0
+    view = views[v]
+    m0, m1, m2 = view.a0, view.a1, view.a2
+    m3, m4, m5 = view.b0, view.b1, view.b2
+    last_x, last_y = view.columns - 1.0, view.rows - 1.0
     for c in range(8):
         u, wu = 0.5 * (lanes[U0, c] + lanes[U1, c]), 0.5 * (lanes[U1, c] - lanes[U0, c])
         w, ww = 0.5 * (lanes[W0, c] + lanes[W1, c]), 0.5 * (lanes[W1, c] - lanes[W0, c])
@@ -138,28 +146,28 @@ def view_box(views, v, x, y, z, h):
 
     Returns NONE, PART or ALL, and the pixels u0, u1, w0, w1 within which all of it is that can be seen.
     """
-    sees, u, w, wu, ww = NONE, 0.0, 0.0, FAR, FAR
-    depth = views[v, 6] * x + views[v, 7] * y + views[v, 8] * z + views[v, 11]
-    reach = h * views[v, 34]
-    cx = views[v, 0] * x + views[v, 1] * y + views[v, 2] * z + views[v, 9]
-    cy = views[v, 3] * x + views[v, 4] * y + views[v, 5] * z + views[v, 10]
+    view, sees, u, w, wu, ww = views[v], NONE, 0.0, 0.0, FAR, FAR
+    depth = view.r20 * x + view.r21 * y + view.r22 * z + view.tz
+    reach = h * view.across
+    cx = view.r00 * x + view.r01 * y + view.r02 * z + view.tx
+    cy = view.r10 * x + view.r11 * y + view.r12 * z + view.ty
     if depth - reach > MIN_DEPTH + TINY:
         near = 1.0 / (depth * (depth - reach))  # one division for two
         px, py, scale = cx * (depth - reach) * near, cy * (depth - reach) * near, h * depth * near
-        wx, wy = scale * _lean(views, v, 0, px), scale * _lean(views, v, 3, py)
+        wx, wy = scale * _lean_x(view, px), scale * _lean_y(view, py)
         sees = ALL
-        if views[v, 35] > 0.0:
-            sees, px, py, wx, wy = _bend(views, v, px, py, wx, wy)
-        u = views[v, 12] * px + views[v, 13] * py + views[v, 14]
-        w = views[v, 15] * py + views[v, 16]
-        wu = views[v, 12] * wx + abs(views[v, 13]) * wy + MARGIN
-        ww = views[v, 15] * wy + MARGIN
+        if view.bend_end > 0.0:
+            sees, px, py, wx, wy = _bend(view, px, py, wx, wy)
+        u = view.fx * px + view.skew * py + view.cx
+        w = view.fy * py + view.cy
+        wu = view.fx * wx + abs(view.skew) * wy + MARGIN
+        ww = view.fy * wy + MARGIN
     elif depth + reach > MIN_DEPTH - TINY:  # across the plane of the camera: anywhere, or far beside
         far = depth + reach + TINY
-        beside_x = abs(cx) - h * _lean(views, v, 0, 0.0) - TINY
-        beside_y = abs(cy) - h * _lean(views, v, 3, 0.0) - TINY
-        sees = NONE if (beside_x > views[v, 36] * far) | (beside_y > views[v, 37] * far) else PART
-    u0, u1, w0, w1 = -0.5, views[v, 23] - 0.5, -0.5, views[v, 24] - 0.5
+        beside_x = abs(cx) - h * _lean_x(view, 0.0) - TINY
+        beside_y = abs(cy) - h * _lean_y(view, 0.0) - TINY
+        sees = NONE if (beside_x > view.far_x * far) | (beside_y > view.far_y * far) else PART
+    u0, u1, w0, w1 = -0.5, view.width - 0.5, -0.5, view.height - 0.5
     outside = (u + wu < u0) | (u - wu > u1) | (w + ww < w0) | (w - ww > w1)
     across = (u - wu < u0) | (u + wu > u1) | (w - ww < w0) | (w + ww > w1)
     sees = min(sees, NONE if outside else PART if across else ALL)
@@ -167,17 +175,23 @@ def view_box(views, v, x, y, z, h):
 
 
 @_inline
-def _lean(views, v, at, slope):
-    """How fast X - slope * Z (at 0) or Y - slope * Z (at 3) changes at most, per half side of a box."""
-    r20, r21, r22 = views[v, 6], views[v, 7], views[v, 8]
-    x, y, z = views[v, at] - slope * r20, views[v, at + 1] - slope * r21, views[v, at + 2] - slope * r22
+def _lean_x(view, slope):
+    """How fast X - slope * Z changes at most, per half side of a box; X, Y, Z in the camera."""
+    x, y, z = view.r00 - slope * view.r20, view.r01 - slope * view.r21, view.r02 - slope * view.r22
     return abs(x) + abs(y) + abs(z)
 
 
 @_inline
-def _bend(views, v, px, py, wx, wy):
+def _lean_y(view, slope):
+    """As `_lean_x`, of Y - slope * Z."""
+    x, y, z = view.r10 - slope * view.r20, view.r11 - slope * view.r21, view.r12 - slope * view.r22
+    return abs(x) + abs(y) + abs(z)
+
+
+@_inline
+def _bend(view, px, py, wx, wy):
     """The distorted middle and half sides of a rectangle of the image plane, infinite if not bounded."""
-    seen2, end2 = views[v, 36] ** 2, views[v, 35] ** 2
+    seen2, end2 = view.far_x ** 2, view.bend_end ** 2
     left, top = max(abs(px) - wx, 0.0), max(abs(py) - wy, 0.0)
     r2, far2 = px * px + py * py, (abs(px) + wx) ** 2 + (abs(py) + wy) ** 2
     beyond = left * left + top * top >= seen2 * (1.0 + TINY)
@@ -185,12 +199,15 @@ def _bend(views, v, px, py, wx, wy):
     # farther out than the end points are bounded only if they are not seen
     bounded = (far2 < end2 * (1.0 - TINY)) | (end2 >= seen2 * (1.0 - TINY))
     if bounded & (r2 < end2 * (1.0 - TINY)):
-        at = BEND + 2 * min(int(math.sqrt(far2 / end2) * BINS), BINS - 1)
-        p1, p2 = views[v, 19], views[v, 20]
-        radial = 1.0 + r2 * (views[v, 17] + r2 * (views[v, 18] + r2 * views[v, 21]))
+        at = min(int(math.sqrt(far2 / end2) * BINS), BINS - 1)
+        p1, p2 = view.p1, view.p2
+        if view.fisheye > 0.0:
+            radial = fisheye_factor(view.k1, view.k2, view.k3, view.k4, r2)
+        else:
+            radial = 1.0 + r2 * (view.k1 + r2 * (view.k2 + r2 * view.k3))
         dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
         dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
-        own, other = views[v, at], views[v, at + 1]
+        own, other = view.bends[at, 0], view.bends[at, 1]
         px, py, wx, wy = dx, dy, own * wx + other * wy, other * wx + own * wy
     else:
         sees, px, py, wx, wy = min(sees, PART), 0.0, 0.0, FAR, FAR

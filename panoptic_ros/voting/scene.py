@@ -8,19 +8,28 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, ScoreMaps, ViewDetections, VisibilityLimit
+from panoptic_ros.geometry import Lens
 from panoptic_ros.voting import map_kernels
 from panoptic_ros.voting.score_field import keypoint_widths
 
 Array = np.ndarray
-CAMERA_NUMBERS = 34
+_NUMBERS = (
+    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz fx skew cx fy cy k1 k2 p1 p2 k3 k4 fisheye fold "
+    "width height columns rows a0 a1 a2 b0 b1 b2"
+).split()
+CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # the record of a view, see `VoteScene`
+LENS_FIELDS = _NUMBERS[_NUMBERS.index("fx") : _NUMBERS.index("columns")]  # of the lens and of the image
+OF_CAMERA = _NUMBERS.index("columns")  # so many numbers are those of the camera, the others of its maps
 
 
 class VoteScene(NamedTuple):
     """V views of an instant, J joints, at most P people in a view; what `ViewField` says, as arrays.
 
-    cameras: (V, 34) rotation 3x3, translation, fx skew cx fy cy, k1 k2 p1 p2 k3, largest squared radius,
-        image width and height, map width and height in cells (0 without maps), cells from pixels 2x3,
-        one more for padding. Few arrays, because kernels are inlined only if they take few.
+    cameras: (V,) records `CAMERA`: rotation r00 to r22 and translation tx ty tz; matrix fx skew cx fy cy;
+        terms of the lens k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; fold, the largest squared
+        undistorted radius; width and height of the image, px; columns and rows of the maps, cells (0 without
+        maps); cells from pixels a0 a1 a2, b0 b1 b2. Few arrays, because kernels are inlined only if they
+        take few.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN pixels and score 0 where missing.
     gates: (V, P) squared px.
     map_start: (V, J) first value of the merged map in `map_data` (B,) uint8, -1 where keypoints count.
@@ -69,14 +78,25 @@ def build_scene(
 
 
 def _view_numbers(cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Array:
-    table = np.zeros((len(views), CAMERA_NUMBERS))
+    table = np.zeros((len(views), len(_NUMBERS)))
     if len(views):
-        table[:, :25] = [_camera_numbers(camera) for camera in cameras]
+        table[:, :OF_CAMERA] = [_camera_numbers(camera) for camera in cameras]
     mapped, maps = _maps_of(views)
     if mapped:
-        table[mapped, 25:27] = [each.grid_size for each in maps]
-        table[mapped, 27:33] = np.array([each.grid_from_image for each in maps]).reshape(-1, 6)
-    return table
+        table[mapped, OF_CAMERA : OF_CAMERA + 2] = [each.grid_size for each in maps]
+        table[mapped, OF_CAMERA + 2 :] = np.array([each.grid_from_image for each in maps]).reshape(-1, 6)
+    return table.view(CAMERA).reshape(-1)
+
+
+def map_sizes(cameras: Array) -> Array:
+    """Columns and rows (V, 2) of the maps of `VoteScene.cameras` (V,)."""
+    return np.stack([cameras["columns"], cameras["rows"]], axis=-1).astype(np.int64)
+
+
+def lens_of(camera: np.void) -> tuple[Lens, Array]:
+    """The lens of a record `CAMERA`, and its terms as in `Intrinsics`."""
+    names = ("k1", "k2", "k3", "k4") if camera["fisheye"] else ("k1", "k2", "p1", "p2", "k3")
+    return ("fisheye" if camera["fisheye"] else "brown"), np.array([camera[name] for name in names])
 
 
 def _limits(views: Sequence[ViewDetections]) -> Array:
@@ -100,7 +120,12 @@ def _camera_numbers(camera: Camera) -> tuple[float, ...]:
     """The numbers of a view that are those of its camera."""
     lens, pose = camera.intrinsics, camera.cam_from_world
     matrix = lens.matrix.ravel()[[0, 1, 2, 4, 5]]
-    rest = (*matrix, *lens.distortion, lens.radius_limit**2, *camera.image_size)
+    if lens.lens == "fisheye":
+        k1, k2, k3, k4 = lens.distortion
+        terms = (k1, k2, 0.0, 0.0, k3, k4, 1.0)
+    else:
+        terms = (*lens.distortion, 0.0, 0.0)
+    rest = (*matrix, *terms, lens.radius_limit**2, *camera.image_size)
     return tuple(float(x) for x in (*pose.rotation.ravel(), *pose.translation, *rest))
 
 

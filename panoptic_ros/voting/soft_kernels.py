@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from panoptic_ros.consensus.lens_kernels import fisheye_factor, fisheye_slope
 from panoptic_ros.kernels import njit
 from panoptic_ros.voting.kernels import hidden, project
 from panoptic_ros.voting.score_field import GAUSSIAN_END
@@ -20,6 +21,7 @@ MANY_VIEWS = 10  # place a joint so well that the widest ball would find nothing
 SETTLED = 1e-4  # m, a step that ends the rounds
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
+_inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 
 
 @_jit
@@ -53,7 +55,8 @@ def _nearest_view(scene, place):
     nearest, least, seeing = -1, np.inf, 0
     x, y, z = place
     for v in range(len(cameras)):
-        depth = cameras[v, 6] * x + cameras[v, 7] * y + cameras[v, 8] * z + cameras[v, 11]
+        camera = cameras[v]
+        depth = camera.r20 * x + camera.r21 * y + camera.r22 * z + camera.tz
         u, w, _, _, covered = project(cameras, v, x, y, z)
         if covered and not hidden(cameras, scene.limits, v, x, y, z, u, w):
             seeing += 1
@@ -65,9 +68,11 @@ def _nearest_view(scene, place):
 @_jit
 def _turn(ball, camera, turned):
     """Points (3, G) along the axes of a camera, in the world."""
-    for i in range(3):
-        for g in range(ball.shape[1]):
-            turned[i, g] = camera[i] * ball[0, g] + camera[3 + i] * ball[1, g] + camera[6 + i] * ball[2, g]
+    for g in range(ball.shape[1]):
+        x, y, z = ball[0, g], ball[1, g], ball[2, g]
+        turned[0, g] = camera.r00 * x + camera.r10 * y + camera.r20 * z
+        turned[1, g] = camera.r01 * x + camera.r11 * y + camera.r21 * z
+        turned[2, g] = camera.r02 * x + camera.r12 * y + camera.r22 * z
 
 
 @_jit
@@ -91,9 +96,9 @@ def _step(scene, joint, place, radius, ball, softness, room):
         if map_start[v, joint] >= 0 and _frame(cameras, v, place, radius, frame):
             covering += 1
             if _near_patch(scene.patch_start, scene.patch_table, v * joint_count + joint, frame):
-                _add_framed_map(map_data, map_start[v, joint], int(cameras[v, 25]), frame, offsets, votes)
+                _add_framed_map(map_data, map_start[v, joint], int(cameras[v].columns), frame, offsets, votes)
             continue
-        reach = REACH * _project_ball(cameras, v, place, radius, offsets, u, w)
+        reach = REACH * _project_ball(cameras[v], place, radius, offsets, u, w)
         if u[middle] == np.inf:
             continue
         covering += 1
@@ -111,14 +116,31 @@ def _step(scene, joint, place, radius, ball, softness, room):
 
 
 @_jit
-def _project_ball(cameras, v, start, radius, offsets, u, w):
+def _project_ball(camera, start, radius, offsets, u, w):
     """Pixels u, w (G,) of start + offsets; infinite where the view does not cover them.
 
     Returns the size of the ball in pixels where the view looks straight at it; inf if it is too close.
     """
-    r00, r01, r02, r10, r11, r12, r20, r21, r22, tx, ty, tz = cameras[v, :12]
-    fx, skew, cx, fy, cy, k1, k2, p1, p2, k3, fold = cameras[v, 12:23]
-    width, height, map_width, map_height, a0, a1, a2, b0, b1, b2 = cameras[v, 23:33]
+    if camera.fisheye > 0.0:
+        depth = _project_points(camera, start, offsets, True, u, w)
+    else:
+        depth = _project_points(camera, start, offsets, False, u, w)
+    return radius * max(camera.fx, camera.fy) / depth if depth > 4.0 * radius else np.inf
+
+
+@_inline
+def _project_points(camera, start, offsets, fisheye, u, w):
+    """Write the pixels of `_project_ball`; returns the depth of the start.
+
+    The kind of the lens is an argument so that each has a loop without branches.
+    """
+    r00, r01, r02, tx = camera.r00, camera.r01, camera.r02, camera.tx
+    r10, r11, r12, ty = camera.r10, camera.r11, camera.r12, camera.ty
+    r20, r21, r22, tz = camera.r20, camera.r21, camera.r22, camera.tz
+    fx, skew, cx, fy, cy = camera.fx, camera.skew, camera.cx, camera.fy, camera.cy
+    k1, k2, p1, p2, k3, k4 = camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.k4
+    width, height, map_width, map_height = camera.width, camera.height, camera.columns, camera.rows
+    a0, a1, a2, b0, b1, b2 = camera.a0, camera.a1, camera.a2, camera.b0, camera.b1, camera.b2
     x0 = r00 * start[0] + r01 * start[1] + r02 * start[2] + tx
     y0 = r10 * start[0] + r11 * start[1] + r12 * start[2] + ty
     z0 = r20 * start[0] + r21 * start[1] + r22 * start[2] + tz
@@ -131,19 +153,19 @@ def _project_ball(cameras, v, start, radius, offsets, u, w):
         x = (x0 + r00 * ox + r01 * oy + r02 * oz) * scale
         y = (y0 + r10 * ox + r11 * oy + r12 * oz) * scale
         r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        radial = fisheye_factor(k1, k2, k3, k4, r2) if fisheye else 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         dx = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
         dy = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
         px, py = fx * dx + skew * dy + cx, fy * dy + cy
         a, b = a0 * px + a1 * py + a2, b0 * px + b1 * py + b2
         inside = (
-            (depth > MIN_DEPTH) & (r2 < fold)
+            (depth > MIN_DEPTH) & (r2 < camera.fold)
             & (px >= -0.5) & (px <= width - 0.5) & (py >= -0.5) & (py <= height - 0.5)
             & (a >= -0.5) & (a <= map_width - 0.5) & (b >= -0.5) & (b <= map_height - 0.5)
         )  # fmt: skip
         u[g] = px if inside else np.inf
         w[g] = py if inside else np.inf
-    return radius * max(fx, fy) / z0 if z0 > 4.0 * radius else np.inf
+    return z0
 
 
 @_jit
@@ -153,9 +175,14 @@ def _frame(cameras, v, start, radius, frame):
     Returns whether the view covers all of it, from far enough for this to be linear (to a hundredth of
     the ball where it is 12 cm at 3 m).
     """
-    r00, r01, r02, r10, r11, r12, r20, r21, r22, tx, ty, tz = cameras[v, :12]
-    fx, skew, cx, fy, cy, k1, k2, p1, p2, k3, fold = cameras[v, 12:23]
-    width, height, map_width, map_height, a0, a1, a2, b0, b1, b2 = cameras[v, 23:33]
+    camera = cameras[v]
+    r00, r01, r02, tx = camera.r00, camera.r01, camera.r02, camera.tx
+    r10, r11, r12, ty = camera.r10, camera.r11, camera.r12, camera.ty
+    r20, r21, r22, tz = camera.r20, camera.r21, camera.r22, camera.tz
+    fx, skew, cx, fy, cy = camera.fx, camera.skew, camera.cx, camera.fy, camera.cy
+    k1, k2, p1, p2, k3, fold = camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.fold
+    width, height, map_width, map_height = camera.width, camera.height, camera.columns, camera.rows
+    a0, a1, a2, b0, b1, b2 = camera.a0, camera.a1, camera.a2, camera.b0, camera.b1, camera.b2
     depth = r20 * start[0] + r21 * start[1] + r22 * start[2] + tz
     if depth < FAR * radius:
         return False
@@ -166,8 +193,12 @@ def _frame(cameras, v, start, radius, frame):
     wide = math.sqrt(r2) + 2.0 * radius * scale
     if wide * wide >= fold:
         return False
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
+    if camera.fisheye > 0.0:
+        radial = fisheye_factor(k1, k2, k3, camera.k4, r2)
+        slope = fisheye_slope(k1, k2, k3, camera.k4, r2, radial)
+    else:
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
     dx = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
     dy = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
     xx = radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
@@ -232,8 +263,9 @@ def _add_framed_map(data, start, width, frame, offsets, votes):
 @_jit
 def _add_map(cameras, v, start, data, u, w, votes):
     """Add bilinear samples of the map of view v that begins at `start`."""
-    width, height = int(cameras[v, 25]), int(cameras[v, 26])
-    a0, a1, a2, b0, b1, b2 = cameras[v, 27:33]
+    camera = cameras[v]
+    width, height = int(camera.columns), int(camera.rows)
+    a0, a1, a2, b0, b1, b2 = camera.a0, camera.a1, camera.a2, camera.b0, camera.b1, camera.b2
     for g in range(len(u)):
         if u[g] == np.inf:
             continue

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from panoptic_ros.consensus.lens_kernels import fisheye_factor
 from panoptic_ros.kernels import njit
 from panoptic_ros.voting.box_kernels import GROUP
 from panoptic_ros.voting.kernels import hidden
@@ -45,15 +46,19 @@ def visit(scene, boxes, start, lists, lower, shape, side, threshold, view_thresh
         i, j, k = 2 * boxes[n, 0] + lower[0], 2 * boxes[n, 1] + lower[1], 2 * boxes[n, 2] + lower[2]
         for at in range(start[n], start[n + 1]):
             v, some = lists[at]
-            _project(views, v, i, j, k, side, lanes)
+            if views[v].fisheye > 0.0:
+                _project(views, v, i, j, k, side, True, lanes)
+            else:
+                _project(views, v, i, j, k, side, False, lanes)
             if limits[3 * v] > 0.0:
                 _hide(views, limits, v, i, j, k, side, lanes)
             for c in range(8):
                 covering[c] += lanes[COVERED + c]
             if some == 0:
                 continue
-            right = np.int64(views[v, 25] > 1.0)  # how much farther cells to the right and below are
-            below = np.int64(views[v, 25]) if views[v, 26] > 1.0 else 0
+            view = views[v]
+            right = np.int64(view.columns > 1.0)  # how much farther cells to the right and below are
+            below = np.int64(view.columns) if view.rows > 1.0 else 0
             for m in range(count):
                 if not some >> mine[m] & 1:
                     continue
@@ -119,23 +124,24 @@ def _add_gaussians(people, v, joint, m, lanes, view_threshold, sums, support):
 
 
 @_inline
-def _project(views, v, i, j, k, side, lanes):
+def _project(views, v, i, j, k, side, fisheye, lanes):
     """Where view v sees the eight voxels from i, j, k on, step by step as in `kernels`.
+
+    The kind of the lens is an argument so that each has a loop without branches.
 
     Writes into `lanes` whether it covers them; pixels; how far they are beyond a cell of the map, of 0 to 1;
     and the number of that cell.
     """
-    r00, r01, r02 = views[v, 0], views[v, 1], views[v, 2]
-    r10, r11, r12 = views[v, 3], views[v, 4], views[v, 5]
-    r20, r21, r22 = views[v, 6], views[v, 7], views[v, 8]
-    tx, ty, tz = views[v, 9], views[v, 10], views[v, 11]
-    fx, skew, mx, fy, my = views[v, 12], views[v, 13], views[v, 14], views[v, 15], views[v, 16]
-    k1, k2, p1, p2, k3, fold = (
-        views[v, 17], views[v, 18], views[v, 19], views[v, 20], views[v, 21], views[v, 22]
-    )  # fmt: skip
-    right, bottom, map_right, map_bottom = views[v, 23] - 0.5, views[v, 24] - 0.5, views[v, 25], views[v, 26]
-    m0, m1, m2 = views[v, 27], views[v, 28], views[v, 29]
-    m3, m4, m5 = views[v, 30], views[v, 31], views[v, 32]
+    view = views[v]
+    r00, r01, r02 = view.r00, view.r01, view.r02
+    r10, r11, r12 = view.r10, view.r11, view.r12
+    r20, r21, r22 = view.r20, view.r21, view.r22
+    tx, ty, tz = view.tx, view.ty, view.tz
+    fx, skew, mx, fy, my = view.fx, view.skew, view.cx, view.fy, view.cy
+    k1, k2, p1, p2, k3, k4, fold = view.k1, view.k2, view.p1, view.p2, view.k3, view.k4, view.fold
+    right, bottom, map_right, map_bottom = view.width - 0.5, view.height - 0.5, view.columns, view.rows
+    m0, m1, m2 = view.a0, view.a1, view.a2
+    m3, m4, m5 = view.b0, view.b1, view.b2
     bare = map_right == 0.0  # no maps, no borders of theirs
     last_x, last_y = max(map_right - 1.0, 0.0), max(map_bottom - 1.0, 0.0)
     for c in range(8):
@@ -144,7 +150,7 @@ def _project(views, v, i, j, k, side, lanes):
         px = (r00 * x + r01 * y + r02 * z + tx) / depth
         py = (r10 * x + r11 * y + r12 * z + ty) / depth
         r2 = px * px + py * py
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        radial = fisheye_factor(k1, k2, k3, k4, r2) if fisheye else 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         dx = px * radial + 2.0 * p1 * px * py + p2 * (r2 + 2.0 * px * px)
         dy = py * radial + p1 * (r2 + 2.0 * py * py) + 2.0 * p2 * px * py
         u = fx * dx + skew * dy + mx

@@ -48,8 +48,8 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
     starts = np.searchsorted(view, np.arange(views + 1)).astype(np.int64)
     scores, delays = np.full(plane.shape[:2], 0.8), np.zeros(views)
     evidence = Evidence(
-        np.arange(views), np.arange(views), starts, view, np.arange(len(view)) - starts[view], plane, scores,
-        delays, rotations, translations, centres, np.full(views, 1000.0),
+        np.arange(views), np.arange(views), starts, view, np.arange(len(view)) - starts[view], plane,
+        np.ones(scores.shape), scores, delays, rotations, translations, centres, np.full(views, 1000.0),
         Sight(np.tile([-1.0, 1, -1, 1], (views, 1)), np.zeros(3 * views)),
     )  # fmt: skip
     cams = (rotations, translations, delays)

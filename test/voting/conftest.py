@@ -1,6 +1,7 @@
 """Exact little scenes: cameras on a ring, people of 19 joints, keypoints and maps without any noise."""
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,7 +24,9 @@ UPRIGHT = np.array(
 )  # fmt: skip
 
 
-def ring(count: int, distortion: tuple[float, ...] = (), radius: float = 4.0) -> Rig:
+def ring(count: int, lens: tuple[float, ...] | Intrinsics = (), radius: float = 4.0) -> Rig:
+    """Cameras round the origin; lens: Brown's terms, or intrinsics that get another matrix."""
+    straight = lens if isinstance(lens, Intrinsics) else Intrinsics(np.eye(3), np.array(lens))
     cameras = []
     for k in range(count):
         angle = 2.0 * np.pi * (k + 0.2) / count
@@ -36,10 +39,9 @@ def ring(count: int, distortion: tuple[float, ...] = (), radius: float = 4.0) ->
         matrix = np.array([[500.0 + 7 * k, 0.5, 321.0], [0.0, 505.0 + 7 * k, 239.0], [0.0, 0.0, 1.0]])
         cameras.append(
             Camera(
-                f"cam{k}", (640, 480), Intrinsics(matrix, np.array(distortion)),
-                Rigid(rotation, -rotation @ centre),
+                f"cam{k}", (640, 480), replace(straight, matrix=matrix), Rigid(rotation, -rotation @ centre)
             )
-        )  # fmt: skip
+        )
     return Rig(tuple(cameras))
 
 

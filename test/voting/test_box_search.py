@@ -16,7 +16,10 @@ from panoptic_ros.voting.score_volume import dense_peaks
 from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
-LENSES = [(), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), (0.0, 0.0, 0.03, -0.02)]
+LENSES = [
+    (), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), (0.0, 0.0, 0.03, -0.02),
+    Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye"), Intrinsics(np.eye(3), (-0.3,), "fisheye"),
+]  # fmt: skip
 NUMBERS = [  # threshold, view threshold, enough, least
     (0.05, 0.1, 2, 2), (0.2, 0.1, 2, 3), (0.0, 0.0, 0, 0),
     (0.3, 0.3, 1, 4), (0.4, 0.1, 2, 2), (0.5, 0.1, 1, 1),
@@ -33,6 +36,12 @@ def compared(scene, volume, threshold, view_threshold, enough, least):
     return int(wanted.sum())
 
 
+def lens_of(lens, matrix):
+    """With another matrix, or of Brown's terms."""
+    straight = lens if isinstance(lens, Intrinsics) else Intrinsics(np.eye(3), np.array(lens))
+    return replace(straight, matrix=matrix)
+
+
 def random_camera(rng, k, lens, inside):
     """Near the origin, perhaps within the volume, looking somewhere near its middle."""
     centre = rng.uniform(-0.8, 0.8, 3) if inside else rng.normal(size=3) * 1.5
@@ -43,7 +52,7 @@ def random_camera(rng, k, lens, inside):
     focal = rng.uniform(40.0, 160.0)
     matrix = np.array([[focal, rng.normal(), 80.0], [0.0, focal * 1.1, 60.0], [0.0, 0.0, 1.0]])
     pose = Rigid(rotation, -rotation @ centre)
-    return Camera(f"cam{k}", (160, 120), Intrinsics(matrix, np.array(lens)), pose)
+    return Camera(f"cam{k}", (160, 120), lens_of(lens, matrix), pose)
 
 
 def random_limit(rng):

@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import VisibilityLimit
+from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.voting import kernels, soft_vote
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.score_field import ViewField
 from panoptic_ros.voting.score_volume import vote_reference
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
 
 
 def setting(scenes, maps, distortion, limits=False):
@@ -34,7 +36,7 @@ def points_about(people, rng):
 
 
 @pytest.mark.parametrize("limits", [False, True])
-@pytest.mark.parametrize("distortion", [(), LENS])
+@pytest.mark.parametrize("distortion", [(), LENS, FISHEYE])
 @pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
 def test_votes_are_those_of_numpy(scenes, maps, distortion, limits):
     rig, people, scene, fields = setting(scenes, maps, distortion, limits)

@@ -17,10 +17,14 @@ LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 FORWARD = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # looks along x, z up
 
 
+FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
+
+
 def camera(distortion=()):
     matrix = np.array([[500.0, 0.0, 319.5], [0.0, 500.0, 239.5], [0.0, 0.0, 1.0]])
     centre = np.array([0.0, 0.0, 1.0])
-    return Camera("cam", (640, 480), Intrinsics(matrix, distortion), Rigid(FORWARD, -FORWARD @ centre))
+    straight = distortion if isinstance(distortion, Intrinsics) else Intrinsics(matrix, distortion)
+    return Camera("cam", (640, 480), replace(straight, matrix=matrix), Rigid(FORWARD, -FORWARD @ centre))
 
 
 def blocked_by_ray(camera, box, points):
@@ -33,7 +37,7 @@ def blocked_by_ray(camera, box, points):
     return (near < far) & (near < 1.0) & (far > 0.0)
 
 
-@pytest.mark.parametrize("distortion", [(), LENS])
+@pytest.mark.parametrize("distortion", [(), LENS, FISHEYE])
 def test_a_wall_hides_what_is_behind_it_and_nothing_else(distortion):
     eye = camera(distortion)
     size, centre = np.array([0.2, 1.6, 2.0]), np.array([2.1, 0.3, 0.9])

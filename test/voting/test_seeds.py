@@ -1,15 +1,17 @@
 import numpy as np
 import pytest
 
+from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.voting import ray_kernels
 from panoptic_ros.voting.image_peaks import find_peaks
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.seeds import SeedSearch, spread
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
 
 
-@pytest.mark.parametrize("lens", [(), LENS])
+@pytest.mark.parametrize("lens", [(), LENS, FISHEYE])
 def test_rays_are_those_of_the_cameras(scenes, lens):
     rig = scenes.ring(3, lens)
     scene = build_scene(rig.cameras, scenes.detect(rig, []).views, 19)
@@ -28,9 +30,9 @@ def test_a_pixel_beyond_the_fold_of_a_lens_has_no_ray(scenes):
     assert np.isfinite(rays).all(1).tolist() == [True, False]
 
 
-@pytest.mark.parametrize("maps", ["none", "merged"])
-def test_there_is_a_seed_at_every_joint(scenes, maps):
-    rig = scenes.ring(4, LENS)
+@pytest.mark.parametrize("maps, lens", [("none", LENS), ("merged", LENS), ("merged", FISHEYE)])
+def test_there_is_a_seed_at_every_joint(scenes, maps, lens):
+    rig = scenes.ring(4, lens)
     people = np.stack([scenes.person(0.4, 0.3), scenes.person(-0.3, -0.4, 2.0)])
     scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
     joints, points = SeedSearch(0.15, 10, 25.0).seeds(scene, rig.cameras, 0.1, 3)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.score_field import ViewField
 from panoptic_ros.voting.score_volume import vote_reference
@@ -8,6 +9,7 @@ from panoptic_ros.voting.soft_kernels import MANY_VIEWS
 from panoptic_ros.voting.soft_vote import BALL, RADII, SOFTNESS, move, refine
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
+FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
 
 
 def reference(fields, cameras, joint, start):
@@ -29,9 +31,10 @@ def setting(scenes, maps, lens=LENS, count=4):
     return rig, np.stack(people), build_scene(rig.cameras, views, 19), [ViewField(view) for view in views]
 
 
+@pytest.mark.parametrize("lens", [LENS, FISHEYE])
 @pytest.mark.parametrize("maps, count", [("none", 4), ("merged", 4), ("mixed", 4), ("none", MANY_VIEWS)])
-def test_it_is_the_soft_vote_of_numpy(scenes, maps, count):
-    rig, people, scene, fields = setting(scenes, maps, count=count)
+def test_it_is_the_soft_vote_of_numpy(scenes, maps, count, lens):
+    rig, people, scene, fields = setting(scenes, maps, lens, count=count)
     joints = np.array([1, 3, 8, 12, 2])
     starts = people[0, joints] + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 3))
     points = move(starts, joints, scene)
