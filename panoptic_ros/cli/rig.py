@@ -26,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     convert.add_argument("--cameras", help="only these, names separated by commas")
     for sub in (check, convert):
         sub.add_argument("--unit", choices=("m", "cm", "mm"), help="of a TOML file that does not state it")
-        sub.add_argument("--types", default="", help="CMU Panoptic: vga, hd, kinect-color, ...")
-        sub.add_argument("--panels", default="", help="CMU Panoptic: numbers separated by commas")
+        sub.add_argument("--types", default="", help="rig.json, CMU Panoptic: vga, hd, kinect-color, ...")
+        sub.add_argument("--panels", default="", help="rig.json, CMU Panoptic: numbers separated by commas")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,8 +51,8 @@ def _convert(args: argparse.Namespace) -> int:
     rig = _read(args, args.source)
     if args.cameras:
         rig = rig.subset(_words(args.cameras))
-    write_rig(args.target, rig, args.format)
-    print(f"{args.target}: {len(rig)} cameras")
+    lost = write_rig(args.target, rig, args.format)
+    print(f"{args.target}: {len(rig)} cameras" + (f"; left out: {', '.join(lost)}" if lost else ""))
     return 0
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, ViewFrame
 from panoptic_ros.errors import DataError
+from panoptic_ros.io.distortion_models import DISTORTION_MODELS
 from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
 from panoptic_ros.io.messages.depths import depth_from_message
 from panoptic_ros.io.messages.family import Messages, stamp_of
@@ -105,7 +106,7 @@ def _unpack(message: Any, camera: str) -> Array:
 
 
 def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:
-    """sensor_msgs/CameraInfo of one image, plumb_bob."""
+    """sensor_msgs/CameraInfo of one image; the model is plumb_bob, of a fisheye equidistant."""
     k = np.array(camera.intrinsics.matrix)
     roi = family.make(
         "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
@@ -115,7 +116,7 @@ def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:
         header=family.header(stamp_ns, optical_frame(camera.name)),
         height=camera.image_size[1],
         width=camera.image_size[0],
-        distortion_model="plumb_bob",
+        distortion_model=DISTORTION_MODELS[camera.intrinsics.lens],
         d=family.sequence(np.array(camera.intrinsics.distortion)),
         k=k.reshape(9),
         r=np.eye(3).reshape(9),

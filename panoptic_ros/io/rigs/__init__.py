@@ -8,7 +8,8 @@ In: rig.json ("panoptic-rig-1"), CMU Panoptic Studio JSON, calibration.json of d
 Qualisys .qca.txt, aniposelib and caliscope TOML, a folder of ROS camera_info YAML with poses.yaml.
 Out: all of these but the data packs'.
 
-Limits: pinhole cameras with k1 k2 p1 p2 k3 only; a fisheye or rational model is refused by name.
+Lenses: Brown's with k1 k2 p1 p2 k3, and OpenCV's fisheye with four terms where a format has it (rig.json,
+TOML, camera_info). A rational or thin-prism model is refused.
 TOML files do not state their unit of length and world axes: see `read_rig`.
 """
 from panoptic_ros.io.rigs.registry import WRITABLE, read_rig, write_rig

@@ -1,8 +1,8 @@
 """A folder of ROS calibration files, <camera>.yaml, and poses.yaml.
 
 <camera>.yaml is what camera_calibration and camera_info_manager write: image_width, image_height,
-camera_matrix, distortion_model (plumb_bob), distortion_coefficients. ROS has no file for the
-poses, so this package defines one, poses.yaml:
+camera_matrix, distortion_model (plumb_bob, or equidistant for a fisheye), distortion_coefficients. ROS
+has no file for the poses, so this package defines one, poses.yaml:
 
     frame_id: world
     poses:
@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.geometry import Rigid
+from panoptic_ros.io.distortion_models import DISTORTION_MODELS
 from panoptic_ros.io.files import read_yaml
 from panoptic_ros.io.rigs.fields import camera, entry, name_of, numbers, whole_number
 
@@ -58,15 +59,17 @@ def _camera(folder: Path, name: str, pose: Any) -> Camera:
     where = f"{name}.yaml"
     document = read_yaml(folder / where)
     model = entry(document, "distortion_model", where)
-    if model != "plumb_bob":
-        raise CalibrationError(f"{where}: distortion_model is {model!r}; only 'plumb_bob' is supported")
+    lens = next((lens for lens, name in DISTORTION_MODELS.items() if name == model), None)
+    if lens is None:
+        known = " and ".join(map(repr, DISTORTION_MODELS.values()))
+        raise CalibrationError(f"{where}: distortion_model is {model!r}; only {known} are supported")
     size = (
         whole_number(entry(document, "image_width", where), f"{where}: image_width"),
         whole_number(entry(document, "image_height", where), f"{where}: image_height"),
     )
     matrix = numbers(entry(document, "camera_matrix", where), "data", f"{where}: camera_matrix", (9,))
-    lens = entry(document, "distortion_coefficients", where)
-    distortion = numbers(lens, "data", f"{where}: distortion_coefficients", (-1,))
+    coefficients = entry(document, "distortion_coefficients", where)
+    distortion = numbers(coefficients, "data", f"{where}: distortion_coefficients", (-1,))
     translation = numbers(pose, "translation", f"{POSES}: {name}", (3,))
     quaternion = numbers(pose, "rotation", f"{POSES}: {name}", (4,))
     length = float(np.linalg.norm(quaternion))
@@ -75,8 +78,9 @@ def _camera(folder: Path, name: str, pose: Any) -> Camera:
     world_from_cam = Rigid(Rotation.from_quat(quaternion).as_matrix(), translation)
     cam_from_world = world_from_cam.inverse()
     return camera(
-        name, size, matrix.reshape(3, 3), distortion, cam_from_world.rotation, cam_from_world.translation
-    )
+        name, size, matrix.reshape(3, 3), distortion, cam_from_world.rotation, cam_from_world.translation,
+        lens,
+    )  # fmt: skip
 
 
 def dump(rig: Rig) -> dict[str, str]:
@@ -108,7 +112,7 @@ def _info(item: Camera) -> dict[str, Any]:
         "image_height": height,
         "camera_name": item.name,
         "camera_matrix": _matrix(matrix),
-        "distortion_model": "plumb_bob",
+        "distortion_model": DISTORTION_MODELS[item.intrinsics.lens],
         "distortion_coefficients": _matrix(item.intrinsics.distortion[None]),
         "rectification_matrix": _matrix(np.eye(3)),
         "projection_matrix": _matrix(projection),

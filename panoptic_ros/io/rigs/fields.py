@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain import Camera
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.geometry import Intrinsics, Lens, Rigid
 
 Array = np.ndarray
 METRES = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # how many of the unit are one metre
@@ -103,6 +103,36 @@ def name_of(mapping: Any, key: str, where: str) -> str:
     return value
 
 
+def text_of(mapping: Mapping[str, Any], key: str, where: str) -> str:
+    """Text or a whole number under a key that need not be there; "" without it.
+
+    Raises:
+        CalibrationError: if it is something else.
+    """
+    value = mapping.get(key)
+    if value is None:
+        return ""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return str(value)
+    if not isinstance(value, str):
+        raise CalibrationError(f"{where}: {key!r} is {value!r}, expected text")
+    return value
+
+
+def number_of(mapping: Mapping[str, Any], key: str, where: str, default: float) -> float:
+    """A number under a key that need not be there.
+
+    Raises:
+        CalibrationError: if it is something else.
+    """
+    value = mapping.get(key)
+    if value is None:
+        return default
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise CalibrationError(f"{where}: {key!r} is {value!r}, expected a number")
+    return float(value)
+
+
 def listing(mapping: Any, key: str, where: str) -> list[Any]:
     """A list that is not empty.
 
@@ -116,9 +146,13 @@ def listing(mapping: Any, key: str, where: str) -> list[Any]:
 
 
 def camera(
-    name: str, size: tuple[int, int], matrix: Array, distortion: Array, rotation: Array, translation: Array
-) -> Camera:
+    name: str, size: tuple[int, int], matrix: Array, distortion: Array, rotation: Array, translation: Array,
+    lens: Lens = "brown", **stated: Any,
+) -> Camera:  # fmt: skip
     """A camera from its numbers, K (3, 3) px, cam_from_world in m.
+
+    Args:
+        stated: what `Camera` can hold besides.
 
     Raises:
         CalibrationError: naming the camera.
@@ -126,9 +160,11 @@ def camera(
     try:
         if abs(matrix[1, 0]) > 0.0 or matrix[2].tolist() != [0.0, 0.0, 1.0]:
             raise CalibrationError("K is no [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; is it transposed?")
-        return Camera(name, size, Intrinsics(matrix, distortion), Rigid(rotation, translation))
+        intrinsics = Intrinsics(matrix, distortion, lens)
+        return Camera(name, size, intrinsics, Rigid(rotation, translation), **stated)
     except CalibrationError as error:
-        raise CalibrationError(f"camera {name}: {error}") from None
+        told = str(error).removeprefix(f"camera {name}: ")
+        raise CalibrationError(f"camera {name}: {told}") from None
 
 
 def parameters(camera: Camera) -> tuple[list[list[float]], list[float], list[list[float]], list[float]]:

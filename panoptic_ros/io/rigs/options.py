@@ -39,7 +39,7 @@ class ReadOptions:
         if not isinstance(item, Mapping):
             return True
         right_type = not self.types or item.get("type") in self.types
-        return right_type and (not self.panels or item.get("panel") in self.panels)
+        return right_type and (not self.panels or str(item.get("panel")) in map(str, self.panels))
 
 
 def check_selection(items: list[Any], kept: list[Any], options: ReadOptions) -> None:

@@ -20,6 +20,7 @@ from panoptic_ros.io.rigs.fields import (
     name_of,
     numbers,
     per_metre,
+    text_of,
     whole_number,
 )
 from panoptic_ros.io.rigs.options import ReadOptions, check_selection
@@ -61,6 +62,8 @@ def _camera(index: int, item: Any, scale: float, theirs_from_ours: np.ndarray) -
         numbers(item, lens, where, (-1,)) if lens else np.zeros(5),
         numbers(item, "R", where, (3, 3)) @ theirs_from_ours,
         numbers(item, "t", where, (3,), (3, 1)).reshape(3) / scale,
+        type=text_of(item, "type", where),
+        panel=text_of(item, "panel", where),
     )
 
 

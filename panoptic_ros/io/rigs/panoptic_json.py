@@ -6,6 +6,7 @@ choose among them. Converted to metres and z up, once, here.
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 from panoptic_ros.domain import Rig
@@ -18,6 +19,7 @@ from panoptic_ros.io.rigs.fields import (
     name_of,
     numbers,
     parameters,
+    text_of,
 )
 from panoptic_ros.io.rigs.options import ReadOptions, check_selection
 
@@ -55,19 +57,23 @@ def parse(document: Any, options: ReadOptions) -> Rig:
                 numbers(item, "distCoef", where, (-1,)),
                 numbers(item, "R", where, (3, 3)) @ Z_UP_TO_Y_DOWN,
                 numbers(item, "t", where, (3, 1))[:, 0] / CENTIMETRES,
+                type=text_of(item, "type", where),
+                panel=text_of(item, "panel", where),
             )
         )
     return Rig(tuple(cameras))
 
 
 def dump(rig: Rig) -> str:
-    """The document as text; type and panel are not known to a rig and left out."""
+    """The document as text; panels that are numbers are written as numbers."""
     items = []
     for item in rig.cameras:
         matrix, distortion, _, _ = parameters(item)
         pose = item.cam_from_world
+        panel = int(item.panel) if re.fullmatch("0|[1-9][0-9]*", item.panel) else item.panel
+        stated = {key: value for key, value in (("type", item.type), ("panel", panel)) if value != ""}
         items.append({
-            "name": item.name, "resolution": list(item.image_size), "K": matrix,
+            "name": item.name, **stated, "resolution": list(item.image_size), "K": matrix,
             "distCoef": distortion, "R": (pose.rotation @ Z_UP_TO_Y_DOWN.T).tolist(),
             "t": (pose.translation[:, None] * CENTIMETRES).tolist(),
         })  # fmt: skip

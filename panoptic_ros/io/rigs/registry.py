@@ -28,6 +28,7 @@ class _Format:
         parse: content and options to a rig.
         dump: rig to text, or to several files' names and texts; None if it is only read.
         uses: the options that mean something to it.
+        holds: which of `_EXTRAS` it can hold.
     """
 
     name: str
@@ -37,18 +38,31 @@ class _Format:
     parse: Callable[[Any, ReadOptions], Rig]
     dump: Callable[[Rig], str | dict[str, str]] | None
     uses: frozenset[str] = frozenset()
+    holds: frozenset[str] = frozenset()
 
 
+# What not every format holds, and whether a rig has it.
+_EXTRAS: dict[str, Callable[[Rig], bool]] = {
+    "fisheye": lambda rig: any(camera.intrinsics.lens == "fisheye" for camera in rig.cameras),
+    "type": lambda rig: any(camera.type for camera in rig.cameras),
+    "panel": lambda rig: any(camera.panel for camera in rig.cameras),
+    "clock": lambda rig: any(camera.clock for camera in rig.cameras),
+    "line_delay_us": lambda rig: any(camera.line_delay_us for camera in rig.cameras),
+    "covariance": lambda rig: any(camera.covariance is not None for camera in rig.cameras),
+    "depth_sensors": lambda rig: bool(rig.depth_sensors),
+}
+_FISHEYE = frozenset({"fisheye"})
 _SELECTION = frozenset({"types", "panels"})
 _FORMATS = (
     _Format(
         "rig.json", "rig.json (panoptic-rig-1)", "json",
         lambda document: document.get("format") == rig_json.FORMAT,
-        lambda document, _: rig_json.parse(document), rig_json.dump,
+        rig_json.parse, rig_json.dump, _SELECTION, frozenset(_EXTRAS),
     ),
     _Format(
         "panoptic", "CMU Panoptic JSON", "json",
         panoptic_json.recognises, panoptic_json.parse, panoptic_json.dump, _SELECTION,
+        frozenset({"type", "panel"}),
     ),
     _Format(
         "pack", "calibration.json with a stated unit", "json",
@@ -61,14 +75,17 @@ _FORMATS = (
     _Format(
         "caliscope", "caliscope TOML", "toml",
         toml_rigs.is_caliscope, toml_rigs.parse_caliscope, toml_rigs.dump_caliscope, frozenset({"unit"}),
+        _FISHEYE,
     ),
     _Format(
         "aniposelib", "aniposelib TOML", "toml",
         toml_rigs.is_aniposelib, toml_rigs.parse_aniposelib, toml_rigs.dump_aniposelib, frozenset({"unit"}),
+        _FISHEYE,
     ),
     _Format(
         "camera_info", f"a folder of ROS camera_info YAML with {camera_info.POSES}", "folder",
         camera_info.recognises, lambda folder, _: camera_info.parse(folder), camera_info.dump,
+        holds=_FISHEYE,
     ),
 )  # fmt: skip
 WRITABLE = tuple(item.name for item in _FORMATS if item.dump)
@@ -86,7 +103,7 @@ def read_rig(
     Args:
         unit: m, cm or mm, for TOML files, which do not state theirs; None takes them for metres
             unless the cameras would be absurdly far apart.
-        types, panels: only these cameras, for formats that know them (CMU Panoptic JSON: vga,
+        types, panels: only these cameras, for formats that know them (rig.json; CMU Panoptic JSON: vga,
             hd, kinect-color; panels 0 to 20).
 
     Raises:
@@ -124,15 +141,18 @@ def _format_of(document: Document | None) -> _Format:
     raise CalibrationError(f"no rig in a format that is known here; these are read: {titles}")
 
 
-def write_rig(path: Path | str, rig: Rig, format: str | None = None) -> None:
+def write_rig(path: Path | str, rig: Rig, format: str | None = None) -> tuple[str, ...]:
     """Write a rig, whole or not at all.
 
     Args:
         format: one of `WRITABLE`; None takes it from the name: *.qca.txt is Qualisys, *.toml
             aniposelib, *.json rig.json, and a name without suffix is a folder of camera_info files.
 
+    Returns:
+        what the rig states and the format cannot hold, e.g. "clock", "depth_sensors".
+
     Raises:
-        UsageError: for an unknown format.
+        UsageError: for an unknown format, or one that cannot hold a fisheye of the rig.
         EnvironmentProblem: if it cannot be written, or the folder is there already and not empty.
     """
     path = Path(path)
@@ -140,11 +160,17 @@ def write_rig(path: Path | str, rig: Rig, format: str | None = None) -> None:
     chosen = next((item for item in _FORMATS if item.name == name), None)
     if chosen is None or chosen.dump is None:
         raise UsageError(f"cannot write a rig as {name!r}; formats are {', '.join(WRITABLE)}")
+    lost = tuple(key for key, stated in _EXTRAS.items() if key not in chosen.holds and stated(rig))
+    if "fisheye" in lost:
+        name = next(camera.name for camera in rig.cameras if camera.intrinsics.lens == "fisheye")
+        able = ", ".join(item.name for item in _FORMATS if "fisheye" in item.holds)
+        raise UsageError(f"{chosen.title} has no fisheyes, and camera {name} is one; write it as {able}")
     content = chosen.dump(rig)
     if isinstance(content, str):
         write_bytes(path, content.encode())
     else:
         _write_folder(path, content)
+    return lost
 
 
 def _by_name(path: Path) -> str:

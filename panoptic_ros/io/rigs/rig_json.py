@@ -2,52 +2,125 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
-from panoptic_ros.domain import Rig
+import numpy as np
+
+from panoptic_ros.domain import Camera, DepthSensor, Rig
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.io.rigs.fields import camera, entry, image_size, listing, name_of, numbers, parameters
+from panoptic_ros.io.rigs.fields import (
+    camera,
+    entry,
+    image_size,
+    listing,
+    name_of,
+    number_of,
+    numbers,
+    parameters,
+    text_of,
+)
+from panoptic_ros.io.rigs.options import ReadOptions, check_selection
 
 FORMAT = "panoptic-rig-1"
+UNIT_M = 0.001  # of depth sensors that do not state theirs
 
 
-def parse(document: Any) -> Rig:
+def parse(document: Any, options: ReadOptions) -> Rig:
     """A rig from the JSON document.
 
     Raises:
         CalibrationError: naming the camera and the key.
+        UsageError: if the selection leaves no camera.
     """
     units = entry(document, "units", "the file")
     if units != "m":
         raise CalibrationError(f"units are {units!r}; a {FORMAT} file is in metres, 'm'")
-    cameras = []
-    for i, item in enumerate(listing(document, "cameras", "the file")):
-        name = name_of(item, "name", f"camera number {i}")
-        where = f"camera {name}"
-        cameras.append(
-            camera(
-                name,
-                image_size(item, "image_size", where),
-                numbers(item, "K", where, (3, 3)),
-                numbers(item, "distortion", where, (-1,)),
-                numbers(item, "R", where, (3, 3)),
-                numbers(item, "t", where, (3,)),
-            )
-        )
+    items = listing(document, "cameras", "the file")
+    cameras = tuple(_camera(item, f"camera number {i}", "camera") for i, item in enumerate(items))
     frame_id = name_of(document, "frame_id", "the file") if "frame_id" in document else "world"
-    return Rig(tuple(cameras), frame_id)
+    rig = Rig(cameras, frame_id, depth_sensors=_depth_sensors(document))
+    wanted = [options.wants(item) for item in items]
+    check_selection(items, [item for item, good in zip(items, wanted) if good], options)
+    return rig if all(wanted) else rig.subset(name for name, good in zip(rig.names, wanted) if good)
+
+
+def _camera(item: Any, which: str, kind: str) -> Camera:
+    name = name_of(item, "name", which)
+    where = f"{kind} {name}"
+    lens = text_of(item, "lens", where) or "brown"
+    if lens not in ("brown", "fisheye"):
+        raise CalibrationError(f"{where}: 'lens' is {lens!r}, expected 'brown' or 'fisheye'")
+    plain = kind == "depth sensor" and "distortion" not in item
+    return camera(
+        name,
+        image_size(item, "image_size", where),
+        numbers(item, "K", where, (3, 3)),
+        np.zeros(0) if plain else numbers(item, "distortion", where, (-1,)),
+        numbers(item, "R", where, (3, 3)),
+        numbers(item, "t", where, (3,)),
+        "fisheye" if lens == "fisheye" else "brown",
+        type=text_of(item, "type", where),
+        panel=text_of(item, "panel", where),
+        clock=text_of(item, "clock", where),
+        line_delay_us=number_of(item, "line_delay_us", where, 0.0),
+        covariance=_covariance(item, where),
+    )
+
+
+def _covariance(item: Mapping[str, Any], where: str) -> np.ndarray | None:
+    return None if item.get("covariance") is None else numbers(item, "covariance", where, (-1, -1))
+
+
+def _depth_sensors(document: Mapping[str, Any]) -> tuple[DepthSensor, ...]:
+    items = document.get("depth_sensors")
+    if items is None:
+        return ()
+    if not isinstance(items, list):
+        raise CalibrationError(f"the file: 'depth_sensors' is {items!r}, expected a list")
+    return tuple(_depth_sensor(i, item) for i, item in enumerate(items))
+
+
+def _depth_sensor(index: int, item: Any) -> DepthSensor:
+    own = _camera(item, f"depth sensor number {index}", "depth sensor")
+    where = f"depth sensor {own.name}"
+    unit_m = number_of(item, "unit_m", where, UNIT_M)
+    return DepthSensor(own, text_of(item, "colour_camera", where), unit_m)
 
 
 def dump(rig: Rig) -> str:
     """The document as text, one line per camera."""
-    lines = []
-    for item in rig.cameras:
-        matrix, distortion, rotation, translation = parameters(item)
-        row = {
-            "name": item.name, "image_size": list(item.image_size), "K": matrix,
-            "distortion": distortion, "R": rotation, "t": translation,
-        }  # fmt: skip
-        lines.append("  " + json.dumps(row))
     frame = "" if rig.frame_id == "world" else f' "frame_id": {json.dumps(rig.frame_id)},'
     head = f'{{"format": "{FORMAT}", "units": "m",{frame} "cameras": [\n'
-    return head + ",\n".join(lines) + "\n]}\n"
+    text = head + _lines(_row(item) for item in rig.cameras) + "\n]"
+    if rig.depth_sensors:
+        text += ', "depth_sensors": [\n' + _lines(_sensor_row(item) for item in rig.depth_sensors) + "\n]"
+    return text + "}\n"
+
+
+def _lines(rows: Any) -> str:
+    return ",\n".join("  " + json.dumps(row) for row in rows)
+
+
+def _row(item: Camera) -> dict[str, Any]:
+    """What is not stated is left out."""
+    matrix, distortion, rotation, translation = parameters(item)
+    row: dict[str, Any] = {
+        "name": item.name, "image_size": list(item.image_size), "K": matrix,
+        "distortion": distortion, "R": rotation, "t": translation,
+    }  # fmt: skip
+    for key in ("type", "panel", "clock", "line_delay_us"):
+        if getattr(item, key):
+            row[key] = getattr(item, key)
+    if item.intrinsics.lens != "brown":
+        row["lens"] = item.intrinsics.lens
+    if item.covariance is not None:
+        row["covariance"] = item.covariance.tolist()
+    return row
+
+
+def _sensor_row(item: DepthSensor) -> dict[str, Any]:
+    row = _row(item.camera)
+    if item.colour_camera:
+        row["colour_camera"] = item.colour_camera
+    return row | {"unit_m": item.unit_m}

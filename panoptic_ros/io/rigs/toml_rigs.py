@@ -1,7 +1,8 @@
 """TOML of aniposelib (also written by Pose2Sim) and caliscope.
 
 Both hold per camera size, matrix, distortions, and cam_from_world as a Rodrigues vector and a
-translation; neither states its unit of length nor which way is up. aniposelib has one table per
+translation; neither states its unit of length nor which way is up. Lenses are OpenCV's, fisheyes those with
+`fisheye = true`. aniposelib has one table per
 camera, caliscope a table `cameras` of numbered ones, whose videos are called cam_<number>.mp4
 (port_<number>.mp4 in older versions).
 """
@@ -69,8 +70,9 @@ def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
 
 def _camera(name: str, item: Mapping[str, Any], scale: float) -> Camera:
     where = f"camera {name}"
-    if item.get("fisheye", False):
-        raise CalibrationError(f"{where} is a fisheye; calibrate it with the pinhole model k1 k2 p1 p2 k3")
+    fisheye = item.get("fisheye", False)
+    if not isinstance(fisheye, bool):
+        raise CalibrationError(f"{where}: 'fisheye' is {fisheye!r}, expected true or false")
     rotation = numbers(item, "rotation", where, (3,), (3, 3))
     if rotation.ndim == 1:
         rotation = Rotation.from_rotvec(rotation).as_matrix()
@@ -81,6 +83,7 @@ def _camera(name: str, item: Mapping[str, Any], scale: float) -> Camera:
         numbers(item, "distortions", where, (-1,)),
         rotation,
         numbers(item, "translation", where, (3,)) / scale,
+        "fisheye" if fisheye else "brown",
     )
 
 
@@ -88,7 +91,8 @@ def dump_aniposelib(rig: Rig) -> str:
     """The tables as text, in metres."""
     tables = []
     for i, item in enumerate(rig.cameras):
-        tables.append(_table(f"cam_{i}", [("name", _text(item.name)), *_rows(item)]))
+        kind = [("fisheye", "true")] if item.intrinsics.lens == "fisheye" else []
+        tables.append(_table(f"cam_{i}", [("name", _text(item.name)), *kind, *_rows(item)]))
     metadata = _table("metadata", [("adjusted", "false"), ("error", "0.0"), ("unit", _text("m"))])
     return "\n".join([*tables, metadata])
 
@@ -99,7 +103,7 @@ def dump_caliscope(rig: Rig) -> str:
     tables = []
     for i, (item, match) in enumerate(zip(rig.cameras, matches)):
         number = match.group(1) if match and all(matches) else str(i)
-        extra = [("rotation_count", "0"), ("fisheye", "false")]
+        extra = [("rotation_count", "0"), ("fisheye", str(item.intrinsics.lens == "fisheye").lower())]
         if not all(matches):
             extra.append(("name", _text(item.name)))
         tables.append(_table(f"cameras.{number}", [("cam_id", number), *extra, *_rows(item)]))

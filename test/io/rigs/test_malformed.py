@@ -112,7 +112,9 @@ def edit(rig: Rig, path: Path, name: str, old: str, new: str) -> None:
         ("aniposelib", "size", "sizes", "camera cam00 has no 'size'"),
         ("aniposelib", 'name = "cam00"', 'name = "cam01"', "2 cameras of the rig are called 'cam01'"),
         ("aniposelib", 'unit = "m"', 'unit = "inch"', "'inch', expected one of m, cm, mm"),
-        ("caliscope", "fisheye = false", "fisheye = true", "is a fisheye"),
+        ("caliscope", "fisheye = false", "fisheye = true", "5 distortion .* a fisheye lens has only"),
+        ("caliscope", "fisheye = false", "fisheye = 1", "'fisheye' is 1, expected true or false"),
+        ("panoptic", '"resolution"', '"type": ["hd"], "resolution"', "'type' is ..hd.., expected text"),
         ("caliscope", "rotation = ", "turn = ", "has no 'rotation'"),
     ],
 )
@@ -125,7 +127,8 @@ def test_other_files(tmp_path: Path, rig: Rig, name: str, old: str, new: str, sa
 @pytest.mark.parametrize(
     ("file", "old", "new", "says"),
     [
-        ("cam00.yaml", "plumb_bob", "equidistant", "'equidistant'; only 'plumb_bob'"),
+        ("cam00.yaml", "plumb_bob", "rational", "'rational'; only 'plumb_bob' and 'equidistant' are"),
+        ("cam00.yaml", "plumb_bob", "equidistant", "camera cam00: 5 distortion coefficients; a fisheye"),
         ("cam00.yaml", "image_width", "width", "cam00.yaml has no 'image_width'"),
         ("cam00.yaml", "camera_matrix:", "matrix:", "cam00.yaml has no 'camera_matrix'"),
         ("poses.yaml", "cam02:", "cam07:", "camera cam02 has no pose in poses.yaml"),
