@@ -2,19 +2,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from panoptic_ros.cli.evaluate import read_sequence
-from panoptic_ros.cli.evaluate_joints import spelt_alike
-from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.evaluation import pair_sequences
-from panoptic_ros.evaluation.bias import Benefit, leave_one_out, matched_people, measure_offsets
-from panoptic_ros.io.biases import torso_of, write_bias_table
-from panoptic_ros.io.skeletons import in_vocabulary
-
-Array = np.ndarray
+from panoptic_ros.evaluation.bias import Benefit
+from panoptic_ros.running.biases import write_biases
+from panoptic_ros.view.progress import PassBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,40 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write, and print what the table is worth for people whom it was not measured on."""
-    truth, result = read_sequence(args.truth), read_sequence(args.result)
-    people = matched_people(pair_sequences(truth, spelt_alike(result, truth)))
-    names = sorted(set(people.ids.tolist()))
-    if not names:
-        raise DataError(f"nobody in {args.result} is near anybody in {args.truth}")
-    for person in args.leave_out:
-        if person not in names:
-            raise UsageError(f"--leave-out {person}: the ids found are {', '.join(map(str, names))}")
-    kept = people.rows(~np.isin(people.ids, args.leave_out))
-    if not len(kept.ids):
-        raise UsageError("--leave-out leaves nobody to measure on")
-    torso, words = torso_of(truth.joint_names, str(args.truth)), in_vocabulary(truth.joint_names)
-    mirror = np.array([_other_side(word, words) for word in words])
-    offsets = measure_offsets(kept, torso, mirror)
-    rows = {w: o for w, o in zip(words, offsets) if not w.startswith("right_") and np.isfinite(o).all()}
-    if not rows:
-        raise DataError(f"nobody in {args.result} shows both shoulders and both hips")
-    basis = f"{len(kept.ids)} skeletons of {len(set(kept.ids.tolist()))} people"
-    facts = {"detector": args.detector, "measured_on": basis}
-    write_bias_table(args.out, rows, facts)
-    several = len(names) > 1
-    print(_table(leave_one_out(people, torso, mirror)) if several else "one person: nobody to judge on")
+    with PassBar("biases") as bar:
+        benefits = write_biases(
+            args.truth, args.result, args.out, args.detector, args.leave_out, bar.show
+        )
+    print(_table(benefits) if benefits else "one person: nobody to judge on")
     return 0
 
 
-def _other_side(word: str, words: tuple[str, ...]) -> int:
-    """Index of the joint on the other side; its own in the middle or where there is none."""
-    for one, other in (("left_", "right_"), ("right_", "left_")):
-        if word.startswith(one) and other + word.removeprefix(one) in words:
-            return words.index(other + word.removeprefix(one))
-    return words.index(word)
-
-
-def _table(benefits: list[Benefit]) -> str:
+def _table(benefits: Sequence[Benefit]) -> str:
     """Every person, judged with the offsets of all others."""
     lines = ["person, measured on the others    median mm   after    PCK 5 cm   after"]
     for b in benefits:

@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.cli.evaluate_joints import only_joints, spelt_alike
 from panoptic_ros.cli.evaluate_study import add_study_arguments, run_study
 from panoptic_ros.errors import DataError, UsageError, UserError
 from panoptic_ros.evaluation import (
     PCP_RULES,
-    SkeletonFrame,
     SkeletonSequence,
     evaluate_pcp,
     failures,
@@ -22,10 +20,8 @@ from panoptic_ros.evaluation import (
     report_table,
     shifted,
 )
-from panoptic_ros.evaluation.annotations import is_annotation, parse_annotation
 from panoptic_ros.evaluation.report import report_of
-from panoptic_ros.io.files import read_json
-from panoptic_ros.io.plain_formats import read_skeletons
+from panoptic_ros.running.compared_skeletons import only_joints, read_sequence, spelt_alike
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -99,28 +95,6 @@ def run(args: argparse.Namespace) -> int:
     if missed:
         raise UserError(f"{args.result} misses its bars: {'; '.join(missed)}")
     return 0
-
-
-def read_sequence(path: Path) -> SkeletonSequence:
-    """Skeletons of a plain file or an annotation.
-
-    Raises:
-        DataError: naming the file and what is wrong.
-    """
-    document: Any = read_json(path)
-    if is_annotation(document):
-        return parse_annotation(document, str(path))
-    plain = read_skeletons(path)
-    try:
-        return SkeletonSequence(
-            plain.joint_names,
-            tuple(
-                SkeletonFrame(f.stamp_ns, f.ids, f.positions, f.covariances, f.ignore, f.views)
-                for f in plain.frames
-            ),
-        )
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from None
 
 
 def _without_first(sequence: SkeletonSequence, skip: int) -> SkeletonSequence:

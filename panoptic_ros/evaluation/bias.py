@@ -13,12 +13,15 @@ import numpy as np
 
 from panoptic_ros.domain import BiasTable
 from panoptic_ros.evaluation.joint_scores import NAN
-from panoptic_ros.evaluation.pairing import FramePair
+from panoptic_ros.evaluation.pairing import FramePair, pairs_in_turn
+from panoptic_ros.evaluation.sequences import SkeletonSequence
 from panoptic_ros.geometry.torso import torso_frames
+from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of, untold
 
 Array = np.ndarray
 
 PCK_DISTANCE = 0.05  # m
+PAIRED = 0.6  # share of the time that pairing people takes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +46,65 @@ class Benefit:
     median_after: float
     pck_before: float
     pck_after: float
+
+
+@dataclass(frozen=True, slots=True)
+class BiasConfig:
+    """What `BiasPass` needs to know.
+
+    Args:
+        joint_names: of truth and result. torso: see `torso_frames`. mirror: see `measure_offsets`.
+        leave_out: people of the truth on whom nothing is measured.
+    """
+
+    joint_names: tuple[str, ...]
+    torso: tuple[int, int, int, int]
+    mirror: tuple[int, ...]
+    leave_out: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredBiases:
+    """The biases of J joints.
+
+    Args:
+        offsets: (J, 3), see `measure_offsets`.
+        found: ids of the people of the truth who are in the result. measured: of those who were measured.
+        skeletons: how many of theirs were measured.
+        benefits: what offsets measured on all others are worth for each person; none for one person alone.
+    """
+
+    offsets: Array
+    found: tuple[int, ...]
+    measured: tuple[int, ...]
+    skeletons: int
+    benefits: tuple[Benefit, ...]
+
+
+class BiasPass:
+    """A detector's biases from a recording of "truth" and "skeletons" (`SkeletonFrame`s): a `stage.Pass`."""
+
+    def __init__(self, config: BiasConfig, context: StageContext | None = None):
+        self._config = config
+
+    def run(self, recording: Recording, progress: Progress) -> MeasuredBiases:
+        """The biases; NaN where nobody is found."""
+        config, mirror = self._config, np.array(self._config.mirror)
+        truth, result = (
+            SkeletonSequence(config.joint_names, tuple(recording.records(topic)))
+            for topic in ("truth", "skeletons")
+        )
+        told = part_of(progress, 0.0, PAIRED)
+        people = matched_people(
+            list(each(pairs_in_turn(truth, result), len(truth.frames), told, "pairing people"))
+        )
+        kept = people.rows(~np.isin(people.ids, config.leave_out))
+        offsets = measure_offsets(kept, config.torso, mirror)
+        told = part_of(progress, PAIRED, 1.0)
+        return MeasuredBiases(
+            offsets, tuple(np.unique(people.ids).tolist()), tuple(np.unique(kept.ids).tolist()),
+            len(kept.ids), tuple(leave_one_out(people, config.torso, mirror, told)),
+        )  # fmt: skip
 
 
 def matched_people(pairs: Sequence[FramePair]) -> MatchedPeople:
@@ -73,10 +135,13 @@ def measure_offsets(people: MatchedPeople, torso: tuple[int, int, int, int], mir
     return offsets
 
 
-def leave_one_out(people: MatchedPeople, torso: tuple[int, int, int, int], mirror: Array) -> list[Benefit]:
-    """For every person, what the offsets measured on all others are worth."""
+def leave_one_out(
+    people: MatchedPeople, torso: tuple[int, int, int, int], mirror: Array, progress: Progress = untold
+) -> list[Benefit]:
+    """For every person, what the offsets measured on all others are worth; nothing for one person alone."""
+    persons = np.unique(people.ids).tolist()
     benefits = []
-    for person in np.unique(people.ids).tolist():
+    for person in each(persons if len(persons) > 1 else (), len(persons), progress, "judging the biases"):
         own = people.ids == person
         offsets = measure_offsets(people.rows(~own), torso, mirror)
         benefits.append(benefit(people.rows(own), offsets, torso))

@@ -8,6 +8,7 @@ results that match it, or that match nobody and are within the gate of it.
 """
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +65,14 @@ class FramePair:
 def pair_sequences(
     truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0
 ) -> list[FramePair]:
-    """All truth frames but the first `skip`, each paired with its result.
+    """All truth frames but the first `skip`, each paired with its result; see `pairs_in_turn`."""
+    return list(pairs_in_turn(truth, result, skip))
+
+
+def pairs_in_turn(
+    truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0
+) -> Iterator[FramePair]:
+    """All truth frames but the first `skip`, one after another, each paired with its result.
 
     The result needs joints of the truth's names; joints that it lacks are missing.
 
@@ -77,10 +85,8 @@ def pair_sequences(
         np.array([frame.stamp_ns for frame in result.frames], np.int64),
     )
     motion = TruthMotion(truth)
-    pairs = []
     for frame, partner in list(zip(truth.frames, partners))[skip:]:
-        pairs.append(_pair(motion, frame, None if partner is None else result.frames[partner]))
-    return pairs
+        yield _pair(motion, frame, None if partner is None else result.frames[partner])
 
 
 def nearest_frames(truth_stamps: Array, result_stamps: Array) -> list[int | None]:

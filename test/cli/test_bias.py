@@ -56,3 +56,15 @@ def test_mistakes_are_told_in_one_line(files, tmp_path, capsys):
     assert main(arguments) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
     assert not (tmp_path / "t.yaml").exists()
+
+
+def test_an_interruption_leaves_no_table(files, tmp_path, capsys, monkeypatch):
+    def interrupt(bar, share, doing):
+        if share > 0.5:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("panoptic_ros.view.progress.PassBar.show", interrupt)
+    before = sorted(tmp_path.iterdir())
+    assert main(["bias", "measure", *files, "--out", str(tmp_path / "table.yaml")]) == 2
+    assert capsys.readouterr().err == "panoptic bias: interrupted\n"
+    assert sorted(tmp_path.iterdir()) == before

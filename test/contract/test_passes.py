@@ -5,6 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from panoptic_ros.evaluation import SkeletonFrame
+from panoptic_ros.evaluation.bias import BiasConfig, BiasPass
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import motion_clocks
 from panoptic_ros.graph.recording import HeldRecording
@@ -23,7 +25,20 @@ def clocks():
     return records, motion_clocks(StageContext(take.rig, SKELETON), configure({}))
 
 
-PASSES = {"clocks from motion": clocks}
+def biases():
+    rng, names = np.random.default_rng(0), ("lShoulder", "rShoulder", "lHip", "rHip", "Nose")
+    body = np.array([[0, 0.2, 1.4], [0, -0.2, 1.4], [0, 0.15, 0.9], [0, -0.15, 0.9], [0.1, 0, 1.6]])
+    people = body + np.array([[[0.0, 0.0, 0.0]], [[2.0, 0.0, 0.0]], [[0.0, 2.0, 0.0]]])
+
+    def frames(noise):
+        noisy = [people + noise * rng.standard_normal(people.shape) for _ in range(8)]
+        return [SkeletonFrame(40_000_000 * i, [3, 4, 7], joints) for i, joints in enumerate(noisy)]
+
+    records = {"truth": frames(0.0), "skeletons": frames(0.02)}
+    return records, BiasPass(BiasConfig(names, (0, 1, 2, 3), (1, 0, 3, 2, 4), (4,)))
+
+
+PASSES = {"clocks from motion": clocks, "biases": biases}
 
 
 @lru_cache

@@ -1,12 +1,39 @@
-"""Which joints `panoptic evaluate` compares, and under what names."""
+"""Skeletons to compare, from files: which joints of them, and under what names."""
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.evaluation import SkeletonSequence
+from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
+from panoptic_ros.evaluation.annotations import is_annotation, parse_annotation
 from panoptic_ros.evaluation.pairing import MIN_COMMON
+from panoptic_ros.io.files import read_json
+from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.skeletons import in_vocabulary, shared_names, skeleton_names
+
+
+def read_sequence(path: Path) -> SkeletonSequence:
+    """Skeletons of a plain file or an annotation.
+
+    Raises:
+        DataError: naming the file and what is wrong.
+    """
+    document: Any = read_json(path)
+    if is_annotation(document):
+        return parse_annotation(document, str(path))
+    plain = read_skeletons(path)
+    try:
+        return SkeletonSequence(
+            plain.joint_names,
+            tuple(
+                SkeletonFrame(f.stamp_ns, f.ids, f.positions, f.covariances, f.ignore, f.views)
+                for f in plain.frames
+            ),
+        )
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
 
 
 def only_joints(truth: SkeletonSequence, text: str) -> SkeletonSequence:
