@@ -2,20 +2,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
-from numba.core.dispatcher import Dispatcher
 
 from panoptic_ros.kernels.cache import KernelCache
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
-def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """numba's `njit` with the options that it takes; compiled code is kept in this package's cache."""
 
-    def compiled(function: Callable[..., Any]) -> Dispatcher:
-        dispatcher = numba.njit(**options)(function)
+def njit(**options: Any) -> Callable[[Function], Function]:
+    """numba's `njit` with the options that it takes; compiled code is kept in this package's cache.
+
+    A type checker sees the function as it is written, so calls of kernels are checked as all others are.
+    """
+
+    def compiled(function: Function) -> Function:
+        dispatcher: Any = numba.njit(**options)(function)
         dispatcher._cache = KernelCache(function)
-        return dispatcher
+        kernel: Function = dispatcher
+        return kernel
 
     return compiled

@@ -14,11 +14,11 @@ Array = np.ndarray
 
 
 class Bone(NamedTuple):
-    """A kind of part: joints, index in `SkeletonModel.bones` (-1 = skips a joint), longest length in m."""
+    """A kind of part: joints, which of `SkeletonModel.bones` (-1 = skips a joint), longest length in m."""
 
     parent: int
     child: int
-    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody calls
+    bone: int
     length: float
 
 

@@ -157,7 +157,7 @@ def fit_step(rows: Array, baseline: Baseline) -> tuple[Array, Array, float, Arra
 def left_over(rows: Array, solution: Array, baseline: Baseline, weights: Array) -> Array:
     """Residuals (N,) of the fit."""
     basis, step = baseline
-    error = rows[len(solution)].copy()
+    error: Array = rows[len(solution)].copy()
     knots = np.zeros(basis.shape[1])
     for j in range(len(weights)):
         for k in range(len(knots)):
@@ -227,7 +227,8 @@ def misfit(first: int, rows: Array, error: Array, edges: Edges) -> float:
         steep += rows[2, i] * rows[2, i]
     noise = SURELY * 2 * BESIDE * power / len(error) * inside
     excess = max(0.0, (mean * mean).sum() - noise) / max(1, inside)
-    return excess / (2 * BESIDE - 1) / steep
+    square: float = excess / (2 * BESIDE - 1) / steep
+    return square
 
 
 @_jit
@@ -248,7 +249,7 @@ def jumps(values: Array, level: float) -> float:
 def widest_gap(places: Array, period: float) -> float:
     """Within a period, the widest gap between places (N,)."""
     phases = np.sort(places % period)
-    widest = phases[0] + period - phases[-1]
+    widest: float = phases[0] + period - phases[-1]
     for i in range(1, len(phases)):
         widest = max(widest, phases[i] - phases[i - 1])
     return widest
