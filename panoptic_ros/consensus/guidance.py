@@ -8,6 +8,7 @@ import numpy as np
 from panoptic_ros.consensus.guidance_steps import move_on, take_in
 
 Array = np.ndarray
+Tables = tuple[Array, Array, Array, Array, Array, Array]  # see `Guidance.clear`
 
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
 FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
@@ -61,13 +62,13 @@ class Guidance:
         self._balance = np.empty((0, self._groups.max(initial=-1) + 1))  # exchanged minus straight views
 
     @property
-    def _tables(self) -> tuple[Array, ...]:
+    def _tables(self) -> Tables:
         """All of them, in the order of the kernels."""
         return (
             self._states, self._variances, self._ages, self._unseen, self._unagreed, self._balance
         )  # fmt: skip
 
-    def _take(self, tables: tuple[Array, ...]) -> None:
+    def _take(self, tables: Tables) -> None:
         """Replace all tables."""
         (
             self._states, self._variances, self._ages, self._unseen, self._unagreed, self._balance

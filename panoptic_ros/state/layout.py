@@ -39,9 +39,9 @@ class Fields:
         if issubclass(entry, Enum):
             return cls(entry, (), is_value=True)
         if dataclasses.is_dataclass(entry):
-            frozen: bool = entry.__dataclass_params__.frozen  # type: ignore[attr-defined]
+            frozen: bool = entry.__dataclass_params__.frozen  # type: ignore[attr-defined]  # not in the stubs
             return cls(entry, tuple(field.name for field in dataclasses.fields(entry)), frozen)
-        return cls(entry, tuple(entry._fields), is_value=True)  # type: ignore[attr-defined]
+        return cls(entry, tuple(entry._fields), is_value=True)  # type: ignore[attr-defined]  # a NamedTuple
 
     @property
     def text(self) -> str:
