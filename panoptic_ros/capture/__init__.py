@@ -6,12 +6,14 @@ are read; frame i of a video lies at start + i / frame rate, or where the contai
 frame rate varies. Live sources keep the newest frame only and count the others as dropped.
 
 In: files, devices, URLs, through OpenCV (FFmpeg, V4L2). Out: `ViewFrame`s, BGR, upright (a video's
-rotation mark is obeyed), distorted as the lens saw them, with depth maps where the camera has them.
+rotation mark is obeyed), distorted as the lens saw them, with depth maps where the camera has them; and
+`DepthFrame`s of depth sensors that stand for themselves.
 Limits: no audio, no hardware trigger, no depth from devices; a capture folder holds one file or folder
 of images per camera.
 """
 from panoptic_ros.capture.demo import demo_capture
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
+from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.described import open_source
 from panoptic_ros.capture.device import DeviceOptions, DeviceSource
 from panoptic_ros.capture.folder import CaptureFolder, fit_rig, open_capture_folder, open_files
@@ -22,6 +24,7 @@ from panoptic_ros.capture.video import VideoSource
 
 __all__ = [
     "CaptureFolder",
+    "DepthSensorSource",
     "DepthSource",
     "DeviceOptions",
     "DeviceSource",
@@ -32,6 +35,7 @@ __all__ = [
     "depth_files",
     "fit_rig",
     "open_capture_folder",
+    "open_depth_sensors",
     "open_files",
     "open_live",
     "open_source",

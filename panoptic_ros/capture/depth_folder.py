@@ -1,4 +1,4 @@
-"""Depth maps beside a camera's images: a folder of 16-bit PNGs."""
+"""Depth maps beside a camera's images, registered to them: a folder of 16-bit PNGs."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -19,7 +19,10 @@ SUFFIX = "_depth"
 
 
 def depth_files(folder: Path, camera: str) -> tuple[Path, ...]:
-    """The PNGs of `<camera>_depth/` in natural order; none if there is no such folder."""
+    """The PNGs of `<camera>_depth/` in natural order; none if there is no such folder.
+
+    camera: or a depth sensor.
+    """
     place = folder / f"{camera}{SUFFIX}"
     if not place.is_dir():
         return ()
@@ -64,8 +67,8 @@ class DepthSource:
         self.close()
 
 
-def read_depth(file: Path) -> np.ndarray:
-    """A depth map (h, w) float32 m of a PNG.
+def read_depth(file: Path, unit_m: float = 1e-3) -> np.ndarray:
+    """A depth map (h, w) float32 m of a PNG in counts of `unit_m`.
 
     Raises:
         DataError: if it is no PNG of one channel of 16 bits.
@@ -75,5 +78,5 @@ def read_depth(file: Path) -> np.ndarray:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if image is None or image.dtype != np.uint16 or image.ndim != 2:
         found = "no image that can be decoded" if image is None else f"{image.dtype} {image.shape}"
-        raise DataError(f"depth map {file} is {found}, expected a PNG of one channel, 16 bits, millimetres")
-    return image.astype(np.float32) * np.float32(1e-3)
+        raise DataError(f"depth map {file} is {found}, expected a PNG of one channel, 16 bits")
+    return image.astype(np.float32) * np.float32(unit_m)

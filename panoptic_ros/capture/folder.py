@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
+from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
 from panoptic_ros.capture.image_size import SizePolicy, fit_camera
 from panoptic_ros.capture.source import FrameSource
@@ -29,16 +30,18 @@ class CaptureFolder:
         rig: the cameras that have images, with the images' sizes.
         sources: one per camera, in the order of the rig.
         notices: one line each about what was adapted or left out.
+        depth_sensors: one per depth sensor of the rig that has maps, in the order of the rig.
     """
 
     path: Path
     rig: Rig
     sources: tuple[FrameSource, ...]
     notices: tuple[str, ...] = ()
+    depth_sensors: tuple[DepthSensorSource, ...] = ()
 
     @property
     def depth_cameras(self) -> tuple[str, ...]:
-        """Names of the cameras that have depth maps."""
+        """Names of the cameras that have depth maps registered to their images."""
         return tuple(source.camera for source in self.sources if isinstance(source, DepthSource))
 
     @property
@@ -72,8 +75,9 @@ def open_capture_folder(
 
     Args:
         path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
-            and optionally `<camera>_depth/*.png` (see `DepthSource`), occluders.json and timestamps.csv.
-            Other files and folders are left alone.
+            and optionally `<camera>_depth/*.png` (see `DepthSource`), `<sensor>_depth/*.png` of the rig's
+            depth sensors (see `DepthSensorSource`), occluders.json and timestamps.csv. Other files and
+            folders are left alone.
         rig: in place of the rig file and occluders.json.
         cameras: use these only.
         size_policy: see `fit_camera`.
@@ -154,12 +158,19 @@ def open_files(
             if depths:
                 sources[-1] = DepthSource(images, depths)
         fitted, changes = fit_rig(rig, sources, size_policy)
+        parent = Path(files[chosen.names[0]]).parent
+        sensors = open_depth_sensors(
+            parent, chosen, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps
+        )
     except BaseException:
         for source in sources:
             source.close()
         raise
-    parent = Path(files[chosen.names[0]]).parent
-    return CaptureFolder(parent, fitted, tuple(sources), (*notices, *changes))
+    mapped = {source.camera for source in sensors}
+    for sensor in rig.depth_sensors:
+        if sensor.name not in mapped:
+            notices.append(f"depth sensor {sensor.name} of the rig has no maps")
+    return CaptureFolder(parent, fitted, tuple(sources), (*notices, *changes), sensors)
 
 
 def fit_rig(

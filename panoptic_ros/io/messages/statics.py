@@ -1,6 +1,7 @@
 """What does not change with every frame as messages: rig, skeleton model, audio, timecode, clocks."""
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from itertools import accumulate
 from typing import Any
@@ -11,6 +12,7 @@ from panoptic_ros.domain import (
     AudioBlock,
     Camera,
     ClockModel,
+    DepthSensor,
     FrameRate,
     Occluders,
     Rig,
@@ -19,7 +21,7 @@ from panoptic_ros.domain import (
     TimecodeReading,
 )
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.geometry import Intrinsics, Lens, Rigid
 from panoptic_ros.io.messages.arrays import flat, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of
 
@@ -64,44 +66,84 @@ def read_skeleton_model(message: Any) -> SkeletonModel:
 
 
 def write_rig(rig: Rig, family: Messages, frame_id: str) -> Any:
-    cameras = [
-        family.make(
-            "Camera",
-            name=camera.name,
-            width=camera.image_size[0],
-            height=camera.image_size[1],
-            matrix=np.array(camera.intrinsics.matrix).reshape(9),
-            distortion=np.array(camera.intrinsics.distortion),
-            rotation=np.array(camera.cam_from_world.rotation).reshape(9),
-            translation=np.array(camera.cam_from_world.translation),
-        )
-        for camera in rig.cameras
-    ]
     things = rig.occluders or Occluders.joined(())
     return family.make(
         "Rig",
         header=family.header(0, rig.frame_id),
-        cameras=cameras,
+        cameras=[_write_camera(camera, family) for camera in rig.cameras],
+        depth_sensors=[_write_depth_sensor(sensor, family) for sensor in rig.depth_sensors],
         occluder_vertices=flat(family, things.vertices, np.float64),
         occluder_triangles=flat(family, things.triangles, np.uint32),
     )
 
 
-def read_rig(message: Any) -> Rig:
-    cameras = tuple(
-        Camera(
-            str(c.name),
-            (int(c.width), int(c.height)),
-            Intrinsics(shaped(c.matrix, "Camera.matrix", 3, 3), np.asarray(c.distortion)),
-            Rigid(shaped(c.rotation, "Camera.rotation", 3, 3), np.asarray(c.translation)),
-        )
-        for c in message.cameras
+def _write_camera(camera: Camera, family: Messages) -> Any:
+    covariance = np.zeros(0) if camera.covariance is None else camera.covariance
+    return family.make(
+        "Camera",
+        name=camera.name,
+        type=camera.type,
+        panel=camera.panel,
+        clock=camera.clock,
+        width=camera.image_size[0],
+        height=camera.image_size[1],
+        matrix=np.array(camera.intrinsics.matrix).reshape(9),
+        lens=camera.intrinsics.lens,
+        distortion=flat(family, camera.intrinsics.distortion, np.float64),
+        rotation=np.array(camera.cam_from_world.rotation).reshape(9),
+        translation=np.array(camera.cam_from_world.translation),
+        line_delay_us=camera.line_delay_us,
+        covariance=flat(family, covariance, np.float64),
     )
+
+
+def _write_depth_sensor(sensor: DepthSensor, family: Messages) -> Any:
+    return family.make(
+        "DepthSensor",
+        camera=_write_camera(sensor.camera, family),
+        colour_camera=sensor.colour_camera,
+        unit_m=sensor.unit_m,
+    )
+
+
+def _read_camera(message: Any) -> Camera:
+    size = math.isqrt(len(message.covariance))
+    matrix = shaped(message.matrix, "Camera.matrix", 3, 3)
+    rotation = shaped(message.rotation, "Camera.rotation", 3, 3)
+    return Camera(
+        str(message.name),
+        (int(message.width), int(message.height)),
+        Intrinsics(matrix, np.asarray(message.distortion), _lens(str(message.lens))),
+        Rigid(rotation, np.asarray(message.translation)),
+        type=str(message.type),
+        panel=str(message.panel),
+        clock=str(message.clock),
+        line_delay_us=float(message.line_delay_us),
+        covariance=shaped(message.covariance, "Camera.covariance", size, size) if size else None,
+    )
+
+
+def _lens(name: str) -> Lens:
+    if name == "brown" or name == "fisheye":
+        return name
+    raise DataError(f"Camera.lens is {name!r}, expected 'brown' or 'fisheye'")
+
+
+def _read_depth_sensor(message: Any) -> DepthSensor:
+    return DepthSensor(_read_camera(message.camera), str(message.colour_camera), float(message.unit_m))
+
+
+def read_rig(message: Any) -> Rig:
     things = Occluders(
         shaped(message.occluder_vertices, "Rig.occluder_vertices", len(message.occluder_vertices) // 3, 3),
         shaped(message.occluder_triangles, "Rig.occluder_triangles", len(message.occluder_triangles) // 3, 3),
     )
-    return Rig(cameras, str(message.header.frame_id), things if len(things.triangles) else None)
+    return Rig(
+        tuple(_read_camera(camera) for camera in message.cameras),
+        str(message.header.frame_id),
+        things if len(things.triangles) else None,
+        tuple(_read_depth_sensor(sensor) for sensor in message.depth_sensors),
+    )
 
 
 def write_audio(block: AudioBlock, family: Messages, frame_id: str) -> Any:

@@ -11,6 +11,7 @@ from panoptic_ros.domain import (
     AudioBlock,
     Camera,
     ClockModel,
+    DepthSensor,
     DetectionSet,
     FrameRate,
     Occluders,
@@ -33,6 +34,7 @@ from panoptic_ros.errors import DataError, UserError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.messages import (
     bag_messages,
+    camera_info_message,
     compressed_image_message,
     frame_from_message,
     from_message,
@@ -92,7 +94,19 @@ CAMERA = Camera(
     Intrinsics(np.array([[500.0, 0, 320], [0, 501, 240], [0, 0, 1]]), [0.1, 0.2, 0, 0, 1]),
     Rigid(np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]), np.array([0.1, 0.2, 0.3])),
 )  # fmt: skip
+ROOT = rng.normal(0.0, 1e-3, (15, 15))
+FISHEYE = replace(
+    CAMERA, name="cam1", intrinsics=Intrinsics(CAMERA.intrinsics.matrix, [0.1, 0.2, 0, 0.01], "fisheye"),
+    covariance=np.diag(np.arange(14.0)),
+)  # fmt: skip
+STATED = replace(
+    CAMERA, type="hd", panel="3", clock="ltc", line_delay_us=12.5, covariance=ROOT @ ROOT.T
+)
+SENSORS = (
+    DepthSensor(replace(FISHEYE, name="k"), "cam1", 0.00025), DepthSensor(replace(CAMERA, name="lidar"))
+)  # fmt: skip
 RECORDS = [
+    Rig((STATED, FISHEYE), depth_sensors=SENSORS),
     view(), view(people=0), SET,
     ProposalSet(SET, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]),
     poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
@@ -156,6 +170,22 @@ def test_image_round_trip_and_padding():
     message.encoding = "32FC1"
     with pytest.raises(DataError, match="32FC1"):
         frame_from_message(message, "cam0", 0)
+
+
+@pytest.mark.parametrize(
+    ("camera", "model", "count"), [(CAMERA, "plumb_bob", 5), (FISHEYE, "equidistant", 4)]
+)
+def test_camera_info_names_the_lens_as_ros_does(camera, model, count):
+    message = camera_info_message(camera, 7, bag_messages())
+    assert message.distortion_model == model and len(message.d) == count
+    assert np.array_equal(message.d, camera.intrinsics.distortion)
+
+
+def test_an_unknown_lens_is_refused():
+    message = to_message(Rig((CAMERA,)), bag_messages())
+    message.cameras[0].lens = "omni"
+    with pytest.raises(DataError, match=r"Camera.lens is 'omni', expected 'brown' or 'fisheye'"):
+        from_message(message, "Rig")
 
 
 def test_compressed_image_round_trip():
