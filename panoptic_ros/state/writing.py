@@ -30,6 +30,7 @@ from panoptic_ros.state.layout import StateLayout
 
 Array = np.ndarray
 PLAIN = frozenset((type(None), bool, int, str))
+VALUES = frozenset((tuple, frozenset))  # containers that cannot change
 MANY = 8  # ints or floats from which on they are written as an array
 KINDS = "biufcSU"  # of arrays
 
@@ -66,26 +67,17 @@ class Writer:
             return value
         if kind is float:
             return value if math.isfinite(value) else ["x", struct.pack("<d", value).hex()]
-        if isinstance(value, np.generic):
-            return ["v", value.dtype.str, value.tobytes().hex()]
-        if isinstance(value, Enum):
-            return ["e", self._class_of(value), value.name]
         key = id(value)
         if key in self._names:
             return ["=", self._names[key]]
         if key in self._numbers:
             return ["&", self._numbers[key]]
-        if self._can_change(value):
+        write = self._writers.get(kind)
+        if write is None:
+            return self._object(value)
+        if value.flags.writeable if kind is np.ndarray else kind not in VALUES:
             self._numbers[key] = len(self._numbers)
-        return self._writers.get(kind, self._object)(value)
-
-    def _can_change(self, value: Any) -> bool:
-        kind = type(value)
-        if kind is np.ndarray:
-            return bool(value.flags.writeable)
-        if kind in self._writers:
-            return kind not in (tuple, frozenset)
-        return not self._layout.classes[self._class_of(value)].is_value
+        return write(value)
 
     def _items(self, values: Iterable[Any]) -> list[Any]:
         values = list(values)
@@ -112,8 +104,14 @@ class Writer:
         return [*node, axes, not dense]
 
     def _object(self, value: Any) -> list[Any]:
-        number = self._class_of(value)
+        number = self._layout.index.get(type(value))
+        if number is None:
+            return self._scalar(value)
+        if isinstance(value, Enum):
+            return ["e", number, value.name]
         fields = self._layout.classes[number]
+        if not fields.is_value:
+            self._numbers[id(value)] = len(self._numbers)
         more = getattr(value, "__dict__", {}).keys() - self._attributes[number]
         if more and fields.make is None:
             also, stage = ", ".join(sorted(more)), self._layout.stage
@@ -122,13 +120,11 @@ class Writer:
         self._made.append(content)
         return ["o", number, *(self.node(each) for each in content)]
 
-    def _class_of(self, value: Any) -> int:
-        number = self._layout.index.get(type(value))
-        if number is None:
-            raise ContractError(
-                f"the state of {self._layout.stage} holds a {type(value).__name__}; enter it in the layout"
-            )
-        return number
+    def _scalar(self, value: Any) -> list[Any]:
+        if isinstance(value, np.generic):
+            return ["v", value.dtype.str, value.tobytes().hex()]
+        kind = type(value).__name__
+        raise ContractError(f"the state of {self._layout.stage} holds a {kind}; enter it in the layout")
 
 
 def slowest_first(array: Array) -> list[int]:

@@ -44,7 +44,8 @@ class CameraQueue:
     What is chosen depends on stamps alone, never on when frames arrived.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, keeps_last: bool = True) -> None:
+        self._keeps_last = keeps_last
         self.frames: deque[Waiting] = deque()
         self.pace = Pace()
         self.ended = False
@@ -94,4 +95,5 @@ class CameraQueue:
         """Remove a choice and what is older."""
         count = len(choice.surplus) + (choice.frame is not None)
         for _ in range(count):
-            self.last_given = self.frames.popleft()
+            last = self.frames.popleft()
+            self.last_given = last if self._keeps_last else None

@@ -23,7 +23,7 @@ LAYOUT = StateLayout(
         Fields.named(StrayFilter, "_cameras"),
         Fields.named(StampCorrection, "_device _delays _cameras"),
         Fields.named(JumpGuard, "_cameras _live _shift _anybody_early _refused"),
-        Fields.named(CameraQueue, "frames pace ended last_given"),
+        Fields.named(CameraQueue, "frames pace ended last_given _keeps_last"),
         Fields.named(Pace, "_steps newest"),
         Fields.named(Grid, "_rate _phase period"),
         Fields.named(CameraInstants, "master period _same_rate _phases _last"),

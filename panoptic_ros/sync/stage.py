@@ -53,7 +53,7 @@ class SyncStage(Stateful):
         self._strays = StrayFilter(self._rig.names)
         self._correction = StampCorrection(self._rig.names, self._config)
         self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
-        self._queues = {name: CameraQueue() for name in self._rig.names}
+        self._queues = {name: CameraQueue(self._interpolates) for name in self._rig.names}
         self._in_order = list(self._queues.values())
         self._current: int | None = None  # the instant that waits for its frames
         self._decided = 0  # of the queues in order have their choice for it
