@@ -28,7 +28,6 @@ LIVE_SECONDS = 0.01  # of the blocks for which latency is measured
 QUICK_CLIPS, QUICK_WORDS, CLIPS, WORDS = 1, 90, 4, 300
 SPEED_SECONDS = 60.0  # of timecode, so that finding it at the start counts little
 LINE_WORDS = 600  # of 20 s
-NEW_EVERY = 60.0  # s of sounds after which a decoder starts anew
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

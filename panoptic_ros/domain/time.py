@@ -88,11 +88,6 @@ class Timecode:
         hours, minutes = divmod(minutes, 60)
         return cls(hours, minutes, seconds, frames, rate)
 
-    @property
-    def day_seconds(self) -> Fraction:
-        """Real time since 00:00:00:00, s."""
-        return self.frame_count / self.rate.exact
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AudioBlock:

@@ -92,18 +92,6 @@ def timecode_table(
     return [_row(condition, decoder, signals) for condition, signals in conditions]
 
 
-def timecode_lines(rows: Sequence[TimecodeRow]) -> str:
-    """The table as text."""
-    width = max([len(row.condition) for row in rows] + [9])
-    head = f"{'condition':<{width}}{'words':>8}{'recall %':>10}{'wrong':>7}{'twice':>7}"
-    lines = [f"{head}{'bias us':>10}{'std us':>10}{'honest':>8}"]
-    for row in rows:
-        numbers = f"{row.words:>8}{100.0 * row.recall:>10.2f}{row.wrong:>7}{row.twice:>7}"
-        errors = _number(row.bias_us, 10, 3) + _number(row.std_us, 10, 3) + _number(row.consistency, 8, 2)
-        lines.append(f"{row.condition:<{width}}{numbers}{errors}")
-    return "\n".join(lines)
-
-
 def _row(condition: str, decoder: Decoder, signals: Sequence[TimedSignal]) -> TimecodeRow:
     words = sum(len(signal.labels) for signal in signals)
     if not words:
@@ -161,7 +149,3 @@ def _score(
 def _plain(label: str) -> str:
     """Decoders differ in how they mark drop-frame."""
     return label.replace(";", ":")
-
-
-def _number(value: float, width: int, digits: int) -> str:
-    return f"{'-':>{width}}" if np.isnan(value) else f"{value:>{width}.{digits}f}"

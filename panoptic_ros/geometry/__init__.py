@@ -4,7 +4,6 @@ Nothing here knows about people or camera names. Arrays are float64; metres, pix
 Pixel (0, 0) is the centre of the top-left pixel, camera axes are x right, y down, z forward.
 """
 from panoptic_ros.geometry.pinhole import Intrinsics, Lens
-from panoptic_ros.geometry.rays import closest_points, ray_distances
 from panoptic_ros.geometry.rigid import Rigid
 from panoptic_ros.geometry.triangulation import (
     ProjectionStack,
@@ -19,8 +18,6 @@ __all__ = [
     "ProjectionStack",
     "Rigid",
     "Triangulated",
-    "closest_points",
-    "ray_distances",
     "triangulate_linear",
     "triangulate_robust",
 ]

@@ -1,12 +1,13 @@
 """The compiled solver against the numpy one."""
 import numpy as np
+from rays import closest_points, ray_distances
 
 from panoptic_ros.assembly.joint_solver import solve_joints
 from panoptic_ros.consensus.agreement import agreement_of_pairs, agreement_with_people
 from panoptic_ros.consensus.gauss_newton import FEW_FACTOR, TABLE, refine_point
 from panoptic_ros.consensus.undistortion import lens_records, undistort_points
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.geometry import Intrinsics, Rigid, closest_points, ray_distances, triangulate_robust
+from panoptic_ros.geometry import Intrinsics, Rigid, triangulate_robust
 
 
 def single_person(scenes, views=6, noise=2.0, seed=0):

@@ -8,7 +8,7 @@ import pytest
 
 from panoptic_ros.domain import Timecode
 from panoptic_ros.errors import DataError
-from panoptic_ros.evaluation.timecode_bench import DecodedWord, timecode_lines, timecode_table
+from panoptic_ros.evaluation.timecode_bench import DecodedWord, timecode_table
 from panoptic_ros.simulation.ltc_signal import LtcSignal, encode_ltc, timecode_rate
 
 RATE = 48000
@@ -46,11 +46,8 @@ def test_every_mistake_is_counted(signal: LtcSignal) -> None:
     assert row.consistency == pytest.approx(2.0)
 
 
-def test_silence_and_text(signal: LtcSignal) -> None:
+def test_silence_has_no_errors_and_no_words_are_refused(signal: LtcSignal) -> None:
     rows = timecode_table(lambda samples, rate: [], [("deaf", [signal])])
     assert rows[0].recall == 0.0 and np.isnan(rows[0].std_us)
-    head, line = timecode_lines(rows).splitlines()
-    assert head.split()[:4] == ["condition", "words", "recall", "%"]
-    assert line.split() == ["deaf", "10", "0.00", "0", "0", "-", "-", "-"]
     with pytest.raises(DataError, match="'empty' has no words"):
         timecode_table(lambda samples, rate: [], [("empty", [])])

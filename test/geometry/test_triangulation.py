@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rays import closest_points, ray_distances
 
 from panoptic_ros.geometry import (
     ProjectionStack,
     Rigid,
-    closest_points,
-    ray_distances,
     triangulate_linear,
     triangulate_robust,
 )

@@ -61,11 +61,6 @@ def decode_detections(outputs: Mapping[str, Array], threshold: float, iou: float
     return _people(boxes[:, :4], boxes[:, 4], _none(len(boxes)), threshold, iou, most)
 
 
-def yolox_rows(net_size: tuple[int, int]) -> int:
-    """How many rows YOLOX gives for an input (height, width)."""
-    return sum((net_size[0] // stride) * (net_size[1] // stride) for stride in YOLOX_STRIDES)
-
-
 def _yolox_grid(net_size: tuple[int, int]) -> tuple[Array, Array]:
     """Column and row (A, 2) of every cell, and its stride (A,)."""
     cells, strides = [], []

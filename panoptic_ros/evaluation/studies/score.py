@@ -40,10 +40,6 @@ class StudyScore:
     pck: tuple[float, ...]
     outlier_m: float = OUTLIER
 
-    def pck_at(self, distance: float) -> float:
-        """PCK at a distance in m, up to the end of the curve."""
-        return float(np.interp(distance, THRESHOLDS, self.pck))
-
     def to_mapping(self) -> dict[str, Any]:
         """For JSON."""
         return asdict(self) | {"pck_thresholds_m": THRESHOLDS.round(4).tolist()}

@@ -11,6 +11,5 @@ In: a `Simulation`. Out: `RenderedView`s. Limits: no furniture, no shadows on pe
 not move over the bones; the joints lie inside of the limbs, so detectors are off by some 2 px.
 """
 from panoptic_ros.simulation.rendering.renderer import CameraRenderer, RenderedView, Studio
-from panoptic_ros.simulation.rendering.visibility import visible_joints
 
-__all__ = ["CameraRenderer", "RenderedView", "Studio", "visible_joints"]
+__all__ = ["CameraRenderer", "RenderedView", "Studio"]

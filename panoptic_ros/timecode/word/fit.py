@@ -75,11 +75,6 @@ class WordFit:
         return self.grid.bend
 
     @property
-    def middle_std(self) -> float:
-        """Samples."""
-        return float(np.sqrt(self.observed[0, 0]))
-
-    @property
     def cell_std(self) -> float:
         """Samples."""
         return float(np.sqrt(self.observed[1, 1]))

@@ -9,7 +9,6 @@ from panoptic_ros.detection.decoders.points import (
     decode_yolo,
     decode_yolo_end_to_end,
     decode_yolox,
-    yolox_rows,
 )
 from panoptic_ros.detection.people import suppress_overlaps
 
@@ -51,8 +50,7 @@ def test_yolo_end_to_end_keeps_people_only():
 
 def test_yolox_grids():
     size = (64, 96)
-    rows = np.zeros((yolox_rows(size), 6), np.float32)
-    assert len(rows) == 8 * 12 + 4 * 6 + 2 * 3
+    rows = np.zeros((8 * 12 + 4 * 6 + 2 * 3, 6), np.float32)  # strides 8, 16, 32
     row = 8 * 12 + 2 * 6 + 3  # stride 16, row 2, column 3
     rows[row] = [0.5, 0.25, np.log(2.0), np.log(1.5), 0.9, 0.8]
     people = decode_yolox({"people": rows}, size, 0.3, 0.5, 10)

@@ -4,6 +4,7 @@ import pytest
 
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.studies import score_study
+from panoptic_ros.evaluation.studies.score import THRESHOLDS
 
 NAMES = ("a", "b", "c", "d")
 BODY = np.array([[0.0, 0, 0], [0, 0, 0.5], [0, 0, 1.0], [0, 0.3, 1.0]])
@@ -29,8 +30,7 @@ def test_outliers_missed_nodes_and_missed_people_all_count():
     assert (score.skeletons, score.nodes) == (4, 16)
     assert (score.outlier_nodes, score.missed_nodes, score.ghosts) == (1, 5, 1)
     assert score.node_accuracy == pytest.approx(10 / 16) and score.skeleton_accuracy == pytest.approx(1 / 4)
-    assert score.pck_at(0.02) == pytest.approx(6 / 16)
-    assert score.pck_at(0.05) == pytest.approx(10 / 16) and score.pck_at(0.09) == pytest.approx(11 / 16)
+    assert np.interp([0.02, 0.05, 0.09], THRESHOLDS, score.pck) == pytest.approx([6 / 16, 10 / 16, 11 / 16])
     assert (np.diff(score.pck) >= 0.0).all()
 
 

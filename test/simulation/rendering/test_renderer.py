@@ -6,16 +6,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import ViewFrame, VisibilityLimit
+from panoptic_ros.domain import Camera, ViewFrame, VisibilityLimit
 from panoptic_ros.errors import BackendError
 from panoptic_ros.simulation import SCENES, Lens, Ring, simulate
-from panoptic_ros.simulation.rendering import Studio, visible_joints
+from panoptic_ros.simulation.rendering import RenderedView, Studio
 from panoptic_ros.simulation.rendering.renderer import pixel_plane, shape_boxes
 from panoptic_ros.simulation.rendering.room import Room
 
 SMALL = Lens((160, 120), (106.0, 110.0), distorted_every=2)  # every second camera
 SCENE = replace(SCENES["rendered-4p6v"], rig=Ring(2, radius=3.9, heights=(1.2, 2.6), lens=SMALL))
 TIMES = np.array([0.0, 0.4, 0.8])
+
+
+def visible_joints(view: RenderedView, camera: Camera, joints: np.ndarray, slack: float = 0.16) -> np.ndarray:
+    """Which joints (P, J, 3) m of the take's people are visible, (P, J).
+
+    The joint's pixel belongs to its person, and the surface there is at most `slack` m in front of
+    the joint, which lies inside of the limb.
+    """
+    pixels, seen = camera.project(joints)
+    seen = seen & camera.contains(pixels)
+    height, width = view.depth.shape
+    columns = np.clip(np.rint(np.nan_to_num(pixels[..., 0])), 0, width - 1).astype(int)
+    rows = np.clip(np.rint(np.nan_to_num(pixels[..., 1])), 0, height - 1).astype(int)
+    own = view.people[rows, columns] == np.arange(1, len(joints) + 1)[:, None]
+    depth = camera.cam_from_world.apply(joints)[..., 2]
+    visible: np.ndarray = seen & own & (view.depth[rows, columns] > depth - slack)
+    return visible
 
 
 @pytest.fixture(scope="module")

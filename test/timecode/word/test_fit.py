@@ -46,7 +46,7 @@ def test_fit_reaches_the_bound_of_cramer_and_rao() -> None:
         fit = fit_word(Samples(0, raw), bits, Grid(850.4, 20.0, 0.0), rate, EdgeShape(rate))
         assert fit is not None
         errors.append(fit.middle - 850.0)
-        stds.append(fit.middle_std)
+        stds.append(np.sqrt(fit.observed[0, 0]))
     edges, s, noise = 81 + bits.sum(), 15.6e-6 * rate, 10 ** (-snr_db / 20)
     bound = np.sqrt(noise**2 * np.sqrt(np.pi) * s / (2 * edges))
     assert np.std(errors) == pytest.approx(bound, rel=0.3)
@@ -69,8 +69,8 @@ def test_clicks_do_not_move_a_word() -> None:
         fit = fit_word(Samples(0, raw), bits, guess, rate, EdgeShape(rate))
         assert fit is not None and fit.clicked
         errors.append(fit.middle - quiet.middle)
-        ratios.append((fit.middle - 850.0) / max(fit.middle_std, np.sqrt(fit.covariance[0, 0])))
-    assert np.std(errors) < quiet.middle_std
+        ratios.append((fit.middle - 850.0) / max(np.sqrt(fit.observed[0, 0]), np.sqrt(fit.covariance[0, 0])))
+    assert np.std(errors) < np.sqrt(quiet.observed[0, 0])
     assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.4
 
 
