@@ -3,27 +3,27 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.studies.score import THRESHOLDS
-from panoptic_ros.io.files import write_json
-from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.running import studies
 from panoptic_ros.running.parameters import read_parameters
+from panoptic_ros.view.progress import PassBar
 
-STUDIES = ("cameras", "nodes", "resolution")
-EVERY = 10_000  # cameras: all
-MODEL = "movenet-multipose"
+DEFAULTS = {  # numbers of people, of cameras, and of frames
+    "cameras": ("2,3,4,5,6,7", "480,240,160,80,40,20,10", 12),
+    "nodes": ("2,3,4,5,6,7", "480", 12),
+    "resolution": ("2,5", "19", 5),
+}
 
 
 def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     """Options that only studies have."""
     group = parser.add_argument_group("studies, in place of TRUTH and RESULT")
     group.add_argument(
-        "--study", choices=STUDIES,
+        "--study", choices=studies.STUDIES,
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
         "VGA and QVGA images",
     )  # fmt: skip
@@ -31,7 +31,7 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
     group.add_argument("--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5)")
     group.add_argument(
-        "--cameras", default="480,240,160,80,40,20,10", metavar="N,N", help="default 480,240,...,10"
+        "--cameras", default="", metavar="N,N", help="default 480,240,160,80,40,20,10 (resolution: 19)"
     )
     group.add_argument(
         "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution: 5)"
@@ -53,45 +53,23 @@ def run_study(args: argparse.Namespace) -> int:
         raise UsageError(f"--study {args.study} needs --rig FILE and --out DIR")
     if not 0.0 < args.noise < 0.1:
         raise UsageError(f"--noise {args.noise} is no share of a person's size; write e.g. 0.012")
-    settings = read_parameters(None, args.settings)
-    result = _resolution(args, settings) if args.study == "resolution" else _cameras(args, settings)
-    _tell("")
-    path = args.out / f"{args.study}.json"
-    write_json(path, result)
-    _plot(args.out / f"{args.study}.png", result)
+    request = _request(args)
+    with PassBar(args.study) as bar:
+        result = studies.run_study(request, bar.show)
+    path = studies.write_study(args.out, result)
     print(json.dumps(result, indent=1) if args.json else "\n".join(table(result["rows"])))
     if not args.json:
         print(f"\n{path} and {args.study}.png were written")
     return 0
 
 
-def _cameras(args: argparse.Namespace, settings: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    from panoptic_ros.bench.studies.cameras import study_cameras
-
-    nodes = args.study == "nodes"
-    counts = (EVERY,) if nodes else _numbers(args.cameras, "--cameras")
-    people = _numbers(args.people or "2,3,4,5,6,7", "--people")
-    result = study_cameras(
-        _of_type(args.rig, "vga"), people, counts, args.frames or 12, args.seed, args.noise, settings, _tell
-    )
-    return result | {"study": args.study}
-
-
-def _resolution(args: argparse.Namespace, settings: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    from panoptic_ros.bench.studies.resolution import study_resolution
-
-    hd, vga = read_rig(args.rig, types=("hd",)), read_rig(args.rig, types=("vga",))
-    cameras = 19 if args.cameras.startswith("480") else _numbers(args.cameras, "--cameras")[0]
-    people = _numbers(args.people or "2,5", "--people")
-    return study_resolution(hd, vga, cameras, people, args.frames or 5, args.seed, MODEL, settings, _tell)
-
-
-def _of_type(path: Path, kind: str) -> Rig:
-    """The cameras of a type, for files that know types; else all."""
-    try:
-        return read_rig(path, types=(kind,))
-    except UsageError:
-        return read_rig(path)
+def _request(args: argparse.Namespace) -> studies.StudyRequest:
+    people, cameras, frames = DEFAULTS[args.study]
+    return studies.StudyRequest(
+        args.study, args.rig, _numbers(args.people or people, "--people"),
+        _numbers(args.cameras or cameras, "--cameras"), args.frames or frames, args.seed, args.noise,
+        read_parameters(None, args.settings),
+    )  # fmt: skip
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
@@ -123,20 +101,6 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
                 f"nodes {100 * (1 - wrong / nodes):.2f} %, of skeletons {100 * right / skeletons:.2f} %"
             )
     return out
-
-
-def _plot(path: Path, result: dict[str, Any]) -> None:
-    from panoptic_ros.view.study_plots import write_study_plot  # matplotlib is slow to load
-
-    what = "rendered images, default detector" if result["study"] == "resolution" else (
-        f"simulated detector, noise {100 * result['noise_share']:g} % of the person's size"
-    )
-    write_study_plot(path, result["rows"], f"PCK, {what}")
-
-
-def _tell(text: str) -> None:
-    if sys.stderr.isatty():
-        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
 def _numbers(text: str, option: str) -> tuple[int, ...]:

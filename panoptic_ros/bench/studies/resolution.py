@@ -1,30 +1,70 @@
 """The study of resolution: rendered images of as many HD, VGA and QVGA cameras at the same places."""
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.bench.stage1.world import truth_of
+from panoptic_ros.bench.studies.cameras import about, shared_out
 from panoptic_ros.bench.studies.solving import score, solve
-from panoptic_ros.domain import DetectionSet, Rig, ViewDetections, ViewFrame
+from panoptic_ros.domain import DetectionSet, Rig, ViewFrame
+from panoptic_ros.evaluation import SkeletonSequence
+from panoptic_ros.evaluation.studies import StudyScore
 from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.simulation import CLEAN, Simulation, simulate
+from panoptic_ros.simulation import SKELETON as TRUE_SKELETON
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.studio import nearest_pairs, scaled, study_scene
 from panoptic_ros.simulation.timing import to_stamp
-from panoptic_ros.stage import StageContext
+from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of
 
 Array = np.ndarray
 AREA = 1.4  # m
 SKELETON = "panoptic19"
+COSTS = (4.0, 3.0, 2.0, 1.0)  # about, of rendering and of HD, VGA and QVGA
+DETECTED = 0.95  # share of the time that detection takes; the rest is solving
+
+
+@dataclass(frozen=True)
+class ImageStudyConfig:
+    """What `ImageStudy` needs to know: parameters of voting and assembly."""
+
+    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+class ImageStudy:
+    """The score of a recording of images and truth, by a detector: a `stage.Pass`.
+
+    Args:
+        context: with the extra "detector".
+    """
+
+    def __init__(self, config: ImageStudyConfig, context: StageContext):
+        self._config, self._context = config, context
+
+    def run(self, recording: Recording, progress: Progress) -> StudyScore:
+        """Detect in all images of an instant, instant by instant, and solve."""
+        rig, skeleton = self._context.rig, self._context.skeleton
+        truth = SkeletonSequence(TRUE_SKELETON.joint_names, tuple(recording.records("truth")))
+        detection = make_stage("detection", configure({})["detection"], self._context)
+        instants = zip(*(recording.records("image", name) for name in rig.names))
+        told = part_of(progress, 0.0, DETECTED)
+        sets: list[DetectionSet] = []
+        for frames in each(instants, len(truth.frames), told, f"detection in {len(rig)} views"):
+            views = tuple(view for frame in frames for view in detection.step(frame).outputs)
+            sets.append(DetectionSet(len(sets), frames[0].stamp_ns, skeleton.hash, views))
+        solved = each(sets, len(sets), part_of(progress, DETECTED, 1.0), "solving")
+        return score(truth, solve(rig, skeleton, solved, self._config.settings))
 
 
 def study_resolution(
     hd: Rig, vga: Rig, cameras: int, people: Sequence[int], frames: int, seed: int, model: str,
-    settings: dict[str, dict[str, Any]], tell: Callable[[str], None],
+    settings: dict[str, dict[str, Any]], progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
     """Scores for every number of people and each resolution.
 
@@ -33,27 +73,28 @@ def study_resolution(
     """
     hd, vga = nearest_pairs(hd, vga, min(cameras, len(hd), len(vga)))
     rows = []
-    for number in people:
-        whole = Rig((*hd.cameras, *vga.cameras))
-        take = simulate(study_scene(whole, number, AREA, CLEAN), seed, frames)
-        images = _render(take, tell, number)
-        for kind, rig, views in _kinds(take, set(hd.names), images):
-            tell(f"{number} people, {kind}: detection in {len(rig)} views")
-            found = score(truth_of(take), _detect_and_solve(take, rig, views, model, settings))
+    for number, told in zip(people, shared_out(progress, people)):
+        rendering, *parts = shared_out(about(number, told), COSTS)
+        take = simulate(study_scene(Rig((*hd.cameras, *vga.cameras)), number, AREA, CLEAN), seed, frames)
+        images = _render(take, rendering)
+        for (kind, rig, views), part in zip(_kinds(take, set(hd.names), images), parts):
+            skeleton, extras = detector_extras(model, SKELETON)
+            work = ImageStudy(ImageStudyConfig(settings), StageContext(rig, skeleton, extras))
+            found = work.run(_recording(take, rig, views), part)
             width = rig.cameras[0].image_size[0]
             rows.append({"people": number, "cameras": len(rig), "kind": kind, "width": width}
                         | found.to_mapping())  # fmt: skip
     return {"study": "resolution", "model": model, "frames": frames, "seed": seed, "rows": rows}
 
 
-def _render(take: Simulation, tell: Callable[[str], None], people: int) -> dict[str, list[Array]]:
+def _render(take: Simulation, progress: Progress) -> dict[str, list[Array]]:
     """Images (H, W, 3) of every camera at all instants."""
     studio = Studio(take)
-    images = {}
-    for done, name in enumerate(take.rig.names):
-        tell(f"{people} people: rendering camera {done + 1} of {len(take.rig)}")
-        images[name] = [view.image for view in studio.camera(name).render(take.schedule.ticks)]
-    return images
+    names = take.rig.names
+    return {
+        name: [view.image for view in studio.camera(name).render(take.schedule.ticks)]
+        for name in each(names, len(names), progress, f"rendering {len(names)} cameras")
+    }
 
 
 def _kinds(
@@ -74,17 +115,11 @@ def _halved(image: Array) -> Array:
     return halved
 
 
-def _detect_and_solve(
-    take: Simulation, rig: Rig, images: dict[str, list[Array]], model: str,
-    settings: dict[str, dict[str, Any]],
-) -> Any:  # fmt: skip
-    skeleton, extras = detector_extras(model, SKELETON)
-    detection = make_stage("detection", configure({})["detection"], StageContext(rig, skeleton, extras))
-    sets = []
-    for index, tick in enumerate(take.schedule.ticks):
-        views: list[ViewDetections] = []
-        for camera in rig.cameras:
-            frame = ViewFrame(camera.name, to_stamp(tick), index, images[camera.name][index])
-            views += detection.step(frame).outputs
-        sets.append(DetectionSet(index, to_stamp(tick), skeleton.hash, tuple(views)))
-    return solve(rig, skeleton, sets, settings)
+def _recording(take: Simulation, rig: Rig, images: dict[str, list[Array]]) -> HeldRecording:
+    """The images of the cameras of a rig, and the truth."""
+    stamps = [to_stamp(tick) for tick in take.schedule.ticks]
+    frames: dict[str | tuple[str, str], Any] = {
+        ("image", name): [ViewFrame(name, stamp, i, images[name][i]) for i, stamp in enumerate(stamps)]
+        for name in rig.names
+    }
+    return HeldRecording({"truth": truth_of(take).frames, **frames})

@@ -1,7 +1,7 @@
 """From detection sets to skeletons with stage one, and how good they are."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +22,7 @@ SETTLED = 2  # frames at the start that do not count: the noise of the detector 
 
 
 def solve(
-    rig: Rig, skeleton: SkeletonModel, sets: Sequence[DetectionSet], settings: dict[str, dict[str, Any]]
+    rig: Rig, skeleton: SkeletonModel, sets: Iterable[DetectionSet], settings: dict[str, dict[str, Any]]
 ) -> SkeletonSequence:
     """The skeletons of the views of `rig`, of every instant by itself unless the settings say otherwise."""
     names = set(rig.names)

@@ -14,6 +14,7 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.simulation import CLEAN, Lens, PanelDome, Ring, simulate
 from panoptic_ros.simulation.studio import study_scene
+from panoptic_ros.stage import untold
 from panoptic_ros.view.study_plots import write_study_plot
 
 RIG = PanelDome(2).build(np.random.default_rng(0))
@@ -21,9 +22,10 @@ RIG = PanelDome(2).build(np.random.default_rng(0))
 
 def test_more_cameras_are_better_and_people_can_be_compared(tmp_path):
     told = []
-    found = study_cameras(RIG, [2, 3], [500, 8], 4, 0, 0.012, {}, told.append)
+    found = study_cameras(RIG, [2, 3], [500, 8], 4, 0, 0.012, {}, lambda share, doing: told.append(share))
     rows = {(row["people"], row["cameras"]): row for row in found["rows"]}
-    assert set(rows) == {(2, 40), (2, 8), (3, 40), (3, 8)} and told
+    assert set(rows) == {(2, 40), (2, 8), (3, 40), (3, 8)}
+    assert told == sorted(told) and told[-1] == 1.0
     for people in (2, 3):
         many, few = rows[people, 40], rows[people, 8]
         assert many["nodes"] == few["nodes"] == 4 * people * len(SCORED)
@@ -42,6 +44,19 @@ def test_the_command_writes_numbers_and_a_plot(tmp_path, capsys):
     document = json.loads((tmp_path / "out" / "nodes.json").read_text())
     assert document["study"] == "nodes" and document["rows"][0]["cameras"] == 10
     assert (tmp_path / "out" / "nodes.png").exists()
+
+
+def test_an_interruption_leaves_no_file(tmp_path, capsys, monkeypatch):
+    def interrupt(bar, share, doing):
+        if share > 0.5:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("panoptic_ros.view.progress.PassBar.show", interrupt)
+    write_rig(tmp_path / "rig.json", RIG.subset(RIG.names[::4]))
+    options = ["--rig", str(tmp_path / "rig.json"), "--out", str(tmp_path / "out"), "--people", "2"]
+    assert main(["evaluate", "--study", "nodes", *options, "--frames", "2"]) == 2
+    assert capsys.readouterr().err == "panoptic evaluate: interrupted\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.json"]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +86,7 @@ def test_resolutions_are_the_same_scene_in_other_pixels():
                for size, focal in (((192, 108), (110.0, 140.0)), ((64, 48), (44.0, 52.0))))  # fmt: skip
     vga = Rig(tuple(replace(camera, name=f"low_{camera.name}") for camera in vga.cameras))
     take = simulate(study_scene(Rig((*hd.cameras, *vga.cameras)), 1, 1.0, CLEAN), 0, 1)
-    images = resolution._render(take, lambda text: None, 1)
+    images = resolution._render(take, untold)
     kinds = resolution._kinds(take, set(hd.names), images)
     assert [(kind, len(rig), rig.cameras[0].image_size) for kind, rig, _ in kinds] == [
         ("HD", 3, (192, 108)), ("VGA", 3, (64, 48)), ("QVGA", 3, (32, 24)),
