@@ -1,4 +1,6 @@
 """Clocks from motion while a bag is run."""
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -81,6 +83,29 @@ def test_solve_prints_and_writes_the_offsets(tmp_path, capsys):
     again = read_json(tmp_path / "s.json.gz")
     joints = [np.array(d["frames"][20]["skeletons"][0]["joints"], float) for d in (corrected, again)]
     np.testing.assert_allclose(*joints, atol=2e-3)  # a drift of 50 ppm is all that is left out
+
+
+INTERRUPTED = """
+import os, signal
+from panoptic_ros.cli.main import program
+from panoptic_ros.view.progress import PassBar
+
+PassBar.show = lambda bar, share, doing: share > 0.1 and os.kill(os.getpid(), signal.SIGINT)
+program()
+"""
+
+
+def test_a_signal_while_clocks_are_sought_leaves_no_file(tmp_path):
+    rig, sets = take()
+    write_rig(tmp_path / "rig.json", rig)
+    write_detections(tmp_path / "detections.json.gz", JOINTS, sets)
+    before = sorted(tmp_path.iterdir())
+    files = ["--rig", str(tmp_path / "rig.json"), "--detections", str(tmp_path / "detections.json.gz")]
+    out = ["--out", str(tmp_path / "s.json.gz"), "--offsets-out", str(tmp_path / "offsets.json")]
+    command = [sys.executable, "-c", INTERRUPTED, "solve", *files, *out, "--offsets-from-motion"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (2, "", "panoptic solve: interrupted\n")
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_offsets_that_cannot_be_meant_are_told(tmp_path, capsys):
