@@ -24,9 +24,7 @@ from panoptic_ros.domain.skeleton import SkeletonModel
 from panoptic_ros.domain.time import (
     AudioBlock,
     ClockModel,
-    DeviceNs,
     FrameRate,
-    MasterNs,
     Timecode,
     TimecodeReading,
 )
@@ -42,12 +40,10 @@ __all__ = [
     "DepthFrame",
     "DepthSensor",
     "DetectionSet",
-    "DeviceNs",
     "EndOfStream",
     "FrameRate",
     "JointMap",
     "JointState",
-    "MasterNs",
     "Occluders",
     "PoseSet",
     "ProposalSet",

@@ -1,9 +1,8 @@
-"""Clocks, timecode and audio. Stamps are int nanoseconds; each clock has its own type."""
+"""Clocks, timecode and audio. Stamps are int nanoseconds of the clock that the record names."""
 from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import NewType
 
 import numpy as np
 
@@ -11,8 +10,6 @@ from panoptic_ros.domain.checks import Shapes, check_stamp
 from panoptic_ros.errors import ClockError, DataError
 
 Array = np.ndarray
-DeviceNs = NewType("DeviceNs", int)  # a device's own clock
-MasterNs = NewType("MasterNs", int)  # the master time line of the capture
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,11 +179,11 @@ class ClockModel:
         if abs(whole) >= 2**63 or self.wander < 0.0 or (np.diag(covariance) < 0.0).any():
             raise DataError(f"clock model of {self.device} has numbers out of range")
 
-    def master_from_device(self, stamp_ns: int) -> tuple[MasterNs, float]:
+    def master_from_device(self, stamp_ns: int) -> tuple[int, float]:
         """The master time of a device time, and its standard deviation, both in ns."""
         since = int(stamp_ns) - self.reference_ns
         master = int(stamp_ns) + self.offset_ns + round(self.residual_ns + self.drift * since)
-        return MasterNs(master), 1e9 * self._deviation(since * 1e-9, int(stamp_ns))
+        return master, 1e9 * self._deviation(since * 1e-9, int(stamp_ns))
 
     def _deviation(self, since: float, stamp_ns: int) -> float:
         """Standard deviation, s: the line's own, and the crystal's wandering outside of its observations."""

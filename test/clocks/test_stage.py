@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.clocks import ClocksConfig, ClocksStage
-from panoptic_ros.domain import ClockModel, DeviceNs, FrameRate, Timecode, TimecodeReading
+from panoptic_ros.domain import ClockModel, FrameRate, Timecode, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice
 
@@ -44,7 +44,7 @@ def master_error(
 ) -> float:
     """Seconds between the model and the truth at reading k, whose stamp must be exact."""
     truth = Fraction(first + k) / rate.exact
-    return (model.master_from_device(DeviceNs(items[k].stamp_ns))[0] - truth * 10**9) * 1e-9
+    return (model.master_from_device(items[k].stamp_ns)[0] - truth * 10**9) * 1e-9
 
 
 @settings(max_examples=30, deadline=None)

@@ -124,8 +124,10 @@ def _read_camera(message: Any) -> Camera:
 
 
 def _lens(name: str) -> Lens:
-    if name == "brown" or name == "fisheye":
-        return name
+    lenses: tuple[Lens, ...] = "brown", "fisheye"
+    for lens in lenses:
+        if name == lens:
+            return lens
     raise DataError(f"Camera.lens is {name!r}, expected 'brown' or 'fisheye'")
 
 
