@@ -8,7 +8,7 @@ from setuptools import setup
 
 NODES = (
     "rig", "camera", "timecode", "clocks", "detection", "offsets", "sync", "voting", "assembly", "tracking",
-    "refinement", "markers",
+    "refinement", "fusion", "markers",
 )
 
 # colcon calls `setup.py install` or `setup.py develop`, pip never does. Only colcon's scripts go where

@@ -1,4 +1,4 @@
-"""The whole graph in a native Jazzy workspace, one process per node.
+"""The whole graph in a native Jazzy workspace: cameras, detection, and one node for all that follows.
 
     ros2 launch panoptic_ros panoptic.launch.py capture:=/path/to/capture
     ros2 launch panoptic_ros panoptic.launch.py rig:=rig.json devices:="left=/dev/video0 right=/dev/video2"
@@ -15,9 +15,10 @@ from launch_ros.actions import Node
 
 from panoptic_ros.capture import depth_files, open_capture_folder
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.build import with_shared
-from panoptic_ros.graph.nodes import NODES
-from panoptic_ros.graph.topics import ros_name
+from panoptic_ros.graph.build import configure, switched_on, with_shared
+from panoptic_ros.graph.nodes import AFTER_DETECTION, CHAIN, NODES, SLOW, SOUND
+from panoptic_ros.graph.topics import TOPICS, given_inputs, ros_name
+from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.resources import share_folder
@@ -35,6 +36,7 @@ ARGUMENTS = {
     "config": ("", "YAML with parameters, {stage: {name: value}}"),
     "flow": ("", "live (newest first) or replay (nothing is lost); default: replay for a capture folder"),
     "jpeg_quality": ("90", "of the images on the topics"),
+    "node_per_stage": ("false", "true: a node and a process for every stage after detection too"),
     "respawn": ("false", "true: a node that ends is started anew; for live use"),
 }
 
@@ -57,8 +59,9 @@ def start_graph(context):
     settings = yaml.safe_load(Path(given["config"]).read_text()) if given["config"] else {}
     settings = with_shared(settings or {})
     audio = given["audio"].split()
-    if given["respawn"] not in ("true", "false"):
-        raise UsageError(f"respawn:={given['respawn']}: true or false")
+    for name in ("respawn", "node_per_stage"):
+        if given[name] not in ("true", "false"):
+            raise UsageError(f"{name}:={given[name]}: true or false")
     start = partial(node, respawn=given["respawn"] == "true")
     common = {"rig": str(rig_file), "flow": flow}
     quality = {"jpeg_quality": int(given["jpeg_quality"])}
@@ -72,17 +75,26 @@ def start_graph(context):
     for camera, source in sources.items():
         own = {"camera": camera, **common, **quality, **source}
         actions.append(start("camera", f"camera_{ros_name(camera)}", own))
-    for name, spec in NODES.items():
-        own = {"flow": flow, "cameras": list(sources), **settings.get(name, {})}
-        if spec.takes[0] in ("audio", "timecode"):
-            if not audio:
-                continue
-            own["devices"] = audio
-        if name == "offsets" and not own.get("active"):
+    configs = configure(settings)
+    chain = switched_on((*(SOUND if audio else ()), *CHAIN), configs)
+    together = [name for name in AFTER_DETECTION if name in chain and not (flow == "live" and name in SLOW)]
+    if given["node_per_stage"] == "true":
+        together = []
+    marked = flow == "replay" and bool(Wiring(chain).heads) and len(chain) > len(together) + 1
+    shared = {"flow": flow, "cameras": list(sources), "graph": list(chain), "marked": marked}
+    for name in chain:
+        own = {**shared, **settings.get(name, {})}
+        if name in together:
             continue
-        if "image" in spec.takes:
-            own |= {"compressed": True, "model": given["model"], "depths": depths}
+        if any(TOPICS[port.topic].scope == "device" for port in NODES[name].inputs):
+            own["devices"] = audio
+        if name == "detection":
+            images = {"compressed_image": list(sources), "depth": depths}
+            own |= {"model": given["model"], **given_inputs(images)}
         actions.append(start(name, name, own))
+    if together:
+        own = {f"{name}.{key}": value for name in together for key, value in settings.get(name, {}).items()}
+        actions.append(start("fusion", "fusion", {**shared, **own}))
     return actions
 
 

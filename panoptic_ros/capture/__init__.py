@@ -6,8 +6,8 @@ are read; frame i of a video lies at start + i / frame rate, or where the contai
 frame rate varies. Live sources keep the newest frame only and count the others as dropped.
 
 In: files, devices, URLs, through OpenCV (FFmpeg, V4L2). Out: `ViewFrame`s, BGR, upright (a video's
-rotation mark is obeyed), distorted as the lens saw them, with depth maps where the camera has them; and
-`DepthFrame`s of depth sensors that stand for themselves.
+rotation mark is obeyed), distorted as the lens saw them; `DepthFrame`s of cameras with depth maps and of
+depth sensors that stand for themselves.
 Limits: no audio, no hardware trigger, no depth from devices; a capture folder holds one file or folder
 of images per camera.
 """

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,7 +10,7 @@ import numpy as np
 from panoptic_ros.capture.image_folder import ImageFolderSource, natural_key
 from panoptic_ros.capture.opencv import quiet_opencv
 from panoptic_ros.capture.video import VideoSource
-from panoptic_ros.domain import ViewFrame
+from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import read_bytes
 
@@ -31,13 +30,13 @@ def depth_files(folder: Path, camera: str) -> tuple[Path, ...]:
 
 
 class DepthSource:
-    """A source whose frames carry depth maps: the n-th file belongs to frame n.
+    """A source whose frames have depth maps beside them: the n-th file belongs to frame n.
 
     Args:
         files: uint16 mm along the camera's z axis, 0 = unknown; the image's field of view.
 
     Raises:
-        DataError: if there are not as many as frames; while iterating: a file that is no such map.
+        DataError: if there are not as many as frames.
     """
 
     def __init__(self, source: VideoSource | ImageFolderSource, files: tuple[Path, ...]):
@@ -51,10 +50,20 @@ class DepthSource:
             )
 
     def __iter__(self) -> Iterator[ViewFrame]:
-        for frame in self._source:
-            if frame.frame_number >= len(self._files):
-                raise DataError(f"{self._files[0].parent} has no depth map for frame {frame.frame_number}")
-            yield replace(frame, depth=read_depth(self._files[frame.frame_number]))
+        yield from self._source
+
+    def depth_of(self, frame: ViewFrame) -> DepthFrame:
+        """The depth map of a frame.
+
+        Raises:
+            DataError: if there is none, or its file is no such map of its image.
+        """
+        number = frame.frame_number
+        if number >= len(self._files):
+            raise DataError(f"{self._files[0].parent} has no depth map for frame {number}")
+        found = DepthFrame(frame.camera, frame.stamp_ns, number, read_depth(self._files[number]))
+        found.check_image(frame.image_size)
+        return found
 
     def close(self) -> None:
         """Close the images."""

@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         clock=time.perf_counter_ns,
     )  # fmt: skip
     for item in sets:
-        pipeline.push(item)
+        pipeline.push("detection_sets", item)
     pipeline.flush()
     names = _own_names(detections, skeleton.joint_names, args.skeleton)
     write_skeletons(args.out, names, results)

@@ -1,6 +1,8 @@
 """The stage: images in, 2D people and score maps in the joints of the working skeleton out."""
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from panoptic_ros.detection.card import CROP_FAMILIES
@@ -10,14 +12,16 @@ from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.people import boxes_of_points
-from panoptic_ros.domain import JointMap, ViewDetections, ViewFrame, VisibilityLimit
+from panoptic_ros.domain import DepthFrame, JointMap, ViewDetections, ViewFrame, VisibilityLimit
 from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 Array = np.ndarray
+DEPTHS = 8  # maps of a camera that wait at most, while its images fail
 MARGIN = 1.1  # people may leave the good range by this factor without a notice
 PATIENCE = 15  # frames in which people are too small or too large before it is said
+SAME_NS = 8_000_000  # an image and a depth map whose stamps differ no more belong together
 UNCLAIMED_PEAK = 0.3  # peaks of nobody in the maps count from here
 
 
@@ -58,9 +62,18 @@ class DetectionStage(Stateful):
         self._sides: dict[str, SideChooser] = {}
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()
+        self._depths: dict[str, deque[DepthFrame]] = {}
 
-    def step(self, item: ViewFrame) -> StepResult[ViewDetections]:
-        """The people in one image."""
+    def step(self, item: ViewFrame | DepthFrame) -> StepResult[ViewDetections]:
+        """The people in one image, or a depth map that waits for the image of its stamp.
+
+        Raises:
+            DataError: if the depth map of an image has another shape; the next image goes without it.
+        """
+        if isinstance(item, DepthFrame):
+            self._depths.setdefault(item.camera, deque(maxlen=DEPTHS)).append(item)
+            return StepResult()
+        limit = self._limit(item)
         image_side = max(item.image_size)
         if self.network.any_size:
             chooser = self._chooser(item)
@@ -70,7 +83,7 @@ class DetectionStage(Stateful):
             finding = findings[chooser.learn(answers, image_side)]
         else:
             finding = self.network.find(item.image, 0)
-        return StepResult((self._record(item, finding),), self._size_notice(item.camera, finding))
+        return StepResult((self._record(item, finding, limit),), self._size_notice(item.camera, finding))
 
     def flush(self) -> StepResult[ViewDetections]:
         """Nothing is buffered."""
@@ -78,10 +91,11 @@ class DetectionStage(Stateful):
         return StepResult()
 
     def reset(self) -> None:
-        """Forget the sizes of the people."""
+        """Forget the sizes of the people, and depth maps that wait."""
         self._sides.clear()
         self._outside.clear()
         self._noticed.clear()
+        self._depths.clear()
 
     def _chooser(self, item: ViewFrame) -> SideChooser:
         if item.camera not in self._sides:
@@ -106,7 +120,9 @@ class DetectionStage(Stateful):
         sizes: Array = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)
         return sizes
 
-    def _record(self, item: ViewFrame, finding: Finding) -> ViewDetections:
+    def _record(
+        self, item: ViewFrame, finding: Finding, limit: VisibilityLimit | None
+    ) -> ViewDetections:
         people = finding.people
         scores = np.where(people.scores >= self.config.joint_threshold, people.scores, 0.0)
         points, scores = self.joint_map.apply(people.points, scores)
@@ -120,14 +136,25 @@ class DetectionStage(Stateful):
             scores=scores,
             person_scores=people.person_scores,
             maps=finding.patches.score_maps(self.joint_map) if finding.patches else None,
-            limit=self._limit(item),
+            limit=limit,
         )
 
     def _limit(self, item: ViewFrame) -> VisibilityLimit | None:
         """How far the camera sees, if it measures depth."""
-        if item.depth is None:
+        found = self._depth_of(item)
+        if found is None:
             return None
-        return VisibilityLimit.of_depths(item.depth, self.config.depth_margin)
+        found.check_image(item.image_size)
+        return VisibilityLimit.of_depths(found.depth, self.config.depth_margin)
+
+    def _depth_of(self, item: ViewFrame) -> DepthFrame | None:
+        """The first depth map that belongs to an image; it and those before it are taken out."""
+        depths = self._depths.get(item.camera, ())
+        while depths and depths[0].stamp_ns < item.stamp_ns - SAME_NS:
+            depths.popleft()
+        if depths and depths[0].stamp_ns <= item.stamp_ns + SAME_NS:
+            return depths.popleft()
+        return None
 
     def _size_notice(self, camera: str, finding: Finding) -> tuple[Notice, ...]:
         """A notice when people stay too small or too large for the network, once each time."""

@@ -47,3 +47,16 @@ class DepthFrame:
     def image_size(self) -> tuple[int, int]:
         """Width, height in px."""
         return self.depth.shape[1], self.depth.shape[0]
+
+    def check_image(self, image_size: tuple[int, int]) -> None:
+        """Whether it can be registered to an image: it has the proportions of width and height (px).
+
+        Raises:
+            DataError: if not.
+        """
+        (width, height), (columns, rows) = image_size, self.image_size
+        if abs(columns * height - rows * width) > max(width, height):
+            raise DataError(
+                f"depth map of camera {self.camera} has {columns} x {rows} pixels, its image {width} x "
+                f"{height}: another shape; register the depth to the colour camera"
+            )

@@ -20,15 +20,12 @@ class ViewFrame:
         stamp_ns: mid-exposure, on the camera's clock.
         frame_number: counts the frames that the device gave, so gaps are visible.
         image: (H, W, 3) uint8, BGR. Not copied; a read-only view is kept.
-        depth: (h, w) float32 m along the camera's z axis, of the same field of view as the image, e.g. of
-            every second pixel; 0 and what is not finite = unknown (REP 118). None = the camera has no depth.
     """
 
     camera: str
     stamp_ns: int
     frame_number: int
     image: Array
-    depth: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
@@ -38,23 +35,6 @@ class ViewFrame:
                 f"image of camera {self.camera}: {image.dtype} {image.shape}, expected uint8 (H, W, 3)"
             )
         object.__setattr__(self, "image", _read_only(image))
-        if self.depth is not None:
-            object.__setattr__(self, "depth", _read_only(self._checked_depth()))
-
-    def _checked_depth(self) -> Array:
-        """The depth map, if it can be one of this image: two dimensions, and the image's proportions."""
-        depth = np.asarray(self.depth)
-        width, height = self.image_size
-        if depth.dtype != np.float32 or depth.ndim != 2 or not depth.size:
-            raise DataError(
-                f"depth map of camera {self.camera}: {depth.dtype} {depth.shape}, expected float32 (h, w)"
-            )
-        if abs(depth.shape[1] * height - depth.shape[0] * width) > max(width, height):
-            raise DataError(
-                f"depth map of camera {self.camera} has {depth.shape[1]} x {depth.shape[0]} pixels, its "
-                f"image {width} x {height}: another shape; register the depth to the colour camera"
-            )
-        return depth
 
     @property
     def image_size(self) -> tuple[int, int]:

@@ -2,11 +2,11 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from panoptic_ros.errors import ConfigError
-from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.nodes import NODES, NodeSpec
 from panoptic_ros.params import Config, from_text, load
 from panoptic_ros.stage import Stage, StageContext
 
@@ -65,7 +65,19 @@ def parse_setting(text: str) -> tuple[str, str, Any]:
     return stage, parameter, from_text(config_class(stage), parameter, value.strip())
 
 
-def make_stage(name: str, config: Config, context: StageContext) -> Stage[Any, Any]:
+def switched_on(
+    names: Collection[str], configs: Mapping[str, Config], table: Mapping[str, NodeSpec] = NODES
+) -> tuple[str, ...]:
+    """Those of the stages that no parameter switches off, in the order of the table."""
+    return tuple(
+        spec.name for spec in table.values()
+        if spec.name in names and (not spec.switch or getattr(configs[spec.name], spec.switch))
+    )  # fmt: skip
+
+
+def make_stage(
+    name: str, config: Config, context: StageContext, table: Mapping[str, NodeSpec] = NODES
+) -> Stage[Any, Any]:
     """A stage of the table."""
-    stage: Stage[Any, Any] = resolve(NODES[name].stage)(config, context)
+    stage: Stage[Any, Any] = resolve(table[name].stage)(config, context)
     return stage

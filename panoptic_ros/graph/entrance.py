@@ -5,12 +5,17 @@ from panoptic_ros.domain import Rig, SkeletonModel, ViewDetections, ViewFrame
 from panoptic_ros.errors import DataError
 
 
-def check_view(view: ViewFrame | ViewDetections, camera: str, rig: Rig, skeleton: SkeletonModel) -> None:
-    """Whether a record is of the camera that its topic belongs to, as the rig and the skeleton describe it.
+def check_view(view: object, camera: str, rig: Rig, skeleton: SkeletonModel) -> None:
+    """Whether a view is of the camera that its topic belongs to, as the rig and the skeleton describe it.
+
+    Args:
+        view: a `ViewFrame` or `ViewDetections`; of other records nothing is asked here.
 
     Raises:
         DataError: naming what is different.
     """
+    if not isinstance(view, (ViewFrame, ViewDetections)):
+        return
     if view.camera != camera:
         raise DataError(f"a message of camera {view.camera!r} came on a topic of {camera}")
     calibrated = rig.camera(camera).image_size

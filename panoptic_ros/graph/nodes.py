@@ -2,6 +2,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
+
+from panoptic_ros.graph.topics import TOPICS
+
+Queue = Literal["newest", "instant", "all"]
+
+
+@dataclass(frozen=True)
+class Port:
+    """One input of a stage.
+
+    Args:
+        topic: key of `TOPICS`. A stage may take its variants in place of it.
+        optional: the stage works without it.
+        feedback: it may come from a stage further down. What comes back is handed over after all that follows from
+            the record at hand, and before the next one.
+        ahead_ns: its records are handed over so much before those of other ports with the same stamp.
+        patience_ns: live, a record of another port waits so long for it, in stamps.
+        tells_end: the stage takes an `EndOfStream` when a camera or device gives no more.
+        first: it takes a record before other stages do, and before what follows from it.
+    """
+
+    topic: str
+    optional: bool = False
+    feedback: bool = False
+    ahead_ns: int = 0
+    patience_ns: int = 0
+    tells_end: bool = False
+    first: bool = False
+
+    @property
+    def latched(self) -> bool:
+        """Whether the topic keeps its messages for readers that come late. It has no end to wait for."""
+        return TOPICS[self.topic].latched
 
 
 @dataclass(frozen=True)
@@ -11,42 +45,76 @@ class NodeSpec:
     Args:
         name: of the stage, the node and the section of the parameters.
         stage, config: "module:class".
-        takes, gives: keys of `TOPICS`. A node does not need what is latched among the former, and does not
-            wait for its end in replay.
+        inputs: ports. Records of one place (see `graph.merge`) are handed over in this order.
+        outputs: keys of `TOPICS`. A record goes to the topic of its type.
+        apart: the inputs of every camera or device are merged on their own, as none waits for another.
+        queue: of a live node that falls behind. "newest": a few messages of every topic; "instant": images of one
+            instant together; "all": as every message counts.
+        switch: name of the parameter that turns the stage on; "" = it is always on.
     """
 
     name: str
     stage: str
     config: str
-    takes: tuple[str, ...]
-    gives: str
+    inputs: tuple[Port, ...]
+    outputs: tuple[str, ...]
+    apart: bool = False
+    queue: Queue = "newest"
+    switch: str = ""
+
+    def output_for(self, record: object) -> str:
+        """The key of the topic that a record of this stage goes to.
+
+        Raises:
+            KeyError: if the stage gives no such record.
+        """
+        kind = type(record).__name__
+        for key in self.outputs:
+            if TOPICS[key].record == kind:
+                return key
+        raise KeyError(f"stage {self.name} gives a {kind}, which is on none of its topics")
 
 
-def _spec(name: str, takes: tuple[str, ...], gives: str) -> NodeSpec:
-    """The usual places: `<name>/stage.py` with <Name>Stage, `<name>/config.py` with <Name>Config."""
+def stage_row(
+    name: str, inputs: tuple[Port, ...], outputs: tuple[str, ...], *,
+    apart: bool = False, queue: Queue = "newest", switch: str = "",
+) -> NodeSpec:  # fmt: skip
+    """A row for a stage in the usual places: `<name>/stage.py`: <Name>Stage, `<name>/config.py`: <Name>Config."""
     title = name.capitalize()
     return NodeSpec(
-        name,
-        f"panoptic_ros.{name}.stage:{title}Stage",
-        f"panoptic_ros.{name}.config:{title}Config",
-        takes,
-        gives,
-    )
+        name, f"panoptic_ros.{name}.stage:{title}Stage", f"panoptic_ros.{name}.config:{title}Config",
+        inputs, outputs, apart, queue, switch,
+    )  # fmt: skip
 
 
+# 1 ns more than an image and its depth map may be apart, so that the image comes last.
+DEPTH = Port("depth", optional=True, ahead_ns=8_000_001, patience_ns=200_000_000)
+
+# In the order in which records go down. A stage stands below those whose records it takes, but for feedback.
 NODES: dict[str, NodeSpec] = {
     spec.name: spec
     for spec in (
-        _spec("timecode", ("audio",), "timecode"),
-        _spec("clocks", ("timecode",), "clock_models"),
-        _spec("detection", ("image", "depth"), "detections"),
-        _spec("offsets", ("detections", "skeletons_raw"), "clock_models"),
-        _spec("sync", ("detections", "clock_models"), "detection_sets"),
-        _spec("voting", ("detection_sets",), "proposals"),
-        _spec("assembly", ("proposals",), "poses"),
-        _spec("tracking", ("poses",), "skeletons_raw"),
-        _spec("refinement", ("skeletons_raw",), "skeletons"),
+        stage_row("timecode", (Port("audio"),), ("timecode",), apart=True, queue="all"),
+        stage_row("clocks", (Port("timecode"),), ("clock_models",), queue="all"),
+        stage_row("detection", (DEPTH, Port("image")), ("detections",), apart=True, queue="instant"),
+        stage_row(
+            "sync",
+            (Port("clock_models", optional=True, feedback=True), Port("detections", tells_end=True)),
+            ("detection_sets",),
+        ),
+        stage_row("voting", (Port("detection_sets"),), ("proposals",)),
+        stage_row("assembly", (Port("proposals"),), ("poses",)),
+        stage_row("tracking", (Port("poses"),), ("skeletons_raw",)),
+        stage_row(
+            "offsets", (Port("detections", first=True), Port("skeletons_raw")), ("clock_models",),
+            queue="all", switch="active",
+        ),
+        stage_row("refinement", (Port("skeletons_raw"),), ("skeletons",)),
     )
-}
+}  # fmt: skip
 
 FUSION = ("voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
+AFTER_DETECTION = ("sync", "voting", "assembly", "tracking", "offsets", "refinement")
+SOUND = ("timecode", "clocks")  # what comes of timecode in sound
+SLOW = ("offsets",)  # busy for a second at times: live, nobody must wait for it
+CHAIN = ("detection", *AFTER_DETECTION)

@@ -1,103 +1,211 @@
-"""The stages one after another in one process: the same output as the graph, without ROS.
+"""Some stages of the table in one process: the same output as the graph, without ROS.
 
-Nothing is dropped and nothing runs at the same time; a record goes down the chain as far as it
-gets before the next one is taken.
+Nothing is dropped and nothing runs at the same time. A record goes down as far as it gets before the next one is
+taken; what it brings back up (feedback) is handed over then. How the order is kept is told in `graph.schedule`.
 """
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
 
-from panoptic_ros.domain import ViewDetections
-from panoptic_ros.graph.build import make_stage
-from panoptic_ros.graph.nodes import FUSION, NODES
+from panoptic_ros.domain import EndOfStream
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.build import make_stage, switched_on
+from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
+from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Turn
+from panoptic_ros.graph.topics import TOPICS, number_of
+from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
-from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.stage import Notice, Stage, StageContext, StepResult
 
 Observer = Callable[[str, Any], None]  # (key of the topic, record)
 NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
-CHAIN = ("detection", "sync", *FUSION)
+
+
+class _End(NamedTuple):
+    """The end of a stream on its way down: its owner, the place of its last record, the port that takes it."""
+
+    owner: str
+    last: Place
+    port: Port
 
 
 class Pipeline:
-    """A chain of stages; where it has sync and `offsets.active` is set, clocks from motion go back to sync.
-
-    What goes back waits until all that follows from the record at hand is done, so the order is fixed.
+    """Any stages of the table, connected as it says.
 
     Args:
         configs: one per stage, see `graph.build.configure`.
-        stages: names of consecutive stages, by default from detection to refinement.
+        stages: their names; those that a parameter switches off are left out.
         on_record: called with every record that a stage gives, in order.
         on_notice: called with every notice.
+        on_refused: called with (stage, error) where a stage refuses a record, which is then left out. Without
+            it the error is raised.
+        on_end: called with (topic, owner) when these stages give no more for a camera or device on a topic.
         on_step: called with (stage, nanoseconds) after every step, if a clock is given.
         clock: a monotonic clock in ns; the pipeline itself reads none.
+        everywhere: all stages of the graph that this is a part of; None = these are all.
+        table: the rows.
     """
 
     def __init__(
         self,
         configs: Mapping[str, Config],
         context: StageContext,
-        stages: Sequence[str] = CHAIN,
+        stages: Collection[str] = CHAIN,
         *,
         on_record: Observer | None = None,
         on_notice: NoticeObserver | None = None,
+        on_refused: Callable[[str, DataError], None] | None = None,
+        on_end: Callable[[str, str], None] | None = None,
         on_step: Callable[[str, int], None] | None = None,
         clock: Callable[[], int] | None = None,
+        everywhere: Collection[str] | None = None,
+        table: Table = NODES,
     ):
-        self._stages = [(name, make_stage(name, configs[name], context)) for name in stages]
-        self._offsets = None
-        if "sync" in stages and getattr(configs["offsets"], "active", False):
-            self._offsets = make_stage("offsets", configs["offsets"], context)
-        self._clock_models: deque[Any] = deque()  # that wait for sync
+        names = switched_on(stages, configs, table)
+        self.wiring = Wiring(names, names if everywhere is None else everywhere, table)
+        self.schedule = Schedule(self.wiring)
+        self._configs, self._context = configs, context
+        self._stages = [self._make(spec.name) for spec in self.wiring.specs]
+        self._pushed = 0
         self._on_record = on_record or (lambda topic, record: None)
         self._on_notice = on_notice or (lambda stage, notice: None)
+        self._on_refused = on_refused
+        self._on_end = on_end or (lambda topic, owner: None)
         self._on_step = on_step or (lambda stage, duration: None)
         self._clock = clock or (lambda: 0)
+        self.place: Place = ()  # of the newest record that was given
 
-    def push(self, record: Any, to: str | None = None) -> None:
-        """Hand a record to the first stage, or to the one named `to`."""
-        names = [name for name, _ in self._stages]
-        self._run(names.index(to) if to else 0, record)
-        while self._clock_models:
-            self._run(names.index("sync"), self._clock_models.popleft())
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The stages that run, in order."""
+        return tuple(spec.name for spec in self.wiring.specs)
+
+    def push(self, topic: str, record: Any) -> None:
+        """Hand a record from outside to all stages that take its topic, and on as far as it gets.
+
+        Raises:
+            DataError: if a stage refuses it, unless somebody is to be told of that.
+        """
+        self.schedule.add(topic, record, self._place_of_push(topic))
+        self.run()
+
+    def end(self, topic: str, owner: str) -> None:
+        """A camera or device gives no more on this topic."""
+        self.add_end(topic, owner, self._place_of_push(topic))
+        self.run()
 
     def flush(self) -> None:
-        """End of the stream: every stage hands out what it holds, in order."""
-        for position, (name, stage) in enumerate(self._stages):
-            self._pass_on(position, name, stage.flush())
+        """End of all streams: every stage hands out what it holds, in order. The pipeline is then as new."""
+        for number in range(len(self._stages)):
+            self.flush_stage(number)
+            self.run()
+        self.schedule.open_all()
 
-    def _run(self, position: int, record: Any) -> None:
-        name, stage = self._stages[position]
-        if name == "sync" and isinstance(record, ViewDetections):
-            self._find_offsets(record)
-        start = self._clock()
-        result = stage.step(record)
-        self._on_step(name, self._clock() - start)
-        self._pass_on(position, name, result)
+    def state(self) -> dict[str, bytes]:
+        """What all later output depends on, by stage. Between two records nothing else is held."""
+        return {name: stage.state() for name, stage in zip(self.names, self._stages)}
 
-    def _pass_on(self, position: int, name: str, result: Any) -> None:
-        for notice in result.notices:
-            self._on_notice(name, notice)
-        for output in result.outputs:
-            self._on_record(NODES[name].gives, output)
-            if name == "tracking":
-                self._find_offsets(output)
-            if position + 1 < len(self._stages):
-                self._run(position + 1, output)
+    def begin(self, states: Mapping[str, bytes]) -> None:
+        """Go on from a state; stages that it lacks go on from their own.
 
-    def _find_offsets(self, record: Any) -> None:
-        """Hand a view or tracked people to the offsets stage."""
-        if self._offsets is None:
+        Raises:
+            DataError: if a state is not one of its stage.
+        """
+        for name, stage in zip(self.names, self._stages):
+            if name in states:
+                stage.begin(states[name])
+
+    def change_rig(self, context: StageContext) -> tuple[str, ...]:
+        """Work with another rig from the next record on. Stages keep what they know where it still holds.
+
+        Returns:
+            the stages that begin anew, as their state speaks of other cameras.
+        """
+        self._context = replace(self._context, rig=context.rig)
+        anew = []
+        for number, name in enumerate(self.names):
+            stage, before = self._make(name), self._stages[number].state()
+            try:
+                stage.begin(before)
+            except DataError:
+                anew.append(name)
+            self._stages[number] = stage
+        return tuple(anew)
+
+    # ------------------------------------------------------------------ for hosts, which know places
+
+    def add_end(self, topic: str, owner: str, last: Place) -> None:
+        """A camera or device gives no more on this topic.
+
+        Args:
+            last: place of its last record.
+        """
+        for reader in self.wiring.readers.get(topic, ()):
+            self.schedule.wait(reader, _End(owner, last, self.wiring.port(reader)), (*last, END))
+
+    def flush_stage(self, number: int) -> None:
+        """Let a stage hand out what it holds. It takes nothing any more, also not what comes back."""
+        self.schedule.close(number)
+        turn = Turn((FLUSH, self.wiring.ranks[number]), number, None)
+        self._hand_on(turn, self._stages[number].flush())
+
+    def run(self, bounds: Bounds | None = None) -> None:
+        """Take all records whose turn it is.
+
+        Args:
+            bounds: what may still come from outside; None: nothing before what is there.
+        """
+        while True:
+            turn = self.schedule.next(bounds)
+            if turn is None:
+                return
+            self._step(turn)
+
+    # ------------------------------------------------------------------ steps
+
+    def _make(self, name: str) -> Stage[Any, Any]:
+        return make_stage(name, self._configs[name], self._context, self.wiring.table)
+
+    def _place_of_push(self, topic: str) -> Place:
+        self._pushed += 1
+        return (self._pushed, 0, number_of(topic))
+
+    def _take_end(self, turn: Turn, end: _End) -> None:
+        """Tell the stage, if it is to know, and those that take what follows its records one by one."""
+        if end.port.tells_end:
+            self._step(turn._replace(record=EndOfStream(end.owner)))
+        outputs = () if end.port.optional else self.wiring.specs[turn.stage].outputs
+        for topic in (key for key in outputs if TOPICS[key].by_stamp):
+            self.add_end(topic, end.owner, (*end.last[:-1], number_of(topic)))
+            self._on_end(topic, end.owner)
+
+    def _step(self, turn: Turn) -> None:
+        if isinstance(turn.record, _End):
+            self._take_end(turn, turn.record)
             return
+        stage, name = self._stages[turn.stage], self.wiring.specs[turn.stage].name
         start = self._clock()
-        result = self._offsets.step(record)
-        self._on_step("offsets", self._clock() - start)
+        try:
+            result = stage.step(turn.record)
+        except DataError as error:
+            if self._on_refused is None:
+                raise
+            self._on_refused(name, error)
+            return
+        self._on_step(name, self._clock() - start)
+        self._hand_on(turn, result)
+
+    def _hand_on(self, turn: Turn, result: StepResult[Any]) -> None:
+        spec = self.wiring.specs[turn.stage]
         for notice in result.notices:
-            self._on_notice("offsets", notice)
-        for model in result.outputs:
-            self._on_record(NODES["offsets"].gives, model)
-            self._clock_models.append(model)
+            self._on_notice(spec.name, notice)
+        for record in result.outputs:
+            topic = spec.output_for(record)
+            self.place = self.schedule.place_of_next(turn, topic)
+            self.schedule.add(topic, record, self.place, turn.stage)
+            self._on_record(topic, record)
 
 
 def records_of(
@@ -105,15 +213,20 @@ def records_of(
     items: Iterable[Any],
     configs: Mapping[str, Config],
     context: StageContext,
-    stages: Sequence[str] = FUSION,
+    stages: Collection[str] = FUSION,
 ) -> list[Any]:
-    """All records that a fresh pipeline gives under the key of a topic, for items from first to last."""
+    """All records that a fresh pipeline gives under the key of a topic.
+
+    Args:
+        items: of the only topic that the stages take from outside, from first to last.
+    """
     found: list[Any] = []
     pipeline = Pipeline(
         configs, context, stages,
         on_record=lambda key, record: found.append(record) if key == topic else None,
     )  # fmt: skip
+    entrance = pipeline.wiring.inputs[-1].topic
     for item in items:
-        pipeline.push(item)
+        pipeline.push(entrance, item)
     pipeline.flush()
     return found

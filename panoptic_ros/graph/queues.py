@@ -1,8 +1,8 @@
 """What a node keeps waiting, and what it takes next when it falls behind."""
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, Protocol
 
 PERIODS = 3  # between frames: a camera that gives none for so long has failed
@@ -20,26 +20,53 @@ class Waiting(Protocol):
 
 
 class InOrder:
-    """First in, first out; beyond the limit per topic the oldest of that topic is dropped."""
+    """First in, first out; beyond the limit per topic the oldest of that topic is dropped.
 
-    def __init__(self, limit: int | None = None):
-        self._limit = limit
+    Args:
+        limit_of: how many items of a topic wait at most, by its key; None: not limited.
+    """
+
+    def __init__(self, limit_of: Callable[[str], int | None] = lambda key: None):
+        self._limit_of = limit_of
         self._items: deque[tuple[str, Any]] = deque()
+        self._counts: Counter[str] = Counter()
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
         """See `Waiting`."""
-        dropped = 0
-        if self._limit is not None:
-            own = [i for i, entry in enumerate(self._items) if entry[0] == key]
-            if len(own) >= self._limit:
-                del self._items[own[0]]
-                dropped = 1
+        limit, dropped = self._limit_of(key), 0
+        if limit is not None and self._counts[key] >= limit:
+            del self._items[next(i for i, entry in enumerate(self._items) if entry[0] == key)]
+            dropped = 1
         self._items.append((key, item))
+        self._counts[key] += 1 - dropped
         return dropped
 
     def take(self) -> list[Any]:
         """See `Waiting`."""
-        return [self._items.popleft()[1]] if self._items else []
+        if not self._items:
+            return []
+        key, item = self._items.popleft()
+        self._counts[key] -= 1
+        return [item]
+
+
+class InstantsAndOthers:
+    """Images as instants, everything else in order and first.
+
+    Args:
+        instants: takes the topics `keys`. others: takes the rest.
+    """
+
+    def __init__(self, instants: Waiting, keys: Collection[str], others: Waiting):
+        self._instants, self._keys, self._others = instants, frozenset(keys), others
+
+    def put(self, key: str, stamp_ns: int, item: Any) -> int:
+        """See `Waiting`."""
+        return (self._instants if key in self._keys else self._others).put(key, stamp_ns, item)
+
+    def take(self) -> list[Any]:
+        """See `Waiting`."""
+        return self._others.take() or self._instants.take()
 
 
 class NewestInstant:

@@ -2,13 +2,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from panoptic_ros.errors import CalibrationError
 
-Scope = Literal["camera", "device", "graph"]  # one topic per camera, per audio device, or one
+Scope = Literal["camera", "sensor", "device", "graph"]  # one topic per camera, depth sensor, audio device, or one
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,13 @@ class Topic:
 
     Args:
         key: how the code refers to it.
-        name: with {camera} or {device} where there is one topic each.
+        name: with {owner} where there is one topic each.
         record: the record that it carries.
         message: the ROS type.
-        latched: kept for subscribers who come late.
+        latched: kept for subscribers who come late; has no end.
+        by_stamp: one record for every one of a source, so stamps tell its place among other topics. The place of
+            other records is that of the record from which they follow (see `graph.merge`).
+        variant_of: the topic that carries the same records as another message.
     """
 
     key: str
@@ -29,29 +32,37 @@ class Topic:
     message: str
     scope: Scope = "graph"
     latched: bool = False
+    by_stamp: bool = False
+    variant_of: str = ""
 
     def of(self, owner: str = "") -> str:
-        """The topic of a camera or device, or the one of the graph."""
-        return self.name.format(camera=ros_name(owner), device=ros_name(owner))
+        """The topic of a camera, sensor or device, or the one of the graph."""
+        return self.name.format(owner=ros_name(owner))
 
 
 TOPICS: dict[str, Topic] = {
     topic.key: topic
     for topic in (
-        Topic("image", "{camera}/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera"),
-        Topic("compressed_image", "{camera}/image_raw/compressed", "ViewFrame",
-              "sensor_msgs/msg/CompressedImage", "camera"),
-        Topic("depth", "{camera}/depth_registered/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera"),
-        Topic("compressed_depth", "{camera}/depth_registered/image_raw/compressedDepth", "ViewFrame",
-              "sensor_msgs/msg/CompressedImage", "camera"),
-        Topic("camera_info", "{camera}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
-        Topic("detections", "{camera}/detections", "ViewDetections",
-              "panoptic_msgs/msg/ViewDetections", "camera"),
-        Topic("audio", "{device}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device"),
-        Topic("timecode", "{device}/timecode", "TimecodeReading",
+        Topic("image", "{owner}/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera", by_stamp=True),
+        Topic("compressed_image", "{owner}/image_raw/compressed", "ViewFrame",
+              "sensor_msgs/msg/CompressedImage", "camera", by_stamp=True, variant_of="image"),
+        Topic("depth", "{owner}/depth_registered/image_raw", "DepthFrame", "sensor_msgs/msg/Image", "camera",
+              by_stamp=True),
+        Topic("compressed_depth", "{owner}/depth_registered/image_raw/compressedDepth", "DepthFrame",
+              "sensor_msgs/msg/CompressedImage", "camera", by_stamp=True, variant_of="depth"),
+        Topic("camera_info", "{owner}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
+        Topic("sensor_depth", "{owner}/depth/image_raw", "DepthFrame", "sensor_msgs/msg/Image", "sensor",
+              by_stamp=True),
+        Topic("sensor_info", "{owner}/depth/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "sensor"),
+        Topic("detections", "{owner}/detections", "ViewDetections",
+              "panoptic_msgs/msg/ViewDetections", "camera", by_stamp=True),
+        Topic("audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device", by_stamp=True),
+        Topic("audio_common", "{owner}/audio_stamped", "AudioBlock",
+              "audio_common_msgs/msg/AudioDataStamped", "device", by_stamp=True, variant_of="audio"),
+        Topic("timecode", "{owner}/timecode", "TimecodeReading",
               "panoptic_msgs/msg/TimecodeReading", "device"),
         Topic("clock_models", "clock_models", "ClockModel", "panoptic_msgs/msg/ClockModel", latched=True),
-        Topic("time_reference", "{device}/time_reference", "ClockModel",
+        Topic("time_reference", "{owner}/time_reference", "ClockModel",
               "sensor_msgs/msg/TimeReference", "device"),
         Topic("rig", "rig", "Rig", "panoptic_msgs/msg/Rig", latched=True),
         Topic("skeleton_model", "skeleton_model", "SkeletonModel",
@@ -64,6 +75,37 @@ TOPICS: dict[str, Topic] = {
         Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
     )
 }  # fmt: skip
+
+
+_NUMBERS = {key: number for number, key in enumerate(TOPICS)}
+
+
+def variants(key: str) -> tuple[str, ...]:
+    """The topics that carry the records of a topic as other messages."""
+    return tuple(topic.key for topic in TOPICS.values() if topic.variant_of == key)
+
+
+def number_of(key: str) -> int:
+    """The number of a topic in the table, in which topics stand in the order in which records go down."""
+    return _NUMBERS[key]
+
+
+def owner_of(key: str, record: Any) -> str:
+    """Whose topic a record belongs on: its camera or device, "" for topics of the graph."""
+    scope = TOPICS[key].scope
+    if scope == "graph":
+        return ""
+    return str(record.device if scope == "device" else record.camera)
+
+
+def given_inputs(owners: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Parameters of a node that say who gives an optional topic or sends a variant: {"inputs.<key>": names}.
+
+    Args:
+        owners: by key of a topic; those without any are left out, as ROS knows no type for an empty list.
+    """
+    return {f"inputs.{key}": list(names) for key, names in owners.items() if names}
+
 
 _LONGEST = 100  # characters; the middleware takes 255 for a whole topic
 

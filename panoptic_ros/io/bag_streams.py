@@ -12,7 +12,7 @@ from typing import Any
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.bags import BagReader
-from panoptic_ros.io.messages import depth_from_message, frame_from_message, from_message, stamp_of
+from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
 from panoptic_ros.io.messages.family import decode_cdr
 
 SECOND = 1_000_000_000
@@ -49,7 +49,7 @@ class BagStream:
             yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
 
     def record(self, message: Any, number: int) -> Any:
-        """The `ViewDetections`, the `ViewFrame` of that number, or the depth map (h, w) m in a message.
+        """The `ViewDetections`, or the `ViewFrame` or `DepthFrame` of that number, in a message.
 
         Raises:
             DataError: naming the bag and the topic.
@@ -58,7 +58,7 @@ class BagStream:
             if self.key == "detections":
                 return from_message(message, "ViewDetections")
             if self.key in DEPTH_KEYS:
-                return depth_from_message(message, self.camera)
+                return depth_frame_from_message(message, self.camera, number)
             return frame_from_message(message, self.camera, number)
         except DataError as error:
             raise self._named(error) from None
@@ -109,15 +109,48 @@ def merged(streams: Sequence[BagStream], on_bad: Callable[[DataError], None]) ->
         on_bad: told about every message that cannot be decoded, which is left out.
     """
     with ExitStack() as stack:
-        opened: dict[Path, BagReader] = {}
-        placed = []
-        for order, stream in enumerate(streams):
-            bag = opened.get(stream.bag)
-            if bag is None or not bag.interleaves:
-                bag = opened[stream.bag] = stack.enter_context(BagReader(stream.bag))
-            placed.append(_placed(order, stream.messages(bag), on_bad))
+        placed = [
+            _placed(order, stream.messages(bag), on_bad)
+            for order, (stream, bag) in enumerate(_bags(streams, stack))
+        ]
         for _, _, item in heapq.merge(*placed, key=lambda row: row[:2]):
             yield item
+
+
+def opened_streams(
+    streams: Sequence[BagStream], stack: ExitStack, on_bad: Callable[[DataError], None]
+) -> Iterator[tuple[BagStream, Iterator[Any]]]:
+    """Every stream with its records, each to be read on its own.
+
+    Args:
+        stack: closes the bags.
+        on_bad: told about every message that cannot be used, which is left out.
+    """
+    for stream, bag in _bags(streams, stack):
+        yield stream, _records(stream, bag, on_bad)
+
+
+def _bags(streams: Sequence[BagStream], stack: ExitStack) -> Iterator[tuple[BagStream, BagReader]]:
+    """Every stream with a reader of its bag; one reader for all, where it can read topics side by side."""
+    opened: dict[Path, BagReader] = {}
+    for stream in streams:
+        bag = opened.get(stream.bag)
+        if bag is None or not bag.interleaves:
+            bag = opened[stream.bag] = stack.enter_context(BagReader(stream.bag))
+        yield stream, bag
+
+
+def _records(stream: BagStream, bag: BagReader, on_bad: Callable[[DataError], None]) -> Iterator[Any]:
+    number = 0
+    for item in stream.messages(bag):
+        if isinstance(item, DataError):
+            on_bad(item)
+            continue
+        try:
+            yield stream.record(item.message, number)
+        except DataError as error:
+            on_bad(error)
+        number += 1
 
 
 def _placed(

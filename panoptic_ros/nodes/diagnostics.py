@@ -1,7 +1,7 @@
-"""A node's statistics on /diagnostics."""
+"""The statistics of a node's stages on /diagnostics."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.node import Node
@@ -14,9 +14,13 @@ OK, WARN = b"\x00", b"\x01"
 
 
 class Diagnostics:
-    """Publishes once a second, and once more when told so."""
+    """Publishes once a second, and once more when told so.
 
-    def __init__(self, node: Node, statistics: StageStatistics):
+    Args:
+        statistics: by stage. A status has the name of its stage, of the only one that of the node.
+    """
+
+    def __init__(self, node: Node, statistics: Mapping[str, StageStatistics]):
         self._node = node
         self._statistics = statistics
         kind = message_class("diagnostic_msgs/msg/DiagnosticArray")
@@ -31,25 +35,33 @@ class Diagnostics:
         """Publish the state of now."""
         self._explain()
         family = ros_messages()
-        values = dict(self._statistics.values())
+        only = len(self._statistics) == 1
+        statuses = [
+            self._status(self._node.get_name() if only else stage, own) for stage, own in self._statistics.items()
+        ]
+        header = family.header(self._node.get_clock().now().nanoseconds, "")
+        self._publisher.publish(
+            family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[*statuses, *self.more()])
+        )
+
+    def _status(self, name: str, statistics: StageStatistics) -> Any:
+        family = ros_messages()
+        values = dict(statistics.values())
         values["finished"] = str(self.finished).lower()
-        dropped = sum(self._statistics.dropped.values())
-        status = family.make(
+        dropped = sum(statistics.dropped.values())
+        return family.make(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=WARN if dropped else OK,
-            name=f"panoptic: {self._node.get_name()}",
+            name=f"panoptic: {name}",
             message=f"{dropped} dropped" if dropped else "ok",
             hardware_id="panoptic_ros",
             values=[family.make("diagnostic_msgs/msg/KeyValue", key=k, value=v) for k, v in values.items()],
         )
-        header = family.header(self._node.get_clock().now().nanoseconds, "")
-        self._publisher.publish(
-            family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status, *self.more()])
-        )
 
     def _explain(self) -> None:
         """Say why nothing comes, once, if the first step takes long."""
-        if not self._explained and not self._statistics.taken and self.busy_s() > PATIENCE_S:
+        taken = any(own.taken for own in self._statistics.values())
+        if not self._explained and not taken and self.busy_s() > PATIENCE_S:
             self._explained = True
             self._node.get_logger().info(
                 "the first message compiles kernels, which takes about a minute and is done once per "

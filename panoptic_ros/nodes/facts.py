@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.node import Node
 
 from panoptic_ros.domain import Rig, SkeletonModel
-from panoptic_ros.errors import PanopticError
+from panoptic_ros.errors import ConfigError, PanopticError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.nodes.family import message_class
@@ -16,10 +16,11 @@ from panoptic_ros.nodes.quality import LATCHED
 
 
 class Facts:
-    """Waits for both; a node keeps those that it began with, and says so when others come.
+    """Waits for both. Another rig is offered to the node; another skeleton is not worked with, and the log says so.
 
     Args:
         on_ready: called once, with both.
+        on_rig: called with another rig that comes later; raises ConfigError if the node cannot work with it.
         on_bad: told about messages that cannot be used, which are left out.
     """
 
@@ -28,8 +29,9 @@ class Facts:
         node: Node,
         on_ready: Callable[[Rig, SkeletonModel], None],
         on_bad: Callable[[PanopticError], None],
+        on_rig: Callable[[Rig], None],
     ):
-        self._node, self._on_ready, self._on_bad = node, on_ready, on_bad
+        self._node, self._on_ready, self._on_bad, self._on_rig = node, on_ready, on_bad, on_rig
         self._taken: dict[str, tuple[Any, Any]] = {}  # message and record
         self._ready = False
         self._kept = [
@@ -51,6 +53,10 @@ class Facts:
         record: SkeletonModel = self._taken["skeleton_model"][1]
         return record
 
+    def take_over(self, rig: Rig) -> None:
+        """Work with another rig from now on."""
+        self._taken["rig"] = self._taken["rig"][0], rig
+
     def _take(self, key: str, message: Any) -> None:
         try:
             record = from_message(message, TOPICS[key].record)
@@ -63,5 +69,14 @@ class Facts:
                 self._ready = True
                 self._on_ready(self.rig, self.skeleton)
         elif message != self._taken[key][0]:
-            name = self._node.get_name()
-            self._node.get_logger().warning(f"another /{key} has come: restart node {name} to work with it")
+            self._taken[key] = message, self._taken[key][1]
+            self._change(key, record)
+
+    def _change(self, key: str, record: Any) -> None:
+        try:
+            if key != "rig":
+                name = self._node.get_name()
+                raise ConfigError(f"another /{key} has come: restart node {name} to work with it")
+            self._on_rig(record)
+        except ConfigError as error:
+            self._node.get_logger().warning(str(error), throttle_duration_sec=5.0)

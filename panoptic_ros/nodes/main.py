@@ -13,6 +13,7 @@ from rclpy.node import Node
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.nodes import AFTER_DETECTION
 from panoptic_ros.io.bag_streams import BagStream
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
@@ -26,22 +27,24 @@ from panoptic_ros.nodes.stage_node import StageNode
 from panoptic_ros.nodes.statics_node import StaticsNode
 
 
-def _detector(node: Node, skeleton: SkeletonModel) -> Mapping[str, Any]:
+def _detector(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
     """The detection stage's extras: the model of its parameter `model`."""
-    return detector_extras(node.get_parameter("model").value, skeleton.name)[1]
+    return detector_extras(node.get_parameter(f"{prefix}model").value, skeleton.name)[1]
 
 
-def _biases(node: Node, skeleton: SkeletonModel) -> Mapping[str, Any]:
+def _biases(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
     """The assembly stage's extras: the table of its parameter `bias_table`."""
-    return bias_extras(node.get_parameter("bias_table").value, skeleton)
+    return bias_extras(node.get_parameter(f"{prefix}bias_table").value, skeleton)
 
 
 EXTRAS = {"detection": _detector, "assembly": _biases}
 
 
-def make_stage_node(stage: str, overrides: Mapping[str, Any] = {}, name: str | None = None) -> StageNode:
-    """The node of a stage."""
-    return StageNode(stage, overrides, EXTRAS.get(stage), name)
+def make_stage_node(
+    stages: str | Sequence[str], overrides: Mapping[str, Any] = {}, name: str | None = None
+) -> StageNode:
+    """The node of one stage or several."""
+    return StageNode(stages, overrides, EXTRAS, name)
 
 
 def _stage_main(stage: str) -> None:
@@ -91,6 +94,11 @@ def tracking() -> None:
 def refinement() -> None:
     """Smoothed skeletons, /skeletons."""
     _stage_main("refinement")
+
+
+def fusion() -> None:
+    """Everything after detection in one node: /skeletons from 2D people."""
+    leave(run_nodes(lambda: [make_stage_node(AFTER_DETECTION, name="fusion"), MarkersNode()]))
 
 
 def markers() -> None:
@@ -159,8 +167,8 @@ def host(arguments: Sequence[str] | None = None) -> int:
 
 def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
     overrides = dict(entry.get("parameters", {}))
-    if entry["kind"] == "stage":
-        return make_stage_node(entry["stage"], overrides, entry["name"])
+    if entry["kind"] == "stages":
+        return make_stage_node(entry["stages"], overrides, entry["name"])
     if entry["kind"] == "camera":
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)

@@ -15,11 +15,12 @@ from panoptic_ros.params import Config, Param, describe, load
 _WIDE = 1e18  # stands for a bound that is not there: ROS ranges need both ends
 
 
-def declare_config(node: Node, cls: type[Config], defaults: Mapping[str, Any]) -> Config:
+def declare_config(node: Node, cls: type[Config], defaults: Mapping[str, Any], prefix: str = "") -> Config:
     """Declare all parameters of a configuration and return what they are set to.
 
     Args:
         defaults: of this node, in place of the configuration's own.
+        prefix: of the parameters' names.
 
     Raises:
         ConfigError: if a value from the command line or a file is out of range or of another type.
@@ -28,11 +29,11 @@ def declare_config(node: Node, cls: type[Config], defaults: Mapping[str, Any]) -
     for item in describe(cls):
         default = defaults.get(item.name, _default(item))
         try:
-            value = node.declare_parameter(item.name, default, _descriptor(item)).value
+            value = node.declare_parameter(prefix + item.name, default, _descriptor(item)).value
         except (InvalidParameterValueException, ParameterAlreadyDeclaredException) as error:
-            raise ConfigError(f"parameter {node.get_name()}.{item.name}: {error}") from None
+            raise ConfigError(f"parameter {node.get_name()}.{prefix}{item.name}: {error}") from None
         values[item.name] = value if not isinstance(item.default, tuple) else list(value or [])
-    return load(cls, values, where=f"{node.get_name()}.")
+    return load(cls, values, where=f"{node.get_name()}.{prefix}")
 
 
 def _default(item: Param) -> Any:

@@ -23,7 +23,12 @@ END_OF_STREAM = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-
+PROGRESS = QoSProfile(  # longer than what can be under way; readers may be matched late
+    history=HistoryPolicy.KEEP_LAST,
+    depth=4096,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 
 PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
 

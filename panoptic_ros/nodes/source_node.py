@@ -9,6 +9,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from panoptic_ros.capture import DepthSource
 from panoptic_ros.domain import Camera
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
@@ -73,7 +74,7 @@ class SourceNode(Node):
         }
         self._sent = dict.fromkeys(topics, 0)
         self._statistics = StageStatistics()
-        self._diagnostics = Diagnostics(self, self._statistics)
+        self._diagnostics = Diagnostics(self, {name: self._statistics})
         self._ends = StreamEnds(self, lambda topic: None)
         self._instants: Credit | None = None
         self._images: dict[str, Credit] = {}
@@ -167,7 +168,7 @@ def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple
 
 def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
     """Image (JPEG if a quality is given, else raw), CameraInfo and depth map, if any, of every frame."""
-    family = ros_messages()
+    family, has_depth = ros_messages(), isinstance(frames, DepthSource)
     last = None
     for frame in frames:
         overtaken = 0 if last is None else frame.frame_number - last - 1
@@ -178,5 +179,5 @@ def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) ->
             else image_message(frame, family)
         )
         info = camera_info_message(camera, frame.stamp_ns, family)
-        depth = () if frame.depth is None else (("depth", depth_message(frame, family)),)
+        depth = (("depth", depth_message(frames.depth_of(frame), family)),) if has_depth else ()
         yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info), *depth), overtaken)

@@ -1,110 +1,102 @@
-"""The one adapter round every stage: subscribe, convert, step, publish, report."""
+"""The one adapter round stages: subscribe, convert, step, publish, report."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from panoptic_ros.domain import ClockModel, EndOfStream, Rig, SkeletonModel
-from panoptic_ros.errors import DataError, PanopticError
-from panoptic_ros.graph.build import make_stage, resolve
+from panoptic_ros.domain import Rig, SkeletonModel
+from panoptic_ros.errors import ConfigError, DataError, PanopticError
+from panoptic_ros.graph.build import resolve
+from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.depth_pairing import Pair
 from panoptic_ros.graph.entrance import check_view
 from panoptic_ros.graph.flow import WINDOW, live_defaults, make_flow
+from panoptic_ros.graph.host import Host, lanes_of
 from panoptic_ros.graph.nodes import NODES
-from panoptic_ros.graph.queues import InOrder, NewestInstant, Waiting
-from panoptic_ros.graph.topics import TOPICS, ros_name
-from panoptic_ros.io.messages import frame_from_message, from_message, stamp_of, to_message
-from panoptic_ros.nodes.audio_common import TOPIC as AUDIO_COMMON_TOPIC
-from panoptic_ros.nodes.audio_common import AudioDataReader, audio_common_class
-from panoptic_ros.nodes.clock_reports import ClockReports
-from panoptic_ros.nodes.depth_input import DepthInput
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.queues import InOrder, InstantsAndOthers, NewestInstant, Waiting
+from panoptic_ros.graph.schedule import Place
+from panoptic_ros.graph.topics import TOPICS, owner_of
+from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.facts import Facts
-from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.inputs import Input, InputChoice, subscribe
 from panoptic_ros.nodes.news import News
+from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.parameters import declare_config
-from panoptic_ros.nodes.quality import CLOCKS, PATIENT, data_quality
+from panoptic_ros.nodes.progress import ProgressTold
+from panoptic_ros.nodes.quality import PATIENT
+from panoptic_ros.nodes.reports import reports_of
 from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.worker import Worker
-from panoptic_ros.stage import StageContext
+from panoptic_ros.stage import Notice, StageContext
 
-Extras = Callable[[Node, SkeletonModel], Mapping[str, Any]]  # what a stage needs beyond the context
-
-
-@dataclass
-class _Input:
-    """One subscribed topic: whose it is, what it carries, and how much came."""
-
-    topic: str  # full name
-    scope: str  # camera or device, "" for topics of the graph
-    record: str
-    count: int = 0
-    last_number: int | None = None
-    over: bool = False
-    optional: bool = False  # latched: may never come, and has no end
+Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages need beyond the context
 
 
 class StageNode(Node):
-    """A node for one stage of `graph.nodes.NODES`.
+    """A node that runs one or more connected stages of `graph.nodes.NODES`.
 
-    Waits for the latched rig and skeleton model, then builds the stage. A message with bad content is
+    Records go from stage to stage as they are; messages are made for topics that leave the process or that somebody
+    subscribes to. Waits for the latched rig and skeleton model, then builds the stages. A message with bad content is
     counted, reported on /diagnostics and dropped; any other error ends the node (see `fault`).
 
-    Parameters: those of the stage's configuration; `flow` (live or replay), `window` (see
-    `graph.flow`), `cameras` (only these; empty: all of the rig), `depths` and
-    `compressed_depths` (detection, see `DepthInput`), `devices` (audio devices), `audio_rate` and
-    `audio_channels` (of audio_common_msgs, which do not tell).
+    Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or replay),
+    `window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all stages that run in the
+    graph (empty: those that this node needs); `marked`: whether nodes tell each other places (replay, see
+    `graph.host`); inputs as in `nodes.inputs.InputChoice`.
+
+    Args:
+        stages: names.
+        extras: what stages need beyond the context, by (node, prefix of its parameters, skeleton).
     """
 
     def __init__(
         self,
-        stage: str,
+        stages: str | Sequence[str],
         overrides: Mapping[str, Any] = {},
-        extras: Extras | None = None,
+        extras: Mapping[str, Extras] = {},
         name: str | None = None,
     ):
+        names = [stages] if isinstance(stages, str) else list(stages)
         super().__init__(
-            name or stage,
+            name or names[0],
             parameter_overrides=[Parameter(key, value=value) for key, value in overrides.items()],
         )
-        self._spec = NODES[stage]
         self._extras = extras
         self._flow = make_flow(
             self.declare_parameter("flow", "live").value, self.declare_parameter("window", WINDOW).value
         )
         self._cameras = self._names("cameras")
-        self._devices = self._names("devices")
-        self._compressed = bool(self.declare_parameter("compressed", False).value)
-        self._config = declare_config(
-            self, resolve(self._spec.config), live_defaults(self._flow.name, stage)
-        )
-        self._statistics = StageStatistics()
-        self._news = News(self.get_logger(), self._statistics)
+        self._graph = self._names("graph")
+        self._marked = bool(self.declare_parameter("marked", False).value)
+        self.prefixes = {stage: f"{stage}." if len(names) > 1 else "" for stage in names}
+        self._configs = {
+            stage: declare_config(
+                self, resolve(NODES[stage].config), live_defaults(self._flow.name, stage), prefix
+            )
+            for stage, prefix in self.prefixes.items()
+        }
+        self._statistics = {stage: StageStatistics() for stage in names}
+        self._news = {stage: News(self.get_logger(), own) for stage, own in self._statistics.items()}
+        self._choice = InputChoice(self, Wiring(names).inputs)
         self._diagnostics = Diagnostics(self, self._statistics)
-        self._clocks = ClockReports(self) if "clock_models" in self._spec.takes else None
-        if self._clocks is not None:
-            self._diagnostics.more = self._clocks.statuses
-        self._audio: dict[str, AudioDataReader] = {}
-        if "audio" in self._spec.takes:
-            rate = self.declare_parameter("audio_rate", 16000).value
-            channels = self.declare_parameter("audio_channels", 1).value
-            self._audio = {device: AudioDataReader(device, rate, channels) for device in self._devices}
-        self._stage: Any = None
-        self._inputs: dict[str, _Input] = {}
-        self._outputs: dict[str, Any] = {}
-        self._sent: dict[str, int] = {}
+        self._reports = reports_of(self, Wiring(names))
+        self._diagnostics.more = lambda: [status for report in self._reports.values() for status in report.statuses()]
+        self._pipeline: Pipeline | None = None
+        self._host: Host | None = None
+        self._companions = Companions((), ())
+        self._inputs: dict[str, Input] = {}  # by full name
         self._fault: PanopticError | None = None
         self._worker = Worker(self._work, self._dropped)
         self._diagnostics.busy_s = lambda: self._worker.busy_s
-        self._depths = DepthInput(self, self._flow, self._put_pair) if "depth" in self._spec.takes else None
-        self._ends = StreamEnds(self, self._topic_over)
-        self._facts = Facts(self, self._begin, self._refuse)
+        self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
+        self._outputs = Outputs(self, self._flow, (), self._ends, None)
+        self._facts = Facts(self, self._begin, self._refuse_message, self._rig_changed)
 
     def _names(self, parameter: str) -> list[str]:
         return list(self.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
@@ -119,6 +111,11 @@ class StageNode(Node):
         """False after a fault or a bug."""
         return self._fault is None and self._worker.alive
 
+    @property
+    def statistics(self) -> Mapping[str, StageStatistics]:
+        """What each stage counted."""
+        return self._statistics
+
     def close(self) -> None:
         """Stop the worker."""
         self._worker.stop()
@@ -131,162 +128,193 @@ class StageNode(Node):
         except PanopticError as error:
             self._fault = error
 
-    def _refuse(self, error: PanopticError) -> None:
-        self._statistics.dropped["bad_message"] += 1
-        self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
-
     def _start(self, rig: Rig, skeleton: SkeletonModel) -> None:
-        extras = self._extras(self, skeleton) if self._extras else {}
-        used = rig.subset(self._cameras) if self._cameras else rig
-        self._stage = make_stage(self._spec.name, self._config, StageContext(used, skeleton, extras))
-        self._worker.start(self._queue(used))
-        gives = TOPICS[self._spec.gives]
-        for scope in self._scopes(gives.scope, used):
-            self._outputs[scope] = self.create_publisher(
-                message_class(gives.message),
-                gives.of(scope),
-                CLOCKS if gives.latched else data_quality(self._flow, sound=gives.scope == "device"),
-            )
-        if self._depths is not None:
-            self._depths.listen(used.names, self._ends)
-        for key in self._spec.takes:
-            if key == "depth":
-                continue
-            topic = TOPICS["compressed_image" if key == "image" and self._compressed else key]
-            for scope in self._scopes(topic.scope, used):
-                name = topic.of(scope)
-                subscription = self.create_subscription(
-                    message_class(topic.message),
-                    name,
-                    self._receiver(scope, topic.record),
-                    CLOCKS if topic.latched
-                    else data_quality(self._flow, key == "image", topic.scope == "device"),
-                )
-                full = subscription.topic_name
-                self._inputs[full] = _Input(full, scope, topic.record, optional=topic.latched)
-                if not topic.latched:
-                    self._ends.watch(full)
-                if key == "audio":
-                    self._listen_to_audio_common(scope)
+        used = self._used(rig)
+        extras: dict[str, Any] = {}
+        for stage, prefix in self.prefixes.items():
+            if stage in self._extras:
+                extras |= self._extras[stage](self, prefix, skeleton)
+        around = [name for name in NODES if name in {*self._graph, *self.prefixes}]
+        self._pipeline = pipeline = Pipeline(
+            self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
+            on_record=self._gave, on_notice=self._tell, on_refused=self._refuse, on_end=self._owner_over,
+            on_step=self._stepped, clock=time.perf_counter_ns, everywhere=around,
+        )  # fmt: skip
+        replay = self._flow.name == "replay"
+        progress = ProgressTold(self, self._progress_heard) if replay and self._marked else None
+        final = {topic for topic in pipeline.wiring.given if TOPICS[topic].latched or not self._is_taken(topic)}
+        self._outputs = Outputs(self, self._flow, pipeline.wiring.leaving | final, self._ends, progress)
+        for topic in sorted(pipeline.wiring.given):
+            for owner in self._choice.owners(topic, used):
+                self._outputs.open(topic, owner)
+        owners = {port.topic: self._choice.owners(port.topic, used) for port in pipeline.wiring.inputs}
+        present = [(topic, owner) for topic, found in owners.items() for owner in found]
+        if replay:
+            there = [topic for topic in owners if self._is_waited_for(topic)]
+            clocks = {camera.name: camera.clock for camera in rig.cameras}
+            self._host = Host(
+                pipeline, lanes_of(there, lambda topic: owners[topic], pipeline, lambda o: clocks.get(o, "")),
+                marked=self._marked, on_marker=self._outputs.mark, on_end=self._outputs.end,
+            )  # fmt: skip
+        else:
+            ports = [port for port in pipeline.wiring.inputs if port.patience_ns]
+            self._companions = Companions(ports, present)
+        self._worker.start(self._queue(present))
+        for topic, owner in present:
+            for entry in subscribe(self, self._choice, topic, owner, self._flow, self._receive):
+                self._inputs[entry.name] = entry
+                if self._is_waited_for(topic) and entry.carrier != "audio_common":
+                    self._ends.watch(entry.name)
         self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
 
-    def _listen_to_audio_common(self, device: str) -> None:
-        """The other message that carries sound, where its package is installed."""
-        kind = audio_common_class()
-        if kind is not None:
-            quality = data_quality(self._flow, sound=True)
-            topic = AUDIO_COMMON_TOPIC.format(device=ros_name(device))
-            self.create_subscription(kind, topic, self._receiver(device, "AudioBlock"), quality)
+    def _used(self, rig: Rig) -> Rig:
+        return rig.subset(self._cameras) if self._cameras else rig
 
-    def _queue(self, rig: Rig) -> Waiting:
-        """Live images wait as instants; everything else in order."""
-        if self._flow.queue_limit is not None and "image" in self._spec.takes:
-            return NewestInstant(rig.names)
-        patient = self._spec.name == "offsets" or TOPICS[self._spec.takes[0]].scope == "device"
-        if self._flow.queue_limit is not None and patient:
-            return InOrder(PATIENT)  # busy for a second after every block; of sound every block counts
-        return InOrder(self._flow.queue_limit)
+    def _is_taken(self, topic: str) -> bool:
+        """Whether a stage of the table takes a topic."""
+        return any(port.topic == topic for spec in NODES.values() for port in spec.inputs)
 
-    def _scopes(self, scope: str, rig: Rig) -> list[str]:
-        return {"camera": list(rig.names), "device": self._devices, "graph": [""]}[scope]
+    def _is_waited_for(self, topic: str) -> bool:
+        """Whether messages of a topic are sure to come, and have an end: the latched only from a stage of the graph."""
+        assert self._pipeline is not None
+        return not TOPICS[topic].latched or (self._marked and topic in self._pipeline.wiring.given_around)
+
+    def _queue(self, present: Collection[tuple[str, str]]) -> Waiting:
+        """Live: images wait as instants; a few of everything else, or all where every message counts."""
+        assert self._pipeline is not None
+        if self._flow.queue_limit is None:
+            return InOrder()
+        wiring = self._pipeline.wiring
+        kinds = {
+            topic: {wiring.specs[reader.stage].queue for reader in readers} for topic, readers in wiring.readers.items()
+        }
+        limits = {topic: PATIENT if kind == {"all"} else self._flow.queue_limit for topic, kind in kinds.items()}
+        others = InOrder(lambda key: limits[key.split(" ")[0]])
+        beside = {port.topic for port in wiring.inputs if port.patience_ns}
+        instants = [
+            f"{topic} {owner}" for topic, owner in present if "instant" in kinds[topic] and topic not in beside
+        ]
+        return InstantsAndOthers(NewestInstant(instants), instants, others) if instants else others
 
     # --------------------------------------------------------------- work
 
-    def _receiver(self, scope: str, record: str) -> Callable[[Any], None]:
-        """Enqueues; what comes of many devices on one topic does not push each other out."""
+    def _receive(self, entry: Input, queue: str, stamp_ns: int, message: Any) -> None:
+        """Enqueue a message, with those that belong to it."""
+        for bundle in self._companions.put(Item(entry.topic, entry.owner, stamp_ns, (entry, message))):
+            last = bundle[-1]
+            key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
+            self._worker.put(key, last.stamp_ns, lambda bundle=bundle: self._work_on(bundle))
 
-        def receive(message: Any) -> None:
-            if self._depths is not None:
-                self._depths.take_image(scope, message)
-                return
-            key = f"{record} of {message.header.frame_id}" if record == "ClockModel" else scope
-            self._worker.put(key, stamp_of(message.header), (scope, message))
+    def _work(self, job: Callable[[], None]) -> None:
+        """What is enqueued are calls."""
+        job()
 
-        return receive
+    def _work_on(self, bundle: tuple[Item, ...]) -> None:
+        assert self._pipeline is not None
+        for item in bundle:
+            entry, message = item.message
+            record = self._record(entry, message)
+            if self._host is not None:
+                self._host.put(entry.topic, entry.owner, item.stamp_ns, record)
+            elif record is not None:
+                self._pipeline.push(entry.topic, record)
+            entry.count += 1
+            self._ends.taken(entry.name)
+        if self._host is not None:
+            self._host.advance()
+            self._after_host()
 
-    def _put_pair(self, pair: Pair) -> None:
-        self._worker.put(pair.camera, pair.stamp_ns, (pair.camera, pair))
+    def _record(self, entry: Input, message: Any) -> Any | None:
+        """The record of a message, None if it cannot be used."""
+        try:
+            record = entry.decode(message, entry.count)
+            check_view(record, entry.owner, self._facts.rig, self._facts.skeleton)
+        except DataError as error:
+            self._refuse(self._taker(entry.topic), error)
+            return None
+        missing = entry.missing_before(record)
+        if missing:
+            self._statistics[self._taker(entry.topic)].dropped["never_came"] += missing
+        report = self._reports.get(type(record).__name__)
+        if report is not None:
+            report.take(record)
+        return record
 
-    def _topic_over(self, topic: str) -> None:
-        if self._depths is None or not self._depths.over(topic):
-            self._worker.note((topic, None))
+    def _taker(self, topic: str) -> str:
+        """The first stage that takes a topic."""
+        assert self._pipeline is not None
+        wiring = self._pipeline.wiring
+        return wiring.specs[wiring.readers[topic][0].stage].name
+
+    def _gave(self, topic: str, record: Any) -> None:
+        assert self._pipeline is not None
+        giver = next(spec.name for spec in self._pipeline.wiring.specs if topic in spec.outputs)
+        self._statistics[giver].given += 1
+        if self._outputs.publish(topic, record, self._facts.rig) and self._host is not None:
+            if topic in self._pipeline.wiring.leaving:
+                self._host.gave(topic, owner_of(topic, record))
+
+    def _stepped(self, stage: str, duration_ns: int) -> None:
+        self._statistics[stage].taken += 1
+        self._statistics[stage].add_duration(duration_ns)
+
+    def _tell(self, stage: str, notice: Notice) -> None:
+        self._news[stage].tell(notice)
+
+    def _refuse(self, stage: str, error: PanopticError) -> None:
+        self._statistics[stage].dropped["bad_message"] += 1
+        self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+
+    def _refuse_message(self, error: PanopticError) -> None:
+        self._refuse(next(iter(self._statistics)), error)
 
     def _dropped(self, count: int) -> None:
-        self._statistics.dropped["queue_full"] += count
+        next(iter(self._statistics.values())).dropped["queue_full"] += count
 
-    def _work(self, item: tuple[str, Any]) -> None:
-        """Process one message, or the end of a topic (message None)."""
-        key, message = item
-        if message is None:
-            self._end(self._inputs[key])
-            return
-        source = next(entry for entry in self._inputs.values() if entry.scope == key)
-        start = time.perf_counter_ns()
-        try:
-            record = self._record(source, message)
-            if self._clocks is not None and isinstance(record, ClockModel):
-                self._clocks.take(record)
-            result = self._stage.step(record)
-            self._count_gap(source, record)
-        except DataError as error:
-            self._refuse(error)
-        else:
-            self._statistics.taken += 1
-            self._publish(result)
-            self._statistics.add_duration(time.perf_counter_ns() - start)
-        finally:
-            source.count += 1
-            self._ends.taken(source.topic)
+    # ---------------------------------------------------------------- what changes, and the end
 
-    def _record(self, source: _Input, message: Any) -> Any:
-        if source.record == "ViewFrame":
-            return self._checked(
-                frame_from_message(message.image, source.scope, source.count, message.depth), source.scope
-            )
-        if source.record == "ViewDetections":
-            return self._checked(from_message(message, source.record), source.scope)
-        if hasattr(message, "audio"):
-            return self._audio[source.scope].block(message)
-        return from_message(message, source.record)
+    def _rig_changed(self, rig: Rig) -> None:
+        """Another rig of the same cameras is taken over between two records; of others the node does not know."""
+        if self._used_names(rig) != self._used_names(self._facts.rig):
+            raise ConfigError(f"another /rig has other cameras: restart node {self.get_name()} to work with it")
 
-    def _checked(self, view: Any, camera: str) -> Any:
-        check_view(view, camera, self._facts.rig, self._facts.skeleton)
-        return view
+        def change() -> None:
+            assert self._pipeline is not None
+            self._facts.take_over(rig)
+            anew = self._pipeline.change_rig(self._used(rig))
+            kept = f"; {', '.join(anew)} begin anew" if anew else ""
+            self.get_logger().info(f"another /rig was taken over{kept}")
 
-    def _count_gap(self, source: _Input, record: Any) -> None:
-        """Numbers that are left out are messages that the middleware dropped, or the node before."""
-        number = getattr(record, "index", getattr(record, "frame_number", None))
-        if number is not None:
-            if source.last_number is not None and number > source.last_number + 1:
-                self._statistics.dropped["never_came"] += number - source.last_number - 1
-            source.last_number = number
+        self._worker.note(change)
 
-    def _publish(self, result: Any) -> None:
-        for notice in result.notices:
-            self._news.tell(notice)
-        frame_id = self._facts.rig.frame_id
-        for record in result.outputs:
-            scope = "" if "" in self._outputs else getattr(record, "camera", None) or record.device
-            publisher = self._outputs[scope]
-            publisher.publish(to_message(record, ros_messages(), frame_id))
-            self._sent[scope] = self._sent.get(scope, 0) + 1
-            self._statistics.given += 1
+    def _used_names(self, rig: Rig) -> list[tuple[str, tuple[int, int]]]:
+        wanted = self._cameras or list(rig.names)
+        return [(camera.name, camera.image_size) for camera in rig.cameras if camera.name in wanted]
 
-    # ---------------------------------------------------------------- end
+    def _progress_heard(self, name: str, place: Place, count: int) -> None:
+        """Where a topic has come to; on the executor's thread."""
+        entry = self._inputs.get(name)
+        if entry is not None and self._host is not None:
+            host = self._host
+            self._worker.note(lambda: (host.mark(entry.topic, entry.owner, place, count), self._advance()))
 
-    def _end(self, source: _Input) -> None:
-        """A topic is over (replay)."""
-        source.over = True
-        if self._spec.name == "sync":
-            self._publish(self._stage.step(EndOfStream(source.scope)))
-        if source.scope in self._outputs and source.scope:
-            self._announce(source.scope)
-        if all(entry.over for entry in self._inputs.values() if not entry.optional):
-            self._publish(self._stage.flush())
-            if "" in self._outputs:
-                self._announce("")
+    def _topic_over(self, name: str) -> None:
+        """All messages of a topic have been taken (replay)."""
+        entry = self._inputs[name]
+        if self._host is not None:
+            self._host.end(entry.topic, entry.owner)
+            self._advance()
+
+    def _advance(self) -> None:
+        assert self._host is not None
+        self._host.advance()
+        self._after_host()
+
+    def _after_host(self) -> None:
+        if self._host is not None and self._host.over and not self._diagnostics.finished:
             self._diagnostics.finished = True
             self._diagnostics.publish()
 
-    def _announce(self, scope: str) -> None:
-        self._ends.announce(self._outputs[scope].topic_name, self._sent.get(scope, 0))
+    def _owner_over(self, topic: str, owner: str) -> None:
+        if self._host is not None:
+            self._outputs.end(topic, owner)

@@ -1,119 +1,126 @@
 """A run in one process, without ROS: the same stages, the same results."""
 from __future__ import annotations
 
-import heapq
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from functools import partial
+from itertools import tee
 from typing import Any
 
-from panoptic_ros.capture import open_source
-from panoptic_ros.domain import EndOfStream
+from panoptic_ros.capture import DepthSource, open_source
 from panoptic_ros.errors import DataError
+from panoptic_ros.graph.build import switched_on
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.depth_pairing import DepthPairing, Pair
+from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
-from panoptic_ros.graph.pipeline import CHAIN, Pipeline
-from panoptic_ros.io.bag_streams import DEPTH_KEYS, merged
-from panoptic_ros.io.messages import frame_from_message, from_message
-from panoptic_ros.offsets.config import OffsetsConfig
-from panoptic_ros.params import config_of
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_streams import opened_streams
 from panoptic_ros.running.newest_frames import newest_frames
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.results import Results
 from panoptic_ros.stage import Notice, StageContext
 
+Records = dict[Key, Iterator[Any]]  # of each topic of each camera
 
-def run_in_process(plan: Plan, results: Results, stop: Any) -> dict[str, StageStatistics]:
+
+class _Counted:
+    """What the stages of a run count, and a pipeline that tells it."""
+
+    def __init__(self, plan: Plan, results: Results):
+        names = switched_on(plan.stages, plan.configs)
+        self.statistics = {name: StageStatistics() for name in names}
+        self._giver = {topic: name for name in names for topic in NODES[name].outputs}
+        self._results = results
+        self.pipeline = Pipeline(
+            plan.configs, StageContext(plan.rig, plan.skeleton, plan.extras), names,
+            on_record=self._record, on_notice=self._note, on_refused=self._refuse, on_step=self._step,
+            clock=time.perf_counter_ns,
+        )  # fmt: skip
+        self.first = names[0]
+
+    def _note(self, stage: str, notice: Notice) -> None:
+        self.statistics[stage].take(notice)
+
+    def _record(self, key: str, item: Any) -> None:
+        self.statistics[self._giver[key]].given += 1
+        self._results.take(key, item)
+
+    def _refuse(self, stage: str, error: DataError) -> None:
+        self.statistics[stage].dropped["bad_message"] += 1
+
+    def _step(self, stage: str, duration_ns: int) -> None:
+        self.statistics[stage].taken += 1
+        self.statistics[stage].add_duration(duration_ns)
+
+    def refuse(self, error: DataError) -> None:
+        """Something that comes from outside cannot be used."""
+        self._refuse(self.first, error)
+
+    def drop(self, count: int) -> None:
+        """Live frames were overtaken."""
+        self.statistics[self.first].dropped["overtaken"] += count
+        self._results.take("diagnostics", {name: stage.values() for name, stage in self.statistics.items()})
+
+
+def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> dict[str, StageStatistics]:
     """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
-    stages = CHAIN[CHAIN.index(plan.stage) :]
-    beside = ("offsets",) if config_of(plan.configs, OffsetsConfig).active else ()
-    statistics = {name: StageStatistics() for name in (*stages, *beside)}
-
-    def note(stage: str, notice: Notice) -> None:
-        statistics[stage].take(notice)
-
-    def record(key: str, item: Any) -> None:
-        name = next(name for name in statistics if NODES[name].gives == key)
-        statistics[name].given += 1
-        results.take(key, item)
-
-    def step(stage: str, duration_ns: int) -> None:
-        statistics[stage].taken += 1
-        statistics[stage].add_duration(duration_ns)
-
-    context = StageContext(plan.rig, plan.skeleton, plan.extras)
-    pipeline = Pipeline(
-        plan.configs, context, stages, on_record=record, on_notice=note, on_step=step,
-        clock=time.perf_counter_ns,
-    )  # fmt: skip
-
-    def drop(count: int) -> None:
-        statistics[plan.stage].dropped["overtaken"] += count
-        results.take("diagnostics", {name: stage.values() for name, stage in statistics.items()})
-
-    def refuse(error: DataError) -> None:
-        statistics[plan.stage].dropped["bad_message"] += 1
-
+    counted = _Counted(plan, results)
     if plan.live:
-        items: Iterator[Any] = newest_frames(plan.rig.names, partial(_frames, plan), stop, drop)
-    else:
-        items = _recorded(plan, refuse) if plan.streams else _filmed(plan)
-    for item in items:
+        for frame in newest_frames(plan.rig.names, partial(_live_frames, plan), stop, counted.drop):
+            counted.pipeline.push("image", frame)
+        counted.pipeline.flush()
+        return counted.statistics
+    with ExitStack() as stack:
+        records = _recorded(plan, stack, counted.refuse) if plan.streams else _filmed(plan, stack)
+        _replay(plan, counted.pipeline, records, results, stop)
+    return counted.statistics
+
+
+def _replay(
+    plan: Plan, pipeline: Pipeline, records: Records, results: Results, stop: Callable[[], bool]
+) -> None:
+    """Hand over the records of all cameras, always the one that the stages wait for."""
+    owners = {topic: [camera for key, camera in records if key == topic] for topic, _ in records}
+    lanes = lanes_of(list(owners), lambda topic: owners[topic], pipeline, plan.clock_of)
+    host = Host(pipeline, lanes)
+    while (key := host.waiting_for()) is not None:
         if stop():
-            break
-        if isinstance(item, EndOfStream):
-            pipeline.push(item, to="sync")
+            pipeline.flush()
+            return
+        topic, owner = key
+        record = next(records[key], None)
+        if record is None:
+            host.end(topic, owner)
         else:
-            if plan.stage == "sync":
-                results.take("detections", item)
-            pipeline.push(item)
-    pipeline.flush()
-    return statistics
+            if topic == "detections":
+                results.take(topic, record)
+            host.put(topic, owner, record.stamp_ns, record)
+        host.advance()
 
 
-def _filmed(plan: Plan) -> Iterator[Any]:
-    """Frames of all cameras of a recording by stamp, and the end of each."""
-    streams = [_numbered(order, _frames(plan, name)) for order, name in enumerate(plan.rig.names)]
-    for _, _, item in heapq.merge(*streams, key=lambda row: row[:2]):
-        yield item
+def _filmed(plan: Plan, stack: ExitStack) -> Records:
+    """Frames, and depth maps where there are any, of the cameras of a recording."""
+    records: Records = {}
+    for camera in plan.rig.names:
+        source = stack.enter_context(open_source(camera, plan.rig, plan.sources[camera])[0])
+        frames, again = tee(source)
+        records["image", camera] = frames
+        if isinstance(source, DepthSource):
+            records["depth", camera] = map(source.depth_of, again)
+    return records
 
 
-def _numbered(order: int, stream: Iterator[Any]) -> Iterator[tuple[int, int, Any]]:
-    last = -1
-    for item in stream:
-        last = item.stamp_ns if hasattr(item, "stamp_ns") else last + 1
-        yield last, order, item
-
-
-def _frames(plan: Plan, camera: str) -> Iterator[Any]:
+def _live_frames(plan: Plan, camera: str) -> Iterator[Any]:
     source, _ = open_source(camera, plan.rig, plan.sources[camera])
     with source:
         yield from source
-    if not plan.live:
-        yield EndOfStream(camera)
 
 
-def _recorded(plan: Plan, on_bad: Callable[[DataError], None]) -> Iterator[Any]:
-    """Frames or detections of bags, and the end of all cameras; what cannot be used is left out."""
-    numbers = dict.fromkeys(plan.rig.names, 0)
-    for pair in _pairs(plan, on_bad):
-        try:
-            if plan.stage == "sync":
-                yield from_message(pair.image, "ViewDetections")
-            else:
-                yield frame_from_message(pair.image, pair.camera, numbers[pair.camera], pair.depth)
-        except DataError as error:
-            on_bad(error)
-        numbers[pair.camera] += 1
-    yield from map(EndOfStream, plan.rig.names)
-
-
-def _pairs(plan: Plan, on_bad: Callable[[DataError], None]) -> Iterator[Pair]:
-    """Messages of all cameras; images with their depth maps, as the detection node puts them together."""
-    pairing = DepthPairing(plan.depth_cameras, None)
-    for item in merged(plan.streams, on_bad):
-        take = pairing.depth if item.stream.key in DEPTH_KEYS else pairing.image
-        yield from take(item.stream.camera, item.stamp_ns, item.message)
-    for camera in plan.depth_cameras:
-        yield from pairing.end(camera)
+def _recorded(plan: Plan, stack: ExitStack, on_bad: Callable[[DataError], None]) -> Records:
+    """Frames, depth maps or detections of bags; what cannot be used is left out."""
+    return {
+        (TOPICS[stream.key].variant_of or stream.key, stream.camera): iter(items)
+        for stream, items in opened_streams(plan.streams, stack, on_bad)
+    }

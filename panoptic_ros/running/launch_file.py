@@ -5,9 +5,11 @@ import os
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.graph.build import switched_on
 from panoptic_ros.graph.flow import live_defaults
-from panoptic_ros.graph.nodes import FUSION
-from panoptic_ros.graph.topics import ros_name
+from panoptic_ros.graph.nodes import SLOW
+from panoptic_ros.graph.topics import given_inputs, ros_name
+from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
@@ -19,52 +21,89 @@ from panoptic_ros.running.plan import Plan
 CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
 
 
-def write_launch_file(plan: Plan, folder: Path, flow: str, window: int, jpeg_quality: int) -> Path:
-    """Which nodes run in which process, for `nodes.main host`."""
+def write_launch_file(
+    plan: Plan, folder: Path, flow: str, window: int, jpeg_quality: int, one_per_stage: bool = False
+) -> Path:
+    """Which nodes run in which process, for `nodes.main host`.
+
+    Args:
+        one_per_stage: a node and a process for each stage, in place of one for all after detection.
+    """
     rig = folder / "rig.json"
     write_rig(rig, plan.rig)
     if plan.rig.occluders is not None:
         write_occluders(folder / OCCLUDERS, plan.rig.occluders)
-    common = {"flow": flow, "window": window}
+    plan_of_nodes = _Nodes(plan, flow, window)
     processes: dict[str, list[dict[str, Any]]] = {}
-
-    def stage(name: str, **more: Any) -> dict[str, Any]:
-        config = plan.configs[name]
-        own = {key: value for key, value in diff(config).items() if value != []}
-        own |= {key: getattr(config, key) for key in live_defaults(flow, name)}
-        return {"kind": "stage", "stage": name, "name": name, "parameters": {**common, **own, **more}}
-
     if plan.streams:
         streams = [{**vars(stream), "bag": str(stream.bag)} for stream in plan.streams]
-        processes["source"] = [{"kind": "bag", "name": "bag", "streams": streams, "parameters": common}]
+        source = {"kind": "bag", "name": "bag", "streams": streams, "parameters": plan_of_nodes.common}
+        processes["source"] = [source]
     for i, (camera, source) in enumerate(plan.sources.items()):
         node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
-                "parameters": common}  # fmt: skip
+                "parameters": plan_of_nodes.common}  # fmt: skip
         few = len(plan.sources) <= CAMERA_PROCESSES
         name = f"camera-{ros_name(camera)}" if few else f"cameras-{i % CAMERA_PROCESSES}"
         processes.setdefault(name, []).append(node)
     if plan.stage == "detection":
-        compressed = bool(jpeg_quality) or any(s.key == "compressed_image" for s in plan.streams)
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
-            packed = {s.camera for s in plan.streams if s.key == "compressed_depth"}
-            depths = {
-                "depths": [c for c in cameras if c in plan.depth_cameras and c not in packed],
-                "compressed_depths": [c for c in cameras if c in packed],
-            }
-            node = stage("detection", cameras=cameras, compressed=compressed, **_if_any(depths))
-            processes[f"detection-{k}"] = [{**node, "name": f"detection_{k}"}]
-    if config_of(plan.configs, OffsetsConfig).active:
-        processes["offsets"] = [stage("offsets")]
-    fusion = [stage(name) for name in ("sync", *FUSION)]
-    processes["fusion"] = [*fusion, {"kind": "markers", "parameters": {"flow": flow}}]
+            inputs = _inputs_of_detection(plan, cameras, bool(jpeg_quality))
+            processes[f"detection-{k}"] = [
+                plan_of_nodes.node(("detection",), f"detection_{k}", cameras=cameras, **inputs)
+            ]
+    apart = [name for name in plan_of_nodes.stages if plan.live and name in SLOW]
+    together = [name for name in plan_of_nodes.stages if name not in ("detection", *apart)]
+    hosts = [(name,) for name in together] if one_per_stage else [tuple(together)]
+    for host in (*hosts, *((name,) for name in apart)):
+        name = host[0] if len(host) == 1 else "fusion"
+        processes.setdefault("fusion" if host in hosts and not one_per_stage else name, []).append(
+            plan_of_nodes.node(host, name)
+        )
+    markers = {"kind": "markers", "parameters": {"flow": flow}}
+    processes.setdefault("markers" if one_per_stage else "fusion", []).append(markers)
     path = folder / "launch.json"
     write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
     return path
 
 
-def _if_any(parameters: dict[str, list[str]]) -> dict[str, list[str]]:
-    """ROS knows no type for an empty list."""
-    return {name: values for name, values in parameters.items() if values}
+class _Nodes:
+    """Nodes of stages with their parameters."""
+
+    def __init__(self, plan: Plan, flow: str, window: int):
+        self._plan, self._flow = plan, flow
+        self.stages = switched_on(plan.stages, plan.configs)
+        self.common = {"flow": flow, "window": window}
+
+    def node(self, stages: tuple[str, ...], name: str, **more: Any) -> dict[str, Any]:
+        """The node of connected stages."""
+        parameters = {**self.common, "graph": list(self.stages), "marked": self._is_marked(stages), **more}
+        for stage in stages:
+            prefix = f"{stage}." if len(stages) > 1 else ""
+            parameters |= {prefix + key: value for key, value in self._own(stage).items()}
+        return {"kind": "stages", "stages": list(stages), "name": name, "parameters": parameters}
+
+    def _own(self, stage: str) -> dict[str, Any]:
+        """What differs from the defaults, and what live flow has other defaults of."""
+        config = self._plan.configs[stage]
+        own = {key: value for key, value in diff(config).items() if value != []}
+        return own | {key: getattr(config, key) for key in live_defaults(self._flow, stage)}
+
+    def _is_marked(self, stages: tuple[str, ...]) -> bool:
+        """Whether something comes back over the borders of processes, in replay."""
+        everything = Wiring(self.stages)
+        inside = Wiring(stages, self.stages)
+        return self._flow == "replay" and bool(everything.heads) and set(inside.given_around) != inside.given
+
+
+def _inputs_of_detection(plan: Plan, cameras: list[str], jpeg: bool) -> dict[str, list[str]]:
+    """Which messages come, by parameter of the node."""
+    packed = {stream.camera for stream in plan.streams if stream.key == "compressed_depth"}
+    compressed = {stream.camera for stream in plan.streams if stream.key == "compressed_image"}
+    return given_inputs({
+        "depth": [c for c in cameras if c in plan.depth_cameras],
+        "compressed_depth": [c for c in cameras if c in packed],
+        "compressed_image": [c for c in cameras if jpeg or c in compressed],
+    })  # fmt: skip
 
 
 def _shares(cameras: list[str], live: bool) -> list[list[str]]:

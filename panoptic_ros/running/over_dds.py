@@ -4,7 +4,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.executors import SingleThreadedExecutor
@@ -26,7 +26,8 @@ LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
 
 
 def run_over_dds(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int = 0
+    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int = 0,
+    node_per_stage: bool = False,
 ) -> dict[str, dict[str, str]]:
     """Run the plan to its end, or until `stop()` is true; returns each node's last diagnostics.
 
@@ -36,17 +37,17 @@ def run_over_dds(
     """
     prepare_environment()
     with claim_domain():
-        return _run(plan, results, stop, jpeg_quality)
+        return _run(plan, results, stop, jpeg_quality, node_per_stage)
 
 
 def _run(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int
+    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool
 ) -> dict[str, dict[str, str]]:
     flow_name = "live" if plan.live else "replay"
     window = WINDOW + math.ceil(plan.frame_rate * config_of(plan.configs, RefinementConfig).lag)
-    launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality)
+    launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality, node_per_stage)
     document = json.loads(launch.read_text())
-    names = [entry["name"] for p in document["processes"].values() for entry in p if "name" in entry]
+    names = [name for nodes in document["processes"].values() for node in nodes for name in _told_of(node)]
     start_ros([])
     executor = SingleThreadedExecutor()
     collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take)
@@ -67,6 +68,12 @@ def _run(
         statics.destroy_node()
         try_shutdown()
         launch.unlink(missing_ok=True)
+
+
+def _told_of(node: Mapping[str, Any]) -> list[str]:
+    """Names on /diagnostics of a node of the launch file: its stages if there are several."""
+    stages = node.get("stages", [])
+    return list(stages) if len(stages) > 1 else [node["name"]] if "name" in node else []
 
 
 def _spin(executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool]) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import CalibrationError
+from panoptic_ros.graph.nodes import CHAIN
 from panoptic_ros.io.bag_streams import BagStream
 from panoptic_ros.params import Config
 
@@ -40,6 +41,15 @@ class Plan:
     frame_rate: float = 30.0
     live: bool = False
     notices: tuple[str, ...] = ()
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """All stages from the first on; parameters may switch some of them off."""
+        return CHAIN[CHAIN.index(self.stage) :]
+
+    def clock_of(self, owner: str) -> str:
+        """Whose clock stamps the records of a camera; "" = the common one."""
+        return next((camera.clock for camera in self.rig.cameras if camera.name == owner), "")
 
 
 def require_two(rig: Rig) -> None:

@@ -45,6 +45,7 @@ def run(
     *,
     in_process: bool = False,
     jpeg_quality: int = 0,
+    node_per_stage: bool = False,
     duration_s: float | None = None,
     pictures: bool = True,
     observer: RunObserver = NOBODY,
@@ -55,6 +56,7 @@ def run(
         out: is made, or replaced if it holds the results of a run.
         in_process: all stages in this process, without ROS; else nodes in processes of their own.
         jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: as they are.
+        node_per_stage: a node and a process for every stage after detection, in place of one for all.
         duration_s: stop after so many seconds.
         pictures: also draw overlays, a video and a plot.
         observer: is told what goes on.
@@ -78,7 +80,10 @@ def run(
 
         with Results(folder, plan, saw) as results:
             try:
-                counted = _execute(plan, results, stop, None if in_process else jpeg_quality)
+                counted = (
+                    _in_process(plan, results, stop) if in_process
+                    else _over_dds(plan, results, stop, jpeg_quality, node_per_stage)
+                )  # fmt: skip
             except PanopticError as error:
                 if not (plan.live and results.poses):
                     raise
@@ -95,12 +100,16 @@ def run(
     return RunOutcome(report, files, fault)
 
 
-def _execute(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int | None
-) -> Mapping[str, Mapping[str, str]]:
-    """What every stage or node counted; between processes images have a quality, within one None."""
-    if jpeg_quality is None:
-        return {name: stage.values() for name, stage in run_in_process(plan, results, stop).items()}
+Counted = Mapping[str, Mapping[str, str]]  # what every stage or node counted
+
+
+def _in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> Counted:
+    return {name: stage.values() for name, stage in run_in_process(plan, results, stop).items()}
+
+
+def _over_dds(
+    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool
+) -> Counted:
     from panoptic_ros.running.over_dds import run_over_dds  # needs ROS, the other way does not
 
-    return run_over_dds(plan, results, stop, jpeg_quality)
+    return run_over_dds(plan, results, stop, jpeg_quality, node_per_stage)

@@ -190,8 +190,10 @@ def test_depth_maps_come_with_the_frames_of_their_camera(make_rig_file, tmp_path
     _depths(tmp_path, "b", 11)
     with open_capture_folder(tmp_path) as capture:
         assert capture.depth_cameras == ("b",)
-        assert all(frame.depth is None for frame in capture.sources[0])
-        depths = [frame.depth for frame in capture.sources[1]]
+        source = capture.sources[1]
+        found = [(frame, source.depth_of(frame)) for frame in source]
+    assert all((frame.stamp_ns, frame.frame_number) == (d.stamp_ns, d.frame_number) for frame, d in found)
+    depths = [depth.depth for _, depth in found]
     assert [depth[5, 5] for depth in depths] == pytest.approx(1.5 + 1e-3 * np.arange(11))
     assert depths[0].shape == (24, 32) and depths[0][0, 0] == 0.0
 
@@ -209,7 +211,8 @@ def test_depth_maps_that_do_not_fit_are_refused(make_rig_file, tmp_path, count, 
     _images(tmp_path / "a", 3)
     _depths(tmp_path, "a", count, size, kind)
     with pytest.raises(DataError, match=words), open_capture_folder(tmp_path) as capture:
-        list(capture.sources[0])
+        source = capture.sources[0]
+        [source.depth_of(frame) for frame in source]
 
 
 def test_occluders_beside_the_rig_belong_to_it(make_rig_file, tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.stage import DetectionStage
-from panoptic_ros.domain import JointMap
+from panoptic_ros.domain import DepthFrame, JointMap
 from panoptic_ros.errors import BackendError, ContractError
 from panoptic_ros.params import load, to_mapping
 from panoptic_ros.stage import StageContext
@@ -137,8 +137,12 @@ def test_the_configuration_survives_a_round_trip():
 def test_what_the_camera_measures_limits_what_it_sees(blobs, network, picture):
     depth = np.full((96, 128), 2.0, np.float32)
     depth[:, 64:] = np.nan
-    frame = replace(blobs.frame(picture), depth=depth)
-    limit = stage(blobs, network, depth_margin=0.3).step(frame).outputs[0].limit
+    frame = replace(blobs.frame(picture), stamp_ns=10**9)
+    detection = stage(blobs, network, depth_margin=0.3)
+    for stamp_ns in (frame.stamp_ns - 9_000_000, frame.stamp_ns + 8_000_000):  # the first is another image's
+        other = np.full((96, 128), 9.0, np.float32) if stamp_ns < frame.stamp_ns else depth
+        assert detection.step(DepthFrame(frame.camera, stamp_ns, 0, other)).outputs == ()
+    limit = detection.step(frame).outputs[0].limit
     assert limit.cells.shape == (96, 128)
     assert (limit.cells[:, :64] == 2300).all() and not limit.cells[:, 64:].any()
     assert stage(blobs, network).step(blobs.frame(picture)).outputs[0].limit is None

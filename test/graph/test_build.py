@@ -35,7 +35,7 @@ def test_configurations_of_all_stages():
 
 def test_every_topic_of_a_node_is_in_the_table():
     for spec in NODES.values():
-        assert spec.gives in TOPICS and set(spec.takes) <= set(TOPICS)
+        assert set(spec.outputs) <= set(TOPICS) and {port.topic for port in spec.inputs} <= set(TOPICS)
 
 
 def test_queues_of_a_replay_are_longer_than_what_may_be_under_way():

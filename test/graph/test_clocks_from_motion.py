@@ -4,10 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import EndOfStream
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import find_clocks
-from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.nodes import AFTER_DETECTION
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.simulation import simulate
 from panoptic_ros.simulation.scenes import scene
@@ -55,13 +54,13 @@ def live(context, sets, active):
         elif key == "clock_models":
             models.append((item.device, item.offset_ns, item.drift))
 
-    pipeline = Pipeline(configure(settings), context, ("sync", *FUSION), on_record=record)
+    pipeline = Pipeline(configure(settings), context, AFTER_DETECTION, on_record=record)
     views = sorted((v for item in sets for v in item.views), key=lambda v: (v.stamp_ns, v.camera))
     raw = {(v.camera, v.frame_number): v.stamp_ns for v in views}
     for view in views:
-        pipeline.push(view)
+        pipeline.push("detections", view)
     for name in context.rig.names:
-        pipeline.push(EndOfStream(name))
+        pipeline.end("detections", name)
     pipeline.flush()
     return moved, stamps, models
 

@@ -3,7 +3,7 @@ from panoptic_ros.graph.queues import InOrder, NewestInstant
 
 
 def test_in_order_drops_the_oldest_of_the_same_topic():
-    queue = InOrder(limit=2)
+    queue = InOrder(lambda key: 2)
     assert [queue.put("a", i, f"a{i}") for i in range(3)] == [0, 0, 1]
     assert queue.put("b", 0, "b0") == 0
     assert [queue.take() for _ in range(4)] == [["a1"], ["a2"], ["b0"], []]

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.ros
 
 def test_a_long_first_step_is_explained_once(ros, capfd):
     node, statistics = rclpy.create_node("patient"), StageStatistics()
-    diagnostics = Diagnostics(node, statistics)
+    diagnostics = Diagnostics(node, {"stage": statistics})
     diagnostics.publish()
     assert "kernels" not in capfd.readouterr().err
     diagnostics.busy_s = lambda: PATIENCE_S + 1

@@ -90,7 +90,7 @@ class Lab:
 
     def wait_for(self, views):
         """Live queues are short: sync takes these before the next come."""
-        sync = self.nodes["sync"]._statistics
+        sync = self.nodes["sync"].statistics["sync"]
         wanted = sync.taken + views
         spin_until(self.executor, lambda: sync.taken >= wanted)
 

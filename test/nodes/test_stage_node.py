@@ -90,7 +90,7 @@ def test_bad_message_is_counted_and_dropped_and_the_node_lives(sync_node, damage
     bad = to_message(captures.view(camera, 0, 1), ros_messages())
     damage(bad)
     publishers[camera.name].publish(bad)
-    spin_until(executor, lambda: node._statistics.dropped["bad_message"] == 1)
+    spin_until(executor, lambda: node.statistics["sync"].dropped["bad_message"] == 1)
     assert node.healthy
     for index in range(1, 6):
         send(publishers, index)
@@ -98,7 +98,7 @@ def test_bad_message_is_counted_and_dropped_and_the_node_lives(sync_node, damage
             executor.spin_once(timeout_sec=0.05)
     spin_until(executor, lambda: len(sets) >= 5)
     assert [len(from_message(item, "DetectionSet").views) for item in sets[:5]] == [4] * 5
-    assert node._statistics.values()["dropped.bad_message"] == "1"
+    assert node.statistics["sync"].values()["dropped.bad_message"] == "1"
 
 
 @pytest.mark.parametrize("key", ["rig", "skeleton_model"])
@@ -109,7 +109,7 @@ def test_facts_that_come_later_do_not_end_the_node(sync_node, key):
     sender = rclpy.create_node("sender")
     publisher = sender.create_publisher(message_class(topic.message), topic.name, LATCHED)
     publisher.publish(message_class(topic.message)())
-    spin_until(executor, lambda: node._statistics.dropped["bad_message"] == 1)
+    spin_until(executor, lambda: node.statistics["sync"].dropped["bad_message"] == 1)
     other = captures.RIG.subset(captures.RIG.names[:2]) if key == "rig" else load_skeleton("coco17")
     publisher.publish(to_message(other, ros_messages()))
     for index in range(6):
@@ -151,7 +151,7 @@ def test_parameters_are_declared_with_range_and_description(ros):
 )
 def test_live_a_camera_that_fails_is_not_waited_for(ros, parameters, deadline):
     node = StageNode("sync", parameters)
-    assert node._config.deadline_s == deadline
+    assert node._configs["sync"].deadline_s == deadline
     node.close()
     node.destroy_node()
 
@@ -163,6 +163,6 @@ def test_parameter_out_of_range_names_itself(ros):
 
 def test_list_that_is_empty_by_default_can_be_set(ros):
     node = StageNode("detection", {"providers": ["CPUExecutionProvider"]})
-    assert node._config.providers == ("CPUExecutionProvider",)
+    assert node._configs["detection"].providers == ("CPUExecutionProvider",)
     node.close()
     node.destroy_node()

@@ -91,13 +91,16 @@ def test_devices_start_every_stage_and_one_node_per_camera(
 ) -> None:
     devices = "left=/dev/video0 right=rtsp://host/stream?a=b"
     nodes = _nodes(launch_file, rig=str(rig_file), devices=devices, audio="recorder")
-    stages = set(NODES) - {"offsets"}  # off unless a parameter says so
-    assert set(nodes) == {"rig", "markers", "camera_left", "camera_right", *stages}
+    around = {"rig", "markers", "camera_left", "camera_right", "timecode", "clocks", "detection"}
+    assert set(nodes) == {*around, "fusion"}
     assert nodes["camera_right"]["device"] == "rtsp://host/stream?a=b"
     assert nodes["camera_right"]["camera"] == "right"
-    assert nodes["sync"]["cameras"] == ["left", "right"]
+    assert nodes["fusion"]["cameras"] == ["left", "right"]
+    assert nodes["detection"]["inputs.compressed_image"] == ["left", "right"]
     assert nodes["timecode"]["devices"] == ["recorder"]
     assert {item["flow"] for name, item in nodes.items() if name != "rig"} == {"live"}
+    nodes = _nodes(launch_file, rig=str(rig_file), devices=devices, audio="recorder", node_per_stage="true")
+    assert set(nodes) == {*around, *(set(NODES) - {"offsets"})}  # which is off unless a parameter says so
 
 
 def test_every_executable_is_one_that_the_package_installs(
@@ -111,11 +114,11 @@ def test_every_executable_is_one_that_the_package_installs(
 def test_parameters_of_a_file_reach_their_stage(
     launch_file: dict[str, Any], rig_file: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / "parameters.yaml").write_text("tracking: {gate: 0.4}\n")
+    (tmp_path / "parameters.yaml").write_text("tracking: {max_distance: 0.4}\n")
     config = str(tmp_path / "parameters.yaml")
     nodes = _nodes(launch_file, rig=str(rig_file), devices="left=0", config=config)
-    assert nodes["tracking"]["gate"] == 0.4
-    assert "gate" not in nodes["voting"]
+    assert nodes["fusion"]["tracking.max_distance"] == 0.4
+    assert "tracking.max_distance" not in nodes["detection"]
     assert "timecode" not in nodes  # nobody named an audio device
     assert "offsets" not in nodes
     (tmp_path / "parameters.yaml").write_text("offsets: {active: true}\n")

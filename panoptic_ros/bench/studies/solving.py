@@ -37,7 +37,8 @@ def solve(
         configure(settings), StageContext(rig, skeleton), ("voting", "assembly"), on_record=take
     )
     for item in sets:
-        pipeline.push(replace(item, views=tuple(view for view in item.views if view.camera in names)))
+        seen = tuple(view for view in item.views if view.camera in names)
+        pipeline.push("detection_sets", replace(item, views=seen))
     return SkeletonSequence(skeleton.joint_names, tuple(frames))
 
 

@@ -42,6 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
     parser.add_argument("--skeleton", default=DEFAULT_SKELETON, help="working skeleton: name or YAML file")
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
+    parser.add_argument("--node-per-stage", action="store_true",
+                        help="a node and a process for every stage, in place of one after detection")  # fmt: skip
     parser.add_argument("--jpeg", type=number(int, 0, 100), default=0, metavar="QUALITY",
                         help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
@@ -64,8 +66,9 @@ def run(args: argparse.Namespace) -> int:
     plan = make_plan(args)
     with Watch(args.live_view) as watch:
         outcome = run_plan(
-            plan, args.out, in_process=args.in_process, jpeg_quality=args.jpeg, duration_s=args.duration,
-            pictures=not args.no_pictures, observer=watch,
+            plan, args.out, in_process=args.in_process, jpeg_quality=args.jpeg,
+            node_per_stage=args.node_per_stage, duration_s=args.duration, pictures=not args.no_pictures,
+            observer=watch,
         )  # fmt: skip
     print(outcome.report.table())
     print(f"\nresults in {args.out}: {', '.join(outcome.files)}")

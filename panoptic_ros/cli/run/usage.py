@@ -40,5 +40,7 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
             )
     if given[0] in ("video", "device") and not args.rig:
         raise UsageError(f"--{given[0]} needs --rig, the calibration of the cameras")
-    if args.jpeg and args.in_process:
-        raise UsageError("--jpeg has no meaning with --in-process, where no images are sent")
+    for option in ("jpeg", "node_per_stage"):
+        if getattr(args, option) and args.in_process:
+            name = option.replace("_", "-")
+            raise UsageError(f"--{name} has no meaning with --in-process, where there are no nodes")

@@ -8,6 +8,7 @@ from panoptic_ros.io.messages.family import Messages, bag_messages, stamp_of
 from panoptic_ros.io.messages.images import (
     camera_info_message,
     compressed_image_message,
+    depth_frame_from_message,
     depth_message,
     frame_from_message,
     image_message,
@@ -19,6 +20,7 @@ __all__ = [
     "bag_messages",
     "camera_info_message",
     "compressed_image_message",
+    "depth_frame_from_message",
     "depth_from_message",
     "depth_message",
     "frame_from_message",

@@ -6,7 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from panoptic_ros.domain import Camera, ViewFrame
+from panoptic_ros.domain import Camera, DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.distortion_models import DISTORTION_MODELS
 from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
@@ -55,8 +55,8 @@ def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -
     )
 
 
-def depth_message(frame: ViewFrame, family: Messages) -> Any:
-    """sensor_msgs/Image of the depth map of a frame that has one, 32FC1 in metres (REP 118)."""
+def depth_message(frame: DepthFrame, family: Messages) -> Any:
+    """sensor_msgs/Image of a depth map, 32FC1 in metres (REP 118)."""
     depth = np.ascontiguousarray(frame.depth, "<f4")
     return family.make(
         "sensor_msgs/msg/Image",
@@ -70,18 +70,23 @@ def depth_message(frame: ViewFrame, family: Messages) -> Any:
     )
 
 
-def frame_from_message(message: Any, camera: str, frame_number: int, depth: Any = None) -> ViewFrame:
+def frame_from_message(message: Any, camera: str, frame_number: int) -> ViewFrame:
     """A frame from Image or CompressedImage; the message has no number, so the caller counts.
-
-    Args:
-        depth: message of its depth map, if it has one; see `depth_from_message`.
 
     Raises:
         DataError: on encodings that are not supported, wrong lengths or broken JPEG.
     """
     image = _decode(message, camera) if hasattr(message, "format") else _unpack(message, camera)
-    depths = None if depth is None else depth_from_message(depth, camera)
-    return ViewFrame(camera, stamp_of(message.header), frame_number, image, depth=depths)
+    return ViewFrame(camera, stamp_of(message.header), frame_number, image)
+
+
+def depth_frame_from_message(message: Any, camera: str, frame_number: int) -> DepthFrame:
+    """A depth map from Image or CompressedImage, as `depth_from_message`; the caller counts.
+
+    Raises:
+        DataError: as `depth_from_message`.
+    """
+    return DepthFrame(camera, stamp_of(message.header), frame_number, depth_from_message(message, camera))
 
 
 def _decode(message: Any, camera: str) -> Array:

@@ -6,15 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import ViewFrame
+from panoptic_ros.domain import DepthFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.messages import (
-    bag_messages,
-    depth_from_message,
-    depth_message,
-    frame_from_message,
-    image_message,
-)
+from panoptic_ros.io.messages import bag_messages, depth_frame_from_message, depth_from_message, depth_message
 
 
 def compressed(levels, how, scale=0.0, shift=0.0):
@@ -26,13 +20,12 @@ def compressed(levels, how, scale=0.0, shift=0.0):
 
 def test_depth_maps_of_both_encodings_of_rep_118():
     metres = np.array([[1.5, 0.0, np.nan], [2.25, np.inf, 0.001]], np.float32)
-    frame = ViewFrame("cam0", 5, 0, np.zeros((4, 6, 3), np.uint8), depth=metres)
-    message = depth_message(frame, bag_messages())
+    message = depth_message(DepthFrame("cam0", 5, 0, metres), bag_messages())
     assert message.encoding == "32FC1"
     assert np.array_equal(depth_from_message(message, "cam0"), metres, equal_nan=True)
-    image = image_message(frame, bag_messages())
-    back = frame_from_message(image, "cam0", 0, message)
+    back = depth_frame_from_message(message, "cam0", 7)
     assert np.array_equal(back.depth, metres, equal_nan=True)
+    assert (back.camera, back.stamp_ns, back.frame_number) == ("cam0", 5, 7)
     for order, bigendian in (("<", 0), (">", 1)):
         padded = np.full((2, 5), 7777, f"{order}u2")
         padded[:, :3] = [[1500, 0, 65535], [2250, 1, 2]]
@@ -63,8 +56,7 @@ def test_compressed_metres_are_right_within_the_steps_of_inverse_depth():
     levels = (scale / metres + shift).astype(np.uint16)
     levels[3, 5] = 0
     message = compressed(levels, "32FC1; compressedDepth png", scale, shift)
-    image = image_message(ViewFrame("cam0", 5, 0, np.zeros((80, 200, 3), np.uint8)), bag_messages())
-    read = frame_from_message(image, "cam0", 0, message).depth
+    read = depth_from_message(message, "cam0")
     known = levels > 0
     assert np.isnan(read[3, 5]) and np.isfinite(read[known]).all()
     step = metres**2 / scale

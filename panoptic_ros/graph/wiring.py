@@ -1,0 +1,133 @@
+"""How some stages of the table are connected: to each other, and to what is outside of them."""
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from panoptic_ros.errors import ContractError
+from panoptic_ros.graph.nodes import NODES, NodeSpec, Port
+
+Table = Mapping[str, NodeSpec]
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A stage that takes a topic: its number among the stages, and that of the port in its row."""
+
+    stage: int
+    port: int
+
+
+class Wiring:
+    """Connections of some stages, which are numbered in the order of the table.
+
+    Args:
+        names: of the stages.
+        everywhere: all stages of the graph that they are a part of; None = they are all.
+        table: the rows.
+
+    Raises:
+        ContractError: if a stage is not in the table.
+    """
+
+    def __init__(self, names: Collection[str], everywhere: Collection[str] | None = None, table: Table = NODES):
+        around = names if everywhere is None else everywhere
+        unknown = [name for name in (*names, *around) if name not in table]
+        if unknown:
+            raise ContractError(f"there is no stage {unknown[0]!r}; there are {', '.join(table)}")
+        self.table = table
+        order = list(table)
+        self.specs = tuple(spec for spec in table.values() if spec.name in names)
+        self.ranks = tuple(order.index(spec.name) + 1 for spec in self.specs)
+        self._around = tuple(spec for spec in table.values() if spec.name in around or spec.name in names)
+
+    @cached_property
+    def readers(self) -> dict[str, tuple[Reader, ...]]:
+        """Who takes each topic, in the order of the rows."""
+        found: dict[str, list[Reader]] = {}
+        for stage, spec in enumerate(self.specs):
+            for place, port in enumerate(spec.inputs):
+                found.setdefault(port.topic, []).append(Reader(stage, place))
+        return {topic: tuple(readers) for topic, readers in found.items()}
+
+    @cached_property
+    def given(self) -> frozenset[str]:
+        """Topics that these stages give."""
+        return frozenset(topic for spec in self.specs for topic in spec.outputs)
+
+    @cached_property
+    def inputs(self) -> tuple[Port, ...]:
+        """Ports that take what comes from outside; one for each topic."""
+        outside: dict[str, Port] = {}
+        for spec in self.specs:
+            for port in spec.inputs:
+                if port.topic not in self.given:
+                    outside.setdefault(port.topic, port)
+        return tuple(outside.values())
+
+    @cached_property
+    def leaving(self) -> frozenset[str]:
+        """Topics of these stages that other stages of the graph take."""
+        others = [spec for spec in self._around if spec not in self.specs]
+        return self.given & {port.topic for spec in others for port in spec.inputs}
+
+    @cached_property
+    def given_around(self) -> frozenset[str]:
+        """Topics that stages of the whole graph give."""
+        return frozenset(topic for spec in self._around for topic in spec.outputs)
+
+    @cached_property
+    def heads(self) -> frozenset[int]:
+        """Stages to which something comes back from a stage of the graph that stands below them."""
+        return frozenset(
+            reader.stage for readers in self.readers.values() for reader in readers
+            if self.port(reader).feedback and self._given_below(reader)
+        )  # fmt: skip
+
+    @cached_property
+    def above(self) -> tuple[frozenset[int], ...]:
+        """For each stage: itself, and those of these stages from which something reaches it, but for feedback."""
+        found: list[frozenset[int]] = []
+        for stage, spec in enumerate(self.specs):
+            topics = {port.topic for port in spec.inputs}
+            givers = [k for k in range(stage) if topics & set(self.specs[k].outputs)]
+            found.append(frozenset({stage}).union(*(found[k] for k in givers)))
+        return tuple(found)
+
+    def port(self, reader: Reader) -> Port:
+        """The port of a reader."""
+        return self.specs[reader.stage].inputs[reader.port]
+
+    def comes_back(self, reader: Reader, giver: int | None) -> bool:
+        """Whether a record comes back to a reader from below.
+
+        Args:
+            giver: the stage that gave it; None: one outside.
+        """
+        if not self.port(reader).feedback:
+            return False
+        return giver > reader.stage if giver is not None else self._given_below(reader)
+
+    def reached(self, topic: str) -> frozenset[int]:
+        """Stages that a topic from outside reaches, but for feedback."""
+        takers = {reader.stage for reader in self.readers[topic] if not self.comes_back(reader, None)}
+        return frozenset(stage for stage in range(len(self.specs)) if self.above[stage] & takers)
+
+    def _given_below(self, reader: Reader) -> bool:
+        topic, row = self.port(reader).topic, self._around.index(self.specs[reader.stage])
+        return any(topic in spec.outputs for spec in self._around[row + 1 :])
+
+
+def require_order(table: Table) -> None:
+    """Whether every row stands below the rows that it takes from, but for feedback.
+
+    Raises:
+        ContractError: naming the row and the port.
+    """
+    rows = list(table.values())
+    for place, spec in enumerate(rows):
+        for port in spec.inputs:
+            later = [row.name for row in rows[place:] if port.topic in row.outputs]
+            if later and not port.feedback:
+                raise ContractError(f"row {spec.name} takes {port.topic} of {later[0]}, which stands below it")

@@ -1,0 +1,136 @@
+"""What a node subscribes to: one input for each topic of each camera or device."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.graph.flow import Flow
+from panoptic_ros.graph.nodes import Port
+from panoptic_ros.graph.topics import TOPICS, variants
+from panoptic_ros.io.messages import stamp_of
+from panoptic_ros.nodes.audio_common import audio_common_class
+from panoptic_ros.nodes.decoding import Decoder, decoder_of
+from panoptic_ros.nodes.family import message_class
+from panoptic_ros.nodes.quality import CLOCKS, data_quality
+
+ALL = "*"
+
+
+@dataclass
+class Input:
+    """One subscribed topic.
+
+    Args:
+        topic: key of the port's topic. carrier: of the one that is subscribed to, a variant or the same.
+        owner: camera, sensor or device; "" for topics of the graph.
+        name: full name. decode: makes records of its messages.
+    """
+
+    topic: str
+    carrier: str
+    owner: str
+    name: str
+    decode: Decoder
+    count: int = 0
+    last_number: int | None = None
+
+    def missing_before(self, record: Any) -> int:
+        """How many records did not come before this one, told by their numbers."""
+        number = getattr(record, "index", getattr(record, "frame_number", None))
+        before, self.last_number = self.last_number, number if number is not None else self.last_number
+        return max(0, number - before - 1) if number is not None and before is not None else 0
+
+
+class InputChoice:
+    """Which inputs a node has, by its parameters.
+
+    Parameters, each a list of names: `inputs.<topic>` for every port of cameras or devices that is optional: who has it;
+    `inputs.<variant>` for every other message that a port can take: whose records come so ("*": all). `devices`:
+    audio devices. `audio_rate` and `audio_channels`: of audio_common_msgs, which do not tell.
+    """
+
+    def __init__(self, node: Node, ports: Sequence[Port]):
+        self._node, self._ports = node, ports
+        self._devices = self._names("devices")
+        self._optional = {
+            port.topic: self._names(f"inputs.{port.topic}") for port in ports
+            if port.optional and TOPICS[port.topic].scope != "graph"
+        }  # fmt: skip
+        self._variants = {
+            key: self._names(f"inputs.{key}") for port in ports for key in variants(port.topic)
+            if TOPICS[key].message.split("/")[0] != "audio_common_msgs"
+        }  # fmt: skip
+        self._sound = (16000, 1)
+        if any(TOPICS[port.topic].scope == "device" for port in ports):
+            self._sound = (
+                int(node.declare_parameter("audio_rate", 16000).value),
+                int(node.declare_parameter("audio_channels", 1).value),
+            )
+
+    def _names(self, parameter: str) -> list[str]:
+        return list(self._node.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
+
+    def owners(self, topic: str, rig: Rig) -> list[str]:
+        """The cameras, sensors or devices that give a topic to this node, in the order of the rig.
+
+        Raises:
+            ConfigError: if a parameter names one that is not there.
+        """
+        scope = TOPICS[topic].scope
+        known = {
+            "camera": list(rig.names), "sensor": [sensor.name for sensor in rig.depth_sensors],
+            "device": self._devices, "graph": [""],
+        }[scope]  # fmt: skip
+        if topic not in self._optional:
+            return known
+        return [owner for owner in known if owner in self._optional[topic]]
+
+    def carriers(self, topic: str, owner: str) -> Iterator[str]:
+        """The topics on which the records of a port come: one, and for sound the message of another package."""
+        packed = [key for key in variants(topic) if {owner, ALL} & set(self._variants.get(key, ()))]
+        if len(packed) > 1:
+            raise ConfigError(f"{owner}: {topic} comes as {' and as '.join(packed)}; name one")
+        yield packed[0] if packed else topic
+        if "audio_common" in variants(topic) and audio_common_class() is not None:
+            yield "audio_common"
+
+    def decoder(self, carrier: str, owner: str) -> Decoder:
+        """See `nodes.decoding`."""
+        return decoder_of(carrier, owner, *self._sound)
+
+
+def subscribe(
+    node: Node, choice: InputChoice, topic: str, owner: str, flow: Flow,
+    receive: Callable[[Input, str, int, Any], None],
+) -> list[Input]:  # fmt: skip
+    """Subscribe to a topic of a camera or device.
+
+    Args:
+        receive: called with (input, key of a queue, stamp, message).
+    """
+    return [_subscribe(node, choice, topic, carrier, owner, flow, receive) for carrier in choice.carriers(topic, owner)]
+
+
+def _subscribe(
+    node: Node, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow,
+    receive: Callable[[Input, str, int, Any], None],
+) -> Input:  # fmt: skip
+    row = TOPICS[carrier]
+    quality = CLOCKS if row.latched else data_quality(
+        flow, images=row.message.startswith("sensor_msgs"), sound=row.scope == "device"
+    )
+
+    def take(message: Any) -> None:
+        # what comes of many devices on one topic does not push each other out
+        queue = f"{topic} of {message.header.frame_id}" if row.latched else f"{topic} {owner}".strip()
+        receive(found, queue, stamp_of(message.header), message)
+
+    subscription = node.create_subscription(message_class(row.message), row.of(owner), take, quality)
+    found = Input(topic, carrier, owner, subscription.topic_name, choice.decoder(carrier, owner))
+    return found
