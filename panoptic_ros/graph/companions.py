@@ -1,4 +1,5 @@
 """Live: records that wait for others of the same camera, e.g. images for their depth maps."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -29,8 +30,8 @@ class _Beside:
 class Companions:
     """Puts records and their companions together; the records of a camera stay in order.
 
-    A record waits until every companion topic of its camera has shown one that is late enough, or a record has come
-    that is later by more than the patience of the port.
+    A record waits until every companion topic of its camera has shown one that is late enough, or a record
+    has come that is later by more than the patience of the port.
 
     Args:
         ports: of the companions, each with a patience and the time by which it is handed over ahead.

@@ -1,8 +1,11 @@
-"""A part of the graph in replay: whatever arrives first, its stages take records in the order of their places.
+"""A part of the graph in replay: whatever arrives first, its stages take records in the order of their
+places.
 
-A host gives what comes from outside its place (`graph.lanes`) and hands it to its stages (`graph.pipeline`) as soon as
-nothing can come before it. Where other hosts need to know places (`marked`), it tells those of what it gives.
+A host gives what comes from outside its place (`graph.lanes`) and hands it to its stages (`graph.pipeline`)
+as soon as nothing can come before it. Where other hosts need to know places (`marked`), it tells those of
+what it gives.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -41,7 +44,11 @@ class _Group:
     def bound(self, topics: frozenset[str] | None = None) -> Place:
         """What is still to come on these topics (None: all) is not before this."""
         return min(
-            (stream.bound for stream in self.streams.values() if topics is None or stream.lane.topic in topics),
+            (
+                stream.bound
+                for stream in self.streams.values()
+                if topics is None or stream.lane.topic in topics
+            ),
             default=(DONE,),
         )
 
@@ -90,11 +97,11 @@ class Host:
     """Stages, and the order in which they take what comes from outside.
 
     Args:
-        pipeline: the stages. Whoever sends its records out calls `gave` after each that leaves the host. Ends of cameras
-            and devices are told by the pipeline, those of whole topics by the host.
+        pipeline: the stages. Whoever sends its records out calls `gave` after each that leaves the host.
+            Ends of cameras and devices are told by the pipeline, those of whole topics by the host.
         lanes: all that comes from outside.
-        marked: whether the hosts of the graph tell each other places; without, records that have none are taken
-            as they come, which is the same order as long as they are of one topic.
+        marked: whether the hosts of the graph tell each other places; without, records that have none are
+            taken as they come, which is the same order as long as they are of one topic.
         on_marker: called with (topic, owner, place): see `graph.lanes`.
         on_end: called with a topic when no more is given on it.
     """
@@ -119,7 +126,8 @@ class Host:
         self._apart = all(spec.apart for spec in wiring.specs)
         owners = dict.fromkeys(lane.owner if self._apart else "" for lane in merged)
         self._groups = {
-            owner: _Group([lane for lane in merged if not self._apart or lane.owner == owner]) for owner in owners
+            owner: _Group([lane for lane in merged if not self._apart or lane.owner == owner])
+            for owner in owners
         }
         self._reaching = [
             frozenset(lane.topic for lane in merged if stage in wiring.reached(lane.topic))
@@ -128,7 +136,8 @@ class Host:
         self._by_markers = frozenset(lane.topic for lane in merged if not lane.by_stamp)
         self._told: dict[tuple[str, str, int], Place] = {  # topic, owner, stage: place
             (topic, owner if TOPICS[topic].scope != "graph" else "", stage): ()
-            for stage, spec in enumerate(wiring.specs) for topic in spec.outputs
+            for stage, spec in enumerate(wiring.specs)
+            for topic in spec.outputs
             if topic in wiring.leaving and not TOPICS[topic].by_stamp
             for owner in self._groups
         }
@@ -177,7 +186,9 @@ class Host:
             self._on_marker(topic, owner, self._pipeline.place)
 
     def advance(self) -> None:
-        """Take all records whose turn it is, tell how far these stages have come, and end with the last lane."""
+        """Take all records whose turn it is, tell how far these stages have come, and end with the last
+        lane.
+        """
         if self.over:
             return
         for group in self._groups.values():
@@ -251,11 +262,13 @@ def lanes_of(
 
     Args:
         topics: keys.
-        owners: of a topic: the cameras or devices that give it, in the order of the rig; ("",) for the graph's.
+        owners: of a topic: the cameras or devices that give it, in the order of the rig; ("",) for the
+            graph's.
         clocks: of an owner: whose clock its stamps are on.
     """
     ports = {port.topic: port for port in pipeline.wiring.inputs}
     return [
-        Lane(topic, owner, (order, number_of(topic)), TOPICS[topic].by_stamp, ports[topic].ahead_ns, clocks(owner))
+        Lane(topic, owner, (order, number_of(topic)), TOPICS[topic].by_stamp, ports[topic].ahead_ns,
+             clocks(owner))
         for topic in topics for order, owner in enumerate(owners(topic))
     ]  # fmt: skip

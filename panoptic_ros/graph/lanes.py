@@ -1,9 +1,11 @@
 """What comes from outside on one topic of one camera or device, and the places of it (see `graph.schedule`).
 
-Records of sources, and those that follow them one by one, have the place (time, owner, topic). The time is their stamp; of
-a clock of its own, it is counted from the first stamp and begins where the common clock does. The places of other records are told by markers: "the newest record is at p" and
-"all that is still to come is not before p".
+Records of sources, and those that follow them one by one, have the place (time, owner, topic). The time is
+their stamp; of a clock of its own, it is counted from the first stamp and begins where the common clock
+does. The places of other records are told by markers: "the newest record is at p" and "all that is still to
+come is not before p".
 """
+
 from __future__ import annotations
 
 from collections import deque
@@ -139,7 +141,7 @@ class StampedStream:
 
     def take(self, origins: Origins) -> list[tuple[Place, Any]]:
         """The records that have come, with their places."""
-        found = []
+        found: list[tuple[Place, Any]] = []
         while self._records:
             stamp, record = self._records.popleft()
             place = (self._time_of(stamp, origins) - self.lane.ahead_ns, *self.lane.order)

@@ -1,4 +1,5 @@
 """Every stage of the graph: where its code is, what it takes and what it gives."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -16,8 +17,8 @@ class Port:
     Args:
         topic: key of `TOPICS`. A stage may take its variants in place of it.
         optional: the stage works without it.
-        feedback: it may come from a stage further down. What comes back is handed over after all that follows from
-            the record at hand, and before the next one.
+        feedback: it may come from a stage further down. What comes back is handed over after all that
+            follows from the record at hand, and before the next one.
         ahead_ns: its records are handed over so much before those of other ports with the same stamp.
         patience_ns: live, a record of another port waits so long for it, in stamps.
         tells_end: the stage takes an `EndOfStream` when a camera or device gives no more.
@@ -48,8 +49,8 @@ class NodeSpec:
         inputs: ports. Records of one place (see `graph.merge`) are handed over in this order.
         outputs: keys of `TOPICS`. A record goes to the topic of its type.
         apart: the inputs of every camera or device are merged on their own, as none waits for another.
-        queue: of a live node that falls behind. "newest": a few messages of every topic; "instant": images of one
-            instant together; "all": as every message counts.
+        queue: of a live node that falls behind. "newest": a few messages of every topic; "instant": images
+            of one instant together; "all": as every message counts.
         switch: name of the parameter that turns the stage on; "" = it is always on.
     """
 
@@ -79,7 +80,9 @@ def stage_row(
     name: str, inputs: tuple[Port, ...], outputs: tuple[str, ...], *,
     apart: bool = False, queue: Queue = "newest", switch: str = "",
 ) -> NodeSpec:  # fmt: skip
-    """A row for a stage in the usual places: `<name>/stage.py`: <Name>Stage, `<name>/config.py`: <Name>Config."""
+    """A row for a stage in the usual places: `<name>/stage.py`: <Name>Stage, `<name>/config.py`:
+    <Name>Config.
+    """
     title = name.capitalize()
     return NodeSpec(
         name, f"panoptic_ros.{name}.stage:{title}Stage", f"panoptic_ros.{name}.config:{title}Config",

@@ -1,15 +1,17 @@
 """Some stages of the table in one process: the same output as the graph, without ROS.
 
-Nothing is dropped and nothing runs at the same time. A record goes down as far as it gets before the next one is
-taken; what it brings back up (feedback) is handed over then. How the order is kept is told in `graph.schedule`.
+Nothing is dropped and nothing runs at the same time. A record goes down as far as it gets before the next
+one is taken; what it brings back up (feedback) is handed over then. How the order is kept is told in
+`graph.schedule`.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from panoptic_ros.domain import EndOfStream
+from panoptic_ros.domain import EndOfStream, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, switched_on
 from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
@@ -24,7 +26,9 @@ NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
 
 
 class _End(NamedTuple):
-    """The end of a stream on its way down: its owner, the place of its last record, the port that takes it."""
+    """The end of a stream on its way down: its owner, the place of its last record, the port that takes
+    it.
+    """
 
     owner: str
     last: Place
@@ -117,13 +121,13 @@ class Pipeline:
             if name in states:
                 stage.begin(states[name])
 
-    def change_rig(self, context: StageContext) -> tuple[str, ...]:
+    def change_rig(self, rig: Rig) -> tuple[str, ...]:
         """Work with another rig from the next record on. Stages keep what they know where it still holds.
 
         Returns:
             the stages that begin anew, as their state speaks of other cameras.
         """
-        self._context = replace(self._context, rig=context.rig)
+        self._context = replace(self._context, rig=rig)
         anew = []
         for number, name in enumerate(self.names):
             stage, before = self._make(name), self._stages[number].state()

@@ -1,18 +1,21 @@
 """In which order stages take records: the same however they are divided among processes.
 
-Every record has a place, a tuple of whole numbers that is compared from the left. Records from sources have places by
-their stamps (`graph.lanes`). A stage of rank s takes a record of place p at the turn p + (s,), and gives its n-th record
-for it the place p + (s, n). A stage takes records in the order of their turns. So all that follows from a record in the
-stages above is done before a stage below takes it, and places of what a stage gives never go back. A port that is marked
-`first` takes records before all others do. A record that follows one of a source by its stamp has the place of that one,
-but for the topic, which comes last in such places (`graph.lanes`).
+Every record has a place, a tuple of whole numbers that is compared from the left. Records from sources have
+places by their stamps (`graph.lanes`). A stage of rank s takes a record of place p at the turn p + (s,),
+and gives its n-th record for it the place p + (s, n). A stage takes records in the order of their turns. So
+all that follows from a record in the stages above is done before a stage below takes it, and places of what
+a stage gives never go back. A port that is marked `first` takes records before all others do. A record that
+follows one of a source by its stamp has the place of that one, but for the topic, which comes last in such
+places (`graph.lanes`).
 
-A stage to which something comes back from below (a head) has one record at hand: it takes the next after all that
-follows from it is done, and after what came back. What it gives for that has the next places after what it gave before.
+A stage to which something comes back from below (a head) has one record at hand: it takes the next after
+all that follows from it is done, and after what came back. What it gives for that has the next places after
+what it gave before.
 
-Places are the logical times of a conservative simulation in the sense of Chandy and Misra (1979); nested times as in
-Naiad (Murray et al. 2013).
+Places are the logical times of a conservative simulation in the sense of Chandy and Misra (1979); nested
+times as in Naiad (Murray et al. 2013).
 """
+
 from __future__ import annotations
 
 from collections import deque
@@ -61,7 +64,10 @@ class Schedule:
         self._waiting: list[list[tuple[Place, int, Any]]] = [[] for _ in wiring.specs]  # heaps by turns
         self._back: list[deque[Any]] = [deque() for _ in wiring.specs]
         self._open: list[_Open] = []  # the innermost last
-        self._given: tuple[Place, int] = ((), 0)  # turn at hand of a stage that is no head, and records given for it
+        self._given: tuple[Place, int] = (
+            (),
+            0,
+        )  # turn at hand of a stage that is no head, and records given for it
         self._number = 0
         self._closed: set[int] = set()
 

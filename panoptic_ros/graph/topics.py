@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from panoptic_ros.errors import CalibrationError
 
-Scope = Literal["camera", "sensor", "device", "graph"]  # one topic per camera, depth sensor, audio device, or one
+Scope = Literal["camera", "sensor", "device", "graph"]  # one topic per camera, depth sensor, device, or one
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class Topic:
         record: the record that it carries.
         message: the ROS type.
         latched: kept for subscribers who come late; has no end.
-        by_stamp: one record for every one of a source, so stamps tell its place among other topics. The place of
-            other records is that of the record from which they follow (see `graph.merge`).
+        by_stamp: one record for every one of a source, so stamps tell its place among other topics. The
+            place of other records is that of the record from which they follow (see `graph.merge`).
         variant_of: the topic that carries the same records as another message.
     """
 
@@ -56,7 +56,8 @@ TOPICS: dict[str, Topic] = {
         Topic("sensor_info", "{owner}/depth/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "sensor"),
         Topic("detections", "{owner}/detections", "ViewDetections",
               "panoptic_msgs/msg/ViewDetections", "camera", by_stamp=True),
-        Topic("audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device", by_stamp=True),
+        Topic("audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device",
+              by_stamp=True),
         Topic("audio_common", "{owner}/audio_stamped", "AudioBlock",
               "audio_common_msgs/msg/AudioDataStamped", "device", by_stamp=True, variant_of="audio"),
         Topic("timecode", "{owner}/timecode", "TimecodeReading",

@@ -1,4 +1,5 @@
 """How some stages of the table are connected: to each other, and to what is outside of them."""
+
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
@@ -31,7 +32,9 @@ class Wiring:
         ContractError: if a stage is not in the table.
     """
 
-    def __init__(self, names: Collection[str], everywhere: Collection[str] | None = None, table: Table = NODES):
+    def __init__(
+        self, names: Collection[str], everywhere: Collection[str] | None = None, table: Table = NODES
+    ):
         around = names if everywhere is None else everywhere
         unknown = [name for name in (*names, *around) if name not in table]
         if unknown:
@@ -87,7 +90,9 @@ class Wiring:
 
     @cached_property
     def above(self) -> tuple[frozenset[int], ...]:
-        """For each stage: itself, and those of these stages from which something reaches it, but for feedback."""
+        """For each stage: itself, and those of these stages from which something reaches it, but for
+        feedback.
+        """
         found: list[frozenset[int]] = []
         for stage, spec in enumerate(self.specs):
             topics = {port.topic for port in spec.inputs}
@@ -130,4 +135,6 @@ def require_order(table: Table) -> None:
         for port in spec.inputs:
             later = [row.name for row in rows[place:] if port.topic in row.outputs]
             if later and not port.feedback:
-                raise ContractError(f"row {spec.name} takes {port.topic} of {later[0]}, which stands below it")
+                raise ContractError(
+                    f"row {spec.name} takes {port.topic} of {later[0]}, which stands below it"
+                )

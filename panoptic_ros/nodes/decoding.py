@@ -1,4 +1,5 @@
 """Records from messages, by the topic that they come on."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

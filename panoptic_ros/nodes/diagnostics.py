@@ -1,4 +1,5 @@
 """The statistics of a node's stages on /diagnostics."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -37,11 +38,14 @@ class Diagnostics:
         family = ros_messages()
         only = len(self._statistics) == 1
         statuses = [
-            self._status(self._node.get_name() if only else stage, own) for stage, own in self._statistics.items()
+            self._status(self._node.get_name() if only else stage, own)
+            for stage, own in self._statistics.items()
         ]
         header = family.header(self._node.get_clock().now().nanoseconds, "")
         self._publisher.publish(
-            family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[*statuses, *self.more()])
+            family.make(
+                "diagnostic_msgs/msg/DiagnosticArray", header=header, status=[*statuses, *self.more()]
+            )
         )
 
     def _status(self, name: str, statistics: StageStatistics) -> Any:

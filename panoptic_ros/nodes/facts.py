@@ -1,4 +1,5 @@
 """The latched facts that every stage works with: rig and skeleton model."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -16,7 +17,8 @@ from panoptic_ros.nodes.quality import LATCHED
 
 
 class Facts:
-    """Waits for both. Another rig is offered to the node; another skeleton is not worked with, and the log says so.
+    """Waits for both. Another rig is offered to the node; another skeleton is not worked with, and the log
+    says so.
 
     Args:
         on_ready: called once, with both.

@@ -1,4 +1,5 @@
 """What a node subscribes to: one input for each topic of each camera or device."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
@@ -50,9 +51,10 @@ class Input:
 class InputChoice:
     """Which inputs a node has, by its parameters.
 
-    Parameters, each a list of names: `inputs.<topic>` for every port of cameras or devices that is optional: who has it;
-    `inputs.<variant>` for every other message that a port can take: whose records come so ("*": all). `devices`:
-    audio devices. `audio_rate` and `audio_channels`: of audio_common_msgs, which do not tell.
+    Parameters, each a list of names: `inputs.<topic>` for every port of cameras or devices that is
+    optional: who has it; `inputs.<variant>` for every other message that a port can take: whose records
+    come so ("*": all). `devices`: audio devices. `audio_rate` and `audio_channels`: of audio_common_msgs,
+    which do not tell.
     """
 
     def __init__(self, node: Node, ports: Sequence[Port]):
@@ -92,7 +94,9 @@ class InputChoice:
         return [owner for owner in known if owner in self._optional[topic]]
 
     def carriers(self, topic: str, owner: str) -> Iterator[str]:
-        """The topics on which the records of a port come: one, and for sound the message of another package."""
+        """The topics on which the records of a port come: one, and for sound the message of another
+        package.
+        """
         packed = [key for key in variants(topic) if {owner, ALL} & set(self._variants.get(key, ()))]
         if len(packed) > 1:
             raise ConfigError(f"{owner}: {topic} comes as {' and as '.join(packed)}; name one")
@@ -114,7 +118,10 @@ def subscribe(
     Args:
         receive: called with (input, key of a queue, stamp, message).
     """
-    return [_subscribe(node, choice, topic, carrier, owner, flow, receive) for carrier in choice.carriers(topic, owner)]
+    return [
+        _subscribe(node, choice, topic, carrier, owner, flow, receive)
+        for carrier in choice.carriers(topic, owner)
+    ]
 
 
 def _subscribe(
@@ -122,8 +129,10 @@ def _subscribe(
     receive: Callable[[Input, str, int, Any], None],
 ) -> Input:  # fmt: skip
     row = TOPICS[carrier]
-    quality = CLOCKS if row.latched else data_quality(
-        flow, images=row.message.startswith("sensor_msgs"), sound=row.scope == "device"
+    quality = (
+        CLOCKS
+        if row.latched
+        else data_quality(flow, images=row.message.startswith("sensor_msgs"), sound=row.scope == "device")
     )
 
     def take(message: Any) -> None:

@@ -1,4 +1,5 @@
 """What a node publishes: a message only where somebody wants one."""
+
 from __future__ import annotations
 
 from collections.abc import Collection
@@ -25,7 +26,14 @@ class Outputs:
         ends: tells the ends of topics (replay). progress: tells how far they have come.
     """
 
-    def __init__(self, node: Node, flow: Flow, leaving: Collection[str], ends: StreamEnds, progress: ProgressTold | None):
+    def __init__(
+        self,
+        node: Node,
+        flow: Flow,
+        leaving: Collection[str],
+        ends: StreamEnds,
+        progress: ProgressTold | None,
+    ):
         self._node, self._flow, self._leaving = node, flow, frozenset(leaving)
         self._ends, self._progress = ends, progress
         self._publishers: dict[tuple[str, str], Any] = {}
@@ -59,7 +67,9 @@ class Outputs:
             self._progress.tell(name, self._sent.get((topic, owner), 0), place)
 
     def end(self, topic: str, owner: str | None = None) -> None:
-        """Tell that no more comes on a topic, of one camera or device or (None) of all that were not told yet."""
+        """Tell that no more comes on a topic, of one camera or device or (None) of all that were not told
+        yet.
+        """
         for key in [key for key in self._publishers if key[0] == topic and owner in (None, key[1])]:
             if self._sent.get(key, 0) >= 0:
                 self._ends.announce(self._publishers[key].topic_name, self._sent.get(key, 0))

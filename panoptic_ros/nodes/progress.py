@@ -1,4 +1,5 @@
 """How far topics have come, from node to node (replay, see `graph.lanes`)."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,7 +1,8 @@
 """What nodes tell about records that they take, besides what their stages make of them."""
+
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from rclpy.node import Node
@@ -21,7 +22,7 @@ class Report(Protocol):
         """diagnostic_msgs/DiagnosticStatus of now."""
 
 
-REPORTS: Mapping[str, type[Report]] = {"ClockModel": ClockReports}
+REPORTS: Mapping[str, Callable[[Node], Report]] = {"ClockModel": ClockReports}
 
 
 def reports_of(node: Node, wiring: Wiring) -> dict[str, Report]:

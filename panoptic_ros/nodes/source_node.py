@@ -168,7 +168,7 @@ def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple
 
 def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
     """Image (JPEG if a quality is given, else raw), CameraInfo and depth map, if any, of every frame."""
-    family, has_depth = ros_messages(), isinstance(frames, DepthSource)
+    family, beside = ros_messages(), frames if isinstance(frames, DepthSource) else None
     last = None
     for frame in frames:
         overtaken = 0 if last is None else frame.frame_number - last - 1
@@ -179,5 +179,5 @@ def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) ->
             else image_message(frame, family)
         )
         info = camera_info_message(camera, frame.stamp_ns, family)
-        depth = (("depth", depth_message(frames.depth_of(frame), family)),) if has_depth else ()
+        depth = (("depth", depth_message(beside.depth_of(frame), family)),) if beside is not None else ()
         yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info), *depth), overtaken)

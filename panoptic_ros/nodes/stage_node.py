@@ -1,4 +1,5 @@
 """The one adapter round stages: subscribe, convert, step, publish, report."""
+
 from __future__ import annotations
 
 import time
@@ -41,14 +42,15 @@ Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages 
 class StageNode(Node):
     """A node that runs one or more connected stages of `graph.nodes.NODES`.
 
-    Records go from stage to stage as they are; messages are made for topics that leave the process or that somebody
-    subscribes to. Waits for the latched rig and skeleton model, then builds the stages. A message with bad content is
-    counted, reported on /diagnostics and dropped; any other error ends the node (see `fault`).
+    Records go from stage to stage as they are; messages are made for topics that leave the process or that
+    somebody subscribes to. Waits for the latched rig and skeleton model, then builds the stages. A message
+    with bad content is counted, reported on /diagnostics and dropped; any other error ends the node (see
+    `fault`).
 
-    Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or replay),
-    `window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all stages that run in the
-    graph (empty: those that this node needs); `marked`: whether nodes tell each other places (replay, see
-    `graph.host`); inputs as in `nodes.inputs.InputChoice`.
+    Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
+    replay), `window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all stages
+    that run in the graph (empty: those that this node needs); `marked`: whether nodes tell each other
+    places (replay, see `graph.host`); inputs as in `nodes.inputs.InputChoice`.
 
     Args:
         stages: names.
@@ -86,7 +88,9 @@ class StageNode(Node):
         self._choice = InputChoice(self, Wiring(names).inputs)
         self._diagnostics = Diagnostics(self, self._statistics)
         self._reports = reports_of(self, Wiring(names))
-        self._diagnostics.more = lambda: [status for report in self._reports.values() for status in report.statuses()]
+        self._diagnostics.more = lambda: [
+            status for report in self._reports.values() for status in report.statuses()
+        ]
         self._pipeline: Pipeline | None = None
         self._host: Host | None = None
         self._companions = Companions((), ())
@@ -142,7 +146,9 @@ class StageNode(Node):
         )  # fmt: skip
         replay = self._flow.name == "replay"
         progress = ProgressTold(self, self._progress_heard) if replay and self._marked else None
-        final = {topic for topic in pipeline.wiring.given if TOPICS[topic].latched or not self._is_taken(topic)}
+        final = {
+            topic for topic in pipeline.wiring.given if TOPICS[topic].latched or not self._is_taken(topic)
+        }
         self._outputs = Outputs(self, self._flow, pipeline.wiring.leaving | final, self._ends, progress)
         for topic in sorted(pipeline.wiring.given):
             for owner in self._choice.owners(topic, used):
@@ -175,7 +181,9 @@ class StageNode(Node):
         return any(port.topic == topic for spec in NODES.values() for port in spec.inputs)
 
     def _is_waited_for(self, topic: str) -> bool:
-        """Whether messages of a topic are sure to come, and have an end: the latched only from a stage of the graph."""
+        """Whether messages of a topic are sure to come, and have an end: the latched only from a stage of
+        the graph.
+        """
         assert self._pipeline is not None
         return not TOPICS[topic].latched or (self._marked and topic in self._pipeline.wiring.given_around)
 
@@ -186,13 +194,18 @@ class StageNode(Node):
             return InOrder()
         wiring = self._pipeline.wiring
         kinds = {
-            topic: {wiring.specs[reader.stage].queue for reader in readers} for topic, readers in wiring.readers.items()
+            topic: {wiring.specs[reader.stage].queue for reader in readers}
+            for topic, readers in wiring.readers.items()
         }
-        limits = {topic: PATIENT if kind == {"all"} else self._flow.queue_limit for topic, kind in kinds.items()}
+        limits = {
+            topic: PATIENT if kind == {"all"} else self._flow.queue_limit for topic, kind in kinds.items()
+        }
         others = InOrder(lambda key: limits[key.split(" ")[0]])
         beside = {port.topic for port in wiring.inputs if port.patience_ns}
         instants = [
-            f"{topic} {owner}" for topic, owner in present if "instant" in kinds[topic] and topic not in beside
+            f"{topic} {owner}"
+            for topic, owner in present
+            if "instant" in kinds[topic] and topic not in beside
         ]
         return InstantsAndOthers(NewestInstant(instants), instants, others) if instants else others
 
@@ -274,9 +287,13 @@ class StageNode(Node):
     # ---------------------------------------------------------------- what changes, and the end
 
     def _rig_changed(self, rig: Rig) -> None:
-        """Another rig of the same cameras is taken over between two records; of others the node does not know."""
+        """Another rig of the same cameras is taken over between two records; of others the node does not
+        know.
+        """
         if self._used_names(rig) != self._used_names(self._facts.rig):
-            raise ConfigError(f"another /rig has other cameras: restart node {self.get_name()} to work with it")
+            raise ConfigError(
+                f"another /rig has other cameras: restart node {self.get_name()} to work with it"
+            )
 
         def change() -> None:
             assert self._pipeline is not None
@@ -296,7 +313,12 @@ class StageNode(Node):
         entry = self._inputs.get(name)
         if entry is not None and self._host is not None:
             host = self._host
-            self._worker.note(lambda: (host.mark(entry.topic, entry.owner, place, count), self._advance()))
+
+            def mark() -> None:
+                host.mark(entry.topic, entry.owner, place, count)
+                self._advance()
+
+            self._worker.note(mark)
 
     def _topic_over(self, name: str) -> None:
         """All messages of a topic have been taken (replay)."""

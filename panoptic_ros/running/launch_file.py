@@ -14,8 +14,7 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.offsets.config import OffsetsConfig
-from panoptic_ros.params import config_of, diff
+from panoptic_ros.params import diff
 from panoptic_ros.running.plan import Plan
 
 CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
@@ -37,8 +36,8 @@ def write_launch_file(
     processes: dict[str, list[dict[str, Any]]] = {}
     if plan.streams:
         streams = [{**vars(stream), "bag": str(stream.bag)} for stream in plan.streams]
-        source = {"kind": "bag", "name": "bag", "streams": streams, "parameters": plan_of_nodes.common}
-        processes["source"] = [source]
+        bag = {"kind": "bag", "name": "bag", "streams": streams, "parameters": plan_of_nodes.common}
+        processes["source"] = [bag]
     for i, (camera, source) in enumerate(plan.sources.items()):
         node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
                 "parameters": plan_of_nodes.common}  # fmt: skip

@@ -1,6 +1,8 @@
 """Stages that compute nothing of use, a table of them, and hosts with a transport that delays as it likes."""
+
 from __future__ import annotations
 
+import json
 import random
 from collections import deque
 from dataclasses import dataclass
@@ -11,7 +13,6 @@ from panoptic_ros.graph.host import Host, lanes_of
 from panoptic_ros.graph.nodes import NodeSpec, Port
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.topics import TOPICS, Topic
-from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.params import Config
 from panoptic_ros.stage import StepResult
 
@@ -28,14 +29,32 @@ class Word:
 
 
 class View(Word): ...
+
+
 class Wide(Word): ...
+
+
 class Seen(Word): ...
+
+
 class Group(Word): ...
+
+
 class Linked(Word): ...
+
+
 class Solved(Word): ...
+
+
 class Known(Word): ...
+
+
 class Hint(Word): ...
+
+
 class Patch(Word): ...
+
+
 class Final(Word): ...
 
 
@@ -73,7 +92,9 @@ class Toy:
         self.memory = 0
 
     def note(self, item):
-        text = f"end of {item.camera}" if isinstance(item, EndOfStream) else f"{type(item).__name__} {item.text}"
+        text = (
+            f"end of {item.camera}" if isinstance(item, EndOfStream) else f"{type(item).__name__} {item.text}"
+        )
         self.log.append(text)
         self.memory = hash_of(f"{self.memory} {text}")
 
@@ -89,10 +110,10 @@ class Toy:
         return StepResult()
 
     def state(self):
-        return str(self.memory).encode()
+        return json.dumps({k: v for k, v in vars(self).items() if k != "log"}).encode()
 
     def begin(self, state):
-        self.memory = int(state)
+        vars(self).update(json.loads(state))
 
 
 def hash_of(text):
@@ -170,7 +191,9 @@ class Knower(Toy):
 
     def step(self, item):
         self.note(item)
-        return StepResult(tuple(self.word(item.stamp_ns, f"{item.text}.{k}") for k in range((1, 0, 2)[self.memory % 3])))
+        return StepResult(
+            tuple(self.word(item.stamp_ns, f"{item.text}.{k}") for k in range((1, 0, 2)[self.memory % 3]))
+        )
 
 
 class Patcher(Toy):
@@ -208,17 +231,19 @@ def row(name, stage, inputs, outputs, **more):
     return NodeSpec(name, f"toy_graph:{stage}", "toy_graph:ToyConfig", inputs, outputs, **more)
 
 
+WIDE = Port("wide", optional=True, ahead_ns=5)
+HINT = Port("hint", optional=True, feedback=True)
 TABLE = {
     spec.name: spec
     for spec in (
-        row("looker", "Looker", (Port("wide", optional=True, ahead_ns=5), Port("view")), ("seen",), apart=True),
-        row("grouper", "Grouper", (Port("hint", optional=True, feedback=True), Port("seen", tells_end=True)), ("group",)),
+        row("looker", "Looker", (WIDE, Port("view")), ("seen",), apart=True),
+        row("grouper", "Grouper", (HINT, Port("seen", tells_end=True)), ("group",)),
         row("linker", "Linker", (Port("known", feedback=True), Port("group")), ("linked",)),
         row("solver", "Solver", (Port("linked"),), ("solved",)),
         row("knower", "Knower", (Port("solved"),), ("known",)),
         row("patcher", "Patcher", (Port("view"), Port("known")), ("patch",)),
         row("hinter", "Hinter", (Port("seen"), Port("known")), ("hint",)),
-        row("finisher", "Finisher", (Port("patch", optional=True), Port("known"), Port("hint", optional=True)), ("final",)),
+        row("finisher", "Finisher", (Port("patch"), Port("known"), Port("hint")), ("final",)),
     )
 }  # fmt: skip
 CONFIGS = {name: ToyConfig() for name in TABLE}
@@ -256,7 +281,13 @@ class Transport:
                 self._send(topic, owner, ("end", sent.get((topic, owner), 0)))
 
         pipeline = Pipeline(
-            CONFIGS, context_of(self.logs), part, on_record=gave, on_end=end, everywhere=self.names, table=TABLE
+            CONFIGS,
+            context_of(self.logs),
+            part,
+            on_record=gave,
+            on_end=end,
+            everywhere=self.names,
+            table=TABLE,
         )
         leaving = pipeline.wiring.leaving
         there = pipeline.wiring.given_around | {"view", "wide"}

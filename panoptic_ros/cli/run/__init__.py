@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--skeleton", default=DEFAULT_SKELETON, help="working skeleton: name or YAML file")
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
     parser.add_argument("--node-per-stage", action="store_true",
-                        help="a node and a process for every stage, in place of one after detection")  # fmt: skip
+                        help="a node and a process for every stage after detection too")  # fmt: skip
     parser.add_argument("--jpeg", type=number(int, 0, 100), default=0, metavar="QUALITY",
                         help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
