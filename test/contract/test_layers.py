@@ -23,6 +23,11 @@ def test_no_module_breaks_the_ranks():
     assert found == []
 
 
+def test_a_module_that_has_become_thin_is_no_exception():
+    for name in layers.NOT_THIN_YET:
+        assert layers._check_thin(name, MODULES[name].read_text())
+
+
 def test_every_room_has_a_rank_and_every_rank_a_room():
     rooms = {p.stem for p in ROOT.iterdir() if p.suffix == ".py" and p.stem != "__init__"}
     rooms |= {p.name for p in ROOT.iterdir() if p.is_dir() and any(p.glob("*.py"))}
@@ -45,6 +50,11 @@ def test_every_room_has_a_rank_and_every_rank_a_room():
         ("panoptic_ros.running.x", "from panoptic_ros.cli.options import number"),
         ("panoptic_ros.running.x", "from panoptic_ros.nodes.collector_node import CollectorNode"),
         ("panoptic_ros.running.x", "import rclpy"),
+        ("panoptic_ros.running.x", "print(1)"),
+        ("panoptic_ros.cli.x", "import numpy as np"),
+        ("panoptic_ros.cli.x", "from panoptic_ros.graph.pipeline import Pipeline"),
+        ("panoptic_ros.cli.x", "def f():\n    from panoptic_ros.voting import VotingConfig"),
+        ("panoptic_ros.cli.x", "x = 1\n" * (layers.LONGEST_VERB + 1)),
         ("panoptic_ros.timecode.signal.x", "from panoptic_ros.timecode.word.fit import fit_word"),
         ("panoptic_ros.timecode.label.x", "from panoptic_ros.timecode import decoder"),
         ("panoptic_ros.timecode.word.x", "from ..follow import pace"),
@@ -75,6 +85,7 @@ def test_planted_violation_is_caught(module, source):
         ("panoptic_ros.voting.x", "import numpy as np\nnp.random.default_rng(3).normal()"),
         ("panoptic_ros.capture.x", "from panoptic_ros.io.rigs import read_rig"),
         ("panoptic_ros.cli.x", "import time\nprint(time.time())"),
+        ("panoptic_ros.cli.x", "import panoptic_ros.running.run\n" * layers.LONGEST_VERB),
     ],
 )
 def test_what_is_allowed_passes(module, source):
