@@ -6,7 +6,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import panoptic_ros
 from panoptic_ros.errors import PanopticError, UsageError
@@ -24,6 +24,7 @@ VERBS: dict[str, str] = {
     "rig": "check or convert a calibration",
     "bias": "measure the constant biases of a detector's joints against a reference",
     "models": "list, fetch and check pose models",
+    "warm-up": "compile everything ahead, so that nothing waits for it later",
     "config": "show all parameters, write the generated files",
     "doctor": "what works on this machine, and what to do about what does not",
 }
@@ -37,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         args = _parser(verb).parse_args(arguments)
         with full_disk_told():
-            return int(importlib.import_module(f"panoptic_ros.cli.{args.verb}").run(args) or 0)
+            return int(_module(args.verb).run(args) or 0)
     except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -50,6 +51,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f"{name}: {error}", file=sys.stderr)
         return error.exit_code
+
+
+def _module(verb: str) -> Any:
+    return importlib.import_module(f"panoptic_ros.cli.{verb.replace('-', '_')}")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -68,7 +73,7 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     for verb, text in VERBS.items():
         sub = verbs.add_parser(verb, help=text, description=text[0].upper() + text[1:] + ".")
         if verb == chosen:
-            importlib.import_module(f"panoptic_ros.cli.{verb}").add_arguments(sub)
+            _module(verb).add_arguments(sub)
     return parser
 
 

@@ -65,11 +65,16 @@ def _places() -> list[Path]:
 @cache
 def module_folder(module: str) -> Path:
     """The folder of a module's kernels, which need not be there yet; marked as used if it is."""
-    name = sha256(f"{VERSIONS} {closure_hash(module)}".encode()).hexdigest()[:20]
-    folder = cache_folder() / f"{module.partition('.')[2]}-{name}"
+    name = module.partition(".")[2]
+    folder = cache_folder() / f"{name}-{hash_of(VERSIONS, closure_hash(module))}"
     with suppress(FileNotFoundError):
         os.utime(folder)
     return folder
+
+
+def hash_of(*texts: str) -> str:
+    """A short hash for the name of a file."""
+    return sha256("\n".join(texts).encode()).hexdigest()[:20]
 
 
 def remove_old(folder: Path) -> None:

@@ -26,6 +26,7 @@ from panoptic_ros.offsets.news import News
 from panoptic_ros.offsets.passes import PRIOR_DRIFT, PRIOR_OFFSET, SCALES
 from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.offsets.uncertainty import honest_information
+from panoptic_ros.offsets.warm_up import compile_kernels
 from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
@@ -66,6 +67,8 @@ class OffsetsStage(Stateful):
                 f"{', '.join(context.rig.names)}"
             )
         self.reset()
+        if config.active:
+            compile_kernels(context.rig, context.skeleton, self._arrays, self._prior)
 
     def reset(self) -> None:
         """Forget all motion and clocks."""

@@ -119,7 +119,7 @@ class PersonMotion:
         covariances = covariances / relief[:, None, None]
         delays, points = self._still, positions
         if shift is not None:
-            delays, assumed = shift.delays[0], shift.assumed[0]
+            delays, assumed = shift.delays[0].copy(), shift.assumed[0]  # writable, as `_still`: one kernel
             points = positions + (delays @ assumed[..., None])[..., 0]
         known = np.isfinite(now.states[:, 0])
         if (measured & ~known).any():

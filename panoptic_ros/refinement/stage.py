@@ -189,12 +189,13 @@ def _sources_of(item: TrackedPoseSet, numbers: list[int]) -> ViewSources | None:
 
 
 def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:
-    """A few instants of one person, to compile the kernels with."""
+    """A few instants of one person, then of another whose views have stamps of their own: all kernels."""
     count = len(skeleton)
     positions = np.random.default_rng(0).uniform(0.0, 1.0, (1, count, 3))
-    for index in range(4):
-        ones = np.ones((1, count))
+    ones, still, eyes = np.ones((1, count)), np.zeros((1, count, 3)), np.tile(np.eye(3), (1, count, 1, 1))
+    moving = TimeShift(1e-3 * eyes, still, still, eyes)
+    for index in range(6):
         yield TrackedPoseSet(
-            index, index * 33_000_000, skeleton.hash, positions + 0.01 * index,
-            np.tile(1e-4 * np.eye(3), (1, count, 1, 1)), ones, 2 * ones, ones, np.ones(1), ids=np.array([0]),
+            index, index * 33_000_000, skeleton.hash, positions + 0.01 * index, 1e-4 * eyes, ones, 2 * ones,
+            ones, np.ones(1), time_shift=moving if index > 3 else None, ids=np.array([int(index > 3)]),
         )  # fmt: skip

@@ -1,38 +1,54 @@
-"""The constructors of voting and assembly compile all kernels: the first live instant waits for none."""
+"""The constructors of stages make all kernels ready: whatever a live stage meets, nothing is compiled late."""
+import json
 import subprocess
 import sys
+from pathlib import Path
 
+import live_situations
 import pytest
 
-LATE = """
-import sys
-from numba.core.dispatcher import Dispatcher
-from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, simulate
-from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
-from panoptic_ros.stage import StageContext
+import panoptic_ros
+from panoptic_ros.graph.nodes import NODES
 
 
-def kernels():
-    modules = [module for name, module in sys.modules.items() if name.startswith("panoptic_ros.")]
-    found = [value for module in modules for value in vars(module).values() if isinstance(value, Dispatcher)]
-    return {(f.py_func.__module__, f.py_func.__name__, str(s)) for f in found for s in f.signatures}
-
-
-take = simulate(Scene("test", ("walk", "talk", "reach"), Ring(5), area=1.8, degradation=NOISY), 3, 4)
-settings = {"assembly": {"method": sys.argv[1]}, "voting": {"method": sys.argv[2]}}
-context, configs = StageContext(take.rig, SKELETON), configure(settings)
-voting, assembly = (make_stage(name, configs[name], context) for name in ("voting", "assembly"))
-before = kernels()
-for item in take.detection_sets():
-    assembly.step(voting.step(with_drawn_maps(item, MapDrawing((256, 144)))).outputs[0])
-print(sorted(kernels() - before))
-"""
-
-
-@pytest.mark.parametrize("methods", [("consensus", "seeds"), ("dynamic_programming", "exact")])
-def test_nothing_is_compiled_late(methods):
+def late(program: str, *arguments: object) -> str:
+    """Kernels that were not ready, in a fresh process."""
     done = subprocess.run(
-        [sys.executable, "-c", LATE, *methods], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
+        [sys.executable, live_situations.__file__, program, json.dumps(arguments)],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize(
+    ("cameras", "settings", "skeleton"),
+    [
+        (5, {}, ""),
+        (2, {}, ""),
+        (31, {}, ""),
+        (5, {"sync": {"resampling": "interpolate", "rate_hz": 50.0}, "refinement": {"lag": 0.0}}, ""),
+        (4, {"assembly": {"method": "dynamic_programming"}, "voting": {"method": "exact"}}, ""),
+        (3, {"voting": {"method": "dense", "volume": [-1, -1, 0, 1, 1, 2], "voxel": 0.1}}, ""),
+        (5, {"voting": {"method": "off"}, "refinement": {"bone_sigma": 0.0}}, ""),
+        (5, {"voting": {"explain_away": False}, "assembly": {"temporal_guidance": False}}, ""),
+        (4, {"assembly": {"learn_noise": False, "compensate_stamps": False}}, "coco17"),
+    ],
+)
+def test_from_2d_people_to_skeletons(cameras, settings, skeleton):
+    assert late("chain", cameras, settings, skeleton) == "[]"
+
+
+def test_offsets():
+    assert late("offsets") == "[]"
+
+
+def test_timecode_and_clocks():
+    assert late("timecode") == "[]"
+
+
+def test_no_other_stage_compiles():
+    root = Path(panoptic_ros.__file__).parent
+    tested = {"sync", "voting", "assembly", "tracking", "refinement", "offsets", "timecode", "clocks"}
+    for name in set(NODES) - tested:
+        assert not any("njit" in path.read_text() for path in (root / name).rglob("*.py")), name

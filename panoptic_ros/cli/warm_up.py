@@ -1,0 +1,37 @@
+"""`panoptic warm-up`: compile everything ahead."""
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("--processes", type=int, metavar="N", help="default: one per processor, at most 4")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compile what is missing."""
+    from panoptic_ros.errors import UsageError
+    from panoptic_ros.running.warm_up import is_warm, warm_up  # numba is slow to load
+
+    if args.processes is not None and args.processes < 1:
+        raise UsageError(f"--processes {args.processes}: at least 1")
+    if is_warm():
+        print("all kernels are compiled")
+        return 0
+    began = time.monotonic()
+    done = warm_up(_Progress().show, args.processes)
+    seconds = time.monotonic() - began
+    print(f"{done.kernels} kernels compiled in {seconds:.0f} s ({done.cpu_s:.0f} s of processor time)")
+    return 0
+
+
+class _Progress:
+    """A line that is written over on a terminal; nothing elsewhere."""
+
+    def show(self, share: float, name: str) -> None:
+        if sys.stderr.isatty():
+            end = "\n" if share == 1.0 else ""
+            print(f"\rcompiling: {share:4.0%}, {name:12}", end=end, file=sys.stderr, flush=True)

@@ -1,0 +1,143 @@
+"""What live stages may meet. As a program: which kernels were not ready when the stages were constructed.
+
+`python live_situations.py chain '[cameras, settings, skeleton]'`, `... offsets`, `... timecode`.
+"""
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+from panoptic_ros.domain import AudioBlock, DetectionSet, Occluders, SkeletonModel, Timecode, VisibilityLimit
+from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.io.skeletons import load_skeleton
+from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, Timing, simulate
+from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
+from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate
+from panoptic_ros.stage import StageContext
+
+WALL = Occluders(np.array([[0.5, -1.0, 0.0], [0.5, 1.0, 0.0], [0.5, 0.0, 2.0]]), np.array([[0, 1, 2]]))
+NEAR = VisibilityLimit(np.full((36, 64), 4000, np.uint16))
+UNEQUAL = Timing(phase=0.01, stamp_jitter=0.001, drop=0.1)
+BAD_LINE = AudioFaults(snr_db=15.0, hum_db=-5.0, dc=0.05, gain_db=3.0, clicks_per_s=8.0, bits=8)
+
+
+def kernels() -> set[tuple[str, str, str]]:
+    """Module, name and types of all kernels that are compiled or loaded."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("panoptic_ros.")]
+    found = [value for module in modules for value in vars(module).values() if isinstance(value, Dispatcher)]
+    return {(f.py_func.__module__, f.py_func.__name__, str(s)) for f in found for s in f.signatures}
+
+
+def chain(cameras: int, settings: dict[str, dict[str, Any]], skeleton: str) -> set[tuple[str, str, str]]:
+    """From 2D people to skeletons."""
+    model = load_skeleton(skeleton) if skeleton else SKELETON
+    scene = Scene("test", ("walk", "talk", "reach"), Ring(cameras), area=1.8, degradation=NOISY)
+    rig, configs = simulate(scene, 3, 1).rig, configure(settings)
+    late = set()
+    for occluders in (None, WALL):
+        context = StageContext(replace(rig, occluders=occluders), model)
+        sync, *fusion = (
+            make_stage(name, configs[name], context)
+            for name in ("sync", "voting", "assembly", "tracking", "refinement")
+        )
+        before = kernels()
+        for sets in situations(scene, model):
+            passed(fusion, sets)
+            passed([sync, *fusion], [view for item in sets for view in item.views])
+        late |= kernels() - before
+    return late
+
+
+def situations(scene: Scene, skeleton: SkeletonModel) -> Iterator[list[DetectionSet]]:
+    """Sets without and with maps, depth limits, stamps of their own, gaps, one person, nobody, one view."""
+    plain = sets_of(scene, skeleton)
+    maps = [with_drawn_maps(item, MapDrawing((256, 144))) for item in plain]
+    bare = [replace(view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0])
+            for view in maps[1].views]  # fmt: skip
+    yield plain
+    yield maps
+    yield [limited(item) for item in plain]
+    yield [limited(item) for item in maps]
+    yield sets_of(replace(scene, timing=UNEQUAL), skeleton)
+    yield [with_drawn_maps(item, MapDrawing()) for item in sets_of(replace(scene, timing=UNEQUAL), skeleton)]
+    yield sets_of(replace(scene, activities=("walk",)), skeleton)
+    yield [maps[0], replace(maps[1], views=tuple(bare)), *maps[2:]]  # maps with nobody
+    yield [replace(item, views=item.views[:1]) for item in plain]
+    yield [plain[0], *(replace(item, views=()) for item in plain[1:])]
+
+
+def sets_of(scene: Scene, skeleton: SkeletonModel) -> list[DetectionSet]:
+    """A few sets of a scene; joints that the simulation lacks are taken from others."""
+    joints = np.arange(len(skeleton)) % len(SKELETON)
+    frames = 5 if scene.rig.cameras < 20 else 3
+    return [
+        replace(item, views=tuple(
+            replace(view, points=view.points[:, joints], scores=view.scores[:, joints]) for view in item.views
+        ))
+        for item in simulate(scene, 3, frames).detection_sets(skeleton.hash)
+    ]  # fmt: skip
+
+
+def limited(item: DetectionSet) -> DetectionSet:
+    """The set with views that see 4 m far."""
+    return replace(item, views=tuple(replace(view, limit=NEAR) for view in item.views))
+
+
+def passed(stages: list[Any], items: list[Any]) -> list[Any]:
+    """What comes out of the last stage."""
+    for stage in stages:
+        results = [stage.step(item) for item in items] + [stage.flush()]
+        items = [output for result in results for output in result.outputs]
+    return items
+
+
+def offsets() -> set[tuple[str, str, str]]:
+    """Clocks from motion, of cameras whose number does not let every frame be used."""
+    take = simulate(Scene("test", ("walk", "talk"), Ring(12), area=1.8, timing=Timing(phase=0.02)), 3, 60)
+    context, configs = StageContext(take.rig, SKELETON), configure({"offsets": {"active": True}})
+    fusion = [make_stage(name, configs[name], context) for name in ("voting", "assembly", "tracking")]
+    stage = make_stage("offsets", configs["offsets"], context)
+    before, models = kernels(), 0
+    sets = list(take.detection_sets())
+    for item, people in zip(sets, passed(fusion, sets), strict=True):
+        results = [stage.step(received) for received in (*item.views, people)]
+        models += sum(len(result.outputs) for result in results)
+    assert models, "no block was closed"
+    return kernels() - before
+
+
+def timecode() -> set[tuple[str, str, str]]:
+    """Sound with all that a line does to it."""
+    context = StageContext(simulate(Scene("test", ("walk",), Ring(2)), 3, 1).rig, SKELETON)
+    stages = [make_stage(name, configure({})[name], context) for name in ("timecode", "clocks")]
+    before, models = kernels(), 0
+    for channel in (
+        Channel(), Channel(clip=0.4), Channel(faults=BAD_LINE), Channel(low_pass_hz=2500.0),
+        Channel(high_pass_hz=200.0), Channel(echo_s=0.3, direct_db=5.0), Channel(speed=1.1, ramp=0.1),
+        Channel(wow=0.02, jitter_s=1e-5, inverted=True),
+    ):  # fmt: skip
+        for rate, reverse in ((48000, False), (16000, True)):
+            start = Timecode.from_frame_count(1000, timecode_rate("30"))
+            sound = play_ltc(start, 45, rate, channel, reverse=reverse).samples
+            blocks = [
+                AudioBlock("mic", 10**9 + first * 10**9 // rate, first, rate, sound[first : first + 1024])
+                for first in range(0, len(sound), 1024)
+            ]
+            models += len(passed(stages, blocks))
+    assert models, "nothing was read"
+    return kernels() - before
+
+
+PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
+    "chain": chain, "offsets": offsets, "timecode": timecode,
+}  # fmt: skip
+
+if __name__ == "__main__":
+    print(sorted(PROGRAMS[sys.argv[1]](*json.loads((sys.argv[2:] or ["[]"])[0]))))
