@@ -1,4 +1,4 @@
-"""The constructors of stages make all kernels ready: whatever a live stage meets, nothing is compiled late."""
+"""The constructors of stages make all kernels ready: whatever a live stage meets, nothing compiles."""
 import json
 import subprocess
 import sys

@@ -59,8 +59,13 @@ def situations(scene: Scene, skeleton: SkeletonModel) -> Iterator[list[Detection
     """Sets without and with maps, depth limits, stamps of their own, gaps, one person, nobody, one view."""
     plain = sets_of(scene, skeleton)
     maps = [with_drawn_maps(item, MapDrawing((256, 144))) for item in plain]
-    bare = [replace(view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0])
-            for view in maps[1].views]  # fmt: skip
+    bare = tuple(
+        replace(
+            view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0],
+            maps=replace(view.maps, persons=0 * view.maps.persons - 1),
+        )
+        for view in maps[1].views
+    )  # fmt: skip
     yield plain
     yield maps
     yield [limited(item) for item in plain]
@@ -68,7 +73,7 @@ def situations(scene: Scene, skeleton: SkeletonModel) -> Iterator[list[Detection
     yield sets_of(replace(scene, timing=UNEQUAL), skeleton)
     yield [with_drawn_maps(item, MapDrawing()) for item in sets_of(replace(scene, timing=UNEQUAL), skeleton)]
     yield sets_of(replace(scene, activities=("walk",)), skeleton)
-    yield [maps[0], replace(maps[1], views=tuple(bare)), *maps[2:]]  # maps with nobody
+    yield [maps[0], replace(maps[1], views=bare), *maps[2:]]  # maps with nobody
     yield [replace(item, views=item.views[:1]) for item in plain]
     yield [plain[0], *(replace(item, views=()) for item in plain[1:])]
 
@@ -99,15 +104,18 @@ def passed(stages: list[Any], items: list[Any]) -> list[Any]:
 
 
 def offsets() -> set[tuple[str, str, str]]:
-    """Clocks from motion, of cameras whose number does not let every frame be used."""
-    take = simulate(Scene("test", ("walk", "talk"), Ring(12), area=1.8, timing=Timing(phase=0.02)), 3, 60)
-    context, configs = StageContext(take.rig, SKELETON), configure({"offsets": {"active": True}})
+    """Clocks from motion, of more cameras than let every frame be used; every other clock is wrong."""
+    take = simulate(Scene("test", ("walk", "talk"), Ring(12), area=1.8), 3, 120)
+    context = StageContext(take.rig, SKELETON)
+    configs = configure({"offsets": {"active": True, "block_s": 1.0}})
     fusion = [make_stage(name, configs[name], context) for name in ("voting", "assembly", "tracking")]
     stage = make_stage("offsets", configs["offsets"], context)
     before, models = kernels(), 0
     sets = list(take.detection_sets())
     for item, people in zip(sets, passed(fusion, sets), strict=True):
-        results = [stage.step(received) for received in (*item.views, people)]
+        delays = 20_000_000 * (np.arange(len(item.views)) % 2)
+        wrong = [replace(view, stamp_ns=view.stamp_ns + int(d)) for view, d in zip(item.views, delays)]
+        results = [stage.step(received) for received in (*wrong, people)]
         models += sum(len(result.outputs) for result in results)
     assert models, "no block was closed"
     return kernels() - before
