@@ -66,7 +66,8 @@ def main() -> None:
         with on_compilation(compiled.append):
             TASKS[line.strip()]()
         count = sum(name.startswith("panoptic_ros.") for name in compiled)
-        print(time.process_time() - began, count, flush=True)
+        sys.stdout.write(f"{time.process_time() - began} {count}\n")  # to the process that asked
+        sys.stdout.flush()
 
 
 if __name__ == "__main__":
