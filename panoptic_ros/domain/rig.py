@@ -94,6 +94,15 @@ class Rig:
         there = ", ".join(sensor.name for sensor in self.depth_sensors) or "none"
         raise CalibrationError(f"the rig has no depth sensor {name!r}; it has {there}")
 
+    def clock_of(self, owner: str) -> str:
+        """Whose clock stamps what a camera or depth sensor gives, "" = the common one; other devices have
+        their own.
+        """
+        for camera in (*self.cameras, *(sensor.camera for sensor in self.depth_sensors)):
+            if camera.name == owner:
+                return camera.clock
+        return owner
+
     def subset(self, names: Iterable[str]) -> Rig:
         """A rig of some of the cameras, in the order of this rig.
 

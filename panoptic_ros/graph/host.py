@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 from typing import Any
 
-from panoptic_ros.graph.lanes import Lane, MarkedStream, Origins, StampedStream
+from panoptic_ros.graph.lanes import BesideStream, Lane, MarkedStream, Origins, StampedStream
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.schedule import DONE, Place
 from panoptic_ros.graph.topics import TOPICS, number_of
@@ -24,7 +24,11 @@ class _Group:
     """Streams that are merged: all of a host, or those of one camera or device."""
 
     def __init__(self, lanes: Sequence[Lane]):
-        self.stamped = {(lane.topic, lane.owner): StampedStream(lane) for lane in lanes if lane.by_stamp}
+        stamped = [lane for lane in lanes if lane.by_stamp]
+        self.stamped = {
+            (lane.topic, lane.owner): StampedStream(lane) for lane in stamped if not lane.ahead_ns
+        }
+        self.beside = {(lane.topic, lane.owner): BesideStream(lane) for lane in stamped if lane.ahead_ns}
         self.marked = {(lane.topic, lane.owner): MarkedStream(lane) for lane in lanes if not lane.by_stamp}
         self._placed: list[tuple[Place, int, Lane, Any, bool]] = []  # a heap
         self._number = 0
@@ -33,13 +37,35 @@ class _Group:
 
     @property
     def streams(self) -> dict[Key, StampedStream | MarkedStream]:
-        """All of them."""
+        """Those that have an order of their own."""
         return {**self.stamped, **self.marked}
+
+    def put(self, key: Key, stamp_ns: int, record: Any) -> None:
+        """A record has arrived."""
+        if key in self.marked:
+            self.marked[key].put(record)
+        else:
+            (self.beside.get(key) or self.stamped[key]).put(stamp_ns, record)
 
     def end(self, key: Key) -> None:
         """No more will come on a lane."""
-        self.streams[key].end()
-        self._ends.setdefault(key, False)
+        if key in self.beside:
+            self.beside[key].end()
+        else:
+            self.streams[key].end()
+            self._ends.setdefault(key, False)
+
+    def waiting_for(self) -> tuple[bool, Place, tuple[int, int], Key] | None:
+        """The lane on which something must come, or end, first; None: all have ended."""
+        waiting = [
+            (stream.shown, stream.bound, stream.lane.order, key)
+            for key, stream in self.streams.items() if not stream.ended
+        ]  # fmt: skip
+        waiting += [
+            (False, (), stream.lane.order, key) for key, stream in self.beside.items()
+            if not stream.ended and (stream.wanted or not waiting)
+        ]  # fmt: skip
+        return min(waiting) if waiting else None
 
     def bound(self, topics: frozenset[str] | None = None) -> Place:
         """What is still to come on these topics (None: all) is not before this."""
@@ -57,14 +83,17 @@ class _Group:
         origins = self._origins = self._origins or self._find_origins()
         if origins is not None:
             for stream in self.stamped.values():
-                self._keep(stream.lane, stream.take(origins))
+                beside = [other for other in self.beside.values() if other.lane.owner == stream.lane.owner]
+                for lane, place, record in stream.take(origins, beside):
+                    self._keep(lane, place, record)
         for marked in self.marked.values():
-            self._keep(marked.lane, marked.take())
+            for place, record in marked.take():
+                self._keep(marked.lane, place, record)
         for key, placed in self._ends.items():
             if not placed and self._all_placed(key):
                 self._ends[key] = True
                 if key in self.stamped:
-                    self._keep(self.stamped[key].lane, [(self.stamped[key].last_place, None)], is_end=True)
+                    self._keep(self.stamped[key].lane, self.stamped[key].last_place, None, is_end=True)
 
     def take(self, bound: Place) -> tuple[Place, Lane, Any, bool] | None:
         """The next record that is not after this place: place, lane, record, whether it is an end."""
@@ -76,10 +105,9 @@ class _Group:
     def _all_placed(self, key: Key) -> bool:
         return self.streams[key].bound == (DONE,)
 
-    def _keep(self, lane: Lane, records: Sequence[tuple[Place, Any]], is_end: bool = False) -> None:
-        for place, record in records:
-            self._number += 1
-            heappush(self._placed, (place, self._number, lane, record, is_end))
+    def _keep(self, lane: Lane, place: Place, record: Any, is_end: bool = False) -> None:
+        self._number += 1
+        heappush(self._placed, (place, self._number, lane, record, is_end))
 
     def _find_origins(self) -> Origins | None:
         """Where the times of all clocks begin; None: a lane has not shown it yet."""
@@ -87,7 +115,7 @@ class _Group:
             return None
         firsts: dict[str, int] = {}
         for stream in self.stamped.values():
-            if stream.first_stamp is not None and not stream.lane.ahead_ns:
+            if stream.first_stamp is not None:
                 clock = stream.lane.clock
                 firsts[clock] = min(stream.first_stamp, firsts.get(clock, stream.first_stamp))
         return Origins.of(firsts)
@@ -153,11 +181,7 @@ class Host:
             if record is not None:
                 self._pipeline.push(topic, record)
             return
-        group = self._group(owner)
-        if key in group.stamped:
-            group.stamped[key].put(stamp_ns, record)
-        else:
-            group.marked[key].put(record)
+        self._group(owner).put(key, stamp_ns, record)
 
     def mark(self, topic: str, owner: str, place: Place, count: int) -> None:
         """A marker of a topic has arrived."""
@@ -174,10 +198,7 @@ class Host:
 
     def waiting_for(self) -> Key | None:
         """The lane on which something must come, or end, so that stages can go on; None: all have ended."""
-        waiting = [
-            (stream.shown, stream.bound, stream.lane.order, key)
-            for group in self._groups.values() for key, stream in group.streams.items() if not stream.ended
-        ]  # fmt: skip
+        waiting = [found for group in self._groups.values() if (found := group.waiting_for()) is not None]
         return min(waiting)[3] if waiting else None
 
     def gave(self, topic: str, owner: str) -> None:

@@ -9,10 +9,10 @@ come is not before p".
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from panoptic_ros.graph.schedule import DONE, Place
+from panoptic_ros.graph.schedule import DONE, END, Place
 
 EARLY = 4  # records of a stream that are shown early after its start or a pause
 PAUSE_NS = 500_000_000  # a longer time between two records is a pause
@@ -98,6 +98,42 @@ class MarkedStream:
         return found
 
 
+class BesideStream:
+    """Records that are handed over just before those of another topic of their owner, by their stamps.
+
+    Such as depth maps before the images that they belong to: with the image of stamp t come those before t
+    plus the time by which the port is ahead.
+    """
+
+    def __init__(self, lane: Lane):
+        self.lane = lane
+        self.wanted = False  # whether a record waits for what is to come
+        self.ended = False
+        self._records: deque[tuple[int, Any]] = deque()
+        self._newest = -1
+
+    def put(self, stamp_ns: int, record: Any) -> None:
+        """A record has arrived."""
+        self._records.append((stamp_ns, record))
+        self._newest = max(self._newest, stamp_ns)
+
+    def end(self) -> None:
+        """All that was sent has arrived."""
+        self.ended = True
+
+    def covers(self, stamp_ns: int) -> bool:
+        """Whether all that belongs to a record of this stamp has come."""
+        self.wanted = not self.ended and self._newest < stamp_ns + self.lane.ahead_ns
+        return not self.wanted
+
+    def take(self, stamp_ns: int) -> list[Any]:
+        """What belongs to a record of this stamp, or to none before it."""
+        found = []
+        while self._records and self._records[0][0] < stamp_ns + self.lane.ahead_ns:
+            found.append(self._records.popleft()[1])
+        return found
+
+
 class StampedStream:
     """Records whose stamps tell their places.
 
@@ -139,22 +175,29 @@ class StampedStream:
         """All that was sent has arrived."""
         self.ended = True
 
-    def take(self, origins: Origins) -> list[tuple[Place, Any]]:
-        """The records that have come, with their places."""
-        found: list[tuple[Place, Any]] = []
-        while self._records:
+    def take(self, origins: Origins, beside: Sequence[BesideStream] = ()) -> list[tuple[Lane, Place, Any]]:
+        """The records that have come, with their lanes and places, each behind those that belong beside it.
+
+        Args:
+            beside: what waits for records of this stream; a record waits until all of it has come.
+        """
+        found: list[tuple[Lane, Place, Any]] = []
+        while self._records and all(stream.covers(self._records[0][0]) for stream in beside):
             stamp, record = self._records.popleft()
-            place = (self._time_of(stamp, origins) - self.lane.ahead_ns, *self.lane.order)
-            found.append((place, record))
-            self.bound = (*place, DONE)
-        if self.ended:
+            time = self._time_of(stamp, origins)
+            for stream in beside:
+                owner, topic = stream.lane.order
+                found += [(stream.lane, (time, owner, -topic), other) for other in stream.take(stamp)]
+            found.append((self.lane, (time, *self.lane.order), record))
+            self.bound = (time, *self.lane.order, END)
+        if self.ended and not self._records:
             self.bound = (DONE,)
         return found
 
     @property
     def last_place(self) -> Place:
         """Of the newest record that has a place."""
-        return (self._time - self.lane.ahead_ns, *self.lane.order)
+        return (self._time, *self.lane.order)
 
     def _time_of(self, stamp: int, origins: Origins) -> int:
         if self._last is None:

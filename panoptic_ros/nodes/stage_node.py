@@ -157,9 +157,8 @@ class StageNode(Node):
         present = [(topic, owner) for topic, found in owners.items() for owner in found]
         if replay:
             there = [topic for topic in owners if self._is_waited_for(topic)]
-            clocks = {camera.name: camera.clock for camera in rig.cameras}
             self._host = Host(
-                pipeline, lanes_of(there, lambda topic: owners[topic], pipeline, lambda o: clocks.get(o, "")),
+                pipeline, lanes_of(there, lambda topic: owners[topic], pipeline, rig.clock_of),
                 marked=self._marked, on_marker=self._outputs.mark, on_end=self._outputs.end,
             )  # fmt: skip
         else:

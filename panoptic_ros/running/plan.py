@@ -48,8 +48,8 @@ class Plan:
         return CHAIN[CHAIN.index(self.stage) :]
 
     def clock_of(self, owner: str) -> str:
-        """Whose clock stamps the records of a camera; "" = the common one."""
-        return next((camera.clock for camera in self.rig.cameras if camera.name == owner), "")
+        """Whose clock stamps the records of a camera or device; "" = the common one."""
+        return self.rig.clock_of(owner)
 
 
 def require_two(rig: Rig) -> None:
