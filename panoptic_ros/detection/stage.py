@@ -36,7 +36,7 @@ class DetectionStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "detection", ("_sides", "_outside", "_noticed"), (SideChooser,),
+        "detection", ("_sides", "_outside", "_noticed", "_depths"), (SideChooser, DepthFrame),
         same={"configuration": "config", "model": "model_name", "skeleton": "skeleton_hash"},
     )  # fmt: skip
 

@@ -1,0 +1,283 @@
+"""A recording for every stage of the table, and the comparison of what comes out of it, deeply."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import captures
+import numpy as np
+from blobs import JOINT_MAP, SKELETON, Blobs
+
+from panoptic_ros.detection.model import DetectorModel
+from panoptic_ros.domain import (
+    AudioBlock,
+    ClockModel,
+    DepthFrame,
+    EndOfStream,
+    JointState,
+    Rig,
+    Timecode,
+    TimecodeReading,
+    TrackedPoseSet,
+    VisibilityLimit,
+)
+from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.simulation.ltc_signal import AudioFaults, degrade_audio, encode_ltc, timecode_rate
+from panoptic_ros.stage import StageContext
+from panoptic_ros.timecode.signal.buffer import Buffer
+
+SECOND = 10**9
+RNG = np.random.default_rng(5)
+MEMORY_TO_WORK_IN = {("voting", "_search"), ("voting", "_boxes")}  # is emptied, or holds what any stage would
+
+
+@dataclass(frozen=True)
+class Case:
+    """One stage under one configuration, a recording for it, and another one that it took before.
+
+    Args:
+        name: of the stage.
+        values: of its parameters.
+    """
+
+    name: str
+    values: dict[str, Any]
+    items: Sequence[Any]
+    others: Sequence[Any]
+    context: StageContext = captures.CONTEXT
+
+    def stage(self, context: StageContext | None = None, **values: Any) -> Any:
+        configs = configure({self.name: {**self.values, **values}})
+        return make_stage(self.name, configs[self.name], context or self.context)
+
+
+# ---------------------------------------------------------------- recordings
+
+
+def only(view, rows):
+    """A view with some of its people."""
+    return replace(
+        view, points=view.points[rows], scores=view.scores[rows], person_scores=view.person_scores[rows]
+    )
+
+
+def views(frames=14, start=0, hidden=range(5, 9)):
+    """Views of two people, one of whom is hidden for a while."""
+    return [
+        only(captures.view(camera, i, round((start + i) * SECOND / 30)), [0] if i in hidden else [0, 1])
+        for i in range(frames)
+        for camera in captures.RIG.cameras
+    ]
+
+
+def with_limits(items):
+    """Some views that do not see all of the room."""
+    limit = VisibilityLimit.of_depths(np.full((18, 32), 3.0, np.float32), 1.0)
+    return [replace(item, limit=limit) if k % 5 == 0 else item for k, item in enumerate(items)]
+
+
+def clock(camera, shift_ns, until, segment=0):
+    covariance = np.diag([1e-8, 1e-12])
+    return ClockModel(camera, SECOND, shift_ns, 2e-5, covariance, 0.25, 0, until, 1e-7, segment)
+
+
+def disturbed():
+    """Views in disorder: cameras late and early, clocks that jump back and on, a stamp far off, an end."""
+    items = with_limits(views(24))
+    items[30] = replace(items[30], stamp_ns=items[30].stamp_ns + 9 * SECOND)
+    late = [item for item in items if item.camera == "cam3"]
+    moved = [item for item in items if item.camera != "cam3"]
+    for k, item in enumerate(late):
+        moved.insert(3 * k + 7, item)
+    changes = {"cam0": (17, -SECOND // 2), "cam1": (15, 3 * SECOND), "cam3": (20, -SECOND // 5)}
+    jumped = [
+        replace(item, stamp_ns=item.stamp_ns + changes[item.camera][1])
+        if item.camera in changes and item.frame_number > changes[item.camera][0] else item
+        for item in moved
+    ]  # fmt: skip
+    jumped.insert(20, clock("cam0", 1_500_000, SECOND))
+    jumped.insert(44, clock("cam0", 1_700_000, SECOND))
+    jumped.insert(80, clock("cam1", -3 * SECOND, 5 * SECOND, 1))
+    return [*jumped, EndOfStream("cam2")]
+
+
+@cache
+def chain(frames=14, start=0):
+    """What each stage after detection takes."""
+    items, table = views(frames, start), {}
+    for name in ("sync", *FUSION):
+        table[name] = items
+        stage = Case(name, {}, (), ()).stage()
+        results = [stage.step(item) for item in items] + [stage.flush()]
+        items = [output for result in results for output in result.outputs]
+    return table
+
+
+def tracked(index, stamp_ns):
+    positions = captures.people(stamp_ns / SECOND)
+    ones = np.ones(positions.shape[:2])
+    return TrackedPoseSet(
+        index, stamp_ns, captures.SKELETON.hash, positions, np.tile(1e-4 * np.eye(3), (*ones.shape, 1, 1)),
+        ones, 4 * ones, JointState.MEASURED * ones, np.ones(2), ids=np.array([4, 9]),
+    )  # fmt: skip
+
+
+def motion(start=0, instants=11):
+    """Views of cameras whose clocks are off, and tracked people, ten times a second."""
+    items = []
+    for i in range(start, start + instants):
+        stamp = i * SECOND // 10 + SECOND
+        for c, camera in enumerate(captures.RIG.cameras):
+            seen = captures.view(camera, i, stamp + (c - 1) * 20_000_000)
+            items.append(replace(seen, stamp_ns=stamp))
+        items.append(tracked(i, stamp))
+    return items
+
+
+def readings(first=1000, devices=("left", "right"), words=44):
+    """Two devices, one of which jumps; the timecode jumps, too; another device falls silent."""
+    rate = timecode_rate("25")
+    items = []
+    for k in range(words):
+        for d, device in enumerate((*devices, "short")):
+            if device == "short" and k > 12:
+                continue
+            stamp = SECOND + d * 777 + k * 40_000_000 + int(20_000 * RNG.standard_normal())
+            stamp += 400_000_000 if d == 1 and k > 26 else 0
+            label = Timecode.from_frame_count(first + k + (50 if k > 36 else 0), rate)
+            items.append(TimecodeReading(device, stamp, label, 1920.0 * k, 0.01))
+    return items
+
+
+def audio(device, words, seed, rate=16_000, block=720, faults=None):
+    """Blocks that end inside of words, with noise, and a gap."""
+    start = Timecode.from_frame_count(107_880 + seed, timecode_rate("29.97df"))
+    signal = encode_ltc(start, words, rate, lead=900.5, tail=300, user_bits=0x1234 + seed)
+    samples = degrade_audio(signal.samples, rate, faults or AudioFaults(snr_db=20.0, seed=seed))
+    firsts = range(0, len(samples), block)
+    gap = len(firsts) * 2 // 3
+    return [
+        AudioBlock(device, SECOND + first * SECOND // rate, first, rate, samples[first : first + block])
+        for k, first in enumerate(firsts)
+        if k != gap
+    ]
+
+
+def merged(*streams):
+    """Blocks of several devices by turns."""
+    rows = [(k / len(stream), item) for stream in streams for k, item in enumerate(stream)]
+    return [item for _, item in sorted(rows, key=lambda row: row[0])]
+
+
+CELLS = np.array([[[10, 10], [12, 20], [14, 30]], [[40, 10], [42, 20], [44, 30]]])
+
+
+def frames(often="left", rarely="right", count=21):
+    """Pictures of two people, of people who are too small for long, and of nobody."""
+    places = 4.0 * CELLS + 1.5
+    small = places.mean(axis=1, keepdims=True) + 0.35 * (places - places.mean(axis=1, keepdims=True))
+    pictures = [
+        Blobs.picture((192, 256), what, sigma) for what, sigma in ((places, 4.0), (small, 2.0), ([], 1.0))
+    ]
+    shown = [0] * 2 + [1] * 16 + [2] * 5
+    rows = [(k, often) for k in range(count)] + [(k, rarely) for k in range(0, count, 3)]
+    found: list[Any] = []
+    for k, camera in sorted(rows):
+        frame = replace(Blobs.frame(pictures[shown[k]], k, camera), stamp_ns=SECOND + k * 33_000_000)
+        if camera == rarely:
+            depth = np.full((24, 32), 2.0 + 0.1 * k, np.float32)
+            found.append(DepthFrame(camera, frame.stamp_ns + 3_000_000, k, depth))
+        found.append(frame)
+    return found
+
+
+def detector():
+    network = Blobs.heads_network([-10, -2, 0, 0, 10, 2])
+    extras = {"detector": DetectorModel(Blobs.heads_card(), network), "joint_map": JOINT_MAP}
+    return StageContext(Rig(captures.RIG.cameras[:1]), SKELETON, extras)
+
+
+@cache
+def cases():
+    ways = {
+        "replay": {"window_s": 0.005}, "live": {"deadline_s": 0.1},
+        "grid": {"rate_hz": 29.97, "minimum_views": 2, "queue_limit": 12},
+        "interpolated": {"resampling": "interpolate", "clocks": ["cam0=cam0"], "delays_ms": ["cam3=-7.5"]},
+    }  # fmt: skip
+    sizes = {"input_side": 0, "smallest_input": 64, "largest_input": 512}
+    return {
+        "timecode": Case(
+            "timecode", {}, merged(audio("mic", 20, 1), audio("line", 16, 2, 48_000, 2500)),
+            audio("mic", 12, 7),
+        ),
+        "clocks": Case(
+            "clocks", {"window_s": 2.0, "period_s": 0.1}, readings(), readings(5000, ("up", "left"))
+        ),
+        "detection": Case("detection", sizes, frames(), frames("right", "third", 12)[::-1], detector()),
+        "offsets": Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
+        **{
+            f"sync-{kind}": Case("sync", values, disturbed(), views(9, start=300)[::-1])
+            for kind, values in ways.items()
+        },
+        **{name: Case(name, {}, chain()[name], chain(7, 200)[name]) for name in FUSION},
+        "refinement-lag": Case(
+            "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
+        ),
+    }
+
+
+NAMES = (
+    "timecode", "clocks", "detection", "offsets",
+    "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
+    *FUSION, "refinement-lag",
+)  # fmt: skip
+
+
+# ---------------------------------------------------------------- comparing
+
+
+def content(value: Any, seen: dict[int, int] | None = None) -> Any:
+    """A value deeply, with types and bits; with `seen`, also what that can change is one and the same."""
+    if value is None or isinstance(value, (bool, int, str, bytes, type)):
+        return value
+    if isinstance(value, (float, np.generic)):
+        return type(value).__name__, np.asarray(value).tobytes()
+    if seen is not None and can_change(value):
+        if id(value) in seen:
+            return "again", seen[id(value)]
+        seen[id(value)] = len(seen)
+    if isinstance(value, np.ndarray):
+        return value.shape, value.dtype.str, value.tobytes(), value.flags.writeable, value.flags.c_contiguous
+    kind = type(value).__name__
+    if isinstance(value, dict):
+        return kind, [(content(key, seen), content(each, seen)) for key, each in value.items()]
+    if isinstance(value, (set, frozenset)):
+        return kind, sorted(map(repr, value))
+    if hasattr(value, "__iter__") and hasattr(value, "__len__") and not hasattr(value, "__dict__"):
+        return kind, getattr(value, "maxlen", None), [content(each, seen) for each in value]
+    if isinstance(value, Buffer):
+        return kind, content(value.values, seen)  # its memory is larger, and empty there
+    slots = [name for cls in type(value).__mro__ for name in getattr(cls, "__slots__", ())]
+    names = {*slots, *getattr(value, "__dict__", {}), *getattr(value, "__dataclass_fields__", {})}
+    return kind, [(name, content(getattr(value, name, None), seen)) for name in sorted(names)]
+
+
+def can_change(value: Any) -> bool:
+    if isinstance(value, np.ndarray):
+        return value.flags.writeable
+    frozen = hasattr(value, "__dataclass_params__") and value.__dataclass_params__.frozen
+    return not frozen and not isinstance(value, (tuple, frozenset, Fraction))
+
+
+def answer(stage: Any, item: Any) -> Any:
+    result = stage.step(item)
+    return content((result.outputs, result.notices))
+
+
+def end(stage: Any) -> Any:
+    result = stage.flush()
+    return content((result.outputs, result.notices))
