@@ -11,9 +11,12 @@ last step.
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, refine_point
+from panoptic_ros.consensus.cameras import Cameras
+from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, SolverRules, refine_point
 from panoptic_ros.consensus.truncation import truncated
 from panoptic_ros.kernels import njit
 
@@ -24,6 +27,21 @@ DENIED = 2.0  # spreads from a firm prediction, at which two views are not belie
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
 
 
+class Room(NamedTuple):
+    """Arrays that `best_start` works in.
+
+    table: (V, TABLE) observations. own: (V, 2) picks of the own 2D people, have: (V,) views that have one.
+    trial, normal, residuals: a point (3,), its normal matrix (3, 3), and its residuals (V,).
+    """
+
+    table: Array
+    own: Array
+    have: Array
+    trial: Array
+    normal: Array
+    residuals: Array
+
+
 @njit(cache=True, error_model="numpy")
 def pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules, picks):
     """Cheapest observation of every view for the point x, and the truncated cost of them all.
@@ -31,7 +49,7 @@ def pick_observations(x, shift, p, j, member, source, owner, plane, precision, s
     picks (V, 2): 2D person and joint of it, -1 where the view has none.
     """
     rotations, translations, delays = cams
-    limit, penalty = rules[0] * rules[0], rules[3]
+    limit, penalty = rules.truncation * rules.truncation, rules.foreign_penalty
     total = 0.0
     for v in range(len(starts) - 1):
         picks[v, 0] = -1
@@ -72,7 +90,7 @@ def pick_observations(x, shift, p, j, member, source, owner, plane, precision, s
 @njit(cache=True, error_model="numpy")
 def intersect(first, second, picks_own, plane, cams, centres, x):
     """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
-    rotations = cams[0]
+    rotations = cams.rotations
     rays = np.empty((2, 3))
     for k in range(2):
         v = first if k == 0 else second
@@ -109,9 +127,9 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
     Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views. The
     cost is truncated over the views, plus the truncated distance to the prediction.
     """
-    table, own, have, trial, normal, residuals = room
+    own, have, trial = room.own, room.have, room.trial
     views = len(starts) - 1
-    limit = rules[0] * rules[0]
+    limit = rules.truncation * rules.truncation
     count = 0
     for v in range(views):
         d = member[p, v]
@@ -127,8 +145,8 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
         trial[:] = prediction
         pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts, cams,
                           rules, picks)  # fmt: skip
-        if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, normal, residuals,
-                        table) >= 2:  # fmt: skip
+        if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, room.normal,
+                        room.residuals, room.table) >= 2:  # fmt: skip
             cost = pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts,
                                      cams, rules, picks)  # fmt: skip
             x[:] = trial
@@ -137,10 +155,10 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
                 return best
     step = max(1, count // 2)
     tried = 0
-    while step >= 1 and tried < rules[4]:
+    while step >= 1 and tried < rules.max_pairs:
         for i in range(count):
             k = (i + step) % count
-            if tried >= rules[4] or k == i or (2 * step == count and i >= step):
+            if tried >= rules.max_pairs or k == i or (2 * step == count and i >= step):
                 continue
             tried += 1
             if not intersect(have[i], have[k], own, plane, cams, centres, trial):
@@ -161,9 +179,7 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
 
 @njit(cache=True, error_model="numpy")
 def _room(views):
-    """Arrays that `best_start` works in: table of observations, own picks, views that have them, and one
-    point with its normal matrix and residuals (V,)."""
-    return (
+    return Room(
         np.empty((views, TABLE)), np.empty((views, 2), np.int64), np.empty(views, np.int64), np.empty(3),
         np.empty((3, 3)), np.empty(views),
     )  # fmt: skip
@@ -178,8 +194,8 @@ def _prior_cost(x, prediction, spread, limit):
 
 def solve_joints(
     todo: Array, predictions: Array, spreads: Array, shifts: Array, firm: Array, member: Array, source: Array,
-    owner: Array, plane: Array, precision: Array, starts: Array, cams: tuple[Array, Array, Array],
-    centres: Array, rules: Array,
+    owner: Array, plane: Array, precision: Array, starts: Array, cams: Cameras,
+    centres: Array, rules: SolverRules,
 ) -> tuple[Array, Array, Array, Array, Array]:  # fmt: skip
     """Solve the joints `todo` (P, J) of all people.
 
@@ -188,8 +204,7 @@ def solve_joints(
         firm: (P, J) whether the prediction can deny what two views say.
         member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) joint of that person.
         owner: (D, J) person that has claimed an observation, -1 = free; others may not use it.
-        cams: rotations (V, 3, 3), translations (V, 3), delays (V,) s. centres: (V, 3).
-        rules: truncation, cauchy, gate (sigmas), foreign penalty, number of pairs.
+        centres: (V, 3) m, of the cameras.
 
     Returns:
         positions (P, J, 3), normals (P, J, 3, 3) 1/m^2, residuals (P, J, V) in sigmas (-1 = unused),
@@ -211,7 +226,6 @@ def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner,
     people, joints = todo.shape
     views = len(starts) - 1
     x, room = np.empty(3), _room(views)
-    table = room[0]
     for p in range(people):
         for j in range(joints):
             if not todo[p, j]:
@@ -224,11 +238,11 @@ def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner,
                 pick[:] = -1
                 continue
             refine_point(x, shift, pick, plane, precision, cams, rules, 4, False, normals[p, j],
-                         residuals[p, j], table)  # fmt: skip
+                         residuals[p, j], room.table)  # fmt: skip
             costs[p, j] = pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts,
                                             cams, rules, pick)  # fmt: skip
             count = refine_point(x, shift, pick, plane, precision, cams, rules, 6, True, normals[p, j],
-                                 residuals[p, j], table)  # fmt: skip
+                                 residuals[p, j], room.table)  # fmt: skip
             if count == 2 and firm[p, j]:
                 away = _prior_cost(x, predictions[p, j], spreads[p, j], np.inf)
                 if away > DENIED * DENIED:

@@ -25,7 +25,7 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
     Args:
         positions, normals, residuals, picks: see `Solved`. shifts: (P, J, 3) m/s, velocities by which
         views were moved to the set's instant. plane, precision: see `Scene`, by row.
-        cams: rotations, translations and delays of the views, see `Scene`. focals: (V,) px.
+        cams: `Cameras`. focals: (V,) px.
     """
     joints, views = residuals.shape[1:]
     rotations, translations, delays = cams

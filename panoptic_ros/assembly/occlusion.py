@@ -43,10 +43,10 @@ def hidden_joints(positions, shifts, bones, radii, cams):
 
     Args:
         positions: (P, J, 3) m, NaN = unknown: such joints are not hidden, their bones hide nothing.
-        shifts: (P, J, 3) m/s, velocities. bones: (B, 2); radii: (B,) m. cams: see `Scene`.
+        shifts: (P, J, 3) m/s, velocities. bones: (B, 2); radii: (B,) m. cams: `Cameras`.
     """
     people, joints = positions.shape[:2]
-    views = len(cams[0])
+    views = len(cams.rotations)
     hidden = np.zeros((people, views, joints), np.int64)
     places, boxes = np.empty((people, joints, 3)), np.empty((people, 6))
     thickest = RIM * radii.max() if len(radii) else 0.0
@@ -68,7 +68,7 @@ def _project(position, shift, cams, v, place, box):
 
     box: (6,) smallest and largest x, y and depth.
     """
-    r, t, delay = cams[0][v], cams[1][v], cams[2][v]
+    r, t, delay = cams.rotations[v], cams.translations[v], cams.delays[v]
     left = top = near = np.inf
     right = bottom = far = -np.inf
     for j in range(len(position)):

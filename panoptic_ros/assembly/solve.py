@@ -8,6 +8,7 @@ import numpy as np
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.joint_solver import solve_again, solve_joints
 from panoptic_ros.consensus.agreement import limb_costs
+from panoptic_ros.consensus.gauss_newton import SolverRules
 from panoptic_ros.consensus.grouping import Grouping, Scene
 from panoptic_ros.kernels import njit
 
@@ -59,8 +60,8 @@ class Solver:
 
     def __init__(self, config: AssemblyConfig, groups: Array, group_count: int):
         self._config, self._groups, self._group_count = config, groups, group_count
-        self._rules = np.array(
-            [config.truncation, config.cauchy, config.gate, config.foreign_penalty, float(config.max_pairs)]
+        self._rules = SolverRules(
+            config.truncation, config.cauchy, config.gate, config.foreign_penalty, config.max_pairs
         )
 
     def solve(self, scene: Scene, grouping: Grouping, source: Array, guide: Guide) -> Solved:

@@ -21,6 +21,7 @@ from panoptic_ros.assembly.phantoms import agreed_shares
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
+from panoptic_ros.consensus.cameras import Cameras
 from panoptic_ros.consensus.evidence import Evidence, RigArrays, gather
 from panoptic_ros.consensus.grouping import Scene
 from panoptic_ros.consensus.guidance import GUIDANCE_FIELDS, Guidance, Prediction
@@ -140,7 +141,7 @@ class AssemblyStage(Stateful):
         """Evidence with the noise that is known by now, as if all joints were visible."""
         precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64), sizes)
         delays = evidence.delays if self._config.compensate_stamps else np.zeros_like(evidence.delays)
-        cams = (evidence.rotations, evidence.translations, delays)
+        cams = Cameras(evidence.rotations, evidence.translations, delays)
         return Scene(evidence, precision, self._mirror, cams)
 
     def _precision(self, evidence: Evidence, kinds: Array, sizes: Array) -> Array:

@@ -50,7 +50,7 @@ def solve_in_motion(
     Returns the candidates with the velocities that were used, and no motion where all stamps are equal.
     """
     solved = solver.solve(scene, found.grouping, found.source, found.guide)
-    if not scene.cams[2].any():
+    if not scene.cams.delays.any():
         return found, solved, None
     motion = motion_of(scene, solved, found.guide.shifts, cauchy)
     if (found.who >= 0).any():

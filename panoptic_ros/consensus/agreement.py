@@ -79,7 +79,7 @@ def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
     The agreement of one joint is exp(-d^2 / 2 scale^2), d the distance of the two rays, and 0 if
     they meet behind a camera.
     """
-    rotations = cams[0]
+    rotations = cams.rotations
     joints = plane.shape[1]
     count = len(chosen)
     rays = np.zeros((count, joints, 3))

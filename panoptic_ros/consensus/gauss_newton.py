@@ -1,6 +1,8 @@
 """Gauss-Newton on the reprojection error of one point, with Cauchy weights and a gate."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.kernels import njit
@@ -10,7 +12,24 @@ MIN_DEPTH = 0.05  # m
 SETTLED = 1e-5  # m, a step that ends the iteration, or goes over to the gated ones
 FEW = 3  # views; a gate of so many soon leaves none, so it is wider
 FEW_FACTOR = 1.25
-TABLE = 16  # columns of a table of observations
+# Columns of a table of observations. The first twelve are cam_from_world at the view's instant: rotation, row
+# by row, and translation. Then the point on the normalised plane, its information, and the view.
+X, Y, INFORMATION, VIEW = 12, 13, 14, 15
+TABLE = 16
+
+
+class SolverRules(NamedTuple):
+    """How observations count; see `AssemblyConfig`.
+
+    truncation, cauchy, gate: standard deviations. foreign_penalty: of the joint of another 2D person.
+    max_pairs: pairs of views that may give a start.
+    """
+
+    truncation: float
+    cauchy: float
+    gate: float
+    foreign_penalty: float
+    max_pairs: int
 
 
 @njit(cache=True, error_model="numpy")
@@ -21,8 +40,8 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
     table: (V, TABLE), see `_tabulate`. Returns the number of views in the last normal matrix.
     """
     used = _tabulate(shift, picks, plane, precision, cams, residuals, table)
-    softness = 1.0 / (rules[1] * rules[1])
-    gate = (rules[2] * (1.0 if used > FEW else FEW_FACTOR)) ** 2
+    softness = 1.0 / (rules.cauchy * rules.cauchy)
+    gate = (rules.gate * (1.0 if used > FEW else FEW_FACTOR)) ** 2
     x0, x1, x2 = x[0], x[1], x[2]
     count, step = 0, -1
     while step < steps:
@@ -33,20 +52,20 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
         for k in range(used):
             row = table[k]
             z = row[6] * x0 + row[7] * x1 + row[8] * x2 + row[11]
-            view = int(row[15])
+            view = int(row[VIEW])
             residuals[view] = -1.0
             if z < MIN_DEPTH:
                 continue
             inverse = 1.0 / z
             u = (row[0] * x0 + row[1] * x1 + row[2] * x2 + row[9]) * inverse
             w = (row[3] * x0 + row[4] * x1 + row[5] * x2 + row[10]) * inverse
-            du, dw = row[12] - u, row[13] - w
-            squared = (du * du + dw * dw) * row[14]
+            du, dw = row[X] - u, row[Y] - w
+            squared = (du * du + dw * dw) * row[INFORMATION]
             if test and squared > gate:
                 continue
             residuals[view] = squared
             count += 1
-            weight = row[14] / (1.0 + squared * softness) * inverse
+            weight = row[INFORMATION] / (1.0 + squared * softness) * inverse
             g0, g1, g2 = row[0] - u * row[6], row[1] - u * row[7], row[2] - u * row[8]
             h0, h1, h2 = row[3] - w * row[6], row[4] - w * row[7], row[5] - w * row[8]
             b0 += weight * (g0 * du + h0 * dw)
@@ -72,16 +91,13 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
     normal[:] = 0.0
     normal[0, 0], normal[1, 0], normal[1, 1] = n00, n10, n11
     normal[2, 0], normal[2, 1], normal[2, 2] = n20, n21, n22
-    _take_roots(residuals, table[:used, 15])
+    _take_roots(residuals, table[:used, VIEW])
     return count
 
 
 @njit(cache=True, error_model="numpy")
 def _tabulate(shift, picks, plane, precision, cams, residuals, table):
-    """Write the picked observations into the rows of the table; returns their number.
-
-    A row: rotation, translation at the view's instant, point on the plane, information, view.
-    """
+    """Write the picked observations into the rows of the table; returns their number."""
     rotations, translations, delays = cams
     used = 0
     for v in range(len(picks)):
@@ -95,9 +111,9 @@ def _tabulate(shift, picks, plane, precision, cams, residuals, table):
                 table[used, 3 * i + k] = rotations[v, i, k]
                 moved += rotations[v, i, k] * shift[k] * delays[v]
             table[used, 9 + i] = moved
-        table[used, 12], table[used, 13] = plane[d, s, 0], plane[d, s, 1]
-        table[used, 14] = precision[d, s] ** 2
-        table[used, 15] = v
+        table[used, X], table[used, Y] = plane[d, s, 0], plane[d, s, 1]
+        table[used, INFORMATION] = precision[d, s] ** 2
+        table[used, VIEW] = v
         used += 1
     return used
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.consensus.agreement import agreement_with_people
+from panoptic_ros.consensus.cameras import Cameras
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.gauss_newton import solve_symmetric
@@ -28,7 +29,7 @@ class Scene:
     evidence: Evidence
     precision: Array
     mirror: Array
-    cams: tuple[Array, Array, Array]
+    cams: Cameras
 
 
 @dataclass(slots=True, eq=False)

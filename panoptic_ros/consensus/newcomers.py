@@ -5,6 +5,8 @@ supported is taken, until none is left.
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.consensus.agreement import agreement_of_pairs
@@ -24,6 +26,26 @@ SILENCE = 0.1  # more agreement for each view that should see a new person and d
 BODY = 1.4  # m, between the joints farthest apart of somebody of whom most is seen
 
 
+class NewcomerRules(NamedTuple):
+    """What makes a new person; see `GroupingConfig`."""
+
+    agreement: float  # m
+    person_agreement: float
+    duplicate_agreement: float
+    min_views: float
+    view_share: float
+    few_views_share: float
+    few_views_agreement: float
+
+    @classmethod
+    def of(cls, config: GroupingConfig) -> NewcomerRules:
+        """Those of a configuration."""
+        return cls(
+            config.agreement, config.person_agreement, config.duplicate_agreement, float(config.min_views),
+            config.view_share, config.few_views_share, config.few_views_agreement,
+        )  # fmt: skip
+
+
 def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grouping, Array]:
     """New people among the free 2D people (D,).
 
@@ -31,13 +53,9 @@ def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grou
         the grouping, and positions (P, J, 3) m of a first estimate.
     """
     evidence = scene.evidence
-    rules = (
-        config.agreement, config.person_agreement, config.duplicate_agreement, float(config.min_views),
-        config.view_share, config.few_views_share, config.few_views_agreement,
-    )  # fmt: skip
     member, mirrored, places = search_people(
         free, evidence.plane, scene.precision, evidence.view, scene.cams, evidence.centres, evidence.sight,
-        scene.mirror, rules,
+        scene.mirror, NewcomerRules.of(config),
     )  # fmt: skip
     return Grouping(member, mirrored), places
 
@@ -86,14 +104,14 @@ def search_people(free, plane, precision, view, cams, centres, sight, mirror,
                   rules):  # fmt: skip
     """The loops of `find_people`: member and mirrored (P, V), places (P, J, 3)."""
     views, joints = len(centres), len(mirror)
-    least = rules[1]
+    least = rules.person_agreement
     chosen, left = _candidates(free, precision, view, centres)
     members = np.empty((len(free) // 2, views), np.int64)  # a person takes two 2D people at least
     mirrors = np.empty(members.shape, np.bool_)
     places = np.empty((len(members), joints, 3))
     found = 0
     if len(chosen) >= 2:
-        value, common = agreement_of_pairs(chosen, plane, precision, view, cams, centres, rules[0])
+        value, common = agreement_of_pairs(chosen, plane, precision, view, cams, centres, rules.agreement)
         value = np.where((common >= MIN_COMMON) & (value >= least), value * np.sqrt(common), 0.0)
         open_precision = precision.copy()  # 2D people that are taken have no joints any more
         while found < len(members):
@@ -181,7 +199,7 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
                     rules):  # fmt: skip
     """The best supported of the pairs: if any; member and mirrored (V,), place (J, 3), free (D,) left."""
     views = len(centres)
-    rotations, translations = cams[0], cams[1]
+    rotations, translations = cams.rotations, cams.translations
     best_score, good = 0.0, False
     best_member, best_flipped = np.full(views, -1, np.int64), np.zeros(views, np.bool_)
     best_place, best_left = np.empty((len(mirror), 3)), free
@@ -193,8 +211,8 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
         for _ in range(1 + REPEAT):
             place = triangulate_linear(member, flipped, plane, precision, rotations, translations, mirror)
             members, mirrors, left, value, common = hand_out(
-                place.reshape(1, -1, 3), still, plane, precision, view, cams, mirror, rules[0], free,
-                rules[1], rules[2], views,
+                place.reshape(1, -1, 3), still, plane, precision, view, cams, mirror, rules.agreement, free,
+                rules.person_agreement, rules.duplicate_agreement, views,
             )  # fmt: skip
             member, flipped = members[0], mirrors[0]
         found = look_at(place, rotations, translations, sight)
@@ -229,11 +247,12 @@ def enough_support(supporters, seeing, agreement, place, rules):
 
     Fewer are enough if they agree well, and the better, the more others should see the person and do not.
     """
-    if supporters >= max(rules[3], np.ceil(rules[4] * seeing)):
+    if supporters >= max(rules.min_views, np.ceil(rules.view_share * seeing)):
         return True
-    if supporters < max(2.0, np.ceil(rules[5] * seeing)):
+    if supporters < max(2.0, np.ceil(rules.few_views_share * seeing)):
         return False
-    return worth_by_size(agreement, place) >= rules[6] + SILENCE * max(seeing - supporters, 0)
+    wanted = rules.few_views_agreement + SILENCE * max(seeing - supporters, 0)
+    return worth_by_size(agreement, place) >= wanted
 
 
 @njit(cache=True, error_model="numpy")

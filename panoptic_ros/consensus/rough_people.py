@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.consensus.cameras import Cameras
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import RigArrays, gather
-from panoptic_ros.consensus.gauss_newton import solve_symmetric
+from panoptic_ros.consensus.gauss_newton import INFORMATION, VIEW, X, Y, solve_symmetric
 from panoptic_ros.consensus.grouping import Grouping, Scene, assign, middle_of_cameras
 from panoptic_ros.consensus.guidance import Guidance
 from panoptic_ros.consensus.newcomers import find_people
@@ -84,9 +85,8 @@ class RoughSolver:
         cameras = evidence.cameras[evidence.view]
         scale = self._rig.focals[cameras] / (NOISE * self._rig.diagonals[cameras])
         precision = np.where(evidence.scores > 0.0, scale[:, None] * evidence.magnification, 0.0)
-        return Scene(
-            evidence, precision, self._mirror, (evidence.rotations, evidence.translations, evidence.delays)
-        )
+        cams = Cameras(evidence.rotations, evidence.translations, evidence.delays)
+        return Scene(evidence, precision, self._mirror, cams)
 
     def _solve(self, scene: Scene, expected: Array, velocities: Array) -> tuple[RoughPeople, Array]:
         """The people, and which of the expected they are (P,), -1 = new."""
@@ -131,7 +131,7 @@ def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
     people, joints = starts.shape[:2]
     views = member.shape[1]
     result = np.full((people, joints, 3), np.nan)
-    table, used = np.zeros((views, 15)), np.zeros(views, np.bool_)
+    table, used = np.zeros((views, VIEW)), np.zeros(views, np.bool_)
     for p in range(people):
         middle = middle_of_cameras(member[p], rotations, translations)  # damping draws towards it
         for j in range(joints):
@@ -148,7 +148,7 @@ def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
                         row[3 * i + k] = rotations[v, i, k]
                         moved += rotations[v, i, k] * (middle[k] + shifts[p, j, k] * delays[v])
                     row[9 + i] = moved
-                row[12], row[13], row[14] = plane[d, s, 0], plane[d, s, 1], precision[d, s] ** 2
+                row[X], row[Y], row[INFORMATION] = plane[d, s, 0], plane[d, s, 1], precision[d, s] ** 2
                 count += 1
             if count >= 2:
                 start = starts[p, j] - middle
@@ -193,9 +193,9 @@ def _squared(row, x):
     z = row[6] * x[0] + row[7] * x[1] + row[8] * x[2] + row[11]
     if not z > MIN_DEPTH:
         return np.inf, z
-    u = (row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[9]) / z - row[12]
-    w = (row[3] * x[0] + row[4] * x[1] + row[5] * x[2] + row[10]) / z - row[13]
-    return (u * u + w * w) * row[14], z
+    u = (row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[9]) / z - row[X]
+    w = (row[3] * x[0] + row[4] * x[1] + row[5] * x[2] + row[10]) / z - row[Y]
+    return (u * u + w * w) * row[INFORMATION], z
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -216,7 +216,7 @@ def _linear(table, used):
             continue
         row = table[k]
         for i in range(2):
-            at, axis = row[12 + i], 3 * i
+            at, axis = row[X + i], 3 * i
             r0, r1, r2 = at * row[6] - row[axis], at * row[7] - row[axis + 1], at * row[8] - row[axis + 2]
             offset = row[9 + i] - at * row[11]
             n00, n10, n11 = n00 + r0 * r0, n10 + r1 * r0, n11 + r1 * r1
@@ -240,9 +240,9 @@ def _weighted(table, x, gated):
         if not squared < np.inf or (gated and squared > TRUNCATION**2):
             continue
         left += 1
-        weight = row[14] / ((1.0 + squared / 4.0) * z * z)
+        weight = row[INFORMATION] / ((1.0 + squared / 4.0) * z * z)
         for i in range(2):
-            at, axis = row[12 + i], 3 * i
+            at, axis = row[X + i], 3 * i
             r0, r1, r2 = at * row[6] - row[axis], at * row[7] - row[axis + 1], at * row[8] - row[axis + 2]
             offset = weight * (row[9 + i] - at * row[11])
             w0, w1, w2 = weight * r0, weight * r1, weight * r2

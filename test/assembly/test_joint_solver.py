@@ -4,7 +4,8 @@ from rays import closest_points, ray_distances
 
 from panoptic_ros.assembly.joint_solver import solve_joints
 from panoptic_ros.consensus.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.consensus.gauss_newton import FEW_FACTOR, TABLE, refine_point
+from panoptic_ros.consensus.cameras import Cameras
+from panoptic_ros.consensus.gauss_newton import FEW_FACTOR, TABLE, SolverRules, refine_point
 from panoptic_ros.consensus.undistortion import lens_records, undistort_points
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.geometry import Intrinsics, Rigid, triangulate_robust
@@ -30,8 +31,9 @@ def test_final_step_equals_the_reference(scenes):
             np.ones((1, joints), bool), nothing, np.ones((1, joints)), np.zeros((1, joints, 3)),
             np.zeros((1, joints), bool), np.arange(views)[None], np.tile(np.arange(joints), (1, views, 1)),
             np.full((views, joints), -1), plane, np.full((views, joints), 1000.0 / 2.0),
-            np.arange(views + 1), (stack.rotations, stack.translations, np.zeros(views)), stack.centres,
-            np.array([4.0, 3.0, 5.0, 4.0, 45.0]),
+            np.arange(views + 1), Cameras(stack.rotations, stack.translations, np.zeros(views)),
+            stack.centres,
+            SolverRules(4.0, 3.0, 5.0, 4.0, 45),
         )  # fmt: skip
         reference = triangulate_robust(
             stack, plane.swapaxes(0, 1), np.full((joints, views), 2.0), positions[0], iterations=30
@@ -52,8 +54,8 @@ def test_two_views_that_deny_a_firm_place_are_not_believed(scenes):
             np.ones((1, joints), bool), expected[None], np.full((1, joints), 0.05), np.zeros((1, joints, 3)),
             np.full((1, joints), firm), np.arange(2)[None], np.tile(np.arange(joints), (1, 2, 1)),
             np.full((2, joints), -1), plane, np.full((2, joints), 500.0), np.arange(3),
-            (stack.rotations, stack.translations, np.zeros(2)), stack.centres,
-            np.array([4.0, 3.0, 4.0, 4.0, 45.0]),
+            Cameras(stack.rotations, stack.translations, np.zeros(2)), stack.centres,
+            SolverRules(4.0, 3.0, 4.0, 4.0, 45),
         )[0][0]  # fmt: skip
 
     away = truth + [0.0, 0.0, 0.3]
@@ -92,7 +94,7 @@ def test_undistortion_of_a_fisheye_equals_the_camera_model():
 def test_agreement_of_pairs_is_that_of_their_rays(scenes):
     rig, plane = single_person(scenes, views=3, noise=20.0)
     stack = rig.stack()
-    cams = (stack.rotations, stack.translations, np.zeros(3))
+    cams = Cameras(stack.rotations, stack.translations, np.zeros(3))
     value, common = agreement_of_pairs(
         np.arange(3), plane, np.ones(plane.shape[:2]), np.arange(3), cams, stack.centres, 0.05
     )
@@ -111,7 +113,7 @@ def test_agreement_with_people_is_residual_times_depth(scenes):
     mirror = np.array(scenes.skeleton.mirror)
     straight, mirrored, _ = agreement_with_people(
         truth[None], np.zeros((1, 19, 3)), plane, np.ones(plane.shape[:2]), np.arange(3),
-        (stack.rotations, stack.translations, np.zeros(3)), mirror, 0.05,
+        Cameras(stack.rotations, stack.translations, np.zeros(3)), mirror, 0.05,
     )  # fmt: skip
     for v, camera in enumerate(rig.cameras):
         for order, value in ((np.arange(19), straight), (mirror, mirrored)):
@@ -123,7 +125,7 @@ def test_agreement_with_people_is_residual_times_depth(scenes):
 def test_the_gate_is_wider_where_few_views_are_left(scenes):
     rig, truth = scenes.ring(6), scenes.person(0.3, -0.2)[0]
     stack, views = rig.stack(), 6
-    cams = (stack.rotations, stack.translations, np.zeros(views))
+    cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
     plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])[:, None]
     plane[0, 0, 0] += 0.01
 
@@ -133,7 +135,7 @@ def test_the_gate_is_wider_where_few_views_are_left(scenes):
         found = np.zeros(views)
         refine_point(
             truth.copy(), np.zeros(3), picks, plane, np.full((views, 1), 500.0), cams,
-            np.array([4.0, 3.0, gate]), 6, True, np.zeros((3, 3)), found, np.empty((views, TABLE)),
+            SolverRules(4.0, 3.0, gate, 4.0, 45), 6, True, np.zeros((3, 3)), found, np.empty((views, TABLE)),
         )  # fmt: skip
         return found
 

@@ -10,6 +10,7 @@ from panoptic_ros.assembly.judgement import (
 )
 from panoptic_ros.assembly.lessons import residuals_to_learn
 from panoptic_ros.assembly.solve import settle
+from panoptic_ros.consensus.cameras import Cameras
 from panoptic_ros.consensus.grouping import triangulate_linear
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
@@ -118,7 +119,7 @@ def test_lessons_take_leverage_out():
     shifts = rng.standard_normal(positions.shape)
     rows, joints, pixels = residuals_to_learn(
         kept, positions, normals, residuals, picks, shifts, plane, precision,
-        (rotations, translations, delays), focals,
+        Cameras(rotations, translations, delays), focals,
     )  # fmt: skip
     expected = []
     for p in kept:

@@ -13,8 +13,9 @@ from panoptic_ros.assembly.occlusion import (
     hidden_joints,
     hidden_observations,
 )
+from panoptic_ros.consensus.cameras import Cameras
 
-EYE = (np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
+EYE = Cameras(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
 NO_BONES = np.zeros((0, 2), np.int64)
 
 
@@ -85,7 +86,8 @@ def test_people_behind_one_another(scenes):
     away = stack.centres[0] * [1, 1, 0]
     people[1] -= 0.8 * away / np.linalg.norm(away)  # behind the first, seen from camera 0
     hidden = hidden_joints(
-        people, np.zeros_like(people), bones, radii, (stack.rotations, stack.translations, np.zeros(4))
+        people, np.zeros_like(people), bones, radii,
+        Cameras(stack.rotations, stack.translations, np.zeros(4)),
     )
     assert hidden[1, 0].mean() > hidden[0, 0].mean()
     assert (hidden[1, 0] > 0).sum() >= 5

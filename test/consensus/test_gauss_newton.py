@@ -3,7 +3,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.consensus.gauss_newton import TABLE, refine_point, solve_symmetric
+from panoptic_ros.consensus.cameras import Cameras
+from panoptic_ros.consensus.gauss_newton import TABLE, SolverRules, refine_point, solve_symmetric
 
 
 @settings(deadline=None, max_examples=50)
@@ -21,7 +22,7 @@ def test_no_solution_where_the_matrix_is_not_positive():
 
 
 def eyes(count, rng):
-    """Cameras round the origin that look at it: rotations, translations, delays."""
+    """Cameras round the origin that look at it."""
     rotations = []
     for i in range(count):
         forward = np.array([np.cos(2.0 * i), np.sin(2.0 * i), 0.3 * rng.normal()])
@@ -29,7 +30,7 @@ def eyes(count, rng):
         right = np.cross(forward, [0, 0, 1.0])
         right /= np.linalg.norm(right)
         rotations.append([right, np.cross(forward, right), forward])
-    return np.array(rotations), np.tile([0.0, 0.0, 4.0], (count, 1)), np.zeros(count)
+    return Cameras(np.array(rotations), np.tile([0.0, 0.0, 4.0], (count, 1)), np.zeros(count))
 
 
 def minimum(x, plane, precision, cams, cauchy):
@@ -37,7 +38,7 @@ def minimum(x, plane, precision, cams, cauchy):
     from scipy.optimize import minimize
 
     def cost(point):
-        local = cams[0] @ point + cams[1]
+        local = cams.rotations @ point + cams.translations
         r2 = ((local[:, :2] / local[:, 2:] - plane) ** 2).sum(axis=1) * precision**2
         return (cauchy**2 * np.log1p(r2 / cauchy**2)).sum()
 
@@ -49,12 +50,12 @@ def test_finds_the_minimum_of_the_cauchy_cost():
         rng = np.random.default_rng(seed)
         cams, views = eyes(5, rng), 5
         truth = rng.uniform(-0.5, 0.5, 3)
-        local = cams[0] @ truth + cams[1]
+        local = cams.rotations @ truth + cams.translations
         plane = (local[:, :2] / local[:, 2:])[:, None] + 0.002 * rng.normal(size=(views, 1, 2))
         precision = np.full((views, 1), 500.0)
         picks = np.stack([np.arange(views), np.zeros(views, int)], axis=1)
         x, normal, residuals = truth + 0.05, np.empty((3, 3)), np.empty(views)
-        rules = np.array([4.0, 3.0, 4.0, 4.0, 45.0])
+        rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
         count = refine_point(
             x, np.zeros(3), picks, plane, precision, cams, rules, 30, False, normal, residuals,
             np.empty((views, TABLE)),

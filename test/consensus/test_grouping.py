@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.consensus.agreement import agreement_with_people
+from panoptic_ros.consensus.cameras import Cameras
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.grouping import MIN_COMMON, MIRROR_MARGIN, Scene, assign
@@ -52,7 +53,7 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
         np.ones(scores.shape), scores, delays, rotations, translations, centres, np.full(views, 1000.0),
         Sight(np.tile([-1.0, 1, -1, 1], (views, 1)), np.zeros(3 * views)),
     )  # fmt: skip
-    cams = (rotations, translations, delays)
+    cams = Cameras(rotations, translations, delays)
     return Scene(evidence, np.full(plane.shape[:2], 500.0), MIRROR, cams), np.array(truth, int)
 
 

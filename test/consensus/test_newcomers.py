@@ -6,6 +6,7 @@ from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.newcomers import (
     MAX_PAIR_VIEWS,
     PAIRS_PER_ROUND,
+    NewcomerRules,
     best_pairs,
     enough_support,
     look_at,
@@ -52,11 +53,7 @@ def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
 
 @pytest.fixture
 def rules():
-    c = GroupingConfig()
-    return (
-        c.agreement, c.person_agreement, c.duplicate_agreement, float(c.min_views), c.view_share,
-        c.few_views_share, c.few_views_agreement,
-    )  # fmt: skip
+    return NewcomerRules.of(GroupingConfig())
 
 
 def body(size):

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from panoptic_ros.consensus.cameras import Cameras
 from panoptic_ros.consensus.example import easy_instants
 from panoptic_ros.consensus.rough_people import RoughSolver, robust_positions
 from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
@@ -97,7 +98,7 @@ def test_two_wild_views_do_not_pull(seed, views, start):
     begin = truth + 0.02 if start else np.full((1, 3), np.nan)
     found = robust_positions(
         begin[None], np.zeros((1, 1, 3)), np.arange(views)[None], np.zeros((1, views), bool), plane,
-        np.full((views, 1), 125.0), (rotations, translations, np.zeros(views)), np.array([0]),
+        np.full((views, 1), 125.0), Cameras(rotations, translations, np.zeros(views)), np.array([0]),
     )  # fmt: skip
     assert np.linalg.norm(found[0, 0] - truth[0]) < 1e-3
 
@@ -108,7 +109,7 @@ def test_views_that_do_not_meet_give_no_joint():
     translations = np.stack([c.cam_from_world.translation for c in rig.cameras])
     plane = np.array([[0.0, 0.3], [0.0, -0.3], [0.0, 0.0]])[:, None]
     precision = np.array([[125.0], [125.0], [0.0]])
-    cams = (rotations, translations, np.zeros(3))
+    cams = Cameras(rotations, translations, np.zeros(3))
     member, straight = np.arange(3)[None], np.zeros((1, 3), bool)
     nowhere, still = np.full((1, 1, 3), np.nan), np.zeros((1, 1, 3))
     found = robust_positions(nowhere, still, member, straight, plane, precision, cams, np.array([0]))
