@@ -4,7 +4,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.nodes import AFTER_DETECTION
+from panoptic_ros.graph.nodes import AFTER_DETECTION, NODES
 from panoptic_ros.io.bag_streams import BagStream
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
@@ -47,53 +47,11 @@ def make_stage_node(
     return StageNode(stages, overrides, EXTRAS, name)
 
 
-def _stage_main(stage: str) -> None:
-    leave(run_nodes(lambda: [make_stage_node(stage)]))
-
-
-def timecode() -> None:
-    """LTC timecode from audio."""
-    _stage_main("timecode")
-
-
-def clocks() -> None:
-    """Clock models from timecode."""
-    _stage_main("clocks")
-
-
-def detection() -> None:
-    """2D people from images."""
-    _stage_main("detection")
-
-
-def offsets() -> None:
-    """Clock models from the motion of people."""
-    _stage_main("offsets")
-
-
-def sync() -> None:
-    """Views of one instant together."""
-    _stage_main("sync")
-
-
-def voting() -> None:
-    """Node and part proposals."""
-    _stage_main("voting")
-
-
-def assembly() -> None:
-    """Skeletons from proposals."""
-    _stage_main("assembly")
-
-
-def tracking() -> None:
-    """Identities."""
-    _stage_main("tracking")
-
-
-def refinement() -> None:
-    """Smoothed skeletons, /skeletons."""
-    _stage_main("refinement")
+def __getattr__(name: str) -> Callable[[], None]:
+    """The executable of a stage: every row of the table is one, `ros2 run panoptic_ros <stage>`."""
+    if name not in NODES:
+        raise AttributeError(f"module {__name__} has no attribute {name!r}")
+    return lambda: leave(run_nodes(lambda: [make_stage_node(name)]))
 
 
 def fusion() -> None:
