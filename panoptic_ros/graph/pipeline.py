@@ -46,7 +46,7 @@ class Pipeline:
         on_refused: called with (stage, error) where a stage refuses a record, which is then left out. Without
             it the error is raised.
         on_end: called with (topic, owner) when these stages give no more for a camera or device on a topic.
-        on_step: called with (stage, nanoseconds) after every step, if a clock is given.
+        on_step: called with (stage, nanoseconds) after every step, but for records of optional ports.
         clock: a monotonic clock in ns; the pipeline itself reads none.
         everywhere: all stages of the graph that this is a part of; None = these are all.
         table: the rows.
@@ -198,7 +198,8 @@ class Pipeline:
                 raise
             self._on_refused(name, error)
             return
-        self._on_step(name, self._clock() - start)
+        if not turn.beside:
+            self._on_step(name, self._clock() - start)
         self._hand_on(turn, result)
 
     def _hand_on(self, turn: Turn, result: StepResult[Any]) -> None:

@@ -36,11 +36,12 @@ Bounds = Callable[[int], Place]  # of a stage (None of what is to come from outs
 
 
 class Turn(NamedTuple):
-    """A stage takes a record."""
+    """A stage takes a record; `beside`: one of an optional port, which the main work does not follow from."""
 
     time: Place
     stage: int
     record: Any
+    beside: bool = False
 
 
 @dataclass
@@ -61,7 +62,7 @@ class Schedule:
 
     def __init__(self, wiring: Wiring):
         self._wiring = wiring
-        self._waiting: list[list[tuple[Place, int, Any]]] = [[] for _ in wiring.specs]  # heaps by turns
+        self._waiting: list[list[tuple[Place, int, Any, bool]]] = [[] for _ in wiring.specs]  # heaps by turns
         self._back: list[deque[Any]] = [deque() for _ in wiring.specs]
         self._open: list[_Open] = []  # the innermost last
         self._given: tuple[Place, int] = (
@@ -88,9 +89,10 @@ class Schedule:
     def wait(self, reader: Reader, record: Any, place: Place) -> None:
         """A record for one stage."""
         rank = self._wiring.ranks[reader.stage]
-        first = FIRST if self._wiring.port(reader).first else 0
+        port = self._wiring.port(reader)
         self._number += 1
-        heappush(self._waiting[reader.stage], ((*place, rank + first), self._number, record))
+        time = (*place, rank + (FIRST if port.first else 0))
+        heappush(self._waiting[reader.stage], (time, self._number, record, port.optional))
 
     def close(self, stage: int) -> None:
         """A stage takes nothing any more."""
@@ -125,7 +127,7 @@ class Schedule:
                 return self._begun(self._earliest(bounds, waiting))  # stages above go on meanwhile
             stage = head.turn.stage
             if self._back[stage]:
-                return Turn(head.turn.time, stage, self._back[stage].popleft())
+                return Turn(head.turn.time, stage, self._back[stage].popleft(), True)
             self._open.pop()
         return self._begun(self._earliest(bounds))
 
@@ -175,7 +177,8 @@ class Schedule:
             if held & self._wiring.above[stage]:
                 continue
             if bounds is None or time <= bounds(stage):
-                return Turn(time, stage, self._waiting[stage][0][2])
+                _, _, record, beside = self._waiting[stage][0]
+                return Turn(time, stage, record, beside)
             held.add(stage)
         return None
 
