@@ -7,12 +7,15 @@ import json
 from types import ModuleType
 
 from panoptic_ros.bench import BENCHES
+from panoptic_ros.running import graph_bench
+
+TITLES = {**BENCHES, "graph": graph_bench.ABOUT}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb; those of the benches come from their modules."""
     names = parser.add_subparsers(dest="bench", metavar="NAME", required=True)
-    for name, text in BENCHES.items():
+    for name, text in sorted(TITLES.items()):
         sub = names.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         sub.add_argument("--json", action="store_true", help="print JSON in place of a table")
         _bench(name).add_arguments(sub)
@@ -27,4 +30,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bench(name: str) -> ModuleType:
+    if name == "graph":  # it runs a graph, which benches of single stages know nothing of
+        return graph_bench
     return importlib.import_module(f"panoptic_ros.bench.{name}")

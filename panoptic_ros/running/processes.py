@@ -42,6 +42,11 @@ class Processes:
                 env=child_environment(), start_new_session=True,
             )  # fmt: skip
 
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """The process ids of the children."""
+        return tuple(child.pid for child in self._children.values())
+
     def check(self) -> None:
         """Look whether all children run.
 

@@ -37,7 +37,8 @@ THIRD_PARTY: dict[str, set[str]] = {
 THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in backends/
 STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", "socket"}
 IMPURE_CALLS = {"print", "open", "input"}
-NEED_ROS = {"panoptic_ros.running.over_dds"}  # outside of nodes: the only modules that import it
+# outside of nodes: the only modules that import it
+NEED_ROS = {"panoptic_ros.running.over_dds", "panoptic_ros.running.fed_graph"}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
 # no stage, no graph and no arrays.
 THIN = {"errors", "domain", "stage", "io", "view", "bench", "running"}

@@ -1,0 +1,86 @@
+"""From what a feeder of the live graph saw to numbers: what is lost, latencies, processor time, memory."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What processes have used so far: a moment, their processor time, and their memory now."""
+
+    at_ns: int
+    cpu_s: float
+    resident_mb: float
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One run of the graph. Times are of one monotonic clock.
+
+    Args:
+        sent: of every instant: its stamp, and when its last view was published, ns.
+        received: of every message of /skeletons: its stamp, and when it came, ns.
+        period_ns: between instants.
+        started_ns: when the processes were started. measured_ns: since when latencies count.
+        before, after: what the processes had used at the beginning and at the end of the measured part.
+        stages: the last diagnostics of every stage.
+    """
+
+    sent: Sequence[tuple[int, int]]
+    received: Sequence[tuple[int, int]]
+    period_ns: int
+    started_ns: int
+    measured_ns: int
+    before: Usage
+    after: Usage
+    stages: Mapping[str, Mapping[str, str]]
+
+
+def figures_of(seen: Observation) -> dict[str, Any]:
+    """The numbers of one run, for JSON."""
+    came = _arrivals(seen)
+    measured = [k for k, (_, published) in enumerate(seen.sent) if published >= seen.measured_ns]
+    latencies = np.array([1e-6 * (came[k] - seen.sent[k][1]) for k in measured if k in came])
+    duration_s = 1e-9 * (seen.after.at_ns - seen.before.at_ns)
+    return {
+        "sent": len(measured), "received": len(latencies), "lost": len(measured) - len(latencies),
+        **{f"latency_{name}_ms": value for name, value in _percentiles(latencies).items()},
+        "first_skeletons_s": 1e-9 * (min(when for _, when in seen.received) - seen.started_ns),
+        "cpu_percent": 100.0 * (seen.after.cpu_s - seen.before.cpu_s) / duration_s,
+        "resident_mb": seen.after.resident_mb,
+        "growth_mb": seen.after.resident_mb - seen.before.resident_mb,
+        "steps_ms": {
+            stage: float(values["step_p50_ms"]) for stage, values in seen.stages.items()
+            if "step_p50_ms" in values
+        },
+        "dropped": {
+            f"{stage}.{key.removeprefix('dropped.')}": int(count) for stage, values in seen.stages.items()
+            for key, count in values.items() if key.startswith("dropped.")
+        },
+    }  # fmt: skip
+
+
+def _arrivals(seen: Observation) -> dict[int, int]:
+    """When skeletons of an instant came first, by its number.
+
+    The stamp of a set is that of one of its views, so it belongs to the nearest instant.
+    """
+    stamps = np.array([stamp for stamp, _ in seen.sent])
+    found: dict[int, int] = {}
+    for stamp, when in seen.received:
+        nearest = int(np.abs(stamps - stamp).argmin())
+        if abs(int(stamps[nearest]) - stamp) <= seen.period_ns // 2:
+            found.setdefault(nearest, when)
+    return found
+
+
+def _percentiles(values: np.ndarray) -> dict[str, float | None]:
+    """NaN is not JSON: None where there are no values."""
+    names = {"p50": 50, "p90": 90, "p99": 99, "max": 100}
+    if not len(values):
+        return dict.fromkeys(names)
+    return {name: float(np.percentile(values, share)) for name, share in names.items()}
