@@ -33,8 +33,10 @@ def implausible_cameras(rig: Rig) -> list[Notice]:
 
 def _view_angle(camera: Camera) -> Notice | None:
     focal = camera.intrinsics.matrix[0, 0]
-    angle = float(np.degrees(2.0 * np.arctan(0.5 * camera.image_size[0] / focal)))
-    if 5.0 <= angle <= 150.0:
+    fisheye = camera.intrinsics.lens == "fisheye"
+    half = 0.5 * camera.image_size[0] / focal  # rad of a fisheye
+    angle = float(np.degrees(2.0 * (half if fisheye else np.arctan(half))))
+    if 5.0 <= angle <= (230.0 if fisheye else 150.0):
         return None
     text = (
         f"camera {camera.name}: a focal length of {focal:.4g} px with {camera.image_size[0]} px of width "

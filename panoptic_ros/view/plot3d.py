@@ -21,6 +21,7 @@ from panoptic_ros.view.colors import rgb_of
 Array = np.ndarray
 CAMERA_GREY = (0.45, 0.45, 0.45)
 SHOWN_INSTANTS = 4
+WIDEST = 2.0  # corners of drawn views are at most so far off the axis, relative to their depth
 
 
 def plot_capture(
@@ -77,13 +78,14 @@ def head_paths(skeleton: SkeletonModel, poses: Sequence[TrackedPoseSet]) -> dict
 def frustum_lines(camera: Camera, length: float) -> Array:
     """Eight lines (8, 2, 3) m in the world: from the centre to the image's corners, and round them.
 
-    The corners are at the depth `length`.
+    The corners are at the depth `length`; those of wide lenses are drawn nearer to the axis.
     """
     width, height = camera.image_size
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
     plane = camera.intrinsics.undistort(corners)
     lost = np.isnan(plane)
     plane = np.where(lost, camera.intrinsics.plane_from_pixels(corners), plane)  # beyond the lens's fold
+    plane = plane * np.minimum(1.0, WIDEST / np.linalg.norm(plane, axis=1, keepdims=True).clip(1e-9))
     in_camera = length * np.concatenate([plane, np.ones((4, 1))], axis=1)
     world = camera.cam_from_world.inverse().apply(in_camera)
     centre = np.broadcast_to(camera.centre, (4, 3))

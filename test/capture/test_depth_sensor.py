@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from panoptic_ros.capture import open_capture_folder, open_depth_sensors
+from panoptic_ros.capture import DepthSource, open_capture_folder, open_depth_sensors
 from panoptic_ros.domain import Camera, DepthSensor, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Intrinsics, Rigid
@@ -100,5 +100,8 @@ def test_depth_registered_to_a_camera_stays_with_its_images(tmp_path: Path) -> N
     maps(tmp_path, "far", 1)
     with open_capture_folder(tmp_path) as capture:
         assert capture.depth_cameras == ("a",)
-        assert [frame.depth[5, 5] for frame in capture.sources[0]] == pytest.approx([4.0, 4.001])
-        assert [source.camera for source in capture.depth_sensors] == ["far"]
+        (source,) = capture.sources
+        assert isinstance(source, DepthSource)
+        found = [source.depth_of(frame).depth[5, 5] for frame in source]
+        assert found == pytest.approx([4.0, 4.001])
+        assert [sensor.camera for sensor in capture.depth_sensors] == ["far"]

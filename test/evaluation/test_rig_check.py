@@ -318,6 +318,16 @@ def test_numbers_that_no_camera_has(matrix: list[list[float]], code: str, says: 
     assert found == code and says in text
 
 
+def test_fields_of_view_of_fisheyes_are_those_of_fisheyes() -> None:
+    def told(focal: float) -> tuple[str, ...]:
+        lens = Intrinsics(np.array([[focal, 0, 960], [0, focal, 540], [0, 0, 1]]), np.zeros(4), "fisheye")
+        rig = with_cameras(ring(3), ["cam01"], intrinsics=lambda c: lens)
+        return tuple(note.text for note in check(rig, []).warnings)
+
+    assert told(1920 / np.pi) == ()  # 180 degrees
+    assert len(told(400.0)) == 1 and "of 275 degrees" in told(400.0)[0]
+
+
 def test_nobody_and_missing_views() -> None:
     rig = ring(3)
     (note,) = check(rig, []).notices

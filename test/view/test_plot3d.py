@@ -1,10 +1,13 @@
 """The 3D plot: geometry that is right, a picture with the right colours in it."""
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.view.colors import bgr_of
 from panoptic_ros.view.plot3d import frustum_lines, head_paths, plot_capture
 
@@ -16,6 +19,16 @@ def test_frusta_end_at_the_images_corners(make_camera):
     pixels, seen = camera.project(lines[:4, 1])
     assert seen.all() and np.allclose(pixels, [[0, 0], [319, 0], [319, 239], [0, 239]], atol=1e-6)
     assert np.allclose(lines[4:, 0], lines[:4, 1]) and np.allclose(lines[4:, 1], np.roll(lines[:4, 1], -1, 0))
+
+
+def test_frusta_of_wide_lenses_stay_near(make_camera):
+    camera = make_camera("cam", 0.7)
+    for focal in (100.0, 60.0):  # with these corners are at 115 and 190 degrees
+        matrix = np.array([[focal, 0, 160], [0, focal, 120], [0, 0, 1]])
+        wide = replace(camera, intrinsics=Intrinsics(matrix, np.zeros(4), "fisheye"))
+        lines = frustum_lines(wide, 0.5)
+        away = np.linalg.norm(lines[:4, 1] - camera.centre, axis=1)
+        assert (away < 1.2).all() and np.allclose(wide.cam_from_world.apply(lines[:4, 1])[:, 2], 0.5)
 
 
 def test_paths_of_heads_have_gaps_where_people_are_away(skeleton, make_poses):

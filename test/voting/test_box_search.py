@@ -139,9 +139,10 @@ def test_a_wall_before_some_cameras(scenes, lens):
     assert 10 < compared(walled, volume, 0.3, 0.1, 2, 4) < compared(free, volume, 0.3, 0.1, 2, 4)
 
 
+@pytest.mark.parametrize("lens", [(-0.1, 0.02), LENSES[-2]])
 @pytest.mark.parametrize("maps", ["none", "merged"])
-def test_proposals_of_the_stage_are_those_of_dense(scenes, maps):
-    rig = scenes.ring(4, (-0.1, 0.02))
+def test_proposals_of_the_stage_are_those_of_dense(scenes, maps, lens):
+    rig = scenes.ring(4, lens)
     item = scenes.detect(rig, [scenes.person(0.3, 0.2)], maps)
     volume = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
     outputs = []

@@ -62,7 +62,10 @@ class Room:
         return cls(half, height, tuple(walls))
 
     def seen_by(self, camera: Camera, plane: Array) -> Backdrop:
-        """The room through a camera whose pixels have the normalised coordinates `plane` (H, W, 2)."""
+        """The room through a camera whose pixels have the normalised coordinates `plane` (H, W, 2).
+
+        Pixels without a ray (NaN) stay black and infinitely far.
+        """
         rays = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
         rays = rays @ camera.cam_from_world.rotation
         eye, shape = camera.centre, plane.shape[:2]
@@ -72,7 +75,7 @@ class Room:
             along = rays[..., wall.axis]
             t = (wall.value - eye[wall.axis]) / np.where(along == 0.0, 1e-12, along)
             seen = (t > 0.0) & (t < depth)
-            points = np.clip(eye + np.where(seen, t, 0.0)[..., None] * rays, -FAR, FAR)
+            points = np.clip(eye + np.where(seen, t, 0.0)[..., None] * np.nan_to_num(rays), -FAR, FAR)
             picture = cv2.remap(  # type: ignore[call-overload]  # the second map may be None
                 wall.texture, self._texels(wall, points), None, cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_REFLECT,

@@ -8,6 +8,7 @@ import pytest
 
 from panoptic_ros.domain import Camera, ViewFrame, VisibilityLimit
 from panoptic_ros.errors import BackendError
+from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.simulation import SCENES, Lens, Ring, simulate
 from panoptic_ros.simulation.rendering import RenderedView, Studio
 from panoptic_ros.simulation.rendering.renderer import pixel_plane, shape_boxes
@@ -96,7 +97,38 @@ def test_the_room_is_where_its_walls_are(take):
     assert (np.abs(points[..., :2]) < room.half + 1e-4).all()
 
 
-def test_boxes_hold_all_that_a_shape_covers(take):
+def fisheyes(take, focal):
+    """The take through fisheyes of another focal length (relative to the cameras')."""
+    cameras = []
+    for camera in take.rig.cameras:
+        matrix = camera.intrinsics.matrix * np.array([[focal, 1, 1], [1, focal, 1], [1, 1, 1]])
+        lens = Intrinsics(matrix, [0.02, -0.01, 3e-3, -1e-3], "fisheye")
+        cameras.append(replace(camera, intrinsics=lens))
+    return replace(take, rig=replace(take.rig, cameras=tuple(cameras)))
+
+
+def test_a_fisheye_shows_every_surface_where_it_is(take):
+    wide = fisheyes(take, 0.4)
+    camera = wide.rig.camera("cam00")
+    plane = pixel_plane(camera)
+    blind = np.isnan(plane[..., 0])
+    (view,) = views(wide, times=TIMES[:1])
+    assert 0 < blind.sum() < 0.4 * blind.size  # the corners, beyond 90 degrees
+    assert np.isinf(view.depth[blind]).all() and not view.people[blind].any()
+    assert np.median(view.image[blind]) < 5 < 50 < np.median(view.image[~blind])
+    points = camera.centre + view.depth[~blind][:, None] * rays_of(camera)[~blind]
+    pixels, seen = camera.project(points)
+    rows, columns = np.nonzero(~blind)
+    assert seen.all() and np.abs(pixels - np.stack([columns, rows], -1)).max() < 1e-2
+    person = view.people[~blind] == 1
+    joints = wide.people[0].joints(TIMES[:1])[0]
+    gaps = np.linalg.norm(points[person][:, None] - joints[None], axis=-1).min(1)
+    assert len(gaps) > 20 and gaps.max() < 0.35
+
+
+@pytest.mark.parametrize("focal", [None, 1.0, 0.4])
+def test_boxes_hold_all_that_a_shape_covers(take, focal):
+    take = take if focal is None else fisheyes(take, focal)
     studio = Studio(take)
     for name in take.rig.names:
         renderer = studio.camera(name)
