@@ -13,7 +13,7 @@ def test_bones_and_what_skips_one_joint():
     kinds = bones_and_skips(MODEL, 0.8, 1.1)
     assert kinds[:3] == (Bone(0, 1, 0, 0.8), Bone(0, 2, 1, 0.8), Bone(1, 3, 2, 0.8))
     assert {(k.parent, k.child) for k in kinds[3:]} == {(0, 3), (1, 2)}
-    assert {(k.index, k.length) for k in kinds[3:]} == {(-1, 1.1)}
+    assert {(k.bone, k.length) for k in kinds[3:]} == {(-1, 1.1)}
     assert bones_and_skips(MODEL, 0.8, None) == kinds[:3]
 
 
@@ -52,8 +52,8 @@ def test_scores_are_those_of_the_paper(scenes, maps):
                 expected = phi(fields, rig.cameras, nodes[a], kind.parent, nodes[b], kind.child, 0.05, 2)
                 if np.linalg.norm(nodes[a] - nodes[b]) > kind.length:
                     expected = 0.0
-                got = found.pop((a, b), (kind.index, 0.0))
-                assert got == (kind.index, pytest.approx(expected, abs=1e-12))
+                got = found.pop((a, b), (kind.bone, 0.0))
+                assert got == (kind.bone, pytest.approx(expected, abs=1e-12))
     assert not found
     assert scores.max() > 0.5
 
