@@ -5,6 +5,7 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import DataError, PanopticError
@@ -17,7 +18,7 @@ from panoptic_ros.nodes.quality import LATCHED, collecting_quality
 
 
 class MarkersNode(Node):
-    """Turns every message of /skeletons into markers."""
+    """Turns every message of /skeletons into markers, while somebody subscribes to those."""
 
     fault = None
     healthy = True
@@ -30,11 +31,11 @@ class MarkersNode(Node):
         self._publisher = self.create_publisher(
             message_class(markers.message), markers.name, QoSProfile(depth=10)
         )
+        self._kind = message_class(skeletons.message)
         self._kept = [
             self.create_subscription(message_class(model.message), model.name, self._take_model, LATCHED),
             self.create_subscription(
-                message_class(skeletons.message), skeletons.name, self._take,
-                collecting_quality(make_flow(flow)),
+                self._kind, skeletons.name, self._take, collecting_quality(make_flow(flow)), raw=True
             ),
         ]  # fmt: skip
 
@@ -47,9 +48,10 @@ class MarkersNode(Node):
         except PanopticError as error:
             self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
-    def _take(self, message: Any) -> None:
-        if self._skeleton is None:
+    def _take(self, data: bytes) -> None:
+        if self._skeleton is None or not self._publisher.get_subscription_count():
             return
+        message = deserialize_message(data, self._kind)
         try:
             poses = from_message(message, "RefinedPoseSet")
             if poses.skeleton_hash != self._skeleton.hash:
