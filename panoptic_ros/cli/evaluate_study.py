@@ -4,13 +4,12 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.evaluation.studies.score import THRESHOLDS
 from panoptic_ros.running import studies
 from panoptic_ros.running.parameters import read_parameters
 from panoptic_ros.view.progress import PassBar
+from panoptic_ros.view.study_table import study_table
 
 DEFAULTS = {  # numbers of people, of cameras, and of frames
     "cameras": ("2,3,4,5,6,7", "480,240,160,80,40,20,10", 12),
@@ -57,7 +56,7 @@ def run_study(args: argparse.Namespace) -> int:
     with PassBar(args.study) as bar:
         result = studies.run_study(request, bar.show)
     path = studies.write_study(args.out, result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(table(result["rows"])))
+    print(json.dumps(result, indent=1) if args.json else "\n".join(study_table(result["rows"])))
     if not args.json:
         print(f"\n{path} and {args.study}.png were written")
     return 0
@@ -70,37 +69,6 @@ def _request(args: argparse.Namespace) -> studies.StudyRequest:
         _numbers(args.cameras or cameras, "--cameras"), args.frames or frames, args.seed, args.noise,
         read_parameters(None, args.settings),
     )  # fmt: skip
-
-
-def table(rows: list[dict[str, Any]]) -> list[str]:
-    """One line per number of people and kind of cameras; at the end all people together."""
-    out = [
-        "people  cameras          nodes  outliers  missed  ghosts  node acc.  skel. acc.  median mm"
-        "  PCK 1 cm   2 cm   5 cm"
-    ]
-    for row in rows:
-        curve = [row["pck"][int((THRESHOLDS < limit - 1e-9).sum())] for limit in (0.01, 0.02, 0.05)]
-        kind = "" if row["kind"] == "given" else row["kind"]
-        out.append(
-            f"{row['people']:>6}  {row['cameras']:>7} {kind:<4} {row['nodes']:>9}  {row['outlier_nodes']:>8}"
-            f"  {row['missed_nodes']:>6}  {row['ghosts']:>6}  {100 * row['node_accuracy']:>7.2f} %"
-            f"  {100 * row['skeleton_accuracy']:>8.2f} %  {row['median_mm']:>9.1f}"
-            f"  {curve[0]:>8.3f}  {curve[1]:.3f}  {curve[2]:.3f}"
-        )
-    kinds = list(dict.fromkeys((row["cameras"], row["kind"]) for row in rows))
-    if len({row["people"] for row in rows}) > 1:
-        out.append("")
-        for kind in kinds:
-            mine = [row for row in rows if (row["cameras"], row["kind"]) == kind]
-            nodes, skeletons = (sum(row[key] for row in mine) for key in ("nodes", "skeletons"))
-            wrong = sum(row["outlier_nodes"] + row["missed_nodes"] for row in mine)
-            right = sum(row["skeletons"] * row["skeleton_accuracy"] for row in mine)
-            name = f"{kind[0]} {'cameras' if kind[1] == 'given' else kind[1]}"
-            out.append(
-                f"{name:>16}: {skeletons} skeletons, {nodes} nodes, {wrong} outliers or missed: accuracy of "
-                f"nodes {100 * (1 - wrong / nodes):.2f} %, of skeletons {100 * right / skeletons:.2f} %"
-            )
-    return out
 
 
 def _numbers(text: str, option: str) -> tuple[int, ...]:

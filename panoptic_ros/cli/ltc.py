@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 
 from panoptic_ros.io.files import write_json
-from panoptic_ros.running.ltc import RATES, decode_file, encode_file
 from panoptic_ros.view.timecode_table import FORMAT, readings_document, readings_table
+
+RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +38,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _decode(args: argparse.Namespace) -> int:
+    from panoptic_ros.running.ltc import decode_file  # only now: --help must be quick
+
     sample_rate, readings = decode_file(args.file, args.channel)
     if not readings:
         print(f"no timecode found in {args.file}", file=sys.stderr)
@@ -51,6 +54,8 @@ def _decode(args: argparse.Namespace) -> int:
 
 
 def _encode(args: argparse.Namespace) -> int:
+    from panoptic_ros.running.ltc import encode_file
+
     words, first, last = encode_file(
         args.out, args.start, args.rate, seconds=args.seconds, sample_rate=args.sample_rate,
         user_bits=args.user_bits, reverse=args.reverse,

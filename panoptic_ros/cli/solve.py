@@ -4,15 +4,18 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from dataclasses import replace
+from contextlib import nullcontext
 from pathlib import Path
 from statistics import fmean, median
+from typing import TYPE_CHECKING
 
-from panoptic_ros.cli.offsets import add_offset_options, correct
+from panoptic_ros.cli.offsets import add_offset_options
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names
-from panoptic_ros.io.plain_formats import write_skeletons
-from panoptic_ros.running.parameters import read_parameters
-from panoptic_ros.running.solve import AUTO, Solution, read_task, solve
+from panoptic_ros.stage import untold
+from panoptic_ros.view.progress import PassBar
+
+if TYPE_CHECKING:
+    from panoptic_ros.running.solve import Solution, SolveTask
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--detections", type=Path, required=True, help="detections.json(.gz)")
     parser.add_argument("--out", type=Path, required=True, metavar="S", help="skeletons.json(.gz) to write")
     parser.add_argument(
-        "--skeleton", default=AUTO,
+        "--skeleton", default="auto",
         help="skeleton model; auto: the joints of the detections, or panoptic19 for COCO's",
     )  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
@@ -33,15 +36,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve a file."""
+    from panoptic_ros.io.plain_formats import write_skeletons  # only now: --help must be quick
+    from panoptic_ros.running.parameters import read_parameters
+    from panoptic_ros.running.solve import read_task, solve
+
     task = read_task(
         args.rig, args.detections, read_parameters(args.config, args.settings),
         skeleton=args.skeleton, cameras=names(args.cameras), occluders=args.occluders,
     )  # fmt: skip
-    solution = solve(replace(task, sets=correct(task.sets, task.context, task.configs, args)))
+    solution = solve(_corrected(task, args))
     write_skeletons(args.out, task.joint_names, solution.poses)
     if not args.quiet:
         _summary(args.out, solution)
     return 0
+
+
+def _corrected(task: SolveTask, args: argparse.Namespace) -> SolveTask:
+    """The task with corrected stamps, if that is asked for; prints what was done."""
+    from panoptic_ros.running.clock_correction import Correction, corrected
+
+    correction = Correction(args.offsets, args.offsets_from_motion, args.offsets_out, args.trusted_camera)
+    with PassBar("clocks from motion") if correction.from_motion else nullcontext() as bar:
+        task, told = corrected(task, correction, bar.show if bar else untold)
+    if told and not args.quiet:
+        print("\n".join(told))
+    return task
 
 
 def _summary(out: Path, solution: Solution) -> None:

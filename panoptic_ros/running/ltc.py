@@ -10,8 +10,6 @@ from panoptic_ros.io.wav import read_wav, write_wav
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
 
-RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")  # frames per second; df: drop-frame
-
 
 def decode_file(path: Path, channel: int = 0) -> tuple[int, list[TimecodeReading]]:
     """Sample rate, Hz, and all readings of a channel of a WAV file.
@@ -37,7 +35,7 @@ def encode_file(
 
     Args:
         start: first label, HH:MM:SS:FF, or HH:MM:SS;FF for drop-frame.
-        rate: one of `RATES`.
+        rate: frames per second: 23.976, 24, 25, 29.97, 29.97df (drop-frame) or 30.
         seconds: length.
         sample_rate: Hz.
         user_bits: 8 hex digits, group 8 first.

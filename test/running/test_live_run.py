@@ -23,13 +23,13 @@ def run_live(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(source, "make_plan", lambda args: replace(plan_of(args), live=True))
 
     def run(end, frames=True):
-        def record(plan, results, stop, jpeg_quality):
+        def record(plan, results, stop, *how):
             if frames:
                 run_in_process(replace(plan, live=False), results, stop)
             end(stop)
             return {}
 
-        monkeypatch.setattr(running_run, "_execute", record)
+        monkeypatch.setattr(running_run, "_over_dds", record)
         code = main(["run", "--bag", str(bag), "--out", str(tmp_path / "out"), "--no-pictures"])
         return code, sorted(path.name for path in tmp_path.iterdir()), capsys.readouterr().err
 

@@ -43,7 +43,6 @@ NEED_ROS = {"panoptic_ros.running.over_dds", "panoptic_ros.running.fed_graph"}
 # no stage, no graph and no arrays.
 THIN = {"errors", "domain", "stage", "io", "view", "bench", "running"}
 LONGEST_VERB = 120  # lines of a module of cli
-NOT_THIN_YET = {"panoptic_ros.cli.bias", "panoptic_ros.cli.evaluate_study", "panoptic_ros.cli.offsets"}
 SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io reads, not the reverse
 # Rooms inside of a stage: each imports itself and those before it. Modules beside them import all.
 INNER_ROOMS = {"timecode": ("config", "signal", "word", "label", "follow")}
@@ -63,7 +62,7 @@ def violations(module: str, source: str, standard: frozenset[str]) -> list[str]:
     found = []
     tree = ast.parse(source)
     pure = (RANKS[room] <= PURE or room == "graph") and room != "kernels"
-    if room == "cli" and module not in NOT_THIN_YET:
+    if room == "cli":
         found += _check_thin(module, source)
     for node in ast.walk(tree):
         for target in _imported(node, module):
@@ -120,8 +119,7 @@ def _check_import(module: str, room: str, target: str, pure: bool, standard: fro
         return [f"{module}: imports {top} in a pure room"] if pure and top in STANDARD_IMPURE else []
     if top == "rclpy" and room == "running" and module not in NEED_ROS:
         return [f"{module}: imports {top}, which needs ROS"]
-    allowed = THIRD_PARTY[room] | ({"numpy"} if module in NOT_THIN_YET else set())
-    return [] if top in allowed else [f"{module}: imports {top}, not allowed in {room}"]
+    return [] if top in THIRD_PARTY[room] else [f"{module}: imports {top}, not allowed in {room}"]
 
 
 def _check_inner(module: str, room: str, target: str) -> list[str]:

@@ -5,7 +5,6 @@ import argparse
 import json
 from pathlib import Path
 
-from panoptic_ros.running.sync_report.report import report_clocks, write_report
 from panoptic_ros.view.sync_table import sync_table
 
 
@@ -21,6 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Exit code 2 if there is a warning: the user can mend it."""
+    from panoptic_ros.running.sync_report.report import (  # only now: --help must be quick
+        report_clocks,
+        write_report,
+    )
+
     report = report_clocks(args.source)
     print(json.dumps(report.document, indent=1) if args.json else "\n".join(sync_table(report.document)))
     if args.out is not None:

@@ -8,7 +8,6 @@ import pytest
 from panoptic_ros.bench.studies import resolution
 from panoptic_ros.bench.studies.cameras import study_cameras
 from panoptic_ros.bench.studies.solving import SCORED
-from panoptic_ros.cli.evaluate_study import table
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import Rig
 from panoptic_ros.io.rigs import write_rig
@@ -16,6 +15,7 @@ from panoptic_ros.simulation import CLEAN, Lens, PanelDome, Ring, simulate
 from panoptic_ros.simulation.studio import study_scene
 from panoptic_ros.stage import untold
 from panoptic_ros.view.study_plots import write_study_plot
+from panoptic_ros.view.study_table import study_table
 
 RIG = PanelDome(2).build(np.random.default_rng(0))
 
@@ -30,7 +30,7 @@ def test_more_cameras_are_better_and_people_can_be_compared(tmp_path):
         many, few = rows[people, 40], rows[people, 8]
         assert many["nodes"] == few["nodes"] == 4 * people * len(SCORED)
         assert many["median_mm"] < few["median_mm"] and many["node_accuracy"] > 0.97
-    text = "\n".join(table(json.loads(json.dumps(found["rows"]))))
+    text = "\n".join(study_table(json.loads(json.dumps(found["rows"]))))
     assert "40 cameras: 20 skeletons, 300 nodes" in text
     write_study_plot(tmp_path / "plot.png", found["rows"], "title")
     assert (tmp_path / "plot.png").stat().st_size > 10_000
