@@ -9,12 +9,12 @@ from panoptic_ros.assembly.candidates import Candidates, from_hypotheses, guided
 from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.dynamic_programming import assemble
-from panoptic_ros.assembly.lessons import residuals_to_learn
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.nodes import has_maps
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.noise_growth import NoiseGrowth, box_diagonals
+from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.phantoms import agreed_shares

@@ -93,10 +93,10 @@ def likelier_velocities(
     delays = motion.delays[known]
     turned, unit = np.swapaxes(delays, -1, -2), np.eye(3)
     spread = pp * unit + pv * (delays + turned) + vv * delays @ turned + motion.covariances[known]
-    surprise = solved.positions[known] - prediction.positions[people]
-    there = np.isfinite(surprise[..., 0])
+    innovation = solved.positions[known] - prediction.positions[people]
+    there = np.isfinite(innovation[..., 0])
     solution = np.linalg.solve(
-        np.where(there[..., None, None], spread, unit), np.where(there[..., None], surprise, 0.0)[..., None]
+        np.where(there[..., None, None], spread, unit), np.where(there[..., None], innovation, 0.0)[..., None]
     )
     velocities[known] += ((pv * unit + vv * turned) @ solution)[..., 0]
     return velocities

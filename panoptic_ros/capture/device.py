@@ -95,9 +95,9 @@ class DeviceSource:
         self._options = options or DeviceOptions()
         self._open = opener or open_device
         check_device(self.device, self._what)
-        self._news = threading.Condition()
+        self._changed = threading.Condition()
         self._newest: ViewFrame | None = None
-        self._handed_out = True
+        self._delivered = True
         self._arrived = 0
         self._last_stamp_ns = -1
         self._failure: str | None = None
@@ -110,14 +110,14 @@ class DeviceSource:
 
     def __iter__(self) -> Iterator[ViewFrame]:
         while True:
-            with self._news:
-                while self._handed_out and self._failure is None and not self._stop.is_set():
-                    self._news.wait(0.5)
+            with self._changed:
+                while self._delivered and self._failure is None and not self._stop.is_set():
+                    self._changed.wait(0.5)
                 if self._stop.is_set():
                     return
-                if self._handed_out:
+                if self._delivered:
                     raise BackendError(f"{self._what}: {self._failure}")
-                self._handed_out = True
+                self._delivered = True
                 frame = self._newest
             if frame is not None:
                 yield frame
@@ -125,8 +125,8 @@ class DeviceSource:
     def close(self) -> None:
         """Stop the thread and close the device; iterations end."""
         self._stop.set()
-        with self._news:
-            self._news.notify_all()
+        with self._changed:
+            self._changed.notify_all()
         self._thread.join(timeout=5.0)  # a read that hangs in a driver must not hang us
 
     def __enter__(self) -> DeviceSource:
@@ -137,13 +137,13 @@ class DeviceSource:
 
     def _wait_for_first(self) -> tuple[int, int]:
         deadline = time.monotonic() + self._options.timeout_s
-        with self._news:
+        with self._changed:
             while self._newest is None and self._failure is None:
                 left = deadline - time.monotonic()
                 if left <= 0:
                     self._failure = f"no image within {self._options.timeout_s:g} s"
                     break
-                self._news.wait(left)
+                self._changed.wait(left)
             if self._newest is not None:
                 return self._newest.image_size
         self._stop.set()
@@ -188,17 +188,17 @@ class DeviceSource:
     def _publish(self, image: Array, arrival_ns: int) -> None:
         stamp = max(arrival_ns - round(1e6 * self._options.latency_ms), self._last_stamp_ns + 1, 0)
         frame = ViewFrame(self.camera, stamp, self._arrived, image)
-        with self._news:
-            self.dropped += not self._handed_out
-            self._newest, self._handed_out = frame, False
+        with self._changed:
+            self.dropped += not self._delivered
+            self._newest, self._delivered = frame, False
             self._last_stamp_ns = stamp
             self._arrived += 1
-            self._news.notify_all()
+            self._changed.notify_all()
 
     def _fail(self, why: str) -> None:
-        with self._news:
+        with self._changed:
             self._failure = why
-            self._news.notify_all()
+            self._changed.notify_all()
 
 
 def check_device(device: str, what: str) -> None:

@@ -1,10 +1,11 @@
-"""Consensus: which 2D people of several views are one person, and roughly where it is.
+"""Consensus: association of 2D people over views, and a first estimate of their positions.
 
-Shared by voting, which explains score maps away where people are known, and by assembly, which solves
-their joints. Rays of 2D people are compared in metres, so no threshold depends on a camera's resolution.
-2D people are given to those known from the instant before, and new people are sought where pairs of
-2D people agree and further views support them.
+Voting and assembly share it: voting explains score maps away where people are known, and assembly solves
+their joints. Association is in two steps (`grouping`, `newcomers`): 2D people are assigned to the people
+predicted from the instant before (`guidance`), best agreement first; then new people are found where pairs
+of 2D people agree and further views support them. Agreement is a Gaussian of distances in metres
+(`agreement`), so no threshold depends on a camera's resolution.
 
-In: a `DetectionSet` (`evidence.gather`). Out: a `Grouping` and first positions. Limits: a person needs
-2D people in two views.
+In: a `DetectionSet`, flattened and undistorted (`evidence.gather`). Out: a `Grouping` and first positions.
+Limits: a person needs 2D people in two views.
 """

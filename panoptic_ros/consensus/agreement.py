@@ -6,15 +6,15 @@ import numpy as np
 from panoptic_ros.kernels import njit
 
 MIN_DEPTH = 0.05  # m
-NOTHING = 50.0  # exponent, of an agreement below the digits of any other
+NOTHING = 50.0  # exponent beyond which an agreement counts as 0
 
 
 @njit(cache=True, error_model="numpy")
 def agreement_with_people(positions, shifts, plane, precision, view, cams, mirror, scale):
     """Mean agreement of every 2D person with every skeleton, as it is and with sides exchanged.
 
-    The agreement of one joint is exp(-d^2 / 2 scale^2) with d the residual times the depth, so the
-    same in near and far views.
+    The agreement of a joint is the Gaussian affinity exp(-d^2 / 2 scale^2). d is the residual times the
+    depth, in metres, so near and far views count alike.
 
     Args:
         positions: (P, J, 3) m, NaN = unknown. shifts: (P, J, 3) m/s. plane, precision: see Evidence.
@@ -68,7 +68,7 @@ def agreement_with_people(positions, shifts, plane, precision, view, cams, mirro
 
 @njit(cache=True, error_model="numpy")
 def _agreement(exponent):
-    """exp(-exponent), 0 where that is nothing: most people are far from most others."""
+    """exp(-exponent), or 0 where it is negligible; most people are far from most others."""
     return np.exp(-exponent) if exponent < NOTHING else 0.0
 
 
@@ -76,8 +76,8 @@ def _agreement(exponent):
 def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
     """Mean agreement (L, L) of the rays of 2D people `chosen` (L,), 0 inside a view; common (L, L).
 
-    The agreement of one joint is exp(-d^2 / 2 scale^2), d the distance of the two rays, and 0 if
-    they meet behind a camera.
+    The agreement of a joint is exp(-d^2 / 2 scale^2) with the distance d of the two rays, and 0 if they meet
+    behind a camera.
     """
     rotations = cams.rotations
     joints = plane.shape[1]

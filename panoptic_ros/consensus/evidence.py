@@ -21,7 +21,7 @@ class RigArrays:
         rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
         focals: (C,) px. lenses: (C,) see `lens_records`.
         boxes: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
-        diagonals: (C,) px.
+        diagonals: (C,) px. index: row of each camera by its name. cameras: the cameras of the rig.
     """
 
     rotations: Array
@@ -49,7 +49,7 @@ class RigArrays:
 
 
 def _plane_box(camera: Camera) -> Array:
-    """Box of the image in undistorted normalised coordinates, from the middles of its borders."""
+    """Box (4,) m/m of the image on the undistorted plane, from the middles of its borders."""
     width, height = camera.image_size
     middle_x, middle_y = 0.5 * (width - 1), 0.5 * (height - 1)
     border = np.array([[-0.5, middle_y], [width - 0.5, middle_y], [middle_x, -0.5], [middle_x, height - 0.5]])
@@ -65,12 +65,14 @@ class Evidence:
     Args:
         cameras: (V,) index into the rig. slots: (V,) index into `DetectionSet.views`.
         starts: (V + 1,) first person of each view. view: (D,) view of each person.
-        rows: (D,) index of the person in its view's record.
+        rows: (D,) index of the person in its `ViewDetections`.
         plane: (D, J, 2) undistorted normalised points, 0 where missing.
-        magnification: (D, J) how many times smaller or larger than on the axis things are in the image,
-            1 of Brown lenses; see `undistort_points`.
+        magnification: (D, J) scale of the image there, relative to the optical axis; 1 for Brown lenses. See
+            `undistort_points`.
         scores: (D, J), 0 where missing.
         delays: (V,) s, stamp of the view minus stamp of the set.
+        rotations (V, 3, 3), translations (V, 3) m: cam_from_world; centres (V, 3) m in the world.
+        focals: (V,) px. sight: how far the views see.
     """
 
     cameras: Array
@@ -106,9 +108,12 @@ def gather(
 ) -> Evidence:
     """Flatten, order and undistort the 2D people of a set.
 
-    Views come in the order of the rig and the people of a view in an order that depends on their
-    joints alone, so that neither order of the input matters. Derived joints are left out: their
-    2D points are no observations.
+    Views are in the order of the rig. The people of a view are in an order that depends on their joints
+    alone. So the order of the input does not matter. Derived joints are left out: their 2D points are no
+    observations.
+
+    Args:
+        min_score: joints of a lower score count as missing.
 
     Raises:
         DataError: on another skeleton, a camera that the rig lacks, or other image sizes.
@@ -142,7 +147,7 @@ def gather(
 def _check(
     detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str
 ) -> None:
-    """The set fits the rig and the skeleton."""
+    """Raise DataError unless the set fits the rig and the skeleton."""
     if detections.skeleton_hash != skeleton_hash:
         raise DataError(
             f"detections of skeleton {detections.skeleton_hash}, but assembly works on "

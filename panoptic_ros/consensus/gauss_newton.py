@@ -9,8 +9,8 @@ from panoptic_ros.kernels import njit
 
 MAX_STEP = 0.5  # m, of one step
 MIN_DEPTH = 0.05  # m
-SETTLED = 1e-5  # m, a step that ends the iteration, or goes over to the gated ones
-FEW = 3  # views; a gate of so many soon leaves none, so it is wider
+SETTLED = 1e-5  # m; a shorter step ends the iteration, or the part of it without gating
+FEW = 3  # views; with so few the gate is wider, as it would soon leave none
 FEW_FACTOR = 1.25
 # Columns of a table of observations. The first twelve are cam_from_world at the view's instant: rotation, row
 # by row, and translation. Then the point on the normalised plane, its information, and the view.
@@ -36,7 +36,7 @@ class SolverRules(NamedTuple):
 def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, normal, residuals, table):
     """Gauss-Newton with Cauchy weights on the picked observations; x, normal and residuals in place.
 
-    residuals: (V,) in standard deviations, -1 where a view has no pick or was gated.
+    residuals: (V,) in standard deviations, -1 where a view has no pick or is outside of the gate.
     table: (V, TABLE), see `_tabulate`. Returns the number of views in the last normal matrix.
     """
     used = _tabulate(shift, picks, plane, precision, cams, residuals, table)
@@ -120,7 +120,7 @@ def _tabulate(shift, picks, plane, precision, cams, residuals, table):
 
 @njit(cache=True, error_model="numpy")
 def _take_roots(residuals, views):
-    """Squared residuals of these views to residuals, in place."""
+    """Residuals from the squared residuals of these views, in place."""
     for k in range(len(views)):
         view = int(views[k])
         if residuals[view] >= 0.0:
@@ -129,7 +129,7 @@ def _take_roots(residuals, views):
 
 @njit(cache=True, error_model="numpy")
 def newton_step(n00, n10, n11, n20, n21, n22, b0, b1, b2):
-    """normal^-1 b, damped, at most MAX_STEP long; first whether it exists."""
+    """Whether normal^-1 b exists, and its three components, damped and at most MAX_STEP long."""
     damping = 1e-9 * (n00 + n11 + n22)
     good, s0, s1, s2 = solve_symmetric(
         n00 + damping, n10, n11 + damping, n20, n21, n22 + damping, b0, b1, b2
@@ -141,7 +141,7 @@ def newton_step(n00, n10, n11, n20, n21, n22, b0, b1, b2):
 
 @njit(cache=True, error_model="numpy")
 def solve_symmetric(n00, n10, n11, n20, n21, n22, b0, b1, b2):
-    """Whether the 3x3 matrix of this lower triangle is positive, and its solution (by L D L^T)."""
+    """Whether the 3x3 matrix of this lower triangle is positive definite, and the solution (by L D L^T)."""
     if n00 <= 0.0:
         return False, 0.0, 0.0, 0.0
     i0 = 1.0 / n00

@@ -1,4 +1,4 @@
-"""Who is who in the views: 2D people given to skeletons."""
+"""Association: 2D people assigned to skeletons."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -22,8 +22,10 @@ MIN_COMMON = 4  # joints that a 2D person shares with a skeleton or with another
 class Scene:
     """One instant, ready for the kernels.
 
+    evidence: the 2D people.
     precision: (D, J) 1 / standard deviation on the normalised plane, 0 = missing.
     mirror: (J,) the joint on the other side.
+    cams: rotations (V, 3, 3), translations (V, 3) m and delays (V,) s of the views.
     """
 
     evidence: Evidence
@@ -34,9 +36,9 @@ class Scene:
 
 @dataclass(slots=True, eq=False)
 class Grouping:
-    """Which 2D person each skeleton has in each view.
+    """An association: which 2D person each skeleton has in each view.
 
-    member: (P, V) row of the evidence, -1 = none. mirrored: (P, V) its sides are exchanged.
+    member: (P, V) row of the evidence, -1 = none. mirrored: (P, V) whether its sides are exchanged.
     """
 
     member: Array
@@ -44,11 +46,11 @@ class Grouping:
 
     @classmethod
     def empty(cls, people: int, views: int) -> Grouping:
-        """Nobody has anything."""
+        """Nothing is associated."""
         return cls(np.full((people, views), -1, np.int64), np.zeros((people, views), bool))
 
     def joined(self, other: Grouping) -> Grouping:
-        """These people and the others."""
+        """The rows of both."""
         return Grouping(
             np.concatenate([self.member, other.member]), np.concatenate([self.mirrored, other.mirrored])
         )
@@ -57,17 +59,17 @@ class Grouping:
 def assign(
     scene: Scene, positions: Array, shifts: Array, free: Array, config: GroupingConfig, scale: float
 ) -> tuple[Grouping, Array]:
-    """Give free 2D people to skeletons, best agreement first, one per view and skeleton.
+    """Assign free 2D people to skeletons, greedily by agreement, at most one per view and skeleton.
 
     Args:
-        positions: (P, J, 3) m, where the skeletons are or should be; shifts: (P, J, 3) m/s.
-        free: (D,) bool. scale: m, of the agreement.
+        positions: (P, J, 3) m, measured or predicted; shifts: (P, J, 3) m/s, their velocities.
+        free: (D,) bool, which may be assigned. scale: m, of the agreement.
 
     Returns:
-        the grouping, and free (D,) without those given away and without duplicates of them.
+        the grouping, and free (D,) without those that were assigned and without duplicates of them.
     """
     evidence = scene.evidence
-    member, mirrored, left = give_out(
+    member, mirrored, left, _, _ = assign_greedily(
         positions, shifts, evidence.plane, scene.precision, evidence.view, scene.cams, scene.mirror, scale,
         free, config.person_agreement, config.duplicate_agreement, evidence.views,
     )  # fmt: skip
@@ -75,18 +77,17 @@ def assign(
 
 
 @njit(cache=True, error_model="numpy")
-def give_out(positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double,
-             views):  # fmt: skip
-    """The loops of `assign`: member and mirrored (P, V), and free (D,)."""
-    return hand_out(
-        positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double, views
-    )[:3]
+def assign_greedily(positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double,
+                    views):  # fmt: skip
+    """The loops of `assign`.
 
+    Args:
+        least, double: agreement of a member, and of a duplicate. views: V.
 
-@njit(cache=True, error_model="numpy")
-def hand_out(positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double,
-             views):  # fmt: skip
-    """The same, with how well each skeleton agrees with each 2D person, and number of joints, (P, D)."""
+    Returns:
+        member and mirrored (P, V), free (D,), the agreement of each skeleton with each 2D person (P, D), and
+        the number of joints (P, D) that both have.
+    """
     straight, mirrored, common = agreement_with_people(
         positions, shifts, plane, precision, view, cams, mirror, scale
     )
@@ -117,7 +118,7 @@ def hand_out(positions, shifts, plane, precision, view, cams, mirror, scale, fre
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def middle_of_cameras(member, rotations, translations):
-    """Mean (3,) of the centres of the cameras that have a 2D person by member (V,), nought if none has."""
+    """Mean (3,) m of the centres of the cameras that have a 2D person in member (V,); 0 if none has."""
     middle, count = np.zeros(3), 0
     for v in range(len(member)):
         if member[v] >= 0:
@@ -133,8 +134,8 @@ def triangulate_linear(member, mirrored, plane, precision, rotations, translatio
                        mirror):  # fmt: skip
     """Linear triangulation (J, 3) m of the 2D people member (V,), NaN with fewer than two views.
 
-    Solved about the middle of their cameras, towards which damping then draws, wherever the world has its
-    origin.
+    It is solved relative to the mean centre of their cameras. Damping then pulls towards that centre,
+    wherever the world has its origin.
     """
     joints = len(mirror)
     points = np.full((joints, 3), np.nan)

@@ -1,30 +1,30 @@
-"""The skeletons that assembly itself found last: where their joints should be now."""
+"""Temporal guidance: predictions of the skeletons that were found in the instants before."""
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.consensus.guidance_steps import move_on, take_in
+from panoptic_ros.consensus.guidance_steps import predict_people, update_people
 
 Array = np.ndarray
 Tables = tuple[Array, Array, Array, Array, Array, Array]  # see `Guidance.clear`
 
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
 FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
-LOST_SIGMA = 0.35  # m, joints predicted worse than this are forgotten
-FIRM_VIEWS = 3  # that agree on a joint make its place firm
-FIRM_TIME = 0.08  # s, for so long
-ESTABLISHED_JOINTS = 4  # on which they agreed make a person's existence sure
-GUIDANCE_FIELDS = (  # all attributes of a Guidance, for the state of who has one
+LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten
+FIRM_VIEWS = 3  # views that must agree on a joint to make its position firm
+FIRM_TIME = 0.08  # s, how long it stays firm
+ESTABLISHED_JOINTS = 4  # joints that were ever firm make a person established
+GUIDANCE_FIELDS = (  # all attributes of a Guidance, for the layouts of states that hold one
     "_joints _mirror _groups _memory _acceleration _states _variances _ages _unagreed _unseen _balance"
 )
-BALANCE_MEMORY = 0.9  # per frame, of how many views see a limb with its sides exchanged
+BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """Where P people should be.
+    """Predicted motion of P people.
 
     positions: (P, J, 3) m, NaN = unknown. velocities: (P, J, 3) m/s, 0 where unknown.
     ages: (P, J) s since measured. variances: (P, J, 3), see `geometry.motion`.
@@ -41,10 +41,10 @@ class Prediction:
 
 
 class Guidance:
-    """A constant-velocity filter per joint of each person.
+    """A constant-velocity Kalman filter for each joint of each person.
 
-    Serves choices only (which 2D person, which start, which side, which time shift): the positions
-    that assembly gives are functions of the present images.
+    It is used for choices only (association, starting points, sides, time shifts). The positions that
+    assembly gives are functions of the present images.
     """
 
     def __init__(self, mirror: Array, groups: Array, memory: float, acceleration: float):
@@ -63,7 +63,7 @@ class Guidance:
 
     @property
     def _tables(self) -> Tables:
-        """All of them, in the order of the kernels."""
+        """All tables, in the order of the kernels."""
         return (
             self._states, self._variances, self._ages, self._unseen, self._unagreed, self._balance
         )  # fmt: skip
@@ -75,11 +75,11 @@ class Guidance:
         ) = tables  # fmt: skip
 
     def predict(self, dt: float) -> Prediction:
-        """Move on by dt >= 0 s, drop who was not seen for long, and say where all should be."""
+        """Predict to dt >= 0 s later, and drop people who were not seen for long."""
         noise = self._acceleration**2
         growth = (noise * dt**4 / 4.0, noise * dt**3 / 2.0, noise * dt**2)
         self._take(
-            move_on(
+            predict_people(
                 *self._tables, float(dt), float(np.exp(-dt / FADE_TIME)), growth, LOST_SIGMA**2, self._memory
             )
         )
@@ -92,25 +92,25 @@ class Guidance:
     def update(
         self, who: Array, positions: Array, covariances: Array, exchanged: Array, views: Array | None = None
     ) -> None:
-        """Take this instant's skeletons.
+        """Update with the skeletons of this instant.
 
         Args:
             who: (P,) index of the prediction, -1 = new.
             exchanged: (P, G) number of views that see each limb with its sides exchanged, minus the
-                number of those that see it straight. Where they are the majority for long, it is the
-                skeleton that is wrong, and its sides are exchanged.
-            views: (P, J) number that each joint rests on, or None: then nothing is firm.
+                number of those that see it straight. If they are the majority for long, the skeleton is
+                wrong, and its sides are exchanged.
+            views: (P, J) number of inlier views of each joint, or None: then nothing is firm.
         """
         firm = np.zeros(positions.shape[:2], bool) if views is None else views >= FIRM_VIEWS
         self._take(
-            take_in(
+            update_people(
                 *self._tables, who, positions, covariances, exchanged, firm, START_SPEED, BALANCE_MEMORY
             )
         )
         self._exchange_sides(self._balance > 0.0)
 
     def _exchange_sides(self, wrong: Array) -> None:
-        """Exchange left and right of the limbs wrong (T, G)."""
+        """Exchange left and right of the limbs of people `wrong` (T, G)."""
         if not wrong.any():
             return
         joints = np.arange(self._joints)

@@ -1,6 +1,6 @@
-"""The steps of the guidance's filter for all joints of all people, compiled.
+"""Prediction and update of the guidance's filter for all joints of all people, compiled.
 
-`geometry.motion` is the numpy reference of the filter itself.
+`geometry.motion` is the numpy reference of the filter.
 """
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from panoptic_ros.kernels import njit
 
 
 @njit(cache=True, error_model="numpy")
-def move_on(states, variances, ages, unseen, unagreed, balance, dt, fade, growth, lost,
-            memory):  # fmt: skip
-    """All tables dt s later, without the people who are forgotten.
+def predict_people(states, variances, ages, unseen, unagreed, balance, dt, fade, growth, lost,
+                   memory):  # fmt: skip
+    """Prediction step: all tables dt s later, without the people who are forgotten.
 
     Args:
         states (T, J, 6), variances (T, J, 3), ages (T, J), unseen (T,), unagreed (T, J), balance (T, G): see
@@ -57,9 +57,9 @@ def moved_variance(variance, dt, growth):
 
 
 @njit(cache=True, error_model="numpy")
-def take_in(states, variances, ages, unseen, unagreed, balance, who, positions, covariances, exchanged,
-            firm, start_speed, balance_memory):  # fmt: skip
-    """The tables after an instant's skeletons; new people come behind those that are known.
+def update_people(states, variances, ages, unseen, unagreed, balance, who, positions, covariances, exchanged,
+                  firm, start_speed, balance_memory):  # fmt: skip
+    """Update step: the tables after the skeletons of an instant; new people follow those that are known.
 
     Args:
         who: (P,) row of the tables, -1 = new. positions (P, J, 3) m, covariances (P, J, 3, 3) m^2.
@@ -89,13 +89,13 @@ def take_in(states, variances, ages, unseen, unagreed, balance, who, positions, 
                 ages[t, j] = 0.0
                 c = covariances[p, j]
                 noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
-                _measure(states[t, j], variances[t, j], positions[p, j], noise, start_speed)
+                _update_joint(states[t, j], variances[t, j], positions[p, j], noise, start_speed)
     return states, variances, ages, unseen, unagreed, balance
 
 
 @njit(cache=True, error_model="numpy")
-def _measure(state, variance, point, noise, start_speed):
-    """One joint after a measurement, in place; see `geometry.motion.update_motion`."""
+def _update_joint(state, variance, point, noise, start_speed):
+    """Update one joint with a measurement, in place; see `geometry.motion.update_motion`."""
     if not np.isfinite(state[0]):
         state[:3], state[3:] = point, 0.0
         variance[0], variance[1], variance[2] = noise, 0.0, start_speed**2
@@ -105,9 +105,9 @@ def _measure(state, variance, point, noise, start_speed):
         spread = 1e-12
     gain_x, gain_v = variance[0] / spread, variance[1] / spread
     for k in range(3):
-        surprise = point[k] - state[k]
-        state[k] += gain_x * surprise
-        state[3 + k] += gain_v * surprise
+        innovation = point[k] - state[k]
+        state[k] += gain_x * innovation
+        state[3 + k] += gain_v * innovation
     variance[2] -= gain_v * variance[1]
     variance[0] *= 1.0 - gain_x
     variance[1] *= 1.0 - gain_x
@@ -115,7 +115,7 @@ def _measure(state, variance, point, noise, start_speed):
 
 @njit(cache=True)
 def _grown(table, count, value):
-    """The table with `count` more rows of one value."""
+    """The table with `count` more rows, all filled with `value`."""
     result = np.full((len(table) + count,) + table.shape[1:], value)
     result[: len(table)] = table
     return result

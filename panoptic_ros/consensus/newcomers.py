@@ -1,7 +1,7 @@
 """New people from pairs of 2D people that agree: one compiled search.
 
-Pairs of free 2D people whose rays meet are triangulated, the support of all views is counted, and the best
-supported is taken, until none is left.
+Pairs of free 2D people whose rays meet are triangulated, and the support of all views is counted. The best
+supported pair becomes a person. This repeats until no pair is left.
 """
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import numpy as np
 from panoptic_ros.consensus.agreement import agreement_of_pairs
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
-from panoptic_ros.consensus.grouping import MIN_COMMON, Grouping, Scene, hand_out, triangulate_linear
+from panoptic_ros.consensus.grouping import MIN_COMMON, Grouping, Scene, assign_greedily, triangulate_linear
 from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, look
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-PAIRS_PER_ROUND = 12  # pairs tried before the best is taken
-MAX_PAIR_VIEWS = 24  # of larger rigs, views spread over the rig serve for pairs
-REPEAT = 2  # how often a new person's views are collected anew
+PAIRS_PER_ROUND = 12  # pairs that are tried for each new person
+MAX_PAIR_VIEWS = 24  # views that pairs are taken from; of more, those that are spread over the rig
+REPEAT = 2  # how often the association of a new person is repeated
 MIN_DEPTH = 0.05  # m
-SILENCE = 0.1  # more agreement for each view that should see a new person and does not
-BODY = 1.4  # m, between the joints farthest apart of somebody of whom most is seen
+MISSED_VIEW = 0.1  # agreement wanted in addition for each view that should see a new person and does not
+BODY = 1.4  # m, largest distance of two joints of a person who is mostly seen
 
 
 class NewcomerRules(NamedTuple):
@@ -77,7 +77,10 @@ def views_of_people(positions, rotations, translations, sight):
 
 @njit(cache=True, error_model="numpy")
 def look_at(position, rotations, translations, sight):
-    """Which views (V,) have half of somebody's known joints (J, 3) in the image, and which see as many."""
+    """How each view (V,) sees a person (J, 3) m.
+
+    SEEN if at least half of the known joints are in sight, HIDDEN if so many are in the image, else OUTSIDE.
+    """
     found = np.full(len(rotations), OUTSIDE, np.int64)
     known = 0
     for j in range(len(position)):
@@ -113,7 +116,7 @@ def search_people(free, plane, precision, view, cams, centres, sight, mirror,
     if len(chosen) >= 2:
         value, common = agreement_of_pairs(chosen, plane, precision, view, cams, centres, rules.agreement)
         value = np.where((common >= MIN_COMMON) & (value >= least), value * np.sqrt(common), 0.0)
-        open_precision = precision.copy()  # 2D people that are taken have no joints any more
+        open_precision = precision.copy()  # 0 for the 2D people that are assigned
         while found < len(members):
             for d in range(len(left)):
                 if not left[d]:
@@ -135,7 +138,7 @@ def search_people(free, plane, precision, view, cams, centres, sight, mirror,
 
 @njit(cache=True, error_model="numpy")
 def _candidates(free, precision, view, centres):
-    """Rows of the 2D people of which pairs are made, and who is free and has joints (D,)."""
+    """Rows (L,) of the 2D people that form pairs, and which of all (D,) are free and have joints."""
     used = spread_views(view, centres)
     left = free.copy()
     count = 0
@@ -197,7 +200,7 @@ def best_pairs(rank, left):
 @njit(cache=True, error_model="numpy")
 def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, sight, mirror,
                     rules):  # fmt: skip
-    """The best supported of the pairs: if any; member and mirrored (V,), place (J, 3), free (D,) left."""
+    """The best supported pair: whether there is one; member and mirrored (V,), place (J, 3) m, free (D,)."""
     views = len(centres)
     rotations, translations = cams.rotations, cams.translations
     best_score, good = 0.0, False
@@ -210,7 +213,7 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
             member[view[chosen[pairs[i, k]]]] = chosen[pairs[i, k]]
         for _ in range(1 + REPEAT):
             place = triangulate_linear(member, flipped, plane, precision, rotations, translations, mirror)
-            members, mirrors, left, value, common = hand_out(
+            members, mirrors, left, value, common = assign_greedily(
                 place.reshape(1, -1, 3), still, plane, precision, view, cams, mirror, rules.agreement, free,
                 rules.person_agreement, rules.duplicate_agreement, views,
             )  # fmt: skip
@@ -227,9 +230,10 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
 
 @njit(cache=True, error_model="numpy")
 def _support(member, found, value, common, precision):
-    """Agreement of the supporting 2D people: sum, each counted by its joints, mean; and their number.
+    """Score, mean agreement and number of the 2D people that support a new person.
 
-    Views from which the place is hidden support nothing.
+    The score is the sum of agreements, weighted by the root of the number of joints. Views from which the
+    person is hidden give no support.
     """
     score, agreement, supporters = 0.0, 0.0, 0
     for v in range(len(member)):
@@ -243,23 +247,24 @@ def _support(member, found, value, common, precision):
 
 @njit(cache=True, error_model="numpy")
 def enough_support(supporters, seeing, agreement, place, rules):
-    """Whether so many supporting views, of those that should see it, make a new person at a place (J, 3) m.
+    """Whether this number of supporting views, of those `seeing`, is enough for a new person (J, 3) m.
 
-    Fewer are enough if they agree well, and the better, the more others should see the person and do not.
+    Fewer are enough if they agree well. The more views miss the person, the better the others must agree.
     """
     if supporters >= max(rules.min_views, np.ceil(rules.view_share * seeing)):
         return True
     if supporters < max(2.0, np.ceil(rules.few_views_share * seeing)):
         return False
-    wanted = rules.few_views_agreement + SILENCE * max(seeing - supporters, 0)
+    wanted = rules.few_views_agreement + MISSED_VIEW * max(seeing - supporters, 0)
     return worth_by_size(agreement, place) >= wanted
 
 
 @njit(cache=True, error_model="numpy")
 def worth_by_size(agreement, place):
-    """What an agreement is worth if distances count by the size of the person (J, 3) m.
+    """An agreement with distances relative to the size of the person (J, 3) m.
 
-    Rays of two people meet by chance most easily near a camera, where both look small, and so do distances.
+    Rays of two people meet by chance most easily near a camera. A person put there is small, and so are the
+    distances between its rays.
     """
     square = 0.0
     for i in range(len(place)):
@@ -267,6 +272,6 @@ def worth_by_size(agreement, place):
             apart = 0.0
             for axis in range(3):
                 apart += (place[i, axis] - place[j, axis]) ** 2
-            if apart > square:  # not if one is unknown
+            if apart > square:  # false if one is unknown
                 square = apart
     return agreement ** max(1.0, BODY**2 / max(square, 1e-6))

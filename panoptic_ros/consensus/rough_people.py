@@ -1,4 +1,4 @@
-"""Where people are, roughly but safely: what voting explains score maps away with."""
+"""A robust first estimate of people in 3D, with which voting explains score maps away."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ Array = np.ndarray
 
 NOISE = 0.005  # standard deviation of a 2D joint, as a share of the image's diagonal
 SPREAD = 0.02  # m, standard deviation of a joint, for the guidance
-MEMORY = 0.5  # s, how long somebody is expected after having been seen
+MEMORY = 0.5  # s, how long a person who is not seen is predicted
 ACCELERATION = 10.0  # m/s^2, of a joint
-TRUNCATION = 4.0  # standard deviations beyond which a 2D joint says nothing
-ROUNDS = 4  # of weighted linear solving
-MAX_PAIRS = 15  # of views that are tried as a start where the views disagree
+TRUNCATION = 4.0  # standard deviations; gate of 2D joints, and limit of their costs
+ROUNDS = 4  # of weighted linear triangulation
+MAX_PAIRS = 15  # of views that are tried as candidates where the views disagree
 MIN_DEPTH = 0.05  # m
 
 
@@ -37,9 +37,10 @@ class RoughPeople:
 
 
 class RoughSolver:
-    """People from 2D people, guided by its own last instant; no judgement of what is a person.
+    """Association and robust linear triangulation, guided by the result of the instant before.
 
-    Joints on which the views disagree have the position that most of them support, at least two.
+    Nobody is rejected. A joint on which the views disagree gets the position that most of them support, at
+    least two.
     """
 
     def __init__(self, rig: Rig, skeleton: SkeletonModel, guided: bool = True):
@@ -55,7 +56,7 @@ class RoughSolver:
         self._last_ns: int | None = None
 
     def solve(self, item: DetectionSet) -> RoughPeople:
-        """The people of an instant. One that does not come after the last is solved without guidance.
+        """The people of an instant. An instant that does not follow the last one is solved without guidance.
 
         Raises:
             DataError: if the detections do not fit the rig or the skeleton.
@@ -89,7 +90,7 @@ class RoughSolver:
         return Scene(evidence, precision, self._mirror, cams)
 
     def _solve(self, scene: Scene, expected: Array, velocities: Array) -> tuple[RoughPeople, Array]:
-        """The people, and which of the expected they are (P,), -1 = new."""
+        """The people, and the index (P,) of the prediction of each, -1 = new."""
         config = self._config
         free = np.ones(len(scene.evidence.view), bool)
         who = np.zeros(0, np.int64)
@@ -119,10 +120,11 @@ class RoughSolver:
 @njit(cache=True, error_model="numpy", nogil=True)
 def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
                      mirror):  # fmt: skip
-    """Positions (P, J, 3) m with two or more views that agree, NaN elsewhere.
+    """Positions (P, J, 3) m of joints with two or more inlier views, NaN elsewhere.
 
-    The cheapest of the start (NaN = none), of the linear solution of all views and, where one of these is
-    an outlier, of pairs of views; then linear solutions with Cauchy weights and without outliers.
+    Candidates are the start (NaN = none), the linear triangulation of all views and, if these leave outliers,
+    those of pairs of views. The one of least truncated cost is refined by linear triangulations with Cauchy
+    weights, the last two with gating.
 
     Args:
         starts (P, J, 3) m, shifts (P, J, 3) m/s, member and mirrored (P, V): see `Grouping`.
@@ -162,7 +164,7 @@ def robust_positions(starts, shifts, member, mirrored, plane, precision, cams,
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _start(table, used, x0, x1, x2):
-    """The cheapest of the candidates."""
+    """The candidate of least truncated cost, see `robust_positions`."""
     count = len(table)
     best = (x0, x1, x2)
     least = _cost(table, best)
@@ -231,7 +233,7 @@ def _linear(table, used):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _weighted(table, x, gated):
-    """Linear triangulation with Cauchy weights at x; NaN where, gated, fewer than two views are left."""
+    """Linear triangulation with Cauchy weights at x; NaN if fewer than two views are left, e.g. by gating."""
     n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
     left = 0
     for k in range(len(table)):

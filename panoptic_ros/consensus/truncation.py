@@ -3,14 +3,14 @@ from __future__ import annotations
 
 from panoptic_ros.kernels import njit
 
-HAIR = 1e-6
+TIE_BREAK = 1e-6  # share of the limit
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def truncated(cost, limit):
-    """What a cost (>= 0) counts for: at most a hair more than the limit.
+    """The truncated value of a cost (>= 0): beyond the limit it grows by at most a share of TIE_BREAK.
 
-    Without that hair all places where every view is an outlier would cost the same, and which of them is
-    taken would depend on the order of the cameras.
+    Without that slope all places at which every view is an outlier would cost the same. Which of them is
+    taken would then depend on the order of the cameras.
     """
-    return cost if cost < limit else limit * (1.0 + HAIR * (1.0 - limit / cost))
+    return cost if cost < limit else limit * (1.0 + TIE_BREAK * (1.0 - limit / cost))

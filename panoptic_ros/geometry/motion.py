@@ -44,11 +44,11 @@ def update_motion(
     measured, known = np.isfinite(points[..., 0]), np.isfinite(states[..., 0])
     spread = np.maximum(variances[..., 0] + noise, 1e-12)
     gain_x, gain_v = variances[..., 0] / spread, variances[..., 1] / spread
-    surprise = points - states[..., :3]
+    innovation = points - states[..., :3]
     moved = np.concatenate(
         [
-            states[..., :3] + gain_x[..., None] * surprise,
-            states[..., 3:] + gain_v[..., None] * surprise,
+            states[..., :3] + gain_x[..., None] * innovation,
+            states[..., 3:] + gain_v[..., None] * innovation,
         ],
         axis=-1,
     )

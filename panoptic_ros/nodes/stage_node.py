@@ -26,7 +26,7 @@ from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.inputs import Input, InputChoice, subscribe
-from panoptic_ros.nodes.news import News
+from panoptic_ros.nodes.notice_log import NoticeLog
 from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.parameters import declare_config
 from panoptic_ros.nodes.progress import ProgressTold
@@ -84,7 +84,8 @@ class StageNode(Node):
             for stage, prefix in self.prefixes.items()
         }
         self._statistics = {stage: StageStatistics() for stage in names}
-        self._news = {stage: News(self.get_logger(), own) for stage, own in self._statistics.items()}
+        logger = self.get_logger()
+        self._notice_logs = {stage: NoticeLog(logger, own) for stage, own in self._statistics.items()}
         self._choice = InputChoice(self, Wiring(names).inputs)
         self._diagnostics = Diagnostics(self, self._statistics)
         self._reports = reports_of(self, Wiring(names))
@@ -271,7 +272,7 @@ class StageNode(Node):
         self._statistics[stage].add_duration(duration_ns)
 
     def _tell(self, stage: str, notice: Notice) -> None:
-        self._news[stage].tell(notice)
+        self._notice_logs[stage].tell(notice)
 
     def _refuse(self, stage: str, error: PanopticError) -> None:
         self._statistics[stage].dropped["bad_message"] += 1

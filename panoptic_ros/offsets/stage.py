@@ -22,7 +22,7 @@ from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.estimate import fit_clocks
 from panoptic_ros.offsets.filter import ClockFilter
 from panoptic_ros.offsets.frames import CameraFrame, camera_frames
-from panoptic_ros.offsets.news import News
+from panoptic_ros.offsets.notices import ClockNotices
 from panoptic_ros.offsets.passes import PRIOR_DRIFT, PRIOR_OFFSET, SCALES
 from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.offsets.uncertainty import honest_information
@@ -46,11 +46,11 @@ class OffsetsStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "offsets", ("_filter", "_frames", "_turns", "_tracked", "_in_force", "_correcting", "_news"),
+        "offsets", ("_filter", "_frames", "_turns", "_tracked", "_in_force", "_correcting", "_notices"),
         (
             TrackedPoseSet, TimeShift, ViewSources, CameraClocks, CameraFrame,
             Fields.named(ClockFilter, "_cameras _prior _memory _information _vector"),
-            Fields.named(News, "_cameras _told _passed _missed"),
+            Fields.named(ClockNotices, "_cameras _told _passed _missed"),
         ),
         shared=("_prior",),
         same={"configuration": "_config", "cameras": "_rig.names", "skeleton": "_skeleton.hash"},
@@ -80,7 +80,7 @@ class OffsetsStage(Stateful):
         self._tracked: list[TrackedPoseSet] = []
         self._in_force: CameraClocks | None = None
         self._correcting = np.zeros(count, bool)
-        self._news = News(self._rig.names)
+        self._notices = ClockNotices(self._rig.names)
 
     def step(self, item: ViewDetections | TrackedPoseSet) -> StepResult[ClockModel]:
         """Take a view or tracked people.
@@ -130,7 +130,7 @@ class OffsetsStage(Stateful):
         self._in_force = clocks
         newly = clocks.applied & clocks.known
         models = [model for model, new in zip(clocks.models(), newly) if new]
-        return StepResult(tuple(models), self._news.of(clocks, jumps, 1e-9 * (last - first)))
+        return StepResult(tuple(models), self._notices.of(clocks, jumps, 1e-9 * (last - first)))
 
     def _estimate(self, frames: list[CameraFrame], reference: int) -> tuple[CameraClocks, Array]:
         """The clocks, and how far (C,) s each of them has jumped."""

@@ -64,11 +64,11 @@ def learn_lengths(means, counts, bones, positions, covariances, measured):
                 along += (positions[b, k] - positions[a, k]) * spread * (positions[b, m] - positions[a, m])
         along /= square
         counts[i] = min(counts[i] + 1.0, MEMORY)
-        surprise = length - 0.5 * (trace - along) / length - means[i]
+        innovation = length - 0.5 * (trace - along) / length - means[i]
         limit = OUTLIER * np.sqrt(along + EXTRA_SIGMA**2)
         if counts[i] > SETTLED:
-            surprise = min(limit, max(-limit, surprise))
-        means[i] += surprise / counts[i]
+            innovation = min(limit, max(-limit, innovation))
+        means[i] += innovation / counts[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -93,12 +93,12 @@ def pull_bones(positions, covariances, bones, means, usable, there, sigma):
                 gain_a[k] += covariances[a, k, m] * unit[m] / length
                 gain_b[k] += covariances[b, k, m] * unit[m] / length
             expected += unit[k] / length * (gain_a[k] + gain_b[k])
-        surprise = means[i] - length
-        noise = sigma**2 * (1.0 + surprise**2 / (OUTLIER**2 * (expected + sigma**2)))
+        innovation = means[i] - length
+        noise = sigma**2 * (1.0 + innovation**2 / (OUTLIER**2 * (expected + sigma**2)))
         total = expected + noise
         for k in range(3):
-            positions[a, k] -= gain_a[k] * surprise / total
-            positions[b, k] += gain_b[k] * surprise / total
+            positions[a, k] -= gain_a[k] * innovation / total
+            positions[b, k] += gain_b[k] * innovation / total
             for m in range(3):
                 covariances[a, k, m] -= gain_a[k] * gain_a[m] / total
                 covariances[b, k, m] -= gain_b[k] * gain_b[m] / total

@@ -26,7 +26,8 @@ class RefinementConfig(Config):
         doc="How it grows with the squared speed of a joint against the body, the largest lately.",
     )
     cauchy: float = param(
-        3.0, unit="sigma", ge=0.5, le=100.0, doc="Scale of the Cauchy weight of surprising measurements."
+        3.0, unit="sigma", ge=0.5, le=100.0,
+        doc="Scale of the Cauchy weight: the larger an innovation is, the less a measurement counts.",
     )
     few_views_relief: float = param(
         0.3, ge=0.0, le=10.0,

@@ -34,25 +34,25 @@ def predict_states(states, covariances, dt, q):
 
 @njit(cache=True, error_model="numpy")
 def update_states(states, covariances, points, noises, cauchy, innovations):
-    """Take points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
+    """Update with measured points (N, 3) of covariances (N, 3, 3), in place; NaN points change nothing.
 
-    innovations (N, 3) becomes what was not expected, whitened, where a point is taken.
+    innovations (N, 3) becomes the whitened innovation (measured minus predicted) where a point is used.
 
-    A surprise of m sigmas multiplies the noise by 1 + (m / cauchy)^2 (the weight of a Cauchy
+    An innovation of m sigmas multiplies the noise by 1 + (m / cauchy)^2 (the weight of a Cauchy
     likelihood), divided by what that is on average, so that covariances stay honest. The three
     coordinates are taken one after another after whitening the noise.
     """
     total, lower = np.empty((3, 3)), np.empty((3, 3))
-    surprise, row, gain = np.empty(3), np.empty(3), np.empty(6)
+    innovation, row, gain = np.empty(3), np.empty(3), np.empty(6)
     softness = 1.0 / (cauchy * cauchy)
     for n in range(len(states)):
         if not np.isfinite(points[n, 0]):
             continue
         for i in range(3):
-            surprise[i] = points[n, i] - states[n, i]
+            innovation[i] = points[n, i] - states[n, i]
             for k in range(3):
                 total[i, k] = covariances[n, i, k] + noises[n, i, k]
-        whiten(total, surprise, lower, innovations[n])
+        whiten(total, innovation, lower, innovations[n])
         squared = 0.0
         for i in range(3):
             squared += innovations[n, i] ** 2 / 3.0
@@ -72,7 +72,7 @@ def update_states(states, covariances, points, noises, cauchy, innovations):
                     gain[i] += covariances[n, i, m] * row[m]
             for i in range(3):
                 spread += row[i] * gain[i]
-            take(states[n], covariances[n], gain, value, spread + 1.0)
+            update_scalar(states[n], covariances[n], gain, value, spread + 1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -88,9 +88,13 @@ def whitened_row(lower, k, row):
 
 
 @njit(cache=True, error_model="numpy")
-def take(state, covariance, gain, surprise, spread):
-    """One scalar measurement: gain is the covariance times its row, spread the variance of the surprise."""
-    scaled = surprise / spread
+def update_scalar(state, covariance, gain, innovation, spread):
+    """Update with one scalar measurement, in place.
+
+    Args:
+        gain: (6,) the covariance times the measurement's row. spread: variance of the innovation.
+    """
+    scaled = innovation / spread
     for i in range(6):
         state[i] += gain[i] * scaled
         for k in range(i + 1):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.refinement.kalman import cholesky, take, whiten, whitened_row
+from panoptic_ros.refinement.kalman import cholesky, update_scalar, whiten, whitened_row
 
 
 @njit(cache=True, error_model="numpy")
@@ -30,12 +30,12 @@ def start_moving(states, covariances, points, noises, delays, velocities, spread
 
 @njit(cache=True, error_model="numpy")
 def update_moving(states, covariances, points, noises, delays, cauchy, innovations):
-    """Take X + G V = points (N, 3) with covariances (N, 3, 3), in place; NaN points change nothing.
+    """Update with X + G V = points (N, 3) of covariances (N, 3, 3), in place; NaN points change nothing.
 
     Cauchy weights and innovations as in `kalman.update_states`, which this is for delays G (N, 3, 3) of 0.
     """
     row, ahead, gain = np.empty(6), np.empty((3, 6)), np.empty(6)
-    total, lower, surprise = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    total, lower, innovation = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for n in range(len(states)):
         if not np.isfinite(points[n, 0]):
             continue
@@ -46,13 +46,13 @@ def update_moving(states, covariances, points, noises, delays, cauchy, innovatio
                     ahead[i, k] += delays[n, i, m] * covariances[n, 3 + m, k]
         total[:] = noises[n]
         for i in range(3):
-            surprise[i] = points[n, i] - states[n, i]
+            innovation[i] = points[n, i] - states[n, i]
             for k in range(3):
-                surprise[i] -= delays[n, i, k] * states[n, 3 + k]
+                innovation[i] -= delays[n, i, k] * states[n, 3 + k]
                 total[i, k] += ahead[i, k]
                 for m in range(3):
                     total[i, k] += ahead[i, 3 + m] * delays[n, k, m]
-        whiten(total, surprise, lower, innovations[n])
+        whiten(total, innovation, lower, innovations[n])
         squared = (innovations[n] ** 2).sum() / 3.0
         total[:] = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
         cholesky(total, lower)
@@ -64,12 +64,12 @@ def update_moving(states, covariances, points, noises, delays, cauchy, innovatio
                 value += row[i] * points[n, i]
                 for m in range(3):
                     row[3 + m] += row[i] * delays[n, i, m]
-            _take_row(states[n], covariances[n], row, value, np.inf, gain)
+            _update_row(states[n], covariances[n], row, value, np.inf, gain)
 
 
 @njit(cache=True, error_model="numpy")
 def update_velocities(states, covariances, velocities, information, cauchy):
-    """Take velocities (N, 3) m/s with inverse covariances (N, 3, 3), maybe singular, in place.
+    """Update with velocities (N, 3) m/s of inverse covariances (N, 3, 3), maybe singular, in place.
 
     Unknown states and information of 0 change nothing.
     """
@@ -85,20 +85,20 @@ def update_velocities(states, covariances, velocities, information, cauchy):
             for i in range(3):
                 row[3 + i] = lower[i, k]
                 value += lower[i, k] * velocities[n, i]
-            _take_row(states[n], covariances[n], row, value, cauchy, gain)
+            _update_row(states[n], covariances[n], row, value, cauchy, gain)
 
 
 @njit(cache=True, error_model="numpy")
-def _take_row(state, covariance, row, value, cauchy, gain):
-    """One measurement row . state = value of noise 1, in place, with a Cauchy weight; gain is to work in."""
-    expected, surprise = 0.0, value
+def _update_row(state, covariance, row, value, cauchy, gain):
+    """Update with row . state = value of noise 1, in place, with a Cauchy weight; gain (6,) is scratch."""
+    expected, innovation = 0.0, value
     for i in range(6):
         gain[i] = 0.0
         for k in range(6):
             gain[i] += covariance[i, k] * row[k]
     for k in range(6):
         expected += row[k] * gain[k]
-        surprise -= row[k] * state[k]
+        innovation -= row[k] * state[k]
     weight = 1.0 / (cauchy * cauchy)
-    noise = (1.0 + weight * surprise**2 / (expected + 1.0)) / (1.0 + weight)
-    take(state, covariance, gain, surprise, expected + noise)
+    noise = (1.0 + weight * innovation**2 / (expected + 1.0)) / (1.0 + weight)
+    update_scalar(state, covariance, gain, innovation, expected + noise)

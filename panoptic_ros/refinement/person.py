@@ -80,8 +80,8 @@ class PersonMotion:
         self._still = np.zeros((joints, 3, 3))
         self._speeds = np.zeros(joints)  # m/s, largest lately against the body
 
-    def begin(self, stamp_ns: int) -> None:
-        """Move on to an instant; `measure` may follow."""
+    def predict(self, stamp_ns: int) -> None:
+        """Predict the motion to an instant; `update` may follow."""
         if self._moments:
             last = self._moments[-1]
             dt = 1e-9 * (stamp_ns - last.stamp_ns)
@@ -108,11 +108,11 @@ class PersonMotion:
         own = self._config.process_noise + self._config.limb_noise * self._speeds**2
         return self._tuning.factor * own
 
-    def measure(
+    def update(
         self, positions: Array, covariances: Array, scores: Array, views: Array, person_score: float,
         shift: TimeShift | None = None,
     ) -> None:  # fmt: skip
-        """Take the measurement of the instant that was begun; shift: of this person alone."""
+        """Update with the measurement of the predicted instant; shift: of this person alone."""
         now, config = self._moments[-1], self._config
         measured = np.isfinite(positions[:, 0])
         relief = 1.0 + config.few_views_relief / np.maximum(views - 1.0, 1.0)
@@ -126,16 +126,16 @@ class PersonMotion:
             velocities, spreads = self._start(shift)
             start_moving(now.states, now.covariances, points, covariances, delays, velocities, spreads)
         points = np.where(known[:, None], points, np.nan)
-        surprises = np.full((self._joints, 3), np.nan)
+        innovations = np.full((self._joints, 3), np.nan)
         if shift is None:
-            update_states(now.states, now.covariances, points, covariances, config.cauchy, surprises)
+            update_states(now.states, now.covariances, points, covariances, config.cauchy, innovations)
         else:
             update_moving(
-                now.states, now.covariances, points, covariances, delays, config.cauchy, surprises
+                now.states, now.covariances, points, covariances, delays, config.cauchy, innovations
             )
             information = np.where(known[:, None, None], shift.information[0], 0.0)  # new ones have used it
             update_velocities(now.states, now.covariances, shift.velocities[0], information, config.cauchy)
-        self._tuning.learn(surprises)
+        self._tuning.learn(innovations)
         now.measured, now.seen, now.person_score = measured, True, person_score
         now.scores = np.where(measured, scores, now.scores)
         now.views = np.where(measured, views, 0)

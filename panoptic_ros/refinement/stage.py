@@ -108,10 +108,10 @@ class RefinementStage(Stateful):
                 self._lengths.setdefault(number, BoneLengths(self._bones))
         rows = {int(number): k for k, number in enumerate(item.ids)}
         for number, motion in self._people.items():
-            motion.begin(item.stamp_ns)
+            motion.predict(item.stamp_ns)
             if number in rows:
                 k = rows[number]
-                motion.measure(
+                motion.update(
                     item.positions[k], item.covariances[k], item.scores[k], item.views[k],
                     float(item.person_scores[k]),
                     None if item.time_shift is None else item.time_shift.rows([k]),

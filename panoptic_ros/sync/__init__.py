@@ -4,7 +4,7 @@ In: ViewDetections, ClockModel of any number of clocks, and EndOfStream in repla
 order of time, whatever the order of arrival between cameras.
 
 How: a frame is dropped if its stamp is an outlier, seconds off those of its camera before and after
-(`strays`). The clock model of a camera, if there is one, moves its stamps to master time (`correction`). If
+(`outliers`). The clock model of a camera, if there is one, moves its stamps to master time (`correction`). If
 frames show that the clock of their camera may have jumped, they wait for a model that knows of the jump.
 Instants are those of the fastest camera, of a chosen one, or a fixed grid (`instants`). They are predicted,
 updated by the frames of the master camera, and continue where it drops some. Each camera gives the frame

@@ -8,19 +8,19 @@ from panoptic_ros.state import Fields, StateLayout
 from panoptic_ros.sync.correction import CameraClock, StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, Grid, Pace
 from panoptic_ros.sync.jumps import GuardedCamera, JumpGuard
+from panoptic_ros.sync.outliers import StampLine, StampOutliers
 from panoptic_ros.sync.queue import CameraQueue, Waiting
-from panoptic_ros.sync.strays import StampLine, StrayFilter
 
 LAYOUT = StateLayout(
     "sync",
     (
-        "_strays", "_correction", "_guard", "_queues", "_in_order", "_current", "_decided", "_instants",
+        "_outliers", "_correction", "_guard", "_queues", "_in_order", "_current", "_decided", "_instants",
         "_next", "_closed", "_stamp", "_newest", "_first", "_index",
     ),
     (
         ClockModel, ScoreMaps, ViewDetections, VisibilityLimit,
         CameraClock, GuardedCamera, StampLine, Waiting,
-        Fields.named(StrayFilter, "_cameras"),
+        Fields.named(StampOutliers, "_cameras"),
         Fields.named(StampCorrection, "_device _delays _cameras"),
         Fields.named(JumpGuard, "_cameras _live _shift _anybody_early _refused"),
         Fields.named(CameraQueue, "frames pace ended last_given _keeps_last"),

@@ -12,10 +12,10 @@ from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.correction import StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_master
 from panoptic_ros.sync.jumps import JumpGuard
+from panoptic_ros.sync.outliers import StampOutliers
 from panoptic_ros.sync.queue import CameraQueue, Choice
 from panoptic_ros.sync.remembered import LAYOUT
 from panoptic_ros.sync.resample import View, interpolate
-from panoptic_ros.sync.strays import StrayFilter
 
 SECOND = 1_000_000_000
 FIRST_FRAMES = 4  # of every camera, from which their rates are found
@@ -50,7 +50,7 @@ class SyncStage(Stateful):
 
     def reset(self) -> None:
         """Forget all frames and clocks; the next set has index 0."""
-        self._strays = StrayFilter(self._rig.names)
+        self._outliers = StampOutliers(self._rig.names)
         self._correction = StampCorrection(self._rig.names, self._config)
         self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
         self._queues = {name: CameraQueue(self._interpolates) for name in self._rig.names}
@@ -90,8 +90,8 @@ class SyncStage(Stateful):
                     f"camera {item.camera} sends skeleton {item.skeleton_hash}, "
                     f"expected {self._skeleton_hash}"
                 )
-            views, strays = self._strays.take(item)
-            notices += strays
+            views, outliers = self._outliers.take(item)
+            notices += outliers
             self._correct(views, notices)
         return self._give(notices, final=False)
 
@@ -105,7 +105,7 @@ class SyncStage(Stateful):
         return result
 
     def _end(self, camera: str, notices: list[Notice]) -> None:
-        views, told = self._strays.end(camera)
+        views, told = self._outliers.end(camera)
         notices += told
         self._correct(views, notices)
         self._queues[camera].ended = True

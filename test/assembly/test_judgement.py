@@ -8,7 +8,7 @@ from panoptic_ros.assembly.judgement import (
     possible_people,
     second_skeletons,
 )
-from panoptic_ros.assembly.lessons import residuals_to_learn
+from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.solve import settle
 from panoptic_ros.consensus.cameras import Cameras
 from panoptic_ros.consensus.grouping import triangulate_linear
@@ -108,7 +108,7 @@ def test_every_observation_goes_to_whom_it_fits_best():
         assert losers[:, 0].tolist() == [p != winner for p in range(3)]
 
 
-def test_lessons_take_leverage_out():
+def test_residuals_to_learn_have_leverage_taken_out():
     positions, normals, residuals, picks, precision = solved(1)
     precision = 100.0 * precision
     rng = np.random.default_rng(2)

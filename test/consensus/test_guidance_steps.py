@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.consensus.guidance_steps import move_on, take_in
+from panoptic_ros.consensus.guidance_steps import predict_people, update_people
 from panoptic_ros.geometry.motion import predict_motion, update_motion
 
 DT, ACCELERATION = 0.04, 8.0
@@ -29,7 +29,7 @@ def test_moving_on_is_the_filters_prediction_and_forgetting(seed):
     states[variances[..., 0] > 0.04] = np.nan
     alive = (unseen + DT <= 0.3) & np.isfinite(states[..., 0]).any(axis=1)
     expected = (states, variances, ages + DT, unseen + DT, unagreed + DT, balance)
-    got = move_on(*given, DT, 0.8, GROWTH, 0.04, 0.3)
+    got = predict_people(*given, DT, 0.8, GROWTH, 0.04, 0.3)
     for one, other in zip(got, expected):
         np.testing.assert_array_equal(one, other[alive])
 
@@ -54,6 +54,6 @@ def test_taking_in_is_the_filters_update_with_new_people_last(seed):
     unseen[rows] = 0.0
     unagreed[rows] = np.where(firm, 0.0, unagreed[rows])
     balance[rows] = 0.9 * balance[rows] + exchanged
-    got = take_in(*given, who, positions, covariances, exchanged, firm, 1.5, 0.9)
+    got = update_people(*given, who, positions, covariances, exchanged, firm, 1.5, 0.9)
     for one, other in zip(got, (states, variances, ages, unseen, unagreed, balance)):
         np.testing.assert_array_equal(one, other)

@@ -62,7 +62,7 @@ def test_smoother_equals_least_squares_at_uneven_rates_with_gaps():
         assert np.allclose(spread[0], covariances[i], atol=1e-7, rtol=1e-4)
 
 
-def test_surprises_count_less():
+def test_large_innovations_count_less():
     covariances, noise = np.zeros((1, 6, 6)), 1e-4 * np.eye(3)[None]
     covariances[0] = np.diag([1e-4] * 3 + [0.1] * 3)
     moved = []

@@ -1,4 +1,4 @@
-"""What stages notice: a line in the log for each event, counts and the newest text on /diagnostics."""
+"""Notices of stages: one line in the log for each event; counts and the newest text on /diagnostics."""
 from __future__ import annotations
 
 import time
@@ -8,14 +8,14 @@ from typing import Any
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.stage import Notice
 
-CALM_S = 10.0  # without the like of it: then a notice tells of another event
+CALM_S = 10.0  # without such a notice; the next one is then about another event
 
 
-class News:
-    """Logs the first notice of an event, for every camera or device apart, and counts those that follow.
+class NoticeLog:
+    """Logs the first notice of an event of each camera or device, and counts those that follow.
 
     Args:
-        now_s: a clock that never goes back.
+        now_s: a monotonic clock, s.
     """
 
     def __init__(self, logger: Any, statistics: StageStatistics, now_s: Callable[[], float] = time.monotonic):
@@ -25,7 +25,7 @@ class News:
         self._newest: dict[tuple[str, str], float] = {}
 
     def tell(self, notice: Notice) -> None:
-        """Take a notice."""
+        """Count a notice, and log it if it is the first of its event."""
         self._statistics.take(notice)
         key = notice.code, str(notice.values.get("device", notice.values.get("camera", "")))
         now, before = self._now_s(), self._newest.get(key)

@@ -29,7 +29,7 @@ class StampLine:
     off: list[ViewDetections] = field(default_factory=list)
 
 
-class StrayFilter:
+class StampOutliers:
     """Drops frames whose stamps are far off those of their own camera before and after.
 
     A frame seconds away from the last one waits for the next two. If one of these is on the old line, the
@@ -44,15 +44,15 @@ class StrayFilter:
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         """The frames that are on the line of their camera now, and notices about those that were not."""
         if view.stamp_ns >= LATEST_NS:
-            return [], [_stray(view)]
+            return [], [_outlier(view)]
         camera = self._cameras[view.camera]
         if camera.newest is not None and abs(view.stamp_ns - camera.newest) <= camera.reach:
-            strays, camera.off, camera.newest = camera.off, [], view.stamp_ns
-            return [view], [_stray(each) for each in strays]
+            outliers, camera.off, camera.newest = camera.off, [], view.stamp_ns
+            return [view], [_outlier(each) for each in outliers]
         camera.off.append(view)
         notices = []
         while not _in_a_row(_steps(camera.off)):
-            notices.append(_stray(camera.off.pop(0)))
+            notices.append(_outlier(camera.off.pop(0)))
         if len(camera.off) < SURE:
             return [], notices
         camera.reach = max(FAR_NS, PERIODS * min(_steps(camera.off)))
@@ -65,7 +65,7 @@ class StrayFilter:
         waiting, camera.off = camera.off, []
         if camera.newest is None:
             return waiting, []
-        return [], [_stray(view) for view in waiting]
+        return [], [_outlier(view) for view in waiting]
 
 
 def _steps(views: Sequence[ViewDetections]) -> list[int]:
@@ -77,7 +77,7 @@ def _in_a_row(steps: Sequence[int]) -> bool:
     return not steps or (min(steps) > 0 and max(steps) <= max(FAR_NS, PERIODS * min(steps)))
 
 
-def _stray(view: ViewDetections) -> Notice:
+def _outlier(view: ViewDetections) -> Notice:
     text = (
         f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: "
         "its stamp is an outlier among those of its camera before and after"

@@ -12,7 +12,7 @@ Array = np.ndarray
 PATIENCE_S = 10.0  # after which clocks that are still not known are reported
 
 
-class News:
+class ClockNotices:
     """Says which cameras are corrected and by how much, which clocks have jumped, and which stay unknown."""
 
     def __init__(self, cameras: Sequence[str]):

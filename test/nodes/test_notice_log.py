@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.nodes.news import CALM_S, News
+from panoptic_ros.nodes.notice_log import CALM_S, NoticeLog
 from panoptic_ros.stage import Notice
 
 
@@ -16,16 +16,16 @@ def lost(device, number):
 
 def test_an_event_is_told_once_for_each_device_and_again_after_calm():
     now, lines, statistics = [0.0], [], StageStatistics()
-    news = News(SimpleNamespace(warning=lines.append), statistics, lambda: now[0])
+    log = NoticeLog(SimpleNamespace(warning=lines.append), statistics, lambda: now[0])
     for number in range(3):  # blocks are lost for a while
         for device in ("left", "right"):
-            news.tell(lost(device, number))
+            log.tell(lost(device, number))
         now[0] += 0.6 * CALM_S
     assert [line.split(" (")[0] for line in lines] == [
         "timecode.gap: audio of left lost block 0", "timecode.gap: audio of right lost block 0"
     ]  # fmt: skip
     now[0] += CALM_S
-    news.tell(lost("left", 3))
+    log.tell(lost("left", 3))
     assert len(lines) == 3 and "left lost block 3" in lines[-1]
     values = statistics.values()
     assert values["notice.timecode.gap"] == "7"
@@ -34,6 +34,7 @@ def test_an_event_is_told_once_for_each_device_and_again_after_calm():
 
 def test_what_is_no_warning_is_counted_only():
     lines, statistics = [], StageStatistics()
-    News(SimpleNamespace(warning=lines.append), statistics).tell(Notice("sync.surplus_frame", "info", "text"))
+    log = NoticeLog(SimpleNamespace(warning=lines.append), statistics)
+    log.tell(Notice("sync.surplus_frame", "info", "text"))
     assert not lines and statistics.values()["notice.sync.surplus_frame"] == "1"
     assert "latest.sync.surplus_frame" not in statistics.values()

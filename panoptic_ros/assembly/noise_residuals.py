@@ -1,4 +1,4 @@
-"""Residuals that teach how noisy 2D joints are: those of well-supported joints, leverage taken out."""
+"""The residuals from which the noise of 2D joints is learnt: of well-supported joints, without leverage."""
 from __future__ import annotations
 
 import numpy as np
@@ -18,9 +18,9 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
                        focals):  # fmt: skip
     """Rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
 
-    From joints of three and more views; from those of two only where there are no others. Where there are
-    too many, about every n-th, chosen by its digits, so that the order of the views does not matter. A
-    residual that was taken out by the gate still teaches: it is noise.
+    They come from joints of three and more views, and from those of two only if there are no others. Of too
+    many residuals about every n-th is used, chosen by the digits of its observation, so that the order of the
+    views does not matter. Observations outside of the gate are used too: their residuals are noise.
 
     Args:
         positions, normals, residuals, picks: see `Solved`. shifts: (P, J, 3) m/s, velocities by which
