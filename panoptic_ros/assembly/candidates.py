@@ -1,4 +1,4 @@
-"""People before the final solve: guided by the last skeletons, new ones, or from parts."""
+"""People before the final solve: associated with predictions, new ones, or from parts."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from panoptic_ros.consensus.newcomers import find_people
 
 Array = np.ndarray
 
-CHOICE_SPREAD = 0.03  # m, how far from its prediction a joint is expected at once
-CHOICE_SPEED = 0.6  # m/s, and how that grows with the time since it was seen
+CHOICE_SPREAD = 0.03  # m, standard deviation of a prediction of a joint that was just measured
+CHOICE_SPEED = 0.6  # m/s, its growth with the time since the measurement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,9 +25,9 @@ class Candidates:
 
     Args:
         grouping: the 2D person of each view. source: (P, V, J) which of its joints stands for joint j.
-        guide: what is expected of them. who: (P,) index of the prediction, -1 = new.
-        free: (D,) 2D people that belong to nobody yet.
-        places: (P, J, 3) m, roughly where their joints are, NaN = unknown.
+        guide: their predictions. who: (P,) index of the prediction, -1 = new.
+        free: (D,) 2D people that are not associated.
+        places: (P, J, 3) m, first estimate of their joints, NaN = unknown.
     """
 
     grouping: Grouping
@@ -38,7 +38,7 @@ class Candidates:
     places: Array
 
     def joined(self, other: Candidates) -> Candidates:
-        """These people and the others, who were sought among the free 2D people of these."""
+        """These people and the others, which were found among the free 2D people of these."""
         if not len(other.who):
             return self
         names = ("positions", "spreads", "shifts", "firm")
@@ -54,7 +54,7 @@ class Candidates:
 
 
 def guided_people(scene: Scene, prediction: Prediction, config: AssemblyConfig) -> Candidates:
-    """The people that were there before, where two or more views still show them."""
+    """Predicted people with whom 2D people of two or more views are associated."""
     free = np.ones(len(scene.evidence.view), bool)
     grouping, free = assign(
         scene, prediction.positions, prediction.velocities, free, config, config.guided_agreement
@@ -108,7 +108,7 @@ def from_hypotheses(scene: Scene, people: list[Hypothesis]) -> Candidates:
 
 
 def _no_guide(count: int, scene: Scene) -> Guide:
-    """Nothing is expected of so many people."""
+    """A guide without predictions for `count` people."""
     shape = (count, len(scene.mirror), 3)
     spreads, firm = np.full(shape[:2], CHOICE_SPREAD), np.zeros(shape[:2], bool)
     return Guide(np.full(shape, np.nan), spreads, np.zeros(shape), firm)

@@ -1,9 +1,9 @@
 """Joints of people whom few views show, where these views disagree or only one of them has the joint.
 
-Where many cameras look, a joint on which no two agree is better left out. With two, each error of one of
-them would cost the joint, and with a shoulder the torso. So a joint that two views see is placed between
-their rays if these pass each other within reach, and a joint that one view sees is placed on its ray where
-the bone to a neighbour is as long as that of the other side. Covariances say how little that is worth.
+With many views, a joint on which no two views agree is better left out. With two views, each error of one
+of them would lose the joint, and with a shoulder the torso. So a joint that two views see is placed between
+their rays if these are close enough. A joint that one view sees is placed on its ray, where the bone to a
+neighbour is as long as that of the other side. Their covariances are large.
 """
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from panoptic_ros.domain import SkeletonModel
 Array = np.ndarray
 
 WIDEST_GAP = 0.25  # m, between two rays
-FEW_VIEWS = 2  # people of more views do without
-FEW_SEEING = 3  # and where more could see the person, who may then be none
+FEW_VIEWS = 2  # people of more views are left as they are
+FEW_SEEING = 3  # so are people whom more views should see, as they may be false
 PIXEL_SIGMA = 0.03  # m, across a ray
 LENGTH_SIGMA = 0.05  # m, along a ray, by which a bone differs from that of the other side
 CLOSE = 0.15  # m, between the joints of a head
@@ -45,7 +45,7 @@ def place_disputed(
 
     Args:
         source: (P, V, J) which joint of its 2D person stands for joint j.
-        expected: (P, J, 3) m, NaN = no idea.
+        expected: (P, J, 3) m, predictions, NaN = none.
     """
     supporting = (grouping.member >= 0).sum(axis=1)
     few = np.flatnonzero((supporting >= 1) & (supporting <= FEW_VIEWS))
@@ -56,7 +56,7 @@ def place_disputed(
         for joint, seen in rays.items():
             if len(seen) >= 2:
                 _put(p, joint, between(seen[0], seen[1]), seen, positions, covariances, scores, views)
-        for _ in range(OUTWARDS):  # from joints that are there to those that hang on them
+        for _ in range(OUTWARDS):  # from known joints to those that are linked to them
             for joint, seen in rays.items():
                 if len(seen) == 1 and np.isnan(positions[p, joint, 0]):
                     found = along_bone(seen[0], joint, expected[p, joint], positions[p], skeleton)

@@ -1,4 +1,4 @@
-"""What both methods of assembly give to the final solve: people, and the 2D joints they claim."""
+"""A person of the dynamic program before the final solve, with the 2D joints it claims."""
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -22,8 +22,8 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-GOOD_COST = 3.0  # truncated cost per view (2 is ideal) up to which the prediction has no rivals
-DENIED = 2.0  # spreads from a firm prediction, at which two views are not believed
+GOOD_COST = 3.0  # truncated cost per view (2 is expected) up to which the prediction is taken as the start
+DENIED = 2.0  # standard deviations; gate of two views about a firm prediction
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
 
 
@@ -44,7 +44,7 @@ class Room(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules, picks):
-    """Cheapest observation of every view for the point x, and the truncated cost of them all.
+    """Observation of least cost in every view for the point x; returns the sum of their truncated costs.
 
     picks (V, 2): 2D person and joint of it, -1 where the view has none.
     """
@@ -121,13 +121,13 @@ def intersect(first, second, picks_own, plane, cams, centres, x):
 
 @njit(cache=True, error_model="numpy")
 def best_start(p, j, prediction, spread, shift, member, source, owner, plane, precision, starts, cams,
-               centres, rules, x, picks, room):  # fmt: skip
+               centres, rules, x, picks, scratch):  # fmt: skip
     """Choose the starting point of a joint into x, its observations into picks; the cost, inf if none.
 
     Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views. The
     cost is truncated over the views, plus the truncated distance to the prediction.
     """
-    own, have, trial = room.own, room.have, room.trial
+    own, have, trial = scratch.own, scratch.have, scratch.trial
     views = len(starts) - 1
     limit = rules.truncation * rules.truncation
     count = 0
@@ -145,8 +145,8 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
         trial[:] = prediction
         pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts, cams,
                           rules, picks)  # fmt: skip
-        if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, room.normal,
-                        room.residuals, room.table) >= 2:  # fmt: skip
+        if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, scratch.normal,
+                        scratch.residuals, scratch.table) >= 2:  # fmt: skip
             cost = pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts,
                                      cams, rules, picks)  # fmt: skip
             x[:] = trial
@@ -178,7 +178,7 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
 
 
 @njit(cache=True, error_model="numpy")
-def _room(views):
+def _scratch(views):
     return Room(
         np.empty((views, TABLE)), np.empty((views, 2), np.int64), np.empty(views, np.int64), np.empty(3),
         np.empty((3, 3)), np.empty(views),
@@ -201,7 +201,7 @@ def solve_joints(
 
     Args:
         predictions: (P, J, 3) m, NaN = none; spreads: (P, J) m; shifts: (P, J, 3) m/s, velocities.
-        firm: (P, J) whether the prediction can deny what two views say.
+        firm: (P, J) whether the prediction can reject what two views say.
         member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) joint of that person.
         owner: (D, J) person that has claimed an observation, -1 = free; others may not use it.
         centres: (V, 3) m, of the cameras.
@@ -222,10 +222,10 @@ def solve_joints(
 @njit(cache=True, error_model="numpy")
 def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner, plane, precision, starts,
                 cams, centres, rules, positions, normals, residuals, picks, costs):  # fmt: skip
-    """The same, in place of what was found for the joints `todo` before."""
+    """The same, in place: replaces the earlier results of the joints `todo`."""
     people, joints = todo.shape
     views = len(starts) - 1
-    x, room = np.empty(3), _room(views)
+    x, scratch = np.empty(3), _scratch(views)
     for p in range(people):
         for j in range(joints):
             if not todo[p, j]:
@@ -233,16 +233,16 @@ def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner,
             shift, pick = shifts[p, j], picks[p, j]
             positions[p, j], normals[p, j], residuals[p, j], costs[p, j] = np.nan, 0.0, -1.0, np.inf
             cost = best_start(p, j, predictions[p, j], spreads[p, j], shift, member, source, owner, plane,
-                              precision, starts, cams, centres, rules, x, pick, room)  # fmt: skip
+                              precision, starts, cams, centres, rules, x, pick, scratch)  # fmt: skip
             if cost == np.inf:
                 pick[:] = -1
                 continue
             refine_point(x, shift, pick, plane, precision, cams, rules, 4, False, normals[p, j],
-                         residuals[p, j], room.table)  # fmt: skip
+                         residuals[p, j], scratch.table)  # fmt: skip
             costs[p, j] = pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts,
                                             cams, rules, pick)  # fmt: skip
             count = refine_point(x, shift, pick, plane, precision, cams, rules, 6, True, normals[p, j],
-                                 residuals[p, j], room.table)  # fmt: skip
+                                 residuals[p, j], scratch.table)  # fmt: skip
             if count == 2 and firm[p, j]:
                 away = _prior_cost(x, predictions[p, j], spreads[p, j], np.inf)
                 if away > DENIED * DENIED:

@@ -8,7 +8,7 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-ANATOMY_VOTES = 2.0  # views that the place of the nose is worth in saying which side is left
+ANATOMY_VOTES = 2.0  # weight of the position of the nose in the vote about sides, in views
 NOSE_AHEAD = 0.08  # m in front of the shoulders, from which on anatomy is sure
 
 

@@ -1,4 +1,4 @@
-"""People whom no list of 2D people has, from voted nodes that nobody explains.
+"""People who are in no list of 2D people, from voted nodes that no known person explains.
 
 A detector's person head can fail where its score maps still show every joint (large people, people in a
 heap). Such a person is a set of nodes, seen by three and more views, that hang together by bones of human
@@ -29,7 +29,7 @@ EXPLAINED = 0.15  # m, nodes so near to a joint of somebody known, or its mirror
 LENGTH_SHARE = 0.25  # by which bones of people differ
 SKIP_WEIGHT = 0.5  # of a part that skips a joint
 LEAST_SCORE = 0.01  # of a part
-SAME_PERSON = 0.3  # m, mean joint distance from where somebody should be
+SAME_PERSON = 0.3  # m, mean joint distance from the prediction
 SPREAD = 0.03  # m, as for people who are guided
 
 
@@ -196,7 +196,7 @@ def likely_parts(nodes, joints, votes, kinds, lengths, longest):
 
 
 def _known_before(places: Array, prediction: Prediction, taken: Array) -> Array:
-    """The prediction (P,) that each of the people fits, -1 = none; each once, and none of those taken."""
+    """The closest prediction (P,) of each person, -1 = none; each is used once, and those `taken` are not."""
     who = np.full(len(places), -1, np.int64)
     for p, place in enumerate(places):
         gaps = np.linalg.norm(prediction.positions - place, axis=-1)

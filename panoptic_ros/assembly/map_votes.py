@@ -18,14 +18,14 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-CHOICE_SIGMA = 0.07  # m, by which joints differ from where they should be
-FARTHEST = 0.3  # m, from where a joint should be; nodes beyond are another limb's, or somebody else's
-WORST_DISTANCE = 3.0  # half squared deviation beyond which it says no more, from where it should be
-WORST_MOVE = 2.0  # and from where it was triangulated
+CHOICE_SIGMA = 0.07  # m, standard deviation of joints about their predictions
+FARTHEST = 0.3  # m, gate about the prediction; nodes beyond are of another limb or person
+WORST_DISTANCE = 3.0  # truncation of half the squared deviation from the prediction
+WORST_MOVE = 2.0  # and of that from the triangulated position
 OWN_VOTE = 0.1  # of a triangulated joint without a node
 NODE_VIEWS = 2  # that support a node
 BONE_SIGMA, BONE_SHARE = 0.03, 0.1  # m and share of the length, by which the sides differ
-WORST_BONE = 36.0  # squared deviation beyond which a bone says no more
+WORST_BONE = 36.0  # truncation of the squared deviation of a bone
 _NEVER = 1e3
 
 
@@ -34,14 +34,13 @@ def chosen_nodes(
 ) -> Array:
     """The node (P, J) of each joint, -1 = none: it stays where it was triangulated.
 
-    Votes against distance from where the joint should be and from where it was triangulated (truncated:
-    people move, views err) and against bones that differ from those of the other side: log(vote) less half of
-    the squared deviations is to be most in sum over the people, and a node belongs to one person. Where
-    nothing is expected, the joint should be where it was triangulated.
+    The choice maximises the sum over the people of log(vote) minus half of the squared deviations. These are
+    truncated deviations from the prediction, from the triangulated position, and of bones from those of the
+    other side. A node belongs to one person. Without a prediction the triangulated position takes its place.
 
     Args:
         positions: (P, J, 3) m, as triangulated; NaN = missing.
-        expected: (P, J, 3) m, NaN = no idea.
+        expected: (P, J, 3) m, predictions, NaN = none.
         gate: m, nodes so near to the triangulated joint need no second view.
     """
     chosen = np.full(positions.shape[:2], -1, np.int64)

@@ -1,8 +1,7 @@
 """Joints from 3D node proposals where the 2D people say too little.
 
-Score maps keep what a detector's list of people loses: a joint that a person lacks in all but one view, or
-two views that disagree. Voting finds it as a node; a node near the place where the joint should be is
-then the measurement.
+A detector's list of people may lack a joint in all but one view, or two views may disagree. The score maps
+still show that joint, and voting finds it as a node. A node near the predicted joint is then the measurement.
 """
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from panoptic_ros.kernels import njit
 Array = np.ndarray
 
 NODE_VIEWS = 2  # that support a node
-CHANCE = 0.2  # by which votes are higher when the share of wrong nodes is less by e
+CHANCE = 0.2  # of votes, over which the share of wrong nodes falls by a factor of e
 WRONG_SIGMA = 0.16  # m, of a wrong node, which is a joint of another limb, or of a neighbour
 
 

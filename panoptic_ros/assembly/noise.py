@@ -10,10 +10,10 @@ Array = np.ndarray
 
 SCORE_BINS = 10
 KINDS = 3  # of joints: visible, perhaps hidden, hidden (see `occlusion`)
-LEVELS = 64  # of the histogram over the logarithm of residuals
+LEVELS = 64  # bins of the histogram over the logarithm of residuals
 LEVEL_RANGE = (0.02, 50.0)  # residual / initial sigma
 RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
-PRIOR_COUNT = 40.0  # residuals that the initial values are worth
+PRIOR_COUNT = 40.0  # weight of the initial values, in residuals
 HIDDEN_PRIOR_COUNT = 5.0  # the same for joints that are hidden or may be, which are few
 VIEW_PRIOR_COUNT = 200.0
 
@@ -42,7 +42,7 @@ class NoiseTable:
         self.shares = np.full(KINDS * SCORE_BINS, initial)
         self.factors = np.ones(cameras)
         self.growth = NoiseGrowth(memory)
-        self.learnt = False  # anything at all
+        self.learnt = False  # whether any residual was used
 
     def sigmas(self, scores: Array, kinds: Array, cameras: Array, sizes: Array, diagonals: Array) -> Array:
         """Standard deviations (D, J) px of joints of scores and kinds (D, J).
@@ -57,7 +57,7 @@ class NoiseTable:
     def learn(
         self, scores: Array, kinds: Array, cameras: Array, sizes: Array, pixels: Array, diagonals: Array
     ) -> None:
-        """Take residuals (N,) px, leverage removed, of joints of scores and kinds (N,) in cameras (N,).
+        """Update with residuals (N,) px, without leverage, of joints of scores and kinds (N,) in cameras (N,).
 
         Args:
             sizes: (N,) of the 2D people that the joints belong to. diagonals: (C,) px.
@@ -75,7 +75,7 @@ class NoiseTable:
         self.factors = self._median(self._views) / RAYLEIGH_MEDIAN
 
     def _add(self, table: Array, rows: Array, ratios: Array) -> None:
-        """Count residuals in units of their sigma into rows of a histogram; full rows forget."""
+        """Count residuals in units of their sigma into rows of a histogram, with forgetting."""
         count_levels(table, rows, ratios, self._low, self._width)
         table *= np.minimum(1.0, self._memory / table.sum(axis=1, keepdims=True))
 

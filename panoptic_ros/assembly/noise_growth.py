@@ -12,9 +12,9 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-PRIOR = 20.0  # residuals times variance of their log sizes, that an exponent of 0 is worth
-CLIP = 4.0  # of log residuals: outliers count as no larger
-REACH = 1.4  # of log sizes from their mean: farther ones count as no farther
+PRIOR = 20.0  # weight of the exponent 0, in residuals times variance of their log sizes
+CLIP = 4.0  # of log residuals; outliers are clipped to it
+REACH = 1.4  # of log sizes from their mean, at which they are clipped
 SMALLEST = 1e-4  # of a size: people of one joint have none
 
 
@@ -32,12 +32,12 @@ class NoiseGrowth:
         self.exponent = 0.0
 
     def factors(self, sizes: Array) -> Array:
-        """By how much people of sizes (N,) are noisier than those of the mean size."""
+        """Noise (N,) of people of sizes (N,), relative to that of the mean size."""
         factors: Array = growth_factors(sizes, self._middle, self.exponent)
         return factors
 
     def learn(self, sizes: Array, ratios: Array) -> None:
-        """Take residuals (N,) in units of what they would be at the mean size, of people of sizes (N,)."""
+        """Update with residuals (N,), in units of the noise at the mean size, of people of sizes (N,)."""
         add_logs(self._sums, sizes, ratios)
         self._sums *= min(1.0, self._memory / self._sums[0])
         count, x_sum, y_sum, xx_sum, xy_sum = self._sums.tolist()

@@ -32,8 +32,8 @@ class People:
     """Skeletons of one instant: P people of the K solved.
 
     kept: (P,) which of the solved. positions (P, J, 3), covariances (P, J, 3, 3), scores (P, J),
-    views (P, J). doubts: (P, J) m^2, variance besides, as a node may be the wrong one; without it for
-    guidance, which is to follow what was chosen. sources: their 2D people.
+    views (P, J). doubts: (P, J) m^2, additional variance because a node may be the wrong one; guidance
+    does not use it, as it should follow what was chosen. sources: their 2D people.
     """
 
     kept: Array
@@ -131,7 +131,7 @@ def _use_nodes(
     item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
     doubts: Array, config: AssemblyConfig,
 ) -> None:  # fmt: skip
-    """Put voted nodes in place of joints that are missing, or less certain than nodes, in place."""
+    """Replace joints that are missing, or less certain than nodes, by voted nodes, in place."""
     missing = np.isnan(positions[..., 0])
     variance = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
     with np.errstate(invalid="ignore"):
@@ -148,7 +148,7 @@ def _move_to_votes(
     item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
     doubts: Array, skeleton: SkeletonModel, config: AssemblyConfig,
 ) -> None:  # fmt: skip
-    """Put joints at the votes of the maps, in place; one that moves far is the node and no more itself."""
+    """Move joints to the votes of the maps, in place; a joint that moves far takes all values of the node."""
     chosen = chosen_nodes(positions, expected, item, config.vote_distance, skeleton)
     p, j = np.nonzero(chosen >= 0)
     nodes = chosen[p, j]

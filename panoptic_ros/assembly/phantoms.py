@@ -1,8 +1,8 @@
 """Phantoms: where rays of two people, or of two false detections, meet by chance.
 
-Two views agree by chance on some of their joints, and on as few of them in the next instant, if what they
-show stands still. Real people whom two views show have nearly all joints in common. So where a third view
-should see somebody and shows nobody, and three views never agreed on that person, two must agree on most.
+Two views agree by chance on some joints, and on as few of them in the next instant if nothing moves. For
+real people two views agree on nearly all joints. So two views must agree on most joints of a person if a
+third view should see the person and does not, and three views never agreed on the person.
 """
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from panoptic_ros.consensus.newcomers import seeing_views
 Array = np.ndarray
 
 FEW_VIEWS = 2  # that may agree by chance
-DOUBTED_SHARE = 0.75  # of the joints that both of them show
+DOUBTED_SHARE = 0.75  # of the joints that both views show
 
 
 def agreed_shares(

@@ -17,10 +17,10 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guide:
-    """What is expected of P people: enters choices, never positions.
+    """Predictions of P people, which are used in choices and never in positions.
 
-    positions: (P, J, 3) m, NaN = nothing. spreads: (P, J) m. shifts: (P, J, 3) m/s, velocities.
-    firm: (P, J) whether the position is sure enough to deny what two views say.
+    positions: (P, J, 3) m, NaN = none. spreads: (P, J) m, standard deviations. shifts: (P, J, 3) m/s,
+    velocities. firm: (P, J) whether the position is certain enough to reject what two views say.
     """
 
     positions: Array
@@ -56,7 +56,7 @@ class Solved:
 
 
 class Solver:
-    """Solves joints, exchanges limbs, and settles who owns which 2D joint."""
+    """Solves joints, exchanges limbs, and assigns each 2D joint to one skeleton."""
 
     def __init__(self, config: AssemblyConfig, groups: Array, group_count: int):
         self._config, self._groups, self._group_count = config, groups, group_count
@@ -93,7 +93,11 @@ class Solver:
     def _exchange(
         self, scene: Scene, grouping: Grouping, source: Array, guide: Guide, solved: Solved
     ) -> Array:
-        """Exchange left and right of whole limbs where that is clearly cheaper; joints to solve again."""
+        """Exchange left and right of whole limbs where that is clearly cheaper.
+
+        Returns:
+            (P, J) whether a joint must be solved again.
+        """
         if not self._group_count:
             return np.zeros(solved.costs.shape, bool)
         limit = self._config.truncation**2
@@ -124,13 +128,16 @@ def observed_views(scene: Scene, grouping: Grouping, source: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def settle(residuals, picks, owner, member, penalty):
-    """Give every 2D joint to the one skeleton that it fits best; which joints (P, J) lost one.
+    """Assign every 2D joint to the skeleton that it fits best.
 
     The paper (5.3) demands that a 2D detection supports a single skeleton.
 
     Args:
         residuals (P, J, V), picks (P, J, V, 2): see `Solved`. member: (P, V). penalty: of foreign joints.
         owner: (D, J) the skeleton that has each 2D joint, in place.
+
+    Returns:
+        (P, J) which joints lost a 2D joint.
     """
     people, joints, views = residuals.shape
     least = np.full(owner.shape, np.inf)

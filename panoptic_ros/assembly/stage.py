@@ -68,7 +68,7 @@ class AssemblyStage(Stateful):
         self.reset()
 
     def reset(self) -> None:
-        """Forget all people and all noise that was learnt."""
+        """Forget all people and the learnt noise."""
         config = self._config
         self._noise = NoiseTable(len(self._rig.focals), config.initial_noise, config.noise_memory)
         self._guidance = Guidance(self._mirror, self._groups, config.track_memory, config.acceleration)
@@ -95,7 +95,7 @@ class AssemblyStage(Stateful):
         self._last_ns = item.stamp_ns
         prediction = self._guidance.predict(dt)
         if self._config.learn_noise and not self._noise.learnt:
-            self._solve(evidence, item, prediction)  # the first people are solved with what they teach
+            self._solve(evidence, item, prediction)  # the first people are solved with their learnt noise
         people, found, observed, motion = self._solve(evidence, item, prediction)
         if self._config.temporal_guidance:
             exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
@@ -132,13 +132,13 @@ class AssemblyStage(Stateful):
         return people, found, observed, motion
 
     def _without_biases(self, people: People) -> People:
-        """The people with known biases of the detector taken out: not before guidance, which sees images."""
+        """The people without known biases of the detector; guidance keeps these, as images show them."""
         if self._biases is None:
             return people
         return replace(people, positions=self._biases.corrected(people.positions))
 
     def _scene(self, evidence: Evidence, sizes: Array) -> Scene:
-        """Evidence with the noise that is known by now, as if all joints were visible."""
+        """The evidence with the noise learnt so far, as if all joints were visible."""
         precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64), sizes)
         delays = evidence.delays if self._config.compensate_stamps else np.zeros_like(evidence.delays)
         cams = Cameras(evidence.rotations, evidence.translations, delays)
@@ -160,14 +160,14 @@ class AssemblyStage(Stateful):
         return relative
 
     def _kinds(self, scene: Scene, found: Candidates) -> Array:
-        """Which 2D joints (D, J) show hidden joints, from roughly where the people are."""
+        """Which 2D joints (D, J) show hidden joints, from the first estimate of the people."""
         places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
         hidden = hidden_joints(places, found.guide.shifts, *self._bones, scene.cams)
         kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
         return kinds
 
     def _candidates(self, scene: Scene, item: ProposalSet, prediction: Prediction) -> Candidates:
-        """People before the final solve, by the method that was asked for."""
+        """People before the final solve, by the configured method."""
         if self._config.method == "dynamic_programming":
             found = assemble(item, self._context.rig, self._skeleton)
             return from_hypotheses(scene, found)

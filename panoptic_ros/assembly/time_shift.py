@@ -5,8 +5,8 @@ assumed velocity u, least squares gives to first order x = X + G (V - u), where
 G = (sum w A^T A)^-1 sum w t A^T A. Minimised over the position, what is left of the cost says the velocity
 with information W = sum w t^2 A^T A - (sum w t A^T A) G.
 
-How far a joint is from its prediction tells how wrong its predicted velocity was. Views are moved a second
-time by the velocity that this teaches; positions remain functions of this instant's images otherwise.
+The innovation of a joint corrects its predicted velocity. Views are then moved a second time, by the
+corrected velocity. Apart from that, positions remain functions of the images of this instant.
 """
 from __future__ import annotations
 
@@ -81,9 +81,9 @@ def motion_of(scene: Scene, solved: Solved, shifts: Array, cauchy: float) -> Mot
 def likelier_velocities(
     found: Candidates, solved: Solved, motion: Motion, prediction: Prediction
 ) -> Array:
-    """Velocities (K, J, 3) m/s after a look at where joints are, from those that were predicted.
+    """Velocities (K, J, 3) m/s: the predicted ones after a Kalman update.
 
-    The constant-velocity prediction and the position, of error G (V - u), together; one step of a filter.
+    The prediction is of constant velocity, the measurement is the position, of error G (V - u).
     """
     velocities = found.guide.shifts.copy()
     known = np.flatnonzero(found.who >= 0)

@@ -25,7 +25,7 @@ class Scene:
     evidence: the 2D people.
     precision: (D, J) 1 / standard deviation on the normalised plane, 0 = missing.
     mirror: (J,) the joint on the other side.
-    cams: rotations (V, 3, 3), translations (V, 3) m and delays (V,) s of the views.
+    cams: of the V views.
     """
 
     evidence: Evidence

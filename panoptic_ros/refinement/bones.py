@@ -7,9 +7,9 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-MEMORY = 300.0  # frames that a length remembers
-GOOD_SIGMA = 0.04  # m, joints less certain than this teach nothing
-OUTLIER = 3.0  # sigmas; lengths further from the mean teach and pull less
+MEMORY = 300.0  # frames over which a length is averaged
+GOOD_SIGMA = 0.04  # m, joints less certain than this are not learnt from
+OUTLIER = 3.0  # sigmas from the mean, beyond which a length has less weight
 SHORTEST = 1e-3  # m, below which a bone has no direction
 EXTRA_SIGMA = 0.01  # m, of a length besides the noise of its ends, when outliers are judged
 SETTLED = 5.0  # frames after which outliers are cut
@@ -28,7 +28,7 @@ class BoneLengths:
         self.counts = np.zeros(len(bones))
 
     def learn(self, positions: Array, covariances: Array, measured: Array) -> None:
-        """Take joints (J, 3) m with covariances (J, 3, 3)."""
+        """Update with joints (J, 3) m of covariances (J, 3, 3) m^2."""
         learn_lengths(self.means, self.counts, self._bones, positions, covariances, measured)
 
     def apply(

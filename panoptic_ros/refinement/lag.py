@@ -1,4 +1,4 @@
-"""When a set is given out, and for which instant: the meaning of `lag`.
+"""When a result is due, and for which instant: the meaning of `lag`.
 
 A result for an instant uses views up to the instant plus the lag, and waits for no others. A set of instant t
 whose newest view is at n > t (cameras that are not synchronous) can only be used as a whole. So where the

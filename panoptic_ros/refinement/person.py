@@ -78,7 +78,7 @@ class PersonMotion:
         self._moments: list[Moment] = []
         self._tuning = Tuning(joints, lasting)
         self._still = np.zeros((joints, 3, 3))
-        self._speeds = np.zeros(joints)  # m/s, largest lately against the body
+        self._speeds = np.zeros(joints)  # m/s relative to the body, the largest of late
 
     def predict(self, stamp_ns: int) -> None:
         """Predict the motion to an instant; `update` may follow."""

@@ -1,4 +1,4 @@
-"""How joints move that nothing is known of yet, from views of different stamps.
+"""Velocities of new joints, from views of different stamps.
 
 Such views disagree because of motion, or because calibration and 2D joints are off. One joint in three views
 cannot tell which: its velocity has as many unknowns as the views have residuals. All joints of a person

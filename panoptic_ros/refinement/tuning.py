@@ -1,4 +1,4 @@
-"""Process noise and the scale of covariances, learnt online from what a filter did not expect.
+"""Process noise and the scale of covariances, learnt online from the innovations of a filter.
 
 Innovations, whitened by their stated covariance, of a filter whose model is right have variance 1 and
 no correlation over time (Mehra 1970). If two in a row point the same way, the filter follows too slowly
@@ -6,8 +6,8 @@ and needs more process noise; if they alternate, it follows noise and needs less
 the scale of the noise. With process noise so, their mean square tells the scale of all covariances.
 
 Errors of a detector that last for some frames look like motion: then innovations two and three frames
-apart point opposite ways, for the filter has followed an error and comes back. Smoothed joints are less
-certain then; by how much was found by simulation of such errors, roughly.
+apart have opposite signs, because the filter follows an error and comes back. Smoothed joints are then less
+certain. By how much was found approximately, by simulation of such errors.
 """
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-CLIP = 3.0  # sigmas; innovations count as no larger
-FIRST = 4  # measurements of a person before its innovations say something of the motion
-SETTLED = 10  # and of the scale: at first they tell mostly how fast joints might have been
+CLIP = 3.0  # sigmas, at which innovations are clipped
+FIRST = 4  # measurements of a person before process noise is learnt
+SETTLED = 10  # and before the scale is; earlier innovations depend on the prior of velocities
 RATE = 0.2  # of the logarithm of the process noise, per measurement and unit of correlation
 RANGE = (0.1, 10.0)  # of the factor on the process noise
-PRIOR = 8.0  # measurements of a person that a scale of 1 is worth
+PRIOR = 8.0  # weight of the scale 1, in measurements of a person
 MEMORY = 100.0  # measurements of a person
 LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0  # measurements of people
 LASTING_FREE = 0.06  # correlation, two and three frames apart, that is no sign of lasting errors

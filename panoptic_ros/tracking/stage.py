@@ -12,7 +12,7 @@ from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.tracks import Track, joint_distances, return_costs
 
 Array = np.ndarray
-FORBIDDEN = 1e6  # cost of pairs that must not be
+FORBIDDEN = 1e6  # cost of pairs outside of the gates
 
 
 class TrackingStage(Stateful):
@@ -63,7 +63,7 @@ class TrackingStage(Stateful):
         return StepResult((_tracked(item, chosen, [numbers[k] for k in chosen]),), notices)
 
     def _advance(self, stamp_ns: int) -> None:
-        """Predict all tracks to the instant and drop those that waited too long."""
+        """Predict all tracks to the instant, and drop those that were unseen for too long."""
         dt = 0.0 if self._last_ns is None else 1e-9 * (stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
         for track in self._tracks:
@@ -71,12 +71,12 @@ class TrackingStage(Stateful):
         self._tracks = [track for track in self._tracks if self._waits(track)]
 
     def _waits(self, track: Track) -> bool:
-        """Unconfirmed tracks wait as long as joints are predicted, confirmed ones longer."""
+        """Whether a track is kept: confirmed ones for `memory`, others for `joint_memory`."""
         memory = self._config.memory if track.number >= 0 else self._config.joint_memory
         return track.unseen <= memory
 
     def _assign(self, item: PoseSet) -> list[Track | None]:
-        """The track of every skeleton: first by joints, then people who come back."""
+        """Association of skeletons and tracks: first by joints, then of people who come back."""
         config = self._config
         owners: list[Track | None] = [None] * len(item.positions)
         distance, cost = joint_distances(self._tracks, item)
@@ -93,7 +93,7 @@ class TrackingStage(Stateful):
         return owners
 
     def _match(self, owners: list[Track | None], rows: list[int], cost: Array) -> None:
-        """Optimal assignment over finite costs; fills `owners`."""
+        """Optimal assignment (Hungarian) over finite costs, which passed the gates; fills `owners`."""
         if not cost.size:
             return
         for i, k in zip(*linear_sum_assignment(np.where(np.isfinite(cost), cost, FORBIDDEN))):
@@ -101,7 +101,7 @@ class TrackingStage(Stateful):
                 owners[k] = self._tracks[rows[i]]
 
     def _update(self, item: PoseSet, owners: list[Track | None]) -> tuple[Notice, ...]:
-        """Update tracks, begin new ones, and confirm those that have proved themselves."""
+        """Update tracks, start new ones, and confirm those with enough evidence."""
         notices = []
         for k in range(len(owners)):
             track = owners[k]
@@ -118,15 +118,15 @@ class TrackingStage(Stateful):
         return tuple(notices)
 
     def _convinces(self, item: PoseSet, k: int) -> bool:
-        """Whether a skeleton rests on enough views and joints to be believed at once."""
+        """Whether a skeleton has enough views and joints to be confirmed at once."""
         measured = np.isfinite(item.positions[k, :, 0])
-        agreed = measured & (item.views[k] >= 2)  # others were placed with the help of these
+        agreed = measured & (item.views[k] >= 2)  # the others were inferred from these
         wanted = min(self._config.confirm_views, float(item.views.max()))
         enough = agreed.any() and item.views[k][agreed].mean() >= wanted
         return bool(enough and measured.mean() >= self._config.confirm_joints)
 
     def _is_duplicate(self, item: PoseSet, k: int, owners: list[Track | None]) -> bool:
-        """Whether a skeleton without a track lies on one that has one."""
+        """Whether a skeleton without a track is at the place of one that has a track."""
         for other, owner in enumerate(owners):
             if owner is None or other == k:
                 continue

@@ -1,4 +1,4 @@
-"""Identities and what is known of them."""
+"""Tracks: constant-velocity filters of people with identity."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from panoptic_ros.geometry.motion import predict_motion, update_motion
 Array = np.ndarray
 
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
-LENGTH_MEMORY = 60.0  # frames that the bone lengths remember
-FADE_TIME = 0.5  # s, over which the velocity of somebody unseen fades
+LENGTH_MEMORY = 60.0  # frames over which bone lengths are averaged
+FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
 
 
 @dataclass(slots=True, eq=False)
@@ -23,7 +23,7 @@ class Track:
         number: the identity, -1 = not confirmed yet.
         states (J, 6), variances (J, 3): see `geometry.motion`; NaN = unknown.
         ages: (J,) s since each joint was measured.
-        lengths: (B,) m, mean bone lengths, NaN = unknown. counts: (B,) what they rest on.
+        lengths: (B,) m, mean bone lengths, NaN = unknown. counts: (B,) number of measurements of each.
         middle, drift: (3,) m and m/s, the middle of the body and its velocity.
         unseen: s since the person was seen. hits: how often it was seen.
     """
@@ -41,14 +41,14 @@ class Track:
 
     @classmethod
     def empty(cls, joints: int, bones: int) -> Track:
-        """Nobody yet."""
+        """A new track without measurements."""
         return cls(
             -1, np.full((joints, 6), np.nan), np.zeros((joints, 3)), np.zeros(joints),
             np.full(bones, np.nan), np.zeros(bones), np.full(3, np.nan), np.zeros(3),
         )  # fmt: skip
 
     def predict(self, dt: float, acceleration: float, joint_memory: float) -> None:
-        """Move on by dt s; joints that were not seen for long are forgotten."""
+        """Predict to dt s later; joints that were not measured within `joint_memory` s are dropped."""
         self.states, self.variances = predict_motion(self.states, self.variances, dt, acceleration)
         self.ages = self.ages + dt
         self.states[self.ages > joint_memory] = np.nan
@@ -57,7 +57,7 @@ class Track:
         self.drift = self.drift * np.exp(-dt / FADE_TIME)
 
     def update(self, positions: Array, covariances: Array, bones: Array) -> None:
-        """Take a skeleton (J, 3) m with covariances (J, 3, 3)."""
+        """Update with a skeleton (J, 3) m of covariances (J, 3, 3) m^2."""
         noise = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
         self.states, self.variances = update_motion(
             self.states, self.variances, positions, noise, START_SPEED
@@ -81,9 +81,9 @@ def bone_lengths(positions: Array, bones: Array) -> Array:
 
 
 def joint_distances(tracks: list[Track], poses: PoseSet) -> tuple[Array, Array]:
-    """Mean distance (T, P) m of predicted and measured joints, inf without common ones; the same in sigmas.
+    """Mean distances (T, P) m of predicted and measured joints, and truncated Mahalanobis distances (T, P).
 
-    The second is the mean over the joints of the truncated Mahalanobis distance.
+    Both are means over the joints, the first for gating, the second as the cost of the assignment, and inf without common joints.
     """
     if not tracks or not len(poses.positions):
         nothing = np.full((len(tracks), len(poses.positions)), np.inf)
@@ -103,11 +103,11 @@ def joint_distances(tracks: list[Track], poses: PoseSet) -> tuple[Array, Array]:
 
 
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
-WORST = 10.0  # sigmas; joints further off say no more
+WORST = 10.0  # sigmas, at which distances of joints are truncated
 
 
 def return_costs(tracks: list[Track], poses: PoseSet, bones: Array) -> tuple[Array, Array]:
-    """How far (T, P) m skeletons are from where people should come back, and how unlike their bones are.
+    """Distances (T, P) m of skeletons from the predicted middles of tracks, and differences of bones (T, P).
 
     The second is the median relative difference of bone lengths, 0 where fewer than three are known.
     """

@@ -35,7 +35,7 @@ def move_to_votes(scene, joints, starts, ball, radii, rounds, softness):
     frame of the world does not matter.
     """
     places = starts.copy()
-    turned, room = np.empty_like(ball), np.empty((7, ball.shape[1]))
+    turned, scratch = np.empty_like(ball), np.empty((7, ball.shape[1]))
     for n in range(len(starts)):
         nearest, seeing = _nearest_view(scene, starts[n])
         if nearest < 0:
@@ -43,7 +43,7 @@ def move_to_votes(scene, joints, starts, ball, radii, rounds, softness):
         _turn(ball, scene.cameras[nearest], turned)
         for radius in radii if seeing < MANY_VIEWS else radii[1:]:
             for _ in range(rounds):
-                if _step(scene, joints[n], places[n], radius, turned, softness, room) < SETTLED:
+                if _step(scene, joints[n], places[n], radius, turned, softness, scratch) < SETTLED:
                     break
     return places
 
@@ -76,10 +76,10 @@ def _turn(ball, camera, turned):
 
 
 @_jit
-def _step(scene, joint, place, radius, ball, softness, room):
-    """One step of a place (3,), changed in place; returns its length. The room is (7, G)."""
+def _step(scene, joint, place, radius, ball, softness, scratch):
+    """One step of a place (3,), changed in place; returns its length. The scratch space is (7, G)."""
     cameras, people, map_start, map_data = scene.cameras, scene.people, scene.map_start, scene.map_data
-    offsets, votes, scores, u, w = room[:3], room[3], room[4], room[5], room[6]
+    offsets, votes, scores, u, w = scratch[:3], scratch[3], scratch[4], scratch[5], scratch[6]
     for i in range(3):
         for g in range(ball.shape[1]):
             offsets[i, g] = radius * ball[i, g]
