@@ -57,7 +57,7 @@ class NoiseTable:
     def learn(
         self, scores: Array, kinds: Array, cameras: Array, sizes: Array, pixels: Array, diagonals: Array
     ) -> None:
-        """Update with residuals (N,) px, without leverage, of joints of scores and kinds (N,) in cameras (N,).
+        """Update with residuals (N,) px, without leverage, of joints of scores, kinds and cameras (N,).
 
         Args:
             sizes: (N,) of the 2D people that the joints belong to. diagonals: (C,) px.

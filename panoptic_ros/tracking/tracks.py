@@ -83,7 +83,8 @@ def bone_lengths(positions: Array, bones: Array) -> Array:
 def joint_distances(tracks: list[Track], poses: PoseSet) -> tuple[Array, Array]:
     """Mean distances (T, P) m of predicted and measured joints, and truncated Mahalanobis distances (T, P).
 
-    Both are means over the joints, the first for gating, the second as the cost of the assignment, and inf without common joints.
+    Both are means over the joints, inf without common ones. The first is for gating, the second is the cost
+    of the assignment.
     """
     if not tracks or not len(poses.positions):
         nothing = np.full((len(tracks), len(poses.positions)), np.inf)
