@@ -65,19 +65,19 @@ class _Problem:
         times = seen.stamp + state[seen.camera] + state[self.cameras + seen.camera] * seen.stamp
         scale = 1.0 / (self._noise.sigmas() * seen.depth)
         weights = 1.0 / (1.0 + (self._ratio / CAUCHY) ** 2)
-        information, right, positions, velocities, leverage, rough = fit_series(
+        fit = fit_series(
             series.starts, series.origins, series.counts, KNOTS, self._stiffness, times, seen.camera,
             seen.stamp, seen.rows * scale[:, None, None], seen.rights * scale[:, None], weights, self.cameras,
         )  # fmt: skip
-        self.misses = np.einsum("nij,nj->ni", seen.rows, positions) - seen.rights
-        self.across = np.einsum("nij,nj->ni", seen.rows, velocities)
+        self.misses = np.einsum("nij,nj->ni", seen.rows, fit.positions) - seen.rights
+        self.across = np.einsum("nij,nj->ni", seen.rows, fit.velocities)
         self.precision = weights * scale**2
         self._ratio = np.linalg.norm(self.misses, axis=1) * scale
         if learn:
-            self._noise.learn(self._ratio / np.sqrt(np.maximum(1.0 - 0.5 * leverage, 0.1)))
+            self._noise.learn(self._ratio / np.sqrt(np.maximum(1.0 - 0.5 * fit.leverage, 0.1)))
             self._ratio = np.linalg.norm(self.misses, axis=1) / (self._noise.sigmas() * seen.depth)
-            self._stiffness = _learn_stiffness(self._stiffness, series.counts, rough)
-        return information, right
+            self._stiffness = _learn_stiffness(self._stiffness, series.counts, fit.rough)
+        return fit.information, fit.right
 
 
 def fit_clocks(

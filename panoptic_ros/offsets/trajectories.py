@@ -7,6 +7,8 @@ clock of its camera by do changes the residual by d_i do with d_i = A_i X'(t_i).
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.kernels import njit
@@ -14,6 +16,22 @@ from panoptic_ros.offsets.banded import backward, factor, forward, inverse_in_ba
 
 SPAN = 4  # control points that act at an instant
 WIDTH = 3 * SPAN  # band of three coordinates
+
+
+class SeriesFit(NamedTuple):
+    """S trajectories fitted to N observations, given the clocks of C cameras.
+
+    information: (2C, 2C) and right: (2C,), the right-hand side, of the clocks' offsets and drifts.
+    positions, velocities: (N, 3). leverage: (N,) share of an observation that its trajectory follows.
+    rough: (S, 2) sum of squared second differences, and the trace of their covariance.
+    """
+
+    information: np.ndarray
+    right: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray
+    leverage: np.ndarray
+    rough: np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
@@ -43,11 +61,6 @@ def fit_series(starts, origins, counts, step, stiffness, times, cameras, since, 
         step: s between knots. stiffness: (S,) penalty on squared second differences.
         times: (N,) s, corrected. cameras: (N,). since: (N,) s from the reference instant of the clocks.
         rows: (N, 2, 3), rights: (N, 2), in units of the noise. weights: (N,).
-
-    Returns:
-        information (2C, 2C) and right-hand side (2C,) of the clocks' (offsets, drifts); positions and
-        velocities (N, 3); leverage (N,), share of an observation that its trajectory follows; rough (S, 2):
-        sum of squared second differences, and the trace of their covariance.
     """
     series = len(counts)
     unknowns = 2 * cameras_count
@@ -75,7 +88,7 @@ def fit_series(starts, origins, counts, step, stiffness, times, cameras, since, 
                    times, cameras, since, rows, rights, weights, positions, velocities, leverage)  # fmt: skip
         forward(band, cross)
         information += own - cross.T @ cross
-    return information, right, positions, velocities, leverage, rough
+    return SeriesFit(information, right, positions, velocities, leverage, rough)
 
 
 @njit(cache=True, error_model="numpy")

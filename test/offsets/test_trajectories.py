@@ -44,7 +44,7 @@ def test_kernel_agrees_with_dense_algebra_over_two_series():
     rows, rights = rng.normal(size=(2 * n, 2, 3)), rng.normal(size=(2 * n, 2))
     weights = rng.uniform(0.2, 1.0, 2 * n)
     stiffness, origins = np.array([3.0, 40.0]), np.array([0.0, 2.0])
-    information, right, _, _, leverage, rough = fit_series(
+    fit = fit_series(
         np.array([0, n, 2 * n]), origins, np.array([count, count]), STEP, stiffness, times, cameras, since,
         rows, rights, weights, clocks,
     )  # fmt: skip
@@ -52,7 +52,7 @@ def test_kernel_agrees_with_dense_algebra_over_two_series():
         dense(times[p], cameras[p], since[p], rows[p], rights[p], weights[p], o, count, s, clocks)
         for p, o, s in ((slice(0, n), 0.0, 3.0), (slice(n, 2 * n), 2.0, 40.0))
     ]
-    np.testing.assert_allclose(information, parts[0][0] + parts[1][0], rtol=1e-7, atol=1e-7)
-    np.testing.assert_allclose(right, parts[0][1] + parts[1][1], rtol=1e-7, atol=1e-7)
-    np.testing.assert_allclose(leverage, np.concatenate([parts[0][2], parts[1][2]]), rtol=1e-7)
-    np.testing.assert_allclose(rough, [parts[0][3], parts[1][3]], rtol=1e-7)
+    np.testing.assert_allclose(fit.information, parts[0][0] + parts[1][0], rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(fit.right, parts[0][1] + parts[1][1], rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(fit.leverage, np.concatenate([parts[0][2], parts[1][2]]), rtol=1e-7)
+    np.testing.assert_allclose(fit.rough, [parts[0][3], parts[1][3]], rtol=1e-7)

@@ -2,6 +2,8 @@
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.kernels import njit
@@ -11,15 +13,30 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 FAR = 20.0  # times the median of squares: three standard deviations
 
 
+class LineFit(NamedTuple):
+    """A line through the middles of words.
+
+    Args:
+        slope: samples per word; norm: sum of squared numbers about their mean.
+        square: squared error per degree of freedom. ratio: variance ratio (F statistic) of a cubic's two
+            terms, 0 for fewer than 6 words.
+        shown, unseen: mean variances, by white noise and unseen.
+    """
+
+    slope: float
+    norm: float
+    square: float
+    ratio: float
+    shown: float
+    unseen: float
+
+
 @_jit
-def line_fit(words: Array) -> tuple[float, float, float, float, float, float]:
+def line_fit(words: Array) -> LineFit:
     """The line through words' middles.
 
     Args:
         words: (4, N) numbers, middles, variances by white noise, and unseen.
-
-    Returns: slope, its norm, squared error per degree of freedom, the variance ratio (F statistic) of
-    a cubic's two terms (0 for fewer than 6 words), mean variances.
     """
     count = words.shape[1]
     shown, unseen = words[2].mean(), words[3].mean()
@@ -30,7 +47,7 @@ def line_fit(words: Array) -> tuple[float, float, float, float, float, float]:
     error = y - slope * x
     square = (error * error).sum()
     if count < 6 or square <= 0.0:
-        return slope, norm, square / (count - 2), 0.0, shown, unseen
+        return LineFit(slope, norm, square / (count - 2), 0.0, shown, unseen)
     x /= np.abs(x).max()
     powers = np.empty((4, count))
     for k in range(4):
@@ -38,7 +55,7 @@ def line_fit(words: Array) -> tuple[float, float, float, float, float, float]:
     right = (powers * error).sum(axis=1)
     left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
     ratio = 0.5 * (square - left) / (left / (count - 4))
-    return slope, norm, square / (count - 2), ratio, shown, unseen
+    return LineFit(slope, norm, square / (count - 2), ratio, shown, unseen)
 
 
 @_jit

@@ -121,14 +121,15 @@ class Pace:
             return self._early_line
         if count < 3:
             return None
-        slope, norm, spread, ratio, shown, unseen = line_fit(self._words[:, -count:])
+        line = line_fit(self._words[:, -count:])
+        slope, spread = line.slope, line.square
         self._astray = math.sqrt(spread) / slope * WORD_CELLS
-        expected = max(self._scale * shown + unseen, 1e-6)
-        curved = count < FEW_WORDS or ratio > CURVED or self._astray > BENDING
+        expected = max(self._scale * line.shown + line.unseen, 1e-6)
+        curved = count < FEW_WORDS or line.ratio > CURVED or self._astray > BENDING
         if spread > 9.0 * expected + SPREAD and curved:  # the speed changes
             self._steady = False
             return None
-        return slope / WORD_CELLS, math.sqrt(max(spread, expected) / norm) / WORD_CELLS
+        return slope / WORD_CELLS, math.sqrt(max(spread, expected) / line.norm) / WORD_CELLS
 
     def _between(self, number: int, fit: WordFit, side: float, scale: float) -> tuple[float, float]:
         """Start and variance while the speed changes."""
