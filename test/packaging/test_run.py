@@ -122,7 +122,7 @@ def test_setup_installs_once(machine: Machine) -> None:
     assert [call.split()[2] for call in calls] == ["install", "install", "wheel", "install"]
     assert str(machine.checkout) + "[test]" in calls[1]
     assert not (machine.venv / "unfinished").exists()
-    assert machine.run("setup") == (0, "", ["run: panoptic warm-up"])  # asked each time; this one compiles all
+    assert machine.run("setup") == (0, "", ["run: panoptic warm-up"])  # asked each time
     assert machine.pip_calls() == []
 
 
