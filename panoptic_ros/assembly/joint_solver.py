@@ -100,7 +100,9 @@ def intersect(first, second, picks_own, plane, cams, centres, x):
         for i in range(3):
             rays[k, i] = r[0, i] * u + r[1, i] * w + r[2, i]
             length += rays[k, i] ** 2
-        rays[k] /= np.sqrt(length)
+        length = np.sqrt(length)
+        for i in range(3):
+            rays[k, i] /= length
     cosine = along_a = along_b = 0.0
     for i in range(3):
         offset = centres[second, i] - centres[first, i]
@@ -142,14 +144,16 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
     best = np.inf
     guided = np.isfinite(prediction[0])
     if guided:
-        trial[:] = prediction
+        for i in range(3):
+            trial[i] = prediction[i]
         pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts, cams,
                           rules, picks)  # fmt: skip
         if refine_point(trial, shift, picks, plane, precision, cams, rules, 3, False, scratch.normal,
                         scratch.residuals, scratch.table) >= 2:  # fmt: skip
             cost = pick_observations(trial, shift, p, j, member, source, owner, plane, precision, starts,
                                      cams, rules, picks)  # fmt: skip
-            x[:] = trial
+            for i in range(3):
+                x[i] = trial[i]
             best = cost + _prior_cost(trial, prediction, spread, limit)
             if best < (GOOD_COST if count < MANY_VIEWS else 2.0 * GOOD_COST) * count:
                 return best
@@ -169,7 +173,8 @@ def best_start(p, j, prediction, spread, shift, member, source, owner, plane, pr
                 cost += _prior_cost(trial, prediction, spread, limit)
             if cost < best:
                 best = cost
-                x[:] = trial
+                for i in range(3):
+                    x[i] = trial[i]
         step -= 1
     if best < np.inf:
         pick_observations(x, shift, p, j, member, source, owner, plane, precision, starts, cams, rules,
@@ -249,4 +254,5 @@ def solve_again(todo, predictions, spreads, shifts, firm, member, source, owner,
                     residuals[p, j] = -1.0
                     continue
             if count >= 2:
-                positions[p, j] = x
+                for i in range(3):
+                    positions[p, j, i] = x[i]

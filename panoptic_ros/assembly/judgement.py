@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median
 
 SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
 SAME_JOINTS = 3  # joints that such skeletons must share
@@ -116,7 +117,7 @@ def possible_people(positions, good, observed, min_shares, min_joints, lowest):
                 heights[known] = positions[p, j, 2]
                 known += 1
         if known and count >= min_joints and agreed >= min_shares[p] * shown:
-            possible[p] = np.median(heights[:known]) > lowest
+            possible[p] = median(heights[:known]) > lowest
     return possible
 
 
@@ -125,7 +126,10 @@ def second_skeletons(positions, views):
     """Which skeletons (P,) lie on another one that rests on more views (P, J); of equals the first stays."""
     people, joints = views.shape
     double = np.zeros(people, np.bool_)
-    weight = views.sum(axis=1)
+    weight = np.zeros(people, np.int64)
+    for p in range(people):
+        for j in range(joints):
+            weight[p] += views[p, j]
     for i in range(people):
         for k in range(people):
             if i == k or double[k] or weight[k] < weight[i] or (weight[k] == weight[i] and k > i):

@@ -105,21 +105,23 @@ class Sides:
 def sides_of_nose(positions, pairs, torso, head):
     """The loops of `Sides.right_way`; pairs (G, 3): group, left, right; torso: shoulders and hips (2, 2)."""
     signs = np.zeros((len(positions), len(pairs)))
+    up, ahead, across = np.empty(3), np.empty(3), np.empty(3)
     for p in range(len(positions)):
         x = positions[p]
-        shoulders = 0.5 * (x[torso[0, 0]] + x[torso[0, 1]])
-        up = shoulders - 0.5 * (x[torso[1, 0]] + x[torso[1, 1]])
-        ahead = x[head] - shoulders
+        for k in range(3):
+            shoulders = 0.5 * (x[torso[0, 0], k] + x[torso[0, 1], k])
+            up[k] = shoulders - 0.5 * (x[torso[1, 0], k] + x[torso[1, 1], k])
+            ahead[k] = x[head, k] - shoulders
         for i in range(len(pairs)):
-            across = x[pairs[i, 1]] - x[pairs[i, 2]]
-            normal = np.array(
-                [
-                    across[1] * up[2] - across[2] * up[1],
-                    across[2] * up[0] - across[0] * up[2],
-                    across[0] * up[1] - across[1] * up[0],
-                ]
-            )
-            front = (normal * ahead).sum() / max(np.sqrt((normal * normal).sum()), 1e-6)
+            for k in range(3):
+                across[k] = x[pairs[i, 1], k] - x[pairs[i, 2], k]
+            along = square = 0.0
+            for k in range(3):
+                a, b = (k + 1) % 3, (k + 2) % 3
+                normal = across[a] * up[b] - across[b] * up[a]
+                along += normal * ahead[k]
+                square += normal * normal
+            front = along / max(np.sqrt(square), 1e-6)
             if np.isfinite(front):
                 signs[p, pairs[i, 0]] = min(1.0, max(-1.0, front / NOSE_AHEAD))
     return signs

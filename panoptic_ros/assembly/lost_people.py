@@ -19,6 +19,7 @@ from panoptic_ros.consensus.grouping import Grouping, Scene
 from panoptic_ros.consensus.guidance import Prediction
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
 
@@ -167,7 +168,7 @@ def typical_lengths(people, kinds):
                 found[count] = length
                 count += 1
         if count:
-            lengths[k] = np.median(found[:count])
+            lengths[k] = median(found[:count])
     return lengths
 
 
@@ -177,8 +178,10 @@ def likely_parts(nodes, joints, votes, kinds, lengths, longest):
     parts, bones, scores = np.empty((256, 2), np.int64), np.empty(256, np.int64), np.empty(256)
     count = 0
     for k in range(len(kinds)):
-        for a in np.flatnonzero(joints == kinds[k, 0]):
-            for b in np.flatnonzero(joints == kinds[k, 1]):
+        for a in range(len(nodes)):
+            for b in range(len(nodes) if joints[a] == kinds[k, 0] else 0):
+                if joints[b] != kinds[k, 1]:
+                    continue
                 gap = _distance(nodes[a], nodes[b])
                 value = 0.5 * (votes[a] + votes[b])
                 if np.isfinite(lengths[k]):

@@ -68,7 +68,9 @@ def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, ma
     left = np.empty(len(mapped), np.int64)
     count = 0
     own, taken = np.empty(len(positions), np.int64), np.zeros(len(nodes), np.bool_)
-    for joint in np.flatnonzero(mapped):
+    for joint in range(len(mapped)):
+        if not mapped[joint]:
+            continue
         clear, some = True, False
         taken[:] = False
         for p in range(len(positions)):
@@ -84,7 +86,8 @@ def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, ma
             clear &= number == 1 and near and votes[own[p]] > OWN_VOTE and not taken[own[p]]
             taken[own[p]] |= number == 1
         if clear:
-            chosen[:, joint] = own
+            for p in range(len(positions)):
+                chosen[p, joint] = own[p]
         elif some:
             left[count] = joint
             count += 1
@@ -95,11 +98,18 @@ def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, ma
 def choice_costs(positions, expected, nodes, node_joints, votes, views, gate, joint, ends,
                  mirror):  # fmt: skip
     """The nodes (N,) of a joint, and what they cost everybody, and staying, (P, N + P)."""
-    which = np.flatnonzero((node_joints == joint) & (votes > 0.0))
-    people, count = len(positions), len(which)
+    which, count = np.empty(len(nodes), np.int64), 0
+    for n in range(len(nodes)):
+        if node_joints[n] == joint and votes[n] > 0.0:
+            which[count] = n
+            count += 1
+    which, people = which[:count], len(positions)
     places = np.empty((people, count + 1, 3))
     for p in range(people):
-        places[p, :count], places[p, count] = nodes[which], positions[p, joint]
+        for axis in range(3):
+            for k in range(count):
+                places[p, k, axis] = nodes[which[k], axis]
+            places[p, count, axis] = positions[p, joint, axis]
     strange = sum_differences(places, positions, joint, ends, mirror)
     cost = np.full((people, count + people), _NEVER)
     for p in range(people):

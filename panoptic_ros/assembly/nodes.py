@@ -9,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain import ProposalSet
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import descending
 
 Array = np.ndarray
 
@@ -48,22 +49,30 @@ def take_nodes(item: ProposalSet, expected: Array, weak: Array, gate: float) -> 
 def closest_nodes(nodes, node_joints, views, expected, weak, gate):
     """The loops of `take_nodes`."""
     chosen = np.full(weak.shape, -1, np.int64)
+    people, near = np.empty(len(weak), np.int64), np.empty(len(nodes), np.int64)
+    used = np.zeros(len(nodes), np.bool_)
     for joint in range(weak.shape[1]):
-        people = np.flatnonzero(weak[:, joint] & np.isfinite(expected[:, joint, 0]))
-        if not len(people):
-            continue
-        near = np.flatnonzero((node_joints == joint) & (views >= NODE_VIEWS))
-        gaps = np.empty(len(people) * len(near))
-        for i in range(len(people)):
-            for k in range(len(near)):
+        waiting = beside = 0
+        for p in range(len(weak)):
+            if weak[p, joint] and np.isfinite(expected[p, joint, 0]):
+                people[waiting] = p
+                waiting += 1
+        for n in range(len(nodes)):
+            if waiting and node_joints[n] == joint and views[n] >= NODE_VIEWS:
+                near[beside] = n
+                beside += 1
+        nearness = np.empty(waiting * beside)
+        for i in range(waiting):
+            for k in range(beside):
                 square = 0.0
                 for axis in range(3):
                     square += (expected[people[i], joint, axis] - nodes[near[k], axis]) ** 2
-                gaps[i * len(near) + k] = np.sqrt(square)
-        for at in np.argsort(gaps, kind="mergesort"):
-            p, n = people[at // len(near)], near[at % len(near)]
-            if gaps[at] > gate:
+                nearness[i * beside + k] = -np.sqrt(square)
+        for at in descending(nearness):
+            p, n = people[at // beside], near[at % beside]
+            if nearness[at] < -gate:
                 break
-            if chosen[p, joint] < 0 and not (chosen[:, joint] == n).any():
+            if chosen[p, joint] < 0 and not used[n]:
                 chosen[p, joint] = n
+                used[n] = True
     return chosen

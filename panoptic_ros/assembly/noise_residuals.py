@@ -30,17 +30,20 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
     joints, views = residuals.shape[1:]
     rotations, translations, delays = cams
     support = np.zeros((len(kept), joints), np.int64)
+    few = True
     for i in range(len(kept)):
         for j in range(joints):
             if np.isfinite(positions[kept[i], j, 0]):
-                support[i, j] = (residuals[kept[i], j] >= 0.0).sum()
-    few = not (support >= 3).any()
+                for v in range(views):
+                    support[i, j] += residuals[kept[i], j, v] >= 0.0
+                few &= support[i, j] < 3
     least = 2 if few else 3
     count = 0
     for i in range(len(kept)):
         for j in range(joints):
             if support[i, j] >= least:
-                count += (picks[kept[i], j, :, 0] >= 0).sum()
+                for v in range(views):
+                    count += picks[kept[i], j, v, 0] >= 0
     stride = 1 + count // MOST
     rows, columns = np.empty(count, np.int64), np.empty(count, np.int64)
     pixels = np.empty(count)

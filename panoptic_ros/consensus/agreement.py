@@ -92,7 +92,9 @@ def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
                 for k in range(3):
                     rays[i, j, k] = r[0, k] * plane[d, j, 0] + r[1, k] * plane[d, j, 1] + r[2, k]
                     length += rays[i, j, k] ** 2
-                rays[i, j] /= np.sqrt(length)
+                length = np.sqrt(length)
+                for k in range(3):
+                    rays[i, j, k] /= length
     values = np.zeros((count, count))
     common = np.zeros((count, count), np.int64)
     factor = 0.5 / (scale * scale)

@@ -11,6 +11,7 @@ from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
 from panoptic_ros.consensus.gauss_newton import solve_symmetric
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import descending
 
 Array = np.ndarray
 
@@ -92,20 +93,24 @@ def assign_greedily(positions, shifts, plane, precision, view, cams, mirror, sca
         positions, shifts, plane, precision, view, cams, mirror, scale
     )
     people, rows = straight.shape
-    flipped = mirrored > MIRROR_MARGIN * straight
-    value = np.where(flipped, mirrored, straight)
+    flipped, value = np.empty((people, rows), np.bool_), np.zeros((people, rows))
     for d in range(rows):
-        enough = max(1, min(MIN_COMMON, (precision[d] > 0.0).sum()))
+        enough = max(1, min(MIN_COMMON, joints_of(precision[d])))
         for p in range(people):
-            if common[p, d] < enough or not free[d]:
-                value[p, d] = 0.0
+            flipped[p, d] = mirrored[p, d] > MIRROR_MARGIN * straight[p, d]
+            if common[p, d] >= enough and free[d]:
+                value[p, d] = mirrored[p, d] if flipped[p, d] else straight[p, d]
     member = np.full((people, views), -1, np.int64)
     exchanged = np.zeros((people, views), np.bool_)
     left = free.copy()
-    flat = value.ravel()
-    good = np.flatnonzero(flat >= least)
-    for i in good[np.argsort(-flat[good], kind="mergesort")]:
-        p, d = i // rows, i % rows
+    rated, place, count = np.empty(people * rows), np.empty(people * rows, np.int64), 0
+    for p in range(people):
+        for d in range(rows):
+            if value[p, d] >= least:
+                rated[count], place[count] = value[p, d], p * rows + d
+                count += 1
+    for i in descending(rated[:count]):
+        p, d = place[i] // rows, place[i] % rows
         if left[d] and member[p, view[d]] < 0:
             member[p, view[d]], exchanged[p, view[d]] = d, flipped[p, d]
             left[d] = False
@@ -113,7 +118,19 @@ def assign_greedily(positions, shifts, plane, precision, view, cams, mirror, sca
         for d in range(rows):
             if member[p, view[d]] >= 0 and value[p, d] >= double:
                 left[d] = False
-    return member, exchanged, left, np.maximum(straight, mirrored), common
+    for p in range(people):
+        for d in range(rows):
+            value[p, d] = max(straight[p, d], mirrored[p, d])
+    return member, exchanged, left, value, common
+
+
+@njit(cache=True, error_model="numpy")
+def joints_of(precision):
+    """Number of joints of a 2D person, from the precisions (J,) of which those that are missing are 0."""
+    count = 0
+    for j in range(len(precision)):
+        count += precision[j] > 0.0
+    return count
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

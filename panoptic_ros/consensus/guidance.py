@@ -19,6 +19,7 @@ ESTABLISHED_JOINTS = 4  # joints that were ever firm make a person established
 GUIDANCE_FIELDS = (  # all attributes of a Guidance, for the layouts of states that hold one
     "_joints _mirror _groups _memory _acceleration _states _variances _ages _unagreed _unseen _balance"
 )
+OF_NEW = (np.nan, 0.0, 0.0, 0.0, np.inf, 0.0)  # what the tables hold for a new person before the first update
 BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
 
 
@@ -102,10 +103,9 @@ class Guidance:
             views: (P, J) number of inlier views of each joint, or None: then nothing is firm.
         """
         firm = np.zeros(positions.shape[:2], bool) if views is None else views >= FIRM_VIEWS
-        self._take(
-            update_people(
-                *self._tables, who, positions, covariances, exchanged, firm, START_SPEED, BALANCE_MEMORY
-            )
+        self._take(grown(self._tables, int((who < 0).sum())))
+        update_people(
+            *self._tables, who, positions, covariances, exchanged, firm, START_SPEED, BALANCE_MEMORY
         )
         self._exchange_sides(self._balance > 0.0)
 
@@ -120,3 +120,12 @@ class Guidance:
         self._states, self._variances = self._states[rows, take], self._variances[rows, take]
         self._ages, self._unagreed = self._ages[rows, take], self._unagreed[rows, take]
         self._balance[wrong] *= -1.0
+
+
+def grown(tables: Tables, count: int) -> Tables:
+    """Copies of the tables with so many more rows."""
+    states, variances, ages, unseen, unagreed, balance = (
+        np.concatenate([table, np.full((count, *table.shape[1:]), value)])
+        for table, value in zip(tables, OF_NEW)
+    )
+    return states, variances, ages, unseen, unagreed, balance

@@ -46,7 +46,8 @@ def predict_people(states, variances, ages, unseen, unagreed, balance, dt, fade,
             variance[1] = variance[1] + dt * variance[2] + growth[1]
             variance[2] = variance[2] + growth[2]
             if variance[0] > lost:
-                state[:] = np.nan
+                for k in range(6):
+                    state[k] = np.nan
     return states, variances, ages, unseen, unagreed, balance
 
 
@@ -59,7 +60,7 @@ def moved_variance(variance, dt, growth):
 @njit(cache=True, error_model="numpy")
 def update_people(states, variances, ages, unseen, unagreed, balance, who, positions, covariances, exchanged,
                   firm, start_speed, balance_memory):  # fmt: skip
-    """Update step: the tables after the skeletons of an instant; new people follow those that are known.
+    """Update step: take the skeletons of an instant into the tables, in place; new people have the last rows.
 
     Args:
         who: (P,) row of the tables, -1 = new. positions (P, J, 3) m, covariances (P, J, 3, 3) m^2.
@@ -67,13 +68,9 @@ def update_people(states, variances, ages, unseen, unagreed, balance, who, posit
         start_speed: m/s, standard deviation of a new joint's velocity.
         balance_memory: share of the balance that is kept.
     """
-    old, joints = ages.shape
-    fresh = (who < 0).sum()
-    states = _grown(states, fresh, np.nan)
-    variances, ages = _grown(variances, fresh, 0.0), _grown(ages, fresh, 0.0)
-    unseen, unagreed = _grown(unseen, fresh, 0.0), _grown(unagreed, fresh, np.inf)
-    balance = _grown(balance, fresh, 0.0)
-    newest = old
+    joints, newest = ages.shape[1], len(ages)
+    for p in range(len(who)):
+        newest -= who[p] < 0
     for p in range(len(who)):
         t = who[p]
         if t < 0:
@@ -90,14 +87,14 @@ def update_people(states, variances, ages, unseen, unagreed, balance, who, posit
                 c = covariances[p, j]
                 noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
                 _update_joint(states[t, j], variances[t, j], positions[p, j], noise, start_speed)
-    return states, variances, ages, unseen, unagreed, balance
 
 
 @njit(cache=True, error_model="numpy")
 def _update_joint(state, variance, point, noise, start_speed):
     """Update one joint with a measurement, in place; see `geometry.motion.update_motion`."""
     if not np.isfinite(state[0]):
-        state[:3], state[3:] = point, 0.0
+        for k in range(3):
+            state[k], state[3 + k] = point[k], 0.0
         variance[0], variance[1], variance[2] = noise, 0.0, start_speed**2
         return
     spread = variance[0] + noise
@@ -111,11 +108,3 @@ def _update_joint(state, variance, point, noise, start_speed):
     variance[2] -= gain_v * variance[1]
     variance[0] *= 1.0 - gain_x
     variance[1] *= 1.0 - gain_x
-
-
-@njit(cache=True)
-def _grown(table, count, value):
-    """The table with `count` more rows, all filled with `value`."""
-    result = np.full((len(table) + count,) + table.shape[1:], value)
-    result[: len(table)] = table
-    return result

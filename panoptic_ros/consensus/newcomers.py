@@ -12,7 +12,14 @@ import numpy as np
 from panoptic_ros.consensus.agreement import agreement_of_pairs
 from panoptic_ros.consensus.config import GroupingConfig
 from panoptic_ros.consensus.evidence import Evidence
-from panoptic_ros.consensus.grouping import MIN_COMMON, Grouping, Scene, assign_greedily, triangulate_linear
+from panoptic_ros.consensus.grouping import (
+    MIN_COMMON,
+    Grouping,
+    Scene,
+    assign_greedily,
+    joints_of,
+    triangulate_linear,
+)
 from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, look
 from panoptic_ros.kernels import njit
 
@@ -71,7 +78,9 @@ def views_of_people(positions, rotations, translations, sight):
     """The loops of `seeing_views`."""
     seeing = np.zeros((len(positions), len(rotations)), np.bool_)
     for p in range(len(positions)):
-        seeing[p] = look_at(positions[p], rotations, translations, sight) == SEEN
+        found = look_at(positions[p], rotations, translations, sight)
+        for v in range(len(found)):
+            seeing[p, v] = found[v] == SEEN
     return seeing
 
 
@@ -115,20 +124,28 @@ def search_people(free, plane, precision, view, cams, centres, sight, mirror,
     found = 0
     if len(chosen) >= 2:
         value, common = agreement_of_pairs(chosen, plane, precision, view, cams, centres, rules.agreement)
-        value = np.where((common >= MIN_COMMON) & (value >= least), value * np.sqrt(common), 0.0)
+        for i in range(len(chosen)):
+            for k in range(len(chosen)):
+                alike = common[i, k] >= MIN_COMMON and value[i, k] >= least
+                value[i, k] = value[i, k] * np.sqrt(common[i, k]) if alike else 0.0
         open_precision = precision.copy()  # 0 for the 2D people that are assigned
         while found < len(members):
             for d in range(len(left)):
                 if not left[d]:
-                    open_precision[d] = 0.0
-            pairs = best_pairs(value, left[chosen])
+                    for j in range(joints):
+                        open_precision[d, j] = 0.0
+            pairs = best_pairs(value, chosen, left)
             if not len(pairs):
                 break
             good, member, flipped, position, rest = _best_supported(
                 chosen, pairs, left, plane, open_precision, view, cams, centres, sight, mirror, rules
             )
             if good:
-                members[found], mirrors[found], places[found] = member, flipped, position
+                for v in range(views):
+                    members[found, v], mirrors[found, v] = member[v], flipped[v]
+                for j in range(joints):
+                    for axis in range(3):
+                        places[found, j, axis] = position[j, axis]
                 left, found = rest, found + 1
             else:
                 for k in range(len(pairs)):
@@ -143,7 +160,7 @@ def _candidates(free, precision, view, centres):
     left = free.copy()
     count = 0
     for d in range(len(free)):
-        left[d] = free[d] and (precision[d] > 0.0).any()
+        left[d] = free[d] and joints_of(precision[d]) > 0
         count += left[d] and used[view[d]]
     chosen = np.empty(count, np.int64)
     count = 0
@@ -157,15 +174,18 @@ def _candidates(free, precision, view, centres):
 @njit(cache=True, error_model="numpy")
 def spread_views(view, centres):
     """Up to MAX_PAIR_VIEWS views (V,) with 2D people, spread over the rig farthest first."""
-    seen = np.zeros(len(centres), np.bool_)
+    seen, distance, count = np.zeros(len(centres), np.bool_), np.full(len(centres), -1.0), 0
     for d in range(len(view)):
-        seen[view[d]] = True
-    if seen.sum() <= MAX_PAIR_VIEWS:
+        count += not seen[view[d]]
+        seen[view[d]], distance[view[d]] = True, np.inf
+    if count <= MAX_PAIR_VIEWS:
         return seen
     picked = np.zeros(len(centres), np.bool_)
-    distance = np.where(seen, np.inf, -1.0)
     for _ in range(MAX_PAIR_VIEWS):
-        last = distance.argmax()
+        last = 0
+        for v in range(1, len(centres)):
+            if distance[v] > distance[last]:
+                last = v
         picked[last] = True
         for v in range(len(centres)):
             square = (
@@ -177,21 +197,21 @@ def spread_views(view, centres):
 
 
 @njit(cache=True, error_model="numpy")
-def best_pairs(rank, left):
-    """The PAIRS_PER_ROUND highest positive ranks (K, 2) of i < k among those left (N,), best first."""
+def best_pairs(rank, chosen, left):
+    """The PAIRS_PER_ROUND highest positive ranks (K, 2) of i < k of chosen (N,) that are left, best first."""
     top = np.zeros(PAIRS_PER_ROUND)
     pairs = np.empty((PAIRS_PER_ROUND, 2), np.int64)
     count = 0
-    for i in range(len(left)):
-        if not left[i]:
+    for i in range(len(chosen)):
+        if not left[chosen[i]]:
             continue
-        for k in range(i + 1, len(left)):
-            if not left[k] or rank[i, k] <= 0.0 or (count == len(top) and rank[i, k] <= top[-1]):
+        for k in range(i + 1, len(chosen)):
+            if not left[chosen[k]] or rank[i, k] <= 0.0 or (count == len(top) and rank[i, k] <= top[-1]):
                 continue
             count = min(count + 1, len(top))
             at = count - 1
             while at > 0 and top[at - 1] < rank[i, k]:
-                top[at], pairs[at] = top[at - 1], pairs[at - 1]
+                top[at], pairs[at, 0], pairs[at, 1] = top[at - 1], pairs[at - 1, 0], pairs[at - 1, 1]
                 at -= 1
             top[at], pairs[at, 0], pairs[at, 1] = rank[i, k], i, k
     return pairs[:count]
@@ -220,7 +240,10 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
             member, flipped = members[0], mirrors[0]
         found = look_at(place, rotations, translations, sight)
         score, agreement, supporters = _support(member, found, value[0], common[0], precision)
-        if not enough_support(supporters, (found == SEEN).sum(), agreement, place, rules):
+        seeing = 0
+        for v in range(views):
+            seeing += found[v] == SEEN
+        if not enough_support(supporters, seeing, agreement, place, rules):
             continue
         if score > best_score:
             good, best_score = True, score
@@ -240,7 +263,7 @@ def _support(member, found, value, common, precision):
         d = member[v]
         if d >= 0 and found[v] != HIDDEN:
             score += value[d] * np.sqrt(common[d])
-            agreement += value[d] * (common[d] / max((precision[d] > 0.0).sum(), 1))
+            agreement += value[d] * (common[d] / max(joints_of(precision[d]), 1))
             supporters += 1
     return score, agreement / max(supporters, 1), supporters
 

@@ -8,6 +8,7 @@ import numba
 
 from panoptic_ros.kernels.cache import KernelCache
 
+NO_WRAPPER: dict[str, Any] = {"no_cfunc_wrapper": True}  # nothing in C calls kernels
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -18,7 +19,7 @@ def njit(**options: Any) -> Callable[[Function], Function]:
     """
 
     def compiled(function: Function) -> Function:
-        dispatcher: Any = numba.njit(**options)(function)
+        dispatcher: Any = numba.njit(**options, **NO_WRAPPER)(function)
         dispatcher._cache = KernelCache(function)
         kernel: Function = dispatcher
         return kernel

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median
 
 
 @njit(cache=True, error_model="numpy")
@@ -194,14 +195,18 @@ def raise_speeds(speeds, states, top):
 
     The body moves with the median velocity of the joints.
     """
-    known = np.isfinite(states[:, 3])
-    if not known.any():
-        return
-    body = np.empty(3)
+    body, some, count = np.empty(3), np.empty(len(states)), 0
     for i in range(3):
-        body[i] = np.median(states[known, 3 + i])
+        count = 0
+        for j in range(len(states)):
+            if np.isfinite(states[j, 3]):
+                some[count] = states[j, 3 + i]
+                count += 1
+        if not count:
+            return
+        body[i] = median(some[:count])
     for j in range(len(speeds)):
-        if known[j]:
+        if np.isfinite(states[j, 3]):
             against = 0.0
             for i in range(3):
                 against += (states[j, 3 + i] - body[i]) ** 2

@@ -21,11 +21,14 @@ def start_moving(states, covariances, points, noises, delays, velocities, spread
     for n in range(len(states)):
         if np.isfinite(states[n, 0]) or not np.isfinite(points[n, 0]):
             continue
-        turned = delays[n] @ spreads[n]
-        states[n, :3], states[n, 3:] = points[n] - delays[n] @ velocities[n], velocities[n]
-        covariances[n, :3, :3] = noises[n] + turned @ delays[n].T
-        covariances[n, :3, 3:], covariances[n, 3:, :3] = -turned, -turned.T
-        covariances[n, 3:, 3:] = spreads[n]
+        turned, moved = delays[n] @ spreads[n], delays[n] @ velocities[n]
+        turned_back = turned @ delays[n].T
+        for i in range(3):
+            states[n, i], states[n, 3 + i] = points[n, i] - moved[i], velocities[n, i]
+            for k in range(3):
+                covariances[n, i, k] = noises[n, i, k] + turned_back[i, k]
+                covariances[n, i, 3 + k] = covariances[n, 3 + k, i] = -turned[i, k]
+                covariances[n, 3 + i, 3 + k] = spreads[n, i, k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -44,22 +47,25 @@ def update_moving(states, covariances, points, noises, delays, cauchy, innovatio
                 ahead[i, k] = covariances[n, i, k]
                 for m in range(3):
                     ahead[i, k] += delays[n, i, m] * covariances[n, 3 + m, k]
-        total[:] = noises[n]
         for i in range(3):
             innovation[i] = points[n, i] - states[n, i]
             for k in range(3):
                 innovation[i] -= delays[n, i, k] * states[n, 3 + k]
-                total[i, k] += ahead[i, k]
+                total[i, k] = noises[n, i, k] + ahead[i, k]
                 for m in range(3):
                     total[i, k] += ahead[i, 3 + m] * delays[n, k, m]
         whiten(total, innovation, lower, innovations[n])
-        squared = (innovations[n] ** 2).sum() / 3.0
-        total[:] = noises[n] * (1.0 + squared / (cauchy * cauchy)) / (1.0 + 1.0 / (cauchy * cauchy))
+        squared = 0.0
+        for i in range(3):
+            squared += innovations[n, i] ** 2
+        more, less = 1.0 + squared / 3.0 / (cauchy * cauchy), 1.0 + 1.0 / (cauchy * cauchy)
+        for i in range(3):
+            for k in range(3):
+                total[i, k] = noises[n, i, k] * more / less
         cholesky(total, lower)
         for k in range(3):
             whitened_row(lower, k, row[:3])
-            row[3:] = 0.0
-            value = 0.0
+            value = row[3] = row[4] = row[5] = 0.0
             for i in range(3):
                 value += row[i] * points[n, i]
                 for m in range(3):

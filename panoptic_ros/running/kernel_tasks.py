@@ -5,6 +5,7 @@ each with a line of the seconds of processor time that it took and the number of
 """
 from __future__ import annotations
 
+import gc
 import sys
 import time
 from collections.abc import Callable
@@ -60,6 +61,7 @@ TASKS: dict[str, Callable[[], None]] = {
 
 def main() -> None:
     """Compile what is asked for."""
+    gc.disable()  # a tenth of the time; what a compiler leaves behind fits into memory
     for line in sys.stdin:
         compiled: list[str] = []
         began = time.process_time()

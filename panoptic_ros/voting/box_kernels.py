@@ -152,7 +152,8 @@ def _point(people, reach, v, wanted, lanes, limit, supporting, drawn, table, m):
 def _sum(spread, table, listed, c, left, limit, drawn, sums):
     """Set the sums (32,) to the largest values in a half over its views; returns how many see all of it."""
     whole = 0
-    sums[:] = drawn[c]
+    for j in range(GROUP):
+        sums[j] = drawn[c, j]
     for m in range(listed):
         sees = table[m, SIGHT, c]
         whole += sees == ALL

@@ -39,7 +39,7 @@ def _add_keypoints(people, threshold, pixels, total):
     """Write those of keypoints (P, 4) above the threshold from pixels[total] on; the new total."""
     for i in range(len(people)):
         if people[i, 3] > threshold:
-            pixels[total] = people[i, :2]
+            pixels[total, 0], pixels[total, 1] = people[i, 0], people[i, 1]
             total += 1
     return total
 

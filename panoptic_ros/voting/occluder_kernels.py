@@ -20,7 +20,7 @@ def nearest_depths(plane, corners):
         corners: (M, 3, 3) m, of the triangles in the camera's frame.
     """
     nearest = np.full(plane.shape[:2], np.inf)
-    rows, columns = _ranges(plane, 1), _ranges(plane.transpose(1, 0, 2), 0)
+    rows, columns = _ranges(plane, True), _ranges(plane, False)
     for m in range(len(corners)):
         left, right, top, bottom = _box(corners[m])
         first, last = _span(columns, left, right)
@@ -33,15 +33,16 @@ def nearest_depths(plane, corners):
 
 
 @_jit
-def _ranges(plane, axis):
-    """Least and largest coordinate (R, 2) of each row of plane (R, C, 2)."""
-    ranges = np.empty((len(plane), 2))
-    for r in range(len(plane)):
-        ranges[r, 0], ranges[r, 1] = np.inf, -np.inf
+def _ranges(plane, of_rows):
+    """Least and largest y (R, 2) of each row of plane (R, C, 2), or x (C, 2) of each column."""
+    ranges = np.empty((plane.shape[0] if of_rows else plane.shape[1], 2))
+    for k in range(len(ranges)):
+        ranges[k, 0], ranges[k, 1] = np.inf, -np.inf
+    for r in range(plane.shape[0]):
         for c in range(plane.shape[1]):
-            if np.isfinite(plane[r, c, axis]):
-                ranges[r, 0] = min(ranges[r, 0], plane[r, c, axis])
-                ranges[r, 1] = max(ranges[r, 1], plane[r, c, axis])
+            k, value = (r, plane[r, c, 1]) if of_rows else (c, plane[r, c, 0])
+            if np.isfinite(value):
+                ranges[k, 0], ranges[k, 1] = min(ranges[k, 0], value), max(ranges[k, 1], value)
     return ranges
 
 

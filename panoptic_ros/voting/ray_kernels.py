@@ -83,9 +83,14 @@ def pair_seeds(centres, rays, views, start, paired, gap, max_depth, enough):
 @_jit
 def _seeds_of_joint(centres, rays, views, paired, gap, max_depth, enough):
     """Seeds (S, 3) from the rays of one joint."""
-    mine = np.nonzero(paired[views])[0]
-    row = np.full(len(rays), len(mine))  # of the table of pairs; those that are not paired share the last
-    row[mine] = np.arange(len(mine))
+    mine, some = np.empty(len(rays), np.int64), 0
+    row = np.empty(len(rays), np.int64)  # of the table of pairs; those that are not paired share the last
+    for k in range(len(rays)):
+        row[k] = -1
+        if paired[views[k]]:
+            mine[some], row[k] = k, some
+            some += 1
+    mine = mine[:some]
     together = np.zeros((len(mine) + 1, len(mine) + 1), np.bool_)
     seeds, total = np.empty((len(mine) * (len(mine) - 1) // 2, 3)), 0
     nearest = np.empty(len(centres), np.int64)

@@ -111,7 +111,8 @@ def _step(scene, joint, place, radius, ball, softness, scratch):
                 away = math.hypot(seen[0] - u[middle], seen[1] - w[middle])
                 if away < reach + math.sqrt(GAUSSIAN_END / seen[2]):  # False if it is missing
                     _raise_to_keypoint(seen, u, w, scores)
-            votes += scores
+            for g in range(len(votes)):
+                votes[g] += scores[g]
     return _move_to_mean(place, offsets, votes, softness * covering, scores)
 
 

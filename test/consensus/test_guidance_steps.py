@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from panoptic_ros.consensus.guidance import grown
 from panoptic_ros.consensus.guidance_steps import predict_people, update_people
 from panoptic_ros.geometry.motion import predict_motion, update_motion
 
@@ -54,6 +55,7 @@ def test_taking_in_is_the_filters_update_with_new_people_last(seed):
     unseen[rows] = 0.0
     unagreed[rows] = np.where(firm, 0.0, unagreed[rows])
     balance[rows] = 0.9 * balance[rows] + exchanged
-    got = update_people(*given, who, positions, covariances, exchanged, firm, 1.5, 0.9)
+    got = grown(given, 2)
+    update_people(*got, who, positions, covariances, exchanged, firm, 1.5, 0.9)
     for one, other in zip(got, (states, variances, ages, unseen, unagreed, balance)):
         np.testing.assert_array_equal(one, other)

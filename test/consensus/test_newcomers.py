@@ -24,7 +24,7 @@ def test_best_pairs_are_the_first_of_a_stable_sort(seed):
     there = np.where(left[:, None] & left, rank, 0.0).ravel()
     order = np.argsort(-there, kind="stable")[:PAIRS_PER_ROUND]
     expected = [divmod(i, 12) for i in order if there[i] > 0.0]
-    assert [tuple(pair) for pair in best_pairs(rank, left)] == expected
+    assert [tuple(pair) for pair in best_pairs(rank, np.arange(len(left)), left)] == expected
 
 
 def test_few_views_are_all_used_and_many_spread_farthest_first():

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -49,9 +50,7 @@ def line_fit(words: Array) -> LineFit:
     if count < 6 or square <= 0.0:
         return LineFit(slope, norm, square / (count - 2), 0.0, shown, unseen)
     x /= np.abs(x).max()
-    powers = np.empty((4, count))
-    for k in range(4):
-        powers[k] = x**k
+    powers = _powers(x, 4)
     right = (powers * error).sum(axis=1)
     left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
     ratio = 0.5 * (square - left) / (left / (count - 4))
@@ -69,14 +68,24 @@ def curve_excess(words: Array, scale: float) -> float:
     count = words.shape[1]
     x = (words[0] - words[0].mean()) / max(1.0, words[0, -1] - words[0, 0])
     y = words[1] - words[1].mean()
-    powers = np.empty((3, count))
-    for k in range(3):
-        powers[k] = x**k
+    powers = _powers(x, 3)
     weights = np.linalg.solve(_products(powers), (powers * y).sum(axis=1))
     squares = (y - weights[0] * powers[0] - weights[1] * powers[1] - weights[2] * powers[2]) ** 2
-    squares = np.minimum(squares, FAR * np.median(squares))
-    excess: float = squares.sum() / (count - 3) - scale * words[2].mean()
+    most, total = FAR * median(squares.copy()), 0.0
+    for square in squares:
+        total += min(square, most)
+    excess: float = total / (count - 3) - scale * words[2].mean()
     return excess
+
+
+@_jit
+def _powers(x: Array, count: int) -> Array:
+    """The powers from 0 on of numbers (N,), in rows."""
+    powers = np.empty((count, len(x)))
+    for k in range(count):
+        for i in range(len(x)):
+            powers[k, i] = x[i] ** float(k)
+    return powers
 
 
 @_jit

@@ -106,7 +106,7 @@ class Pace:
         freedom = max(0, self._on_line - 3)
         if not freedom:
             return fit.unseen**2
-        words = self._words[:, -self._on_line :]
+        words = np.ascontiguousarray(self._words[:, -self._on_line :])
         covered = freedom * max(0.0, 1.0 - 2.0 * widest_gap(words[1], fit.gap) / fit.gap)
         excess = curve_excess(words, self._scale)
         share = (freedom if excess > 0.0 else covered) / (PRIOR_WORDS + freedom)
@@ -121,7 +121,7 @@ class Pace:
             return self._early_line
         if count < 3:
             return None
-        line = line_fit(self._words[:, -count:])
+        line = line_fit(np.ascontiguousarray(self._words[:, -count:]))
         slope, spread = line.slope, line.square
         self._astray = math.sqrt(spread) / slope * WORD_CELLS
         expected = max(self._scale * line.shown + line.unseen, 1e-6)

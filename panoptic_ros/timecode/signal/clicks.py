@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median, nth_smallest
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -40,9 +41,11 @@ def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
     levels = np.empty(pieces)
     for k in range(pieces):
         end = len(signal) if k == pieces - 1 else (k + 1) * piece
-        values = np.abs(signal[k * piece : end : every])
-        place = int(share * (len(values) - 1))
-        levels[k] = np.partition(values, place)[place]
+        count = (end - k * piece + every - 1) // every
+        values = np.empty(count)
+        for i in range(count):
+            values[i] = abs(signal[k * piece + i * every])
+        levels[k] = nth_smallest(values, int(share * (count - 1)))
     wide = levels.copy()
     for k in range(pieces):
         wide[k] = max(levels[k], levels[max(0, k - 1)], levels[min(pieces - 1, k + 1)])
@@ -90,7 +93,10 @@ def clicked(error: Array, slope: Array, level: float, most: float, gross: float,
         gross: times the level; less is no gross outlier.
         shaken: samples by which edges may be misplaced.
     """
-    foot = max(most * 1.4826 * np.median(np.abs(error[::4])), FOOT * level)
+    some = np.empty((len(error) + 3) // 4)
+    for i in range(len(some)):
+        some[i] = abs(error[4 * i])
+    foot = max(most * 1.4826 * median(some), FOOT * level)
     least = max(foot, gross * level)
     clicks, done = np.zeros(len(error), np.bool_), 0
     for i in range(len(error)):
@@ -102,7 +108,8 @@ def clicked(error: Array, slope: Array, level: float, most: float, gross: float,
             begin -= 1
         while end < len(error) and abs(error[end]) > foot:
             end += 1
-        clicks[begin:end] = True
+        for k in range(begin, end):
+            clicks[k] = True
         done = end
     return clicks
 

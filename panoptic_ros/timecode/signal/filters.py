@@ -43,14 +43,18 @@ def between(samples: Array, weights: Array) -> Array:
     places, beside = len(weights) + 1, weights.shape[1] // 2
     count = len(samples) - 2 * beside
     fine = np.empty((count, places))
-    fine[:, 0] = samples[beside : beside + count]
+    for i in range(count):
+        fine[i, 0] = samples[beside + i]
+    values = np.empty(count)
     for p in range(places - 1):
-        values = np.zeros(count)
+        for i in range(count):
+            values[i] = 0.0
         for j in range(2 * beside):
             for i in range(count):
                 values[i] += weights[p, j] * samples[i + j + 1]
-        fine[:, p + 1] = values
-    return fine.ravel()
+        for i in range(count):
+            fine[i, p + 1] = values[i]
+    return fine.reshape(count * places)
 
 
 @_jit

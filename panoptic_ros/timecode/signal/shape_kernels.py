@@ -40,11 +40,14 @@ def shape_rows(
     count, functions = train.shape[1], len(splines)
     phases, reach = splines.shape[2] - 1, splines.shape[3] // 2
     rows = np.zeros((OWN + functions + 2, count))
-    rows[:2], rows[3:OWN] = train[:2], train[2:4]
+    droop, whole = OWN + functions, OWN + functions + 1
     for i in range(count):
+        rows[0, i], rows[1, i], rows[3, i], rows[4, i] = train[0, i], train[1, i], train[2, i], train[3, i]
         rows[2, i] = train[1, i] * (2.0 * i / (count - 1.0) - 1.0)
-    rows[-1] = train[4] / level
-    rows[-2] = -integrated(rows[-1])
+        rows[whole, i] = train[4, i] / level
+    integral = integrated(rows[whole])
+    for i in range(count):
+        rows[droop, i] = -integral[i]
     middle, cell, bend = edges.grid
     places = edges.places
     sign = 1.0

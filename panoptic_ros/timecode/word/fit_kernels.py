@@ -105,15 +105,21 @@ def fit_train(
         clicks = clicked(error, rows[2], abs(level), limits.outlier, limits.gross, limits.shaken)
         if not (fills or clicks.any()):
             break
-        clean = np.where(clicks, values - error, values)
+        clean = values.copy()
+        for i in range(len(values)):
+            if clicks[i]:
+                clean[i] = values[i] - error[i]
         fills += 1
     white, observed = nothing.copy(), nothing.copy()
     edges = Edges(grid, places)
     moves = terms - 2
-    corner = np.ascontiguousarray(inverse[2:, 2:])
-    white[:moves, :moves] = corner * (square / freedom / level**2)
+    corner = inverse[2:, 2:].copy()
     scatter = score_scatter(samples.first, rows, error, edges, moves)
-    observed[:moves, :moves] = corner @ scatter @ corner / level**2
+    spread = corner @ scatter @ corner
+    for j in range(moves):
+        for i in range(moves):
+            white[j, i] = corner[j, i] * (square / freedom / level**2)
+            observed[j, i] = spread[j, i] / level**2
     unlike = misfit(samples.first, rows, error, edges) / level**2
     settled = moved <= limits.lost * grid.cell
     return TrainFit(settled, grid, level, white, observed, clean, fills > 0, unlike)
@@ -248,7 +254,13 @@ def jumps(values: Array, level: float) -> float:
 @_jit
 def widest_gap(places: Array, period: float) -> float:
     """Within a period, the widest gap between places (N,)."""
-    phases = np.sort(places % period)
+    phases = np.empty(len(places))
+    for i in range(len(places)):
+        phase, k = places[i] % period, i
+        while k > 0 and phases[k - 1] > phase:
+            phases[k] = phases[k - 1]
+            k -= 1
+        phases[k] = phase
     widest: float = phases[0] + period - phases[-1]
     for i in range(1, len(phases)):
         widest = max(widest, phases[i] - phases[i - 1])
