@@ -24,7 +24,9 @@ Array = np.ndarray
 SIMULATED = "rooms-4p31v"
 NEAR = 0.1  # m, a node so near to a true joint of its kind is right
 # Every instant by itself, and all nodes: with guidance, a person who was found once is found again anyhow.
-ALONE = {"voting": {"explain_away": False}, "assembly": {"temporal_guidance": False}}
+ALONE = {
+    "voting": {"explain_away": False, "without_maps": True}, "assembly": {"temporal_guidance": False}
+}  # fmt: skip
 TABLE = (
     ("vote of true joints", "vote", 3), ("  of their lowest tenth", "vote_low", 3),
     ("joints with a node", "node_recall", 3), ("nodes of no joint", "node_ghosts", 1),

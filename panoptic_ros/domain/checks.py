@@ -1,6 +1,7 @@
 """Checks that records run on their content."""
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,23 +25,31 @@ class Shapes:
         Raises:
             DataError: naming the record, the attribute and both shapes.
         """
-        kind = type(self.record).__name__
         try:
             array = np.array(getattr(self.record, name), dtype=dtype, order="C")
         except (TypeError, ValueError) as error:
-            raise DataError(f"{kind}.{name} is no array of {np.dtype(dtype)}: {error}") from None
-        wanted = letters.split()
+            raise DataError(f"{self._of(name)} is no array of {np.dtype(dtype)}: {error}") from None
+        wanted = _letters(letters)
         if array.ndim != len(wanted):
-            raise DataError(f"{kind}.{name} has shape {array.shape}, expected ({letters})")
+            raise DataError(f"{self._of(name)} has shape {array.shape}, expected ({letters})")
         for letter, size in zip(wanted, array.shape):
-            known = int(letter) if letter.isdigit() else self.sizes.setdefault(letter, size)
+            known = letter if isinstance(letter, int) else self.sizes.setdefault(letter, size)
             if known != size:
                 raise DataError(
-                    f"{kind}.{name} has shape {array.shape}, expected ({letters}) with {letter} = {known}"
+                    f"{self._of(name)} has shape {array.shape}, expected ({letters}) with {letter} = {known}"
                 )
-        array.flags.writeable = False
+        array.setflags(write=False)
         object.__setattr__(self.record, name, array)
         return array
+
+    def _of(self, name: str) -> str:
+        return f"{type(self.record).__name__}.{name}"
+
+
+@cache
+def _letters(text: str) -> tuple[str | int, ...]:
+    """The sizes of "P J 2": letters, and numbers as such."""
+    return tuple(int(letter) if letter.isdigit() else letter for letter in text.split())
 
 
 def check_scores(record: Any, name: str, scores: Array) -> None:

@@ -10,7 +10,11 @@ from panoptic_ros.graph.nodes import NODES, NodeSpec
 from panoptic_ros.params import Config, from_text, load
 from panoptic_ros.stage import Stage, StageContext
 
-SHARED = {("offsets", "delays_ms"): ("sync", "delays_ms")}  # what counts unless a parameter is given
+# What counts unless a parameter is given: that of another stage, or what a choice of another stage reads.
+SHARED = {("offsets", "delays_ms"): ("sync", "delays_ms")}
+NEEDED = {
+    ("assembly", "method", "dynamic_programming"): {"voting": {"parts": True, "without_maps": True}}
+}
 
 
 def resolve(path: str) -> Any:
@@ -44,11 +48,15 @@ def configure(values: Mapping[str, Mapping[str, Any]]) -> dict[str, Config]:
 
 
 def with_shared(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """{stage: {parameter: value}} with the parameters that two stages must agree in given to both."""
+    """{stage: {parameter: value}} with what stages must agree in given to all of them."""
     given = {stage: dict(own) for stage, own in values.items()}
     for (stage, name), (other, source) in SHARED.items():
         if source in given.get(other, {}):
             given.setdefault(stage, {}).setdefault(name, given[other][source])
+    for (other, source, choice), needed in NEEDED.items():
+        if given.get(other, {}).get(source) == choice:
+            for stage, own in needed.items():
+                given[stage] = own | given.get(stage, {})
     return given
 
 

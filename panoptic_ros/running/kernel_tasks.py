@@ -54,7 +54,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "rendering": _rendering,
     "occluders": _occluders,
     "assembly": partial(_stage, "assembly"),
-    "exact votes": partial(_stage, "voting", method="exact"),
+    "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "dense votes": partial(_stage, "voting", method="dense"),
 }
 

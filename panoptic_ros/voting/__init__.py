@@ -2,10 +2,12 @@
 
 Method: Joo et al. 2017, "Panoptic Studio", sections 5.1 and 5.2. Every 4 cm voxel gets the mean over the
 cameras that see its centre of the score of their maps there (eq. 1); local maxima above a threshold are
-node proposals. A pair of proposals that may be a bone is scored by the mean over the views of how well one
-2D person explains both ends. Detectors without maps get the same function from their keypoints.
+node proposals. With `parts`, a pair of proposals that may be a bone is scored by the mean over the views of
+how well one 2D person explains both ends.
 
-In: `DetectionSet`. Out: `ProposalSet`, with the detections carried along.
+In: `DetectionSet`. Out: `ProposalSet`, with the detections carried along. Where no view has score maps there
+are no nodes: they would tell no more than the 2D people. `without_maps` asks for them all the same; a joint
+without maps then has a Gaussian round its place in 2D.
 
 `seeds` (the default) looks for maxima only where viewing rays of 2D peaks meet, `exact` searches a working
 volume coarse to fine with a true bound, `dense` visits each of its voxels and finds the same, `off` votes for

@@ -8,13 +8,18 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class VotingConfig(Config):
-    """How node proposals are found and parts are scored."""
+    """How node proposals are found, and whether parts are scored."""
 
     method: str = param(
         "seeds",
         choices=("seeds", "exact", "dense", "off"),
         doc="How to look for node proposals: where rays of 2D peaks meet; in all of the volume, coarse to "
         "fine; in all of it, voxel by voxel, with the same result; not at all.",
+    )
+    without_maps: bool = param(
+        False,
+        doc="Vote also at instants where no view has score maps, with a Gaussian round each 2D joint; "
+        "assembly.method=dynamic_programming switches it on.",
     )
     explain_away: bool = param(
         True,
@@ -67,6 +72,9 @@ class VotingConfig(Config):
         ge=0.5,
         doc="A map of all people counts for one person within so many of those standard deviations "
         "of the person's joint.",
+    )
+    parts: bool = param(
+        False, doc="Score parts between nodes; assembly.method=dynamic_programming switches it on."
     )
     part_threshold: float = param(
         0.05, ge=0.0, le=1.0, live=True, doc="Score that both ends of a part need in a view."

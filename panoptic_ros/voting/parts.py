@@ -22,6 +22,17 @@ class Bone(NamedTuple):
     length: float
 
 
+class Parts(NamedTuple):
+    """Parts (M, 2) nodes, bones (M,) index into `SkeletonModel.bones` or -1, and scores (M,)."""
+
+    nodes: Array
+    bones: Array
+    scores: Array
+
+
+NO_PARTS = Parts(np.zeros((0, 2), np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
 def bones_and_skips(skeleton: SkeletonModel, max_bone: float, max_skip: float | None) -> tuple[Bone, ...]:
     """The bones of a skeleton and, if wanted, the pairs of joints that one missing joint lies between.
 
@@ -42,14 +53,11 @@ def bones_and_skips(skeleton: SkeletonModel, max_bone: float, max_skip: float | 
 
 def score_parts(
     scene: VoteScene, nodes: Array, joints: Array, kinds: tuple[Bone, ...], threshold: float
-) -> tuple[Array, Array, Array]:
+) -> Parts:
     """Parts between nodes (N, 3) m of the joints (N,), and their connectivity scores.
 
     Phi = mean over the views that see both ends of max_i of (h_iu + h_iv) / 2 where both are above the
     threshold, else 0; i runs over the 2D people of the view. Parts without any score are left out.
-
-    Returns:
-        parts (M, 2) nodes, bones (M,) index into `SkeletonModel.bones` or -1, scores (M,).
     """
     table = np.array([kind[:3] for kind in kinds], np.int64).reshape(-1, 3)
     lengths = np.array([kind.length for kind in kinds], np.float64)
@@ -58,7 +66,7 @@ def score_parts(
     scores, seen = kernels.person_scores(scene, joints, nodes)
     phi = connectivity(scores, seen, parts, threshold)
     connected = phi > 0.0
-    return parts[connected], bones[connected], phi[connected]
+    return Parts(parts[connected], bones[connected], phi[connected])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

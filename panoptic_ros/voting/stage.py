@@ -17,8 +17,8 @@ from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.explaining import Explainer, nodes_of_people, nodes_of_seeds
 from panoptic_ros.voting.known_occluders import KnownOccluders
-from panoptic_ros.voting.parts import bones_and_skips, score_parts
-from panoptic_ros.voting.proposals import Nodes, distinct
+from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
+from panoptic_ros.voting.proposals import Nodes, distinct, no_nodes
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.score_volume import Peaks, dense_peaks
 from panoptic_ros.voting.seeds import SeedSearch
@@ -63,6 +63,7 @@ class VotingStage(Stateful):
             ConfigError: if the configured volume is no box.
         """
         self.config, self.rig, self.skeleton = config, context.rig, context.skeleton
+        self._hash = context.skeleton.hash  # computed at each call
         if config.volume:
             self.volume = Volume.between(config.volume, config.voxel)
         elif config.method in ("exact", "dense"):
@@ -74,28 +75,36 @@ class VotingStage(Stateful):
         self._search = SeedSearch(config.ray_gap, config.pair_views, config.max_depth)
         self._boxes = BoxSearch()
         self._occluders = KnownOccluders(context.rig)
-        self._order = {name: k for k, name in enumerate(context.rig.names)}
+        self._cameras = {camera.name: camera for camera in context.rig.cameras}
         self._solver: RoughSolver | None = None
         if config.method == "seeds" and config.explain_away:
             self._solver = RoughSolver(context.rig, context.skeleton, config.temporal_guidance)
-        nobody = DetectionSet(0, 0, context.skeleton.hash, ())
+        nobody = DetectionSet(0, 0, self._hash, ())
         seeds = config.method == "seeds"
         for example in easy_instants(context.rig, context.skeleton) if seeds else (nobody,):
-            self.step(example)
+            self._vote(example)
         self.reset()
 
     def step(self, item: DetectionSet) -> StepResult[ProposalSet]:
         """Vote on one instant; what known occluders hide goes on with the views.
+
+        Where no view has score maps there are no nodes, unless `without_maps` asks for them: they would say
+        no more than the 2D people.
 
         Raises:
             DataError: if the set speaks of other cameras, image sizes or joints than the context.
         """
         self._check(item)
         item = self._occluders.limit(item)
-        if self.config.method == "off":
-            return StepResult((_proposals(item),))
+        mapped = self.config.without_maps or any(view.maps is not None for view in item.views)
+        if self.config.method == "off" or not mapped:
+            return StepResult((ProposalSet(item, *no_nodes(), *NO_PARTS),))
+        return StepResult((self._vote(item),))
+
+    def _vote(self, item: DetectionSet) -> ProposalSet:
+        """The nodes of an instant and, if they are wanted, the parts between them."""
         views = sorted(item.views, key=lambda view: view.camera)  # rays are paired in the order of names
-        cameras = [self.rig.cameras[self._order[view.camera]] for view in views]
+        cameras = [self._cameras[view.camera] for view in views]
         config = self.config
         scene = build_scene(cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate)
         wanted = demands(config, sum(has_anything(view) for view in views))
@@ -105,9 +114,11 @@ class VotingStage(Stateful):
             people = self._solver.solve(item)
             delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
             nodes = self._explain_away(scene, cameras, wanted, people, delays)
-        parts = score_parts(scene, nodes.points, nodes.joints, self._kinds, config.part_threshold)
-        votes = np.clip(nodes.votes, 0.0, 1.0)
-        return StepResult((_proposals(item, nodes.points, nodes.joints, votes, nodes.support, *parts),))
+        parts = NO_PARTS
+        if config.parts:
+            parts = score_parts(scene, nodes.points, nodes.joints, self._kinds, config.part_threshold)
+        nodes = nodes._replace(votes=np.clip(nodes.votes, 0.0, 1.0))
+        return ProposalSet(item, *nodes, *parts)
 
     def flush(self) -> StepResult[ProposalSet]:
         """Nothing is buffered."""
@@ -175,37 +186,30 @@ class VotingStage(Stateful):
         )
 
     def _check(self, item: DetectionSet) -> None:
-        if item.skeleton_hash != self.skeleton.hash:
+        if item.skeleton_hash != self._hash:
             raise DataError(
                 f"detection set {item.index} speaks of skeleton {item.skeleton_hash}, "
-                f"voting was made for {self.skeleton.name} ({self.skeleton.hash})"
+                f"voting was made for {self.skeleton.name} ({self._hash})"
             )
+        known = len(self.skeleton)
         for view in item.views:
-            if view.camera not in self._order:
+            camera = self._cameras.get(view.camera)
+            if camera is None:
                 raise DataError(f"detection set {item.index} has camera {view.camera}, the rig has not")
-            camera = self.rig.cameras[self._order[view.camera]]
             if view.image_size != camera.image_size:
                 raise DataError(
                     f"camera {view.camera} gives images of {view.image_size[0]} x {view.image_size[1]}, "
                     f"the rig says {camera.image_size[0]} x {camera.image_size[1]}"
                 )
-            joints = [view.points.shape[1]]
-            if view.maps is not None and view.maps.joints.size:
-                joints.append(int(view.maps.joints.max()) + 1)
-            if joints[0] != len(self.skeleton) or max(joints) > len(self.skeleton):
+            joints = view.points.shape[1]
+            if joints == known and view.maps is not None:
+                joints = max(joints, int(view.maps.joints.max(initial=0)) + 1)
+            if joints != known:
                 raise DataError(
-                    f"camera {view.camera} speaks of {max(joints)} joints, {self.skeleton.name} has "
-                    f"{len(self.skeleton)}"
+                    f"camera {view.camera} speaks of {joints} joints, {self.skeleton.name} has {known}"
                 )
 
 
 def has_anything(view: ViewDetections) -> bool:
     """Whether a view shows anybody; blind cameras must not raise what a node needs."""
     return len(view.points) > 0 or (view.maps is not None and len(view.maps.joints) > 0)
-
-
-def _proposals(item: DetectionSet, *arrays: Array) -> ProposalSet:
-    if arrays:
-        return ProposalSet(item, *arrays)
-    none = np.zeros(0)
-    return ProposalSet(item, np.zeros((0, 3)), none, none, none, np.zeros((0, 2)), none, none)

@@ -112,6 +112,15 @@ def test_an_absent_view_is_a_view_with_nobody():
     assert invariances.largest_gap(solved(rig, sets), solved(rig, absent)) < EXACT
 
 
+@settings(max_examples=6)
+@given(scene=scenes)
+def test_votes_round_2d_joints_tell_nothing_new(scene):
+    found = solved(*capture(scene, False), {"voting": {"without_maps": True}})
+    for one, other in zip(reference(scene, False), found, strict=True):
+        for name in ("positions", "covariances", "scores", "views", "states", "person_scores"):
+            assert np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True), name
+
+
 def test_the_comparison_sees_differences():
     base = reference((5, 2, 0), False)
     assert invariances.largest_gap(base, base) == 0.0

@@ -63,3 +63,12 @@ def test_what_two_stages_must_agree_in_is_given_to_both():
     assert configs["offsets"].delays_ms == configs["sync"].delays_ms == ("a=3",)
     configs = configure({"sync": {"delays_ms": ["a=3"]}, "offsets": {"delays_ms": ["a=4"]}})
     assert configs["offsets"].delays_ms == ("a=4",)
+
+
+def test_dynamic_programming_switches_on_what_it_reads_unless_it_is_given():
+    assert not configure({"assembly": {"method": "consensus"}})["voting"].parts
+    paper = {"method": "dynamic_programming"}
+    voting = configure({"assembly": paper})["voting"]
+    assert voting.parts and voting.without_maps
+    voting = configure({"assembly": paper, "voting": {"parts": False}})["voting"]
+    assert voting.without_maps and not voting.parts

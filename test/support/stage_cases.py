@@ -32,6 +32,7 @@ from panoptic_ros.timecode.signal.buffer import Buffer
 
 SECOND = 10**9
 RNG = np.random.default_rng(5)
+VALUES: dict[str, dict[str, Any]] = {"voting": {"without_maps": True, "parts": True}}  # all that it can do
 MEMORY_TO_WORK_IN = {("voting", "_search"), ("voting", "_boxes")}  # is emptied, or holds what any stage would
 
 
@@ -111,7 +112,7 @@ def chain(frames=14, start=0):
     items, table = views(frames, start), {}
     for name in ("sync", *FUSION):
         table[name] = items
-        stage = Case(name, {}, (), ()).stage()
+        stage = Case(name, VALUES.get(name, {}), (), ()).stage()
         results = [stage.step(item) for item in items] + [stage.flush()]
         items = [output for result in results for output in result.outputs]
     return table
@@ -223,7 +224,7 @@ def cases():
             f"sync-{kind}": Case("sync", values, disturbed(), views(9, start=300)[::-1])
             for kind, values in ways.items()
         },
-        **{name: Case(name, {}, chain()[name], chain(7, 200)[name]) for name in FUSION},
+        **{name: Case(name, VALUES.get(name, {}), chain()[name], chain(7, 200)[name]) for name in FUSION},
         "refinement-lag": Case(
             "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
         ),

@@ -147,7 +147,7 @@ def test_proposals_of_the_stage_are_those_of_dense(scenes, maps, lens):
     volume = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
     outputs = []
     for method in ("dense", "exact"):
-        config = VotingConfig(method=method, volume=volume)
+        config = VotingConfig(method=method, volume=volume, without_maps=True, parts=True)
         outputs += VotingStage(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
     for name in ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_scores"):
         assert np.array_equal(getattr(outputs[0], name), getattr(outputs[1], name)), name

@@ -16,7 +16,8 @@ NAMES = ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_bon
 
 
 def stage_of(scenes, rig, **config):
-    return VotingStage(VotingConfig(**config), StageContext(rig, scenes.skeleton))
+    config = VotingConfig(**{"without_maps": True, "parts": True} | config)
+    return VotingStage(config, StageContext(rig, scenes.skeleton))
 
 
 def without_people(item, which, views=None):

@@ -12,7 +12,9 @@ BOX = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
 
 
 def propose(scenes, rig, item, **config):
-    stage = VotingStage(VotingConfig(**config), StageContext(rig, scenes.skeleton))
+    """All that the stage can give: also without maps, and parts."""
+    config = VotingConfig(**{"without_maps": True, "parts": True} | config)
+    stage = VotingStage(config, StageContext(rig, scenes.skeleton))
     assert isinstance(stage, Stage)
     result = stage.step(item)
     assert stage.flush().outputs == ()
@@ -82,6 +84,23 @@ def test_off_carries_the_detections_along(scenes):
     proposals = propose(scenes, rig, item, method="off")
     assert proposals.detections is item
     assert len(proposals.nodes) == len(proposals.parts) == 0
+
+
+@pytest.mark.parametrize("method", ["seeds", "exact", "dense"])
+def test_votes_only_where_a_view_has_maps_and_parts_only_where_they_are_read(scenes, method):
+    rig = scenes.ring(4)
+    people = [scenes.person(0.0, 0.0)]
+    options = {"method": method, "volume": (-0.6, -0.6, 0.0, 0.6, 0.6, 1.8), "voxel": 0.1}
+    stage = VotingStage(VotingConfig(**options), StageContext(rig, scenes.skeleton))
+    for maps in ("none", "mixed", "merged", "none"):
+        item = scenes.detect(rig, people, maps)
+        (found,) = stage.step(item).outputs
+        assert found.detections is item and len(found.parts) == 0
+        assert (len(found.nodes) > 0) == (maps != "none")
+        asked = propose(scenes, rig, item, **options)
+        assert len(asked.nodes) > 0 and len(asked.parts) > 0
+        if maps != "none":
+            assert np.array_equal(asked.nodes, found.nodes)
 
 
 @pytest.mark.parametrize("method", ["seeds", "exact", "dense"])

@@ -116,8 +116,9 @@ def mapped_rows(rows: Rows) -> None:
         "whole stage", "voting and assembly, from maps",
         lambda item: only(assembly.step(only(voting.step(item)))), sets, of_poses,
     )  # fmt: skip
-    proposals = _proposals(rows, {"voting": {"method": "seeds", "explain_away": False}}, sets)
     paper = {"method": "dynamic_programming"}
+    seeds = {"method": "seeds", "explain_away": False}
+    proposals = _proposals(rows, {"voting": seeds, "assembly": paper}, sets)
     _assemble(rows, "dynamic programming (paper)", paper, proposals, "from nodes of seeds")
 
 
