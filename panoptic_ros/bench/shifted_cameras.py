@@ -11,9 +11,8 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet, Rig, ViewDetections
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import find_clocks
-from panoptic_ros.io.plain_formats import read_detections
+from panoptic_ros.io.recorded_people import read_people
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.io.skeletons import map_joints, skeleton_of
 from panoptic_ros.stage import StageContext
 
 Array = np.ndarray
@@ -23,12 +22,9 @@ REACH = 4  # frames on either side that shifted views may move to
 
 def measure_shifts(args: argparse.Namespace) -> dict[str, Any]:
     """Offsets of the recording as it is, and of shifted ones less what was put in and those as it is, s."""
-    rig, detections = read_rig(args.rig), read_detections(args.detections)
-    found = skeleton_of(detections.joint_names)
-    name = "panoptic19" if found in (None, "coco17") else found
-    skeleton, joints = map_joints(name, detections.joint_names)
-    sets = list(detections.sets(rig, joints, skeleton.hash))
-    context, configs = StageContext(rig, skeleton), configure({})
+    rig = read_rig(args.rig)
+    people = read_people(args.detections, rig)
+    sets, context, configs = people.sets, StageContext(rig, people.skeleton), configure({})
     period = int(np.median(np.diff([item.stamp_ns for item in sets])))
     rows: list[dict[str, Any]] = []
     for k, frames in enumerate(FRAMES):

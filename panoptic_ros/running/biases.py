@@ -10,8 +10,8 @@ from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.evaluation.bias import Benefit, BiasConfig, BiasPass, MeasuredBiases
 from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.io.biases import torso_of, write_bias_table
+from panoptic_ros.io.compared_skeletons import read_sequence, spelt_alike
 from panoptic_ros.io.skeletons import in_vocabulary
-from panoptic_ros.running.compared_skeletons import read_sequence, spelt_alike
 from panoptic_ros.stage import Progress
 
 

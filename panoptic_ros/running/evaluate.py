@@ -21,7 +21,7 @@ from panoptic_ros.evaluation import (
 )
 from panoptic_ros.evaluation.limits import Limit
 from panoptic_ros.evaluation.report import report_of
-from panoptic_ros.running.compared_skeletons import only_joints, read_sequence, spelt_alike
+from panoptic_ros.io.compared_skeletons import only_joints, read_sequence, spelt_alike
 
 PROTOCOLS = ("default", *PCP_RULES)
 

@@ -14,14 +14,11 @@ from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.detector_context import bias_extras
-from panoptic_ros.io.plain_formats import PlainDetections, read_detections
+from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.io.skeletons import map_joints, skeleton_of
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.running.parameters import with_occluders
 from panoptic_ros.stage import Notice, StageContext
-
-AUTO = "auto"  # skeleton: the joints of the detections, or panoptic19 for COCO's
 
 
 @dataclass(frozen=True)
@@ -80,14 +77,11 @@ def read_task(
     used = everything if cameras is None else everything.subset(cameras)
     if len(used) < 2:
         raise UsageError(f"{len(used)} camera is not enough for 3D; give two or more")
-    people = read_detections(detections)
-    model, joint_map = map_joints(_choose(people) if skeleton == AUTO else skeleton, people.joint_names)
+    people = read_people(detections, used, skeleton, everything.names)
     configs = configure(parameters)
     table = config_of(configs, AssemblyConfig).bias_table
-    context = StageContext(used, model, bias_extras(table, model))
-    sets = list(people.sets(used, joint_map, model.hash, known=everything.names))
-    names = _own_names(people, model.joint_names) if skeleton == AUTO else model.joint_names
-    return SolveTask(context, configs, sets, names)
+    context = StageContext(used, people.skeleton, bias_extras(table, people.skeleton))
+    return SolveTask(context, configs, people.sets, people.joint_names)
 
 
 def solve(task: SolveTask) -> Solution:
@@ -106,19 +100,3 @@ def solve(task: SolveTask) -> Solution:
         pipeline.push("detection_sets", item)
     pipeline.flush()
     return Solution(poses, spent, notices)
-
-
-def _choose(detections: PlainDetections) -> str:
-    """The installed skeleton with the joints of the file; panoptic19 for COCO's and for others."""
-    found = skeleton_of(detections.joint_names)
-    return "panoptic19" if found in (None, "coco17") else found
-
-
-def _own_names(detections: PlainDetections, joints: tuple[str, ...]) -> tuple[str, ...]:
-    """The joints as the detections spell them, where the skeleton was chosen after them."""
-    _, mapping = map_joints(_choose(detections), detections.joint_names)
-    return tuple(
-        detections.joint_names[s[0]] if len(s) == 1 and len(mapping.sources) == len(detections.joint_names)
-        else joint
-        for joint, s in zip(joints, mapping.sources)
-    )  # fmt: skip

@@ -9,12 +9,11 @@ from typing import Any
 from panoptic_ros.bench.stage1.world import World
 from panoptic_ros.domain import DetectionSet, EndOfStream, Rig
 from panoptic_ros.errors import DataError
-from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.compared_skeletons import read_sequence
 from panoptic_ros.io.messages import from_message
-from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.volume import volume_of_rig
 
@@ -51,13 +50,8 @@ def recorded_world(
     if bounds is None:
         volume = volume_of_rig(rig, VOXEL)
         bounds = [VOXEL * float(edge) for edge in (*volume.lower, *volume.upper)]
-    return World(rig, skeleton, tuple(sets[:frames]), tuple(bounds), _truth(truth) if truth else None)
-
-
-def _truth(path: str) -> SkeletonSequence:
-    plain = read_skeletons(Path(path))
-    frames = [SkeletonFrame(f.stamp_ns, f.ids, f.positions, f.covariances, f.ignore) for f in plain.frames]
-    return SkeletonSequence(plain.joint_names, tuple(frames))
+    known = read_sequence(Path(truth)) if truth else None
+    return World(rig, skeleton, tuple(sets[:frames]), tuple(bounds), known)
 
 
 def _latched(reader: BagReader, key: str) -> Any:

@@ -1,0 +1,62 @@
+"""2D people of a recording in the joints of a skeleton model, from plain files."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
+from panoptic_ros.io.plain_formats import PlainDetections, read_detections
+from panoptic_ros.io.skeletons import map_joints, skeleton_of
+
+AUTO = "auto"  # skeleton: the joints of the detections, or panoptic19 for COCO's
+
+
+@dataclass(frozen=True)
+class RecordedPeople:
+    """2D people of some cameras.
+
+    Args:
+        sets: in the order of time.
+        joint_names: of the skeleton's joints, as the file spells them where the skeleton was chosen after it.
+    """
+
+    skeleton: SkeletonModel
+    sets: Sequence[DetectionSet]
+    joint_names: tuple[str, ...]
+
+
+def read_people(
+    detections: Path, rig: Rig, skeleton: str = AUTO, left_out: Sequence[str] = ()
+) -> RecordedPeople:
+    """The 2D people of a plain file.
+
+    Args:
+        rig: the cameras that are used.
+        skeleton: name or YAML file, or `AUTO`.
+        left_out: cameras that may occur in the file although they are not in `rig`.
+
+    Raises:
+        UserError: on whatever the user can mend.
+    """
+    people = read_detections(detections)
+    model, joint_map = map_joints(_choose(people) if skeleton == AUTO else skeleton, people.joint_names)
+    sets = list(people.sets(rig, joint_map, model.hash, known=left_out))
+    names = _own_names(people, model.joint_names) if skeleton == AUTO else model.joint_names
+    return RecordedPeople(model, sets, names)
+
+
+def _choose(detections: PlainDetections) -> str:
+    """The installed skeleton with the joints of the file; panoptic19 for COCO's and for others."""
+    found = skeleton_of(detections.joint_names)
+    return "panoptic19" if found in (None, "coco17") else found
+
+
+def _own_names(detections: PlainDetections, joints: tuple[str, ...]) -> tuple[str, ...]:
+    """The joints as the detections spell them, where the skeleton was chosen after them."""
+    _, mapping = map_joints(_choose(detections), detections.joint_names)
+    return tuple(
+        detections.joint_names[s[0]] if len(s) == 1 and len(mapping.sources) == len(detections.joint_names)
+        else joint
+        for joint, s in zip(joints, mapping.sources)
+    )  # fmt: skip
