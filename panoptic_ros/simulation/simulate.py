@@ -55,10 +55,15 @@ class Simulation:
             stamp = to_stamp(self.schedule.ticks[index])
             yield DetectionSet(index, stamp, skeleton_hash, tuple(seen))
 
+    def is_ignored(self, person: Person, tick: float) -> bool:
+        """Whether a result may have a person or not: bystanders, and people while nobody can detect them."""
+        unseen = any(a.person == person.id and a.start <= tick < a.end for a in self.scene.absences)
+        return person.bystander or unseen
+
     def truth_document(self) -> dict[str, Any]:
         """True skeletons at the instants of the sets, as a `panoptic-skeletons-1` document.
 
-        Bystanders, and people while nobody can detect them, carry "ignore".
+        People who are ignored carry "ignore".
         """
         ticks = self.schedule.ticks
         joints = [np.round(person.joints(ticks), POSITION_DIGITS).tolist() for person in self.people]
@@ -69,8 +74,7 @@ class Simulation:
                 if not person.is_present(tick):
                     continue
                 entry = {"id": person.id, "joints": positions[index], "scores": [1.0] * len(JOINTS)}
-                unseen = any(a.person == person.id and a.start <= tick < a.end for a in self.scene.absences)
-                if person.bystander or unseen:
+                if self.is_ignored(person, tick):
                     entry["ignore"] = True
                 skeletons.append(entry)
             frames.append({"index": index, "stamp_ns": to_stamp(tick), "skeletons": skeletons})

@@ -114,10 +114,10 @@ def truth_of(take: Simulation) -> SkeletonSequence:
     joints = np.stack([person.joints(ticks) for person in take.people], axis=1)
     there = np.stack([person.is_present(ticks) for person in take.people], axis=1)
     ids = np.array([person.id for person in take.people])
-    frames = [
-        SkeletonFrame(to_stamp(tick), ids[here], rows[here])
-        for tick, here, rows in zip(ticks, there, joints)
-    ]
+    frames = []
+    for tick, here, rows in zip(ticks, there, joints):
+        ignored = np.array([take.is_ignored(person, tick) for person in take.people])
+        frames.append(SkeletonFrame(to_stamp(tick), ids[here], rows[here], ignored=ignored[here]))
     return SkeletonSequence(SKELETON.joint_names, tuple(frames))
 
 

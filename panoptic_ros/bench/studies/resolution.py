@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.bench.rendered import SKELETON, detected_sets
 from panoptic_ros.bench.stage1.world import truth_of
 from panoptic_ros.bench.studies.cameras import about, shared_out
 from panoptic_ros.bench.studies.solving import score, solve
-from panoptic_ros.domain import DetectionSet, Rig, ViewFrame
+from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.evaluation import SkeletonSequence
 from panoptic_ros.evaluation.studies import StudyScore
-from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.simulation import CLEAN, Simulation, simulate
@@ -25,7 +25,6 @@ from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of
 
 Array = np.ndarray
 AREA = 1.4  # m
-SKELETON = "panoptic19"
 COSTS = (4.0, 3.0, 2.0, 1.0)  # about, of rendering and of HD, VGA and QVGA
 DETECTED = 0.95  # share of the time that detection takes; the rest is solving
 
@@ -51,13 +50,10 @@ class ImageStudy:
         """Detect in all images of an instant, instant by instant, and solve."""
         rig, skeleton = self._context.rig, self._context.skeleton
         truth = SkeletonSequence(TRUE_SKELETON.joint_names, tuple(recording.records("truth")))
-        detection = make_stage("detection", configure({})["detection"], self._context)
         instants = zip(*(recording.records("image", name) for name in rig.names))
         told = part_of(progress, 0.0, DETECTED)
-        sets: list[DetectionSet] = []
-        for frames in each(instants, len(truth.frames), told, f"detection in {len(rig)} views"):
-            views = tuple(view for frame in frames for view in detection.step(frame).outputs)
-            sets.append(DetectionSet(len(sets), frames[0].stamp_ns, skeleton.hash, views))
+        told_instants = each(instants, len(truth.frames), told, f"detection in {len(rig)} views")
+        sets = list(detected_sets(self._context, told_instants))
         solved = each(sets, len(sets), part_of(progress, DETECTED, 1.0), "solving")
         return score(truth, solve(rig, skeleton, solved, self._config.settings))
 
