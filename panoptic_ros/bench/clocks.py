@@ -29,7 +29,7 @@ from panoptic_ros.simulation.clocks import (
     SimulatedClock,
 )
 from panoptic_ros.simulation.ltc_signal import encode_ltc
-from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.stage import Notice, Progress, StageContext, StepResult, each, part_of, untold
 from panoptic_ros.sync import SyncConfig, SyncStage
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
 
@@ -38,6 +38,7 @@ PAL = FrameRate(25, Fraction(25))
 NTSC = FrameRate(30, Fraction(30000, 1001))
 SKELETON = SkeletonModel("dot", ("a", "b"), 0, ((0, 1),), 0)
 TELLING = ("clocks.timecode_jump",)  # information only, as the decoder warns of it
+MIXED_SHARE = 0.5  # of the time, about, of the capture of mixed rates; the rest goes to the events
 WRONG_S = 1e-3  # a stamp that is farther off counts as wrong
 
 
@@ -196,12 +197,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0)
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
+def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
     """An hour of mixed rates, all events, and real audio."""
+    progress(0.0, f"{args.minutes:g} minutes of mixed rates")
+    mixed = _row(run_world(mixed_world(60.0 * args.minutes, args.seed)))
+    worlds, rest = events(), part_of(progress, MIXED_SHARE, 1.0)
     return {
         "minutes": args.minutes,
-        "mixed_rates": _row(run_world(mixed_world(60.0 * args.minutes, args.seed))),
-        "events": {name: _row(run_world(world)) for name, world in events().items()},
+        "mixed_rates": mixed,
+        "events": {
+            name: _row(run_world(world)) for name, world in each(worlds.items(), len(worlds), rest, "events")
+        },
         "audio_error_us": {rate: 1e6 * error for rate, error in audio_error_s().items()},
     }
 

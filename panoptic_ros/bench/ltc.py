@@ -20,6 +20,7 @@ from panoptic_ros.bench.ltc_sounds import sounds
 from panoptic_ros.domain import AudioBlock, TimecodeReading
 from panoptic_ros.evaluation.timecode_bench import DecodedWord, TimedSignal, timecode_table
 from panoptic_ros.simulation.ltc_signal import LtcSignal
+from panoptic_ros.stage import Progress, each, untold
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
 
 Array = np.ndarray
@@ -46,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the clips (default 1)")
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
+def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
     """Everything that was asked for."""
     if args.false_codes > 0.0:
         return {"false_codes": _false_codes(args.false_codes, args.seed)}
@@ -56,10 +57,10 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     libltc = None if args.no_libltc else load_libltc()
     _decode(clip(CONDITIONS[0], 0, 40).samples, 48000)  # compiled from here on
     rows = []
-    for condition in CONDITIONS:
-        if args.only in condition.name:
-            signals = [clip(condition, args.seed + k, words) for k in range(clips)]
-            rows.append(_row(condition, signals, libltc))
+    conditions = [condition for condition in CONDITIONS if args.only in condition.name]
+    for condition in each(conditions, len(conditions), progress, "conditions"):
+        signals = [clip(condition, args.seed + k, words) for k in range(clips)]
+        rows.append(_row(condition, signals, libltc))
     result: dict[str, Any] = {"libltc": libltc is not None, "conditions": rows}
     if not args.only:
         result["line"] = [_line_fit(rate, args.seed) for rate in (48000, 16000)]

@@ -23,7 +23,7 @@ from panoptic_ros.simulation import Simulation, simulate
 from panoptic_ros.simulation.people import Person
 from panoptic_ros.simulation.scenes import SCENES, Scene
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
-from panoptic_ros.stage import StageContext
+from panoptic_ros.stage import Progress, StageContext, each, untold
 
 Array = np.ndarray
 LARGEST = 0.06  # s, of injected offsets
@@ -84,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--detections", type=Path, help="a recording, two of whose cameras are shifted")
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
+def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
     """All cases: errors in s up to what all cameras share.
 
     Raises:
@@ -94,13 +94,14 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         raise UsageError("--rig and --detections belong together")
     if args.detections is not None:
         return measure_shifts(args)
-    unknown = [name for name in args.cases.split(",") if name not in CASES]
+    names = args.cases.split(",")
+    unknown = [name for name in names if name not in CASES]
     if unknown:
         raise UsageError(f"there is no case {unknown[0]!r}; there are {', '.join(CASES)}")
     seeds = [int(seed) for seed in args.seeds.split(",")]
     return {
         name: _summary([_take(CASES[name], seed, args.frames, args.poses) for seed in seeds])
-        for name in args.cases.split(",")
+        for name in each(names, len(names), progress, "captures")
     }
 
 

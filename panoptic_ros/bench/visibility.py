@@ -16,7 +16,7 @@ from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, evaluate
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.simulation import SCENES, SKELETON, simulate
-from panoptic_ros.stage import StageContext
+from panoptic_ros.stage import Progress, StageContext, each, untold
 from panoptic_ros.voting import kernels
 from panoptic_ros.voting.scene import build_scene
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bag.add_argument("--truth", metavar="FILE", help="true skeletons")
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
+def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
     """The same views as they are, and as if nothing hid anything.
 
     Raises:
@@ -58,10 +58,13 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         replace(item, views=tuple(replace(view, limit=None) for view in item.views)) for item in world.sets
     )
     blind = replace(world, rig=replace(world.rig, occluders=None), sets=bare)
+    kinds = (("unknown", blind), ("known", world))
     return {
         "bench": "visibility", "source": args.bag or f"{SIMULATED}, seed {args.seed}",
         "frames": len(world.sets), "views": len(world.rig),
-        "rows": [{"occlusion": name, **_row(each)} for name, each in (("unknown", blind), ("known", world))],
+        "rows": [
+            {"occlusion": name, **_row(kind)} for name, kind in each(kinds, len(kinds), progress, "solving")
+        ],
     }  # fmt: skip
 
 

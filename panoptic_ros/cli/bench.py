@@ -8,6 +8,7 @@ from types import ModuleType
 
 from panoptic_ros.bench import BENCHES
 from panoptic_ros.running import graph_bench
+from panoptic_ros.view.progress import PassBar
 
 TITLES = {**BENCHES, "graph": graph_bench.ABOUT}
 
@@ -24,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure and print."""
     bench = _bench(args.bench)
-    result = bench.measure(args)
+    with PassBar(args.bench) as bar:
+        result = bench.measure(args, bar.show)
     print(json.dumps(result, indent=1) if args.json else "\n".join(bench.lines(result)))
     return 0
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from panoptic_ros.bench.graph_feed import Feed, recorded_feed, simulated_feed
 from panoptic_ros.errors import UsageError
+from panoptic_ros.stage import Progress, each, untold
 
 ABOUT = "the live graph after detection, over DDS: what is lost, latency, processor time"
 SCENARIO = "noisy-8p5v"
@@ -34,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bag", metavar="DIR", help="2D people of a bag in place of simulated ones")
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
+def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
     """Run the graph once for each choice of processes, on the same data.
 
     Raises:
@@ -53,7 +54,7 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         "seconds": args.seconds, "cores": os.cpu_count(), "load": os.getloadavg()[0],
         "rows": [
             {"hosts": hosts, **run_fed_graph(feed, args.seconds, node_per_stage=hosts == "stage")}
-            for hosts in chosen
+            for hosts in each(chosen, len(chosen), progress, "the graph runs")
         ],
     }  # fmt: skip
 

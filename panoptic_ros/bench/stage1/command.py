@@ -3,13 +3,13 @@ from __future__ import annotations
 
 import argparse
 import platform
-import sys
 from pathlib import Path
 from typing import Any
 
 from panoptic_ros.bench.child import run_child
 from panoptic_ros.bench.growth import exponent
 from panoptic_ros.errors import UsageError
+from panoptic_ros.stage import Progress, untold
 
 CASE = "panoptic_ros.bench.stage1.case"
 ALL = ("people", "maps", "voting", "baselines")
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def measure(args: argparse.Namespace) -> dict[str, Any]:
+def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
     """All cases and the growth.
 
     Raises:
@@ -61,9 +61,9 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
     requests = _recorded(args) if args.bag else _simulated(args)
     cases = []
     for number, request in enumerate(requests):
-        _progress(f"case {number + 1} of {len(requests)}: {_name(request)}")
+        progress(number / len(requests), _name(request))
         cases.append({"request": request} | run_child(CASE, request))
-    _progress("")
+    progress(1.0, "done")
     return {
         "bench": "stage1", "machine": platform.processor() or platform.machine(),
         "threads": 1, "cases": cases, "growth": growth(cases),
@@ -144,11 +144,6 @@ def _name(request: dict[str, Any]) -> str:
     if request["kind"] == "bag":
         return str(request["bag"])
     return f"{request['people']} people, {request['views']} views {request.get('skeleton', '')}".strip()
-
-
-def _progress(text: str) -> None:
-    if sys.stderr.isatty():
-        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
 def _numbers(text: str) -> tuple[int, ...]:
