@@ -1,13 +1,14 @@
 """Bench: time and memory of stages against named baselines, and the quality of timecode decoders.
 
-Each bench is one module with `add_arguments(parser)`, `measure(args) -> dict` (JSON, SI units in the
-names) and `lines(result) -> list[str]` (the table), and is named in `BENCHES`; that of the live graph needs
-processes, and is `running.graph_bench`. Times of the others are those of one thread, inputs already in
+Each bench is one module with `add_arguments(parser)`, `measure(args, progress) -> dict` (JSON, SI units in
+the names) and `lines(result) -> list[str]` (the table), and is named in `BENCHES`; that of the live graph
+needs processes, and is `running.graph_bench`. Times of the others are those of one thread, inputs already in
 arrays, first call excluded. Benches only measure: tests never assert a time.
 """
 from __future__ import annotations
 
 BENCHES: dict[str, str] = {
+    "ablation": "what every mechanism of the core is worth: each off in turn, on simulations and recordings",
     "clocks": "stamps corrected by timecode against the truth: an hour of mixed rates, and what clocks do",
     "ltc": "timecode decoding: recall, wrong labels, exactness, latency and speed, beside a user's libltc",
     "offsets": "clocks from motion against the truth: errors, stated deviations, poses before and after",

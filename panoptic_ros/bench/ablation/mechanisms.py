@@ -1,0 +1,123 @@
+"""The mechanisms of voting, association, assembly, tracking and refinement, and what switches them off."""
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from panoptic_ros.errors import UsageError
+
+Settings = dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """One thing that the core does beyond the plainest way.
+
+    Args:
+        part: of the core, for the reader; the stage that has the parameter may be another.
+        name: unique.
+        about: what it does.
+        off: the parameters, {stage: {parameter: value}}, with which the core does not do it.
+        maps: it acts on score maps alone.
+    """
+
+    part: str
+    name: str
+    about: str
+    off: Settings
+    maps: bool = False
+
+
+def _voting(name: str, about: str, **off: Any) -> Mechanism:
+    return Mechanism("voting", name, about, {"voting": off}, maps=True)
+
+
+def _association(name: str, about: str, **off: Any) -> Mechanism:
+    return Mechanism("association", name, about, {"assembly": off})
+
+
+def _assembly(name: str, about: str, maps: bool = False, **off: Any) -> Mechanism:
+    return Mechanism("assembly", name, about, {"assembly": off}, maps)
+
+
+def _tracking(name: str, about: str, **off: Any) -> Mechanism:
+    return Mechanism("tracking", name, about, {"tracking": off})
+
+
+def _refinement(name: str, about: str, **off: Any) -> Mechanism:
+    return Mechanism("refinement", name, about, {"refinement": off})
+
+
+NEVER = 1000.0  # a cost that nothing reaches
+NO_LIMIT = 100.0  # standard deviations
+
+MECHANISMS: tuple[Mechanism, ...] = (
+    _voting("votes", "3D votes from score maps", method="off"),
+    _voting("explain-away", "search only what known people leave", explain_away=False),
+    _voting("guided-votes", "find known people for that from the last instant", temporal_guidance=False),
+    _voting("skipped-joints", "score parts across a missing joint", skip_parts=False),
+    _voting("merged-nodes", "nodes of one place become one", merge_distance=0.0),
+    Mechanism(
+        "association", "guidance", "known people first, from the last instant",
+        {"voting": {"temporal_guidance": False}, "assembly": {"temporal_guidance": False}},
+    ),
+    _association("duplicates", "a second 2D person of a view is the same one", duplicate_agreement=1.0),
+    _association("view-share", "new people need a share of the views that should see them", view_share=0.0),
+    _association("three-views", "new people need three views where enough see them", min_views=2),
+    _association("two-views", "two views in accord make a new person where few see it",
+                 few_views_agreement=1.0),
+    _association("capture-space", "no people who stand in the view of two cameras alone", capture_views=2),
+    _assembly("delays", "views are shifted to the instant by their stamps", compensate_stamps=False),
+    _assembly("learnt-noise", "the noise of 2D joints is learnt, by score, view and size", learn_noise=False),
+    _assembly("cauchy", "large residuals count less", cauchy=NO_LIMIT),
+    _assembly("gate", "views with large residuals are left out", gate=NO_LIMIT),
+    _assembly("truncation", "beyond some residual a view says nothing more", truncation=NO_LIMIT,
+              gate=NO_LIMIT, cauchy=NO_LIMIT),
+    _assembly("starts", "a joint is begun from many pairs of views", max_pairs=1),
+    _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
+    _assembly("swapped-limbs", "left and right of a limb are exchanged in a view", swap_gain=NEVER),
+    _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
+    _assembly("fewest-joints", "a person has five joints", min_person_joints=1),
+    _assembly("nodes", "joints that 2D people show poorly are taken from nodes", True, node_distance=0.0),
+    _assembly("map-votes", "joints move to the soft vote of the maps", True, vote_distance=0.0),
+    _assembly("longest-sigma", "joints that are too uncertain are missing", max_joint_sigma=10.0),
+    _assembly("longest-bone", "no bone is longer than people's", max_bone=10.0),
+    _assembly("lowest", "no people under the floor", lowest=-1000.0),
+    _assembly("few-views-variance", "covariances grow where few views agree", covariance_inflation=0.0),
+    _tracking("memory", "identities wait longer than 0.1 s for people who are not seen", memory=0.1),
+    _tracking("predicted-joints", "joints decide who is who, not the middle of the body alone",
+              joint_memory=0.0),
+    _tracking("returns", "people who were lost come back near that place", return_distance=0.0,
+              return_speed=0.0),
+    _tracking("bones", "who comes back has the same bones", bone_tolerance=10.0),
+    _tracking("confirmation", "doubtful skeletons must be seen often", confirm_frames=1),
+    _tracking("second-skeletons", "no identity for a second skeleton at one place", duplicate_distance=0.0),
+    _refinement("smoothing", "motion is smoothed", enabled=False),
+    _refinement("lag", "later views are used, too", lag=0.0),
+    _refinement("limb-noise", "fast limbs are followed more quickly", limb_noise=0.0),
+    _refinement("smoothed-cauchy", "large innovations count less", cauchy=NO_LIMIT),
+    _refinement("few-views-relief", "covariances of few views shrink", few_views_relief=0.0),
+    _refinement("predictions", "joints of people who are seen are predicted", max_prediction=0.0),
+    _refinement("filled-sigma", "filled joints that are too uncertain are missing", max_sigma=10.0),
+    _refinement("bone-lengths", "bones keep their learnt lengths", bone_sigma=0.0),
+    _refinement("lasting-errors", "part of the errors lasts", lasting_share=0.0),
+    _refinement("bias-floor", "covariances know of constant biases", bias_floor=0.0),
+)  # fmt: skip
+
+
+def chosen(words: Collection[str]) -> tuple[Mechanism, ...]:
+    """The mechanisms of these names or parts, in the order of the table; no words: all.
+
+    Raises:
+        UsageError: if a word is neither.
+    """
+    known = {mechanism.name for mechanism in MECHANISMS}
+    parts = tuple(dict.fromkeys(mechanism.part for mechanism in MECHANISMS))
+    for word in words:
+        if word not in known and word not in parts:
+            raise UsageError(
+                f"--only {word}: there is no such mechanism; there are those of {', '.join(parts)}: "
+                f"{', '.join(sorted(known))}"
+            )
+    return tuple(m for m in MECHANISMS if not words or m.name in words or m.part in words)
