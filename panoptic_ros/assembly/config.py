@@ -26,6 +26,7 @@ class AssemblyConfig(GroupingConfig):
         3, ge=2, le=1000,
         doc="People must stand in the fields of view of so many cameras, else they are bystanders; "
         "rigs of up to three cameras need two.",
+        when="people at the edge of the room are missing (2), or bystanders are reported (more).",
     )
     min_person_joints: int = param(5, ge=1, le=500, doc="Measured joints that make a person.")
     min_agreed_share: float = param(
@@ -90,4 +91,5 @@ class AssemblyConfig(GroupingConfig):
     bias_table: str = param(
         "", doc="Table of the detector's constant biases that are taken out: its name or a YAML file; "
         "empty = none.",
+        when="`panoptic bias measure` gave you one for your detector, or one is installed for it.",
     )

@@ -35,6 +35,7 @@ class ClocksConfig(Config):
         (), unit="ms",
         doc='How much later than its true instant a device stamps the sound, as "device=milliseconds" '
         '(delay of the line, of the sound in air, of filters); "*" stands for all others.',
+        when="timecode reaches a device late: 3 ms for each metre through air, or what a test showed.",
     )  # fmt: skip
     wander_ppm: float = param(
         0.5, unit="ppm", ge=0.0, le=1000.0,

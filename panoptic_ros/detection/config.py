@@ -12,13 +12,16 @@ class DetectionConfig(Config):
     """How people are found in one image."""
 
     model: str = param(
-        "movenet-multipose", doc="Name of an installed model card, or path of a card (YAML) or ONNX file."
+        "movenet-multipose", doc="Name of an installed model card, or path of a card (YAML) or ONNX file.",
+        when="you have a better network, or need hands and faces.",
     )
     providers: tuple[str, ...] = param(
-        (), doc="Execution providers of onnxruntime in order of preference; empty = the CPU."
+        (), doc="Execution providers of onnxruntime in order of preference; empty = the CPU.",
+        when="there is a GPU: CUDAExecutionProvider, CPUExecutionProvider.",
     )
     threads: int = param(
-        1, ge=1, le=64, doc="Threads inside one network operator; more than one pays on idle machines only."
+        1, ge=1, le=64, doc="Threads inside one network operator; more than one pays on idle machines only.",
+        when="the machine has more cores than cameras.",
     )
     person_threshold: float = param(
         -1.0, ge=-1.0, le=1.0,

@@ -15,7 +15,9 @@ def parameter_yaml(stage: str, cls: type[Config]) -> str:
     lines = [f"# Parameters of the stage {stage}, with their defaults.", f"# {HEADER}"]
     lines += [f"{stage}:", "  ros__parameters:"]
     for item in describe(cls):
-        lines.append(f"    # {item.doc}{_limits(item)}")
+        lines.append(f"    # {item.told}{_limits(item)}")
+        if item.when:
+            lines.append(f"    # Change it when {item.when}")
         lines.append(f"    {item.name}: {_yaml(item.default)}")
     if not describe(cls):
         lines[-1] += " {}"
@@ -23,22 +25,37 @@ def parameter_yaml(stage: str, cls: type[Config]) -> str:
 
 
 def parameter_page(classes: Mapping[str, type[Config]]) -> str:
-    """docs/parameters.md: one table per stage."""
+    """docs/parameters.md: the parameters that a lab changes, then one table per stage."""
     lines = [
         "# Parameters", "", HEADER, "",
         "Set them with `panoptic ... --set stage.name=value`, in a file for `--config` "
         "(`{stage: {name: value}}`, or like `config/<stage>.yaml`), or as ROS parameters of the "
         "stage's node.",
+        "", *_changed_by_labs(classes), "",
+        "The rest is below, stage by stage. *Expert*: the default serves all captures that we know of; "
+        "change it with figures in hand (`panoptic evaluate`, `panoptic bench ablation`).",
         "",
     ]  # fmt: skip
     for stage, cls in classes.items():
         lines += [f"## {stage}", "", "| name | default | unit | range | what it does |"]
         lines.append("|---|---|---|---|---|")
         for item in describe(cls):
-            cells = (f"`{item.name}`", f"`{_yaml(item.default)}`", item.unit, _range(item), item.doc)
+            cells = (f"`{item.name}`", f"`{_yaml(item.default)}`", item.unit, _range(item), item.told)
             lines.append("| " + " | ".join(cells) + " |")
         lines.append("")
     return "\n".join(lines)
+
+
+def _changed_by_labs(classes: Mapping[str, type[Config]]) -> list[str]:
+    """The table of all parameters that are not for experts, with what they are changed for."""
+    rows = [
+        f"| `{stage}.{item.name}` | `{_yaml(item.default)}` | {item.when} |"
+        for stage, cls in classes.items() for item in describe(cls) if not item.expert
+    ]  # fmt: skip
+    return [
+        "## What to change, and when", "", f"The {len(rows)} parameters that a lab changes:", "",
+        "| parameter | default | change it when |", "|---|---|---|", *rows,
+    ]  # fmt: skip
 
 
 def _yaml(value: object) -> str:

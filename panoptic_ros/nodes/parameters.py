@@ -46,7 +46,7 @@ def _default(item: Param) -> Any:
 
 
 def _descriptor(item: Param) -> ParameterDescriptor:
-    text = f"{item.doc} [{item.unit}]" if item.unit else item.doc
+    text = f"{item.told} [{item.unit}]" if item.unit else item.told
     descriptor = ParameterDescriptor(description=text, read_only=True)
     if item.choices:
         descriptor.additional_constraints = "one of " + ", ".join(item.choices)

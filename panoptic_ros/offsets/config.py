@@ -13,6 +13,7 @@ class OffsetsConfig(Config):
     active: bool = param(
         False,
         doc="Find the cameras' clock offsets from the motion of people, and let sync correct stamps by them.",
+        when="cameras are neither triggered together nor on one clock, and nothing is known of their stamps.",
     )
     block_s: float = param(
         2.0, unit="s", ge=0.5, le=30.0,

@@ -27,8 +27,18 @@ class Param:
     ge: float | None
     le: float | None
     choices: tuple[str, ...]
-    live: bool  # may be changed while the stage runs
     doc: str
+    when: str  # a lab changes it; "" = it does not
+
+    @property
+    def expert(self) -> bool:
+        """Whether it is for experts: its default serves every lab, as far as we know."""
+        return not self.when
+
+    @property
+    def told(self) -> str:
+        """The documentation, which says so if the parameter is for experts."""
+        return f"Expert: {self.doc}" if self.expert else self.doc
 
 
 @dataclass(frozen=True)
@@ -37,8 +47,8 @@ class _Spec:
     ge: float | None
     le: float | None
     choices: tuple[str, ...]
-    live: bool
     doc: str
+    when: str
 
 
 def param(
@@ -49,12 +59,15 @@ def param(
     ge: float | None = None,
     le: float | None = None,
     choices: tuple[str, ...] = (),
-    live: bool = False,
+    when: str = "",
 ) -> Any:
-    """A dataclass field with a default, a unit, an inclusive range or choices, and a doc sentence."""
-    return dataclasses.field(
-        default=default, metadata={_KEY: _Spec(unit, ge, le, choices, live, doc)}
-    )
+    """A dataclass field with a default, a unit, an inclusive range or choices, and a doc sentence.
+
+    Args:
+        when: in what case a lab changes it and to what, for the first page of docs/parameters.md. Without it
+            the parameter is for experts, which is what a new one should be.
+    """
+    return dataclasses.field(default=default, metadata={_KEY: _Spec(unit, ge, le, choices, doc, when)})
 
 
 @dataclass(frozen=True, kw_only=True)

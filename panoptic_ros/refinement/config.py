@@ -15,11 +15,13 @@ class RefinementConfig(Config):
         0.12, unit="s", ge=0.0, le=10.0,
         doc="A result uses views up to this time after its instant, and waits for no others. If cameras are "
         "not synchronous and this is less than half a frame, results are for the instant of the newest view.",
+        when="latency counts more than smoothness (0 to 0.05), or a recording is solved (0.3).",
     )
     process_noise: float = param(
         0.1, unit="m^2/s^3", ge=1e-3, le=1e4,
         doc="Spectral density of the acceleration of joints that move with the body: higher follows faster. "
         "A start; each person's is learnt online, from a tenth to ten times this.",
+        when="fast motion is cut off, as in sports (1), or people hardly move and joints still shake (0.03).",
     )
     limb_noise: float = param(
         2.0, unit="1/s", ge=0.0, le=1e4,

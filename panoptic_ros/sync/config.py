@@ -18,6 +18,7 @@ class SyncConfig(Config):
     rate_hz: float = param(
         0.0, unit="Hz", ge=0.0, le=1000.0,
         doc="Sets at this fixed rate, at multiples of its period on the master clock; 0: those of a camera.",
+        when="cameras have several rates, or an instrument beside them samples at a rate of its own.",
     )  # fmt: skip
     phase_s: float = param(
         0.0, unit="s", ge=-1.0, le=1.0,
@@ -37,6 +38,7 @@ class SyncConfig(Config):
         0.0, unit="s", ge=0.0, le=10.0,
         doc="Live: how long, in capture time, a set waits for its last cameras. "
         "0 waits for all of them, however long (replay).",
+        when="live, half a second (what a live graph waits) is too long where cameras fail: e.g. 0.1.",
     )  # fmt: skip
     minimum_views: int = param(
         1, ge=1, le=1000, doc="Sets of fewer views are dropped, and counted as sync.few_views."
@@ -49,11 +51,13 @@ class SyncConfig(Config):
         (),
         doc='Whose clock stamps a camera\'s frames, as "camera=device"; "*=host": all others. Frames '
         "of these cameras wait for the model of that clock; others use a model of their own name, if any.",
+        when="timecode comes on the sound of another device than the camera.",
     )  # fmt: skip
     delays_ms: tuple[str, ...] = param(
         (), unit="ms",
         doc='How much later than its stamp a frame\'s mid-exposure is, as "camera=milliseconds" (half the '
         'exposure where stamps are of its start; negative where they are of arrivals); "*": all others.',
+        when="stamps are not of mid-exposure: half the exposure, or what `panoptic offsets` found.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

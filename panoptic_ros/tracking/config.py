@@ -18,7 +18,9 @@ class TrackingConfig(Config):
         10.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Standard deviation of joint acceleration in predictions."
     )
     memory: float = param(
-        2.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen."
+        2.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen.",
+        when="people leave and come back later and should keep their number (longer), or others take their "
+        "place (shorter).",
     )
     joint_memory: float = param(
         0.3, unit="s", ge=0.0, le=10.0,

@@ -34,24 +34,23 @@ class VotingConfig(Config):
         0.0,
         ge=0.0,
         le=1.0,
-        live=True,
         doc="Least mean score of a node proposal; 0 = by the number of views "
         "(0.06 below 8, 0.1 below 16, else 0.05).",
     )
     min_views: int = param(
         0,
         ge=0,
-        live=True,
         doc="Least number of views that support a node proposal; 0 = by their number (2 below 8, else 3).",
     )
     view_threshold: float = param(
-        0.1, ge=0.0, le=1.0, live=True, doc="Score above which a view supports a node, or has a 2D peak."
+        0.1, ge=0.0, le=1.0, doc="Score above which a view supports a node, or has a 2D peak."
     )
     volume: tuple[float, ...] = param(
         (),
         unit="m",
         doc="Working volume: least x, y, z and largest x, y, z; empty = derived from the rig if exact or "
         "dense, everywhere if seeds.",
+        when="all of it is searched (`voting.method=exact`): the box that people use.",
     )
     ray_gap: float = param(
         0.15, unit="m", ge=0.0, le=1.0, doc="Largest distance between two rays that may be of one joint."
@@ -77,7 +76,7 @@ class VotingConfig(Config):
         False, doc="Score parts between nodes; assembly.method=dynamic_programming switches it on."
     )
     part_threshold: float = param(
-        0.05, ge=0.0, le=1.0, live=True, doc="Score that both ends of a part need in a view."
+        0.05, ge=0.0, le=1.0, doc="Score that both ends of a part need in a view."
     )
     max_bone: float = param(0.8, unit="m", ge=0.01, doc="Longest part.")
     max_skip: float = param(

@@ -6,13 +6,28 @@ from panoptic_ros.cli.main import main
 from panoptic_ros.graph.build import config_class, parse_setting
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.params import load
+from panoptic_ros.params import describe, load
 from panoptic_ros.running.generated_files import generated_files
 
 
 @pytest.mark.parametrize("name", sorted(generated_files()))
 def test_generated_file_is_up_to_date(name):
     assert (share_folder() / name).read_text() == generated_files()[name], "run: panoptic config write"
+
+
+def test_a_lab_changes_few_parameters_and_is_told_when():
+    """A new parameter is for experts: of the others there must not be so many that nobody reads them."""
+    every = [(stage, item) for stage in NODES for item in describe(config_class(stage))]
+    changed = [(stage, item) for stage, item in every if not item.expert]
+    assert 10 <= len(changed) <= 20
+    page, rest = generated_files()["docs/parameters.md"].split("The rest is below", 1)
+    for stage, item in every:
+        row = f"| `{stage}.{item.name}` |"
+        assert (row in page) == (not item.expert)
+        assert f"| `{item.name}` |" in rest
+    for stage, item in changed:
+        assert f"# Change it when {item.when}" in generated_files()[f"config/{stage}.yaml"]
+        assert item.when.endswith(".") and item.when in page
 
 
 @pytest.mark.parametrize("stage", NODES)

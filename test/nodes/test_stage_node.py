@@ -138,7 +138,7 @@ def test_parameters_are_declared_with_range_and_description(ros):
     node = StageNode("sync")
     descriptor = node.describe_parameter("window_s")
     assert "set" in descriptor.description and descriptor.floating_point_range[0].to_value == 1.0
-    assert descriptor.read_only
+    assert descriptor.read_only and descriptor.description.startswith("Expert: ")
     result = node.set_parameters([Parameter("window_s", value=0.1)])
     assert not result[0].successful
     node.close()

@@ -11,7 +11,7 @@ from panoptic_ros.params import Config, config_of, describe, diff, from_text, lo
 
 @dataclass(frozen=True, kw_only=True)
 class Sample(Config):
-    size_m: float = param(0.04, unit="m", ge=0.01, le=1.0, doc="Size.")
+    size_m: float = param(0.04, unit="m", ge=0.01, le=1.0, doc="Size.", when="people are small.")
     count: int = param(3, ge=1, doc="Count.")
     method: str = param("quick", choices=("quick", "exact"), doc="Method.")
     on: bool = param(True, doc="Whether.")
@@ -22,6 +22,12 @@ class Sample(Config):
 def test_description():
     rows = {item.name: item for item in describe(Sample)}
     assert rows["size_m"].unit == "m" and rows["size_m"].le == 1.0 and rows["names"].default == ()
+
+
+def test_what_nobody_says_when_to_change_is_for_experts():
+    rows = {item.name: item for item in describe(Sample)}
+    assert not rows["size_m"].expert and rows["size_m"].told == "Size."
+    assert rows["count"].expert and rows["count"].told == "Expert: Count."
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _voting("votes", "3D votes from score maps", method="off"),
     _voting("explain-away", "search only what known people leave", explain_away=False),
     _voting("guided-votes", "find known people for that from the last instant", temporal_guidance=False),
-    _voting("skipped-joints", "score parts across a missing joint", skip_parts=False),
     _voting("merged-nodes", "nodes of one place become one", merge_distance=0.0),
     Mechanism(
         "association", "guidance", "known people first, from the last instant",
