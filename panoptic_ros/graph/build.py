@@ -47,6 +47,15 @@ def configure(values: Mapping[str, Mapping[str, Any]]) -> dict[str, Config]:
     return {stage: load(config_class(stage), given.get(stage, {}), where=f"{stage}.") for stage in NODES}
 
 
+def merged(*values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """{stage: {parameter: value}} of all of these; where several give a parameter, the last counts."""
+    together: dict[str, dict[str, Any]] = {}
+    for given in values:
+        for stage, own in given.items():
+            together.setdefault(stage, {}).update(own)
+    return together
+
+
 def with_shared(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """{stage: {parameter: value}} with what stages must agree in given to all of them."""
     given = {stage: dict(own) for stage, own in values.items()}

@@ -8,7 +8,7 @@ from typing import Any
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import ConfigError
-from panoptic_ros.graph.build import configure, parse_setting
+from panoptic_ros.graph.build import configure, merged, parse_setting
 from panoptic_ros.io.files import read_yaml
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.params import Config
@@ -47,8 +47,7 @@ def _plain(entries: dict[str, Any]) -> dict[str, Any]:
 
 def with_defaults(given: Parameters, defaults: Parameters) -> dict[str, Config]:
     """Configurations where `defaults` count only where the user gave nothing."""
-    stages = {**defaults, **given}
-    return configure({s: {**defaults.get(s, {}), **given.get(s, {})} for s in stages})
+    return configure(merged(defaults, given))
 
 
 def with_occluders(rig: Rig, path: Path | None) -> Rig:

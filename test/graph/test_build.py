@@ -2,7 +2,7 @@
 import pytest
 
 from panoptic_ros.errors import ConfigError
-from panoptic_ros.graph.build import configure, parse_setting
+from panoptic_ros.graph.build import configure, merged, parse_setting
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.nodes import NODES
@@ -31,6 +31,14 @@ def test_configurations_of_all_stages():
     assert set(configs) == set(NODES) and configs["sync"].window_s == 0.5
     with pytest.raises(ConfigError, match="no stage"):
         configure({"sink": {}})
+
+
+def test_settings_are_merged_parameter_by_parameter_and_stay_as_they_were():
+    first = {"sync": {"rate_hz": 25.0, "phase_s": 0.1}}
+    second = {"sync": {"rate_hz": 30.0}, "voting": {"voxel": 0.1}}
+    assert merged(first, second) == {"sync": {"rate_hz": 30.0, "phase_s": 0.1}, "voting": {"voxel": 0.1}}
+    assert merged(second, first)["sync"] == {"rate_hz": 25.0, "phase_s": 0.1}
+    assert first == {"sync": {"rate_hz": 25.0, "phase_s": 0.1}} and merged() == {}
 
 
 def test_every_topic_of_a_node_is_in_the_table():

@@ -11,6 +11,7 @@ from panoptic_ros.bench.studies.solving import score, solve
 from panoptic_ros.domain import Rig
 from panoptic_ros.evaluation import SkeletonSequence
 from panoptic_ros.evaluation.studies import StudyScore
+from panoptic_ros.graph.build import merged
 from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.simulation import SKELETON, farthest_first, simulate
 from panoptic_ros.simulation.studio import relative_noise, study_scene
@@ -43,6 +44,7 @@ class CamerasStudy:
     def run(self, recording: Recording, progress: Progress) -> tuple[StudyScore, ...]:
         """One score for each number of cameras, each camera the farthest from those before it."""
         skeleton, counts = self._context.skeleton, self._config.counts
+        settings = merged(SETTINGS, self._config.settings)
         truth = SkeletonSequence(skeleton.joint_names, tuple(recording.records("truth")))
         scores = []
         for count, told in zip(counts, shared_out(progress, counts)):
@@ -50,7 +52,7 @@ class CamerasStudy:
                 recording.records("detection_sets"), len(truth.frames), told, f"solving {count} cameras"
             )
             chosen = farthest_first(self._context.rig, count)
-            scores.append(score(truth, solve(chosen, skeleton, sets, SETTINGS | self._config.settings)))
+            scores.append(score(truth, solve(chosen, skeleton, sets, settings)))
         return tuple(scores)
 
 

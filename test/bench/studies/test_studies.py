@@ -36,6 +36,15 @@ def test_more_cameras_are_better_and_people_can_be_compared(tmp_path):
     assert (tmp_path / "plot.png").stat().st_size > 10_000
 
 
+def test_a_setting_changes_nothing_but_its_parameter():
+    """A default that is given again gives the same numbers: instants are still solved one by one."""
+    expected, found = (
+        study_cameras(RIG, [2], [8], 5, 0, 0.012, settings, untold)["rows"]
+        for settings in ({}, {"assembly": {"min_views": 3}, "voting": {"voxel": 0.04}})
+    )
+    assert found == expected
+
+
 def test_the_command_writes_numbers_and_a_plot(tmp_path, capsys):
     write_rig(tmp_path / "rig.json", RIG.subset(RIG.names[::4]))
     options = ["--rig", str(tmp_path / "rig.json"), "--out", str(tmp_path / "out"), "--people", "2"]
