@@ -1,13 +1,13 @@
 """Assembly: from 2D people and 3D proposals to the skeletons of one instant, without identity.
 
 Joo et al. 2017, 5.3: skeletons are put together, each 2D detection supports a single one, and joints
-are refined by minimising the reprojection error. Two methods lead to the same final solve:
+are refined by minimising the reprojection error. There are two methods:
 
+* `dynamic_programming`: the paper's; 3D parts of a `ProposalSet` are joined along the tree
+  (`skeletal_proposals`, which is all of it).
 * `consensus` (default): 2D people are given to the skeletons found last (temporal guidance), and new
-  people are found where pairs of 2D people agree and further views support them.
-* `dynamic_programming`: the paper's; 3D parts of a `ProposalSet` are joined along the tree.
-
-With either, people whom only the score maps show are added from voted nodes that nobody explains.
+  people are found where pairs of 2D people agree and further views support them. People whom only the
+  score maps show are added from voted nodes that nobody explains. The rest of this text is about it.
 
 The final solve chooses the observations of each joint by truncated cost, exchanges left and right of
 whole limbs where the images ask for it, refines with Cauchy weights, and states a covariance. The

@@ -1,4 +1,4 @@
-"""People before the final solve: associated with predictions, new ones, or from parts."""
+"""People before the final solve: associated with predictions, or new."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.hypothesis import Hypothesis
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides
 from panoptic_ros.assembly.solve import Guide, sources
 from panoptic_ros.consensus.grouping import Grouping, Scene, assign
@@ -82,29 +81,6 @@ def new_people(scene: Scene, free: Array, sides: Sides, config: AssemblyConfig) 
     source = sources(grouping.mirrored, scene.mirror)
     guide = _no_guide(len(places), scene)
     return Candidates(grouping, source, guide, np.full(len(places), -1), left, places)
-
-
-def from_hypotheses(scene: Scene, people: list[Hypothesis]) -> Candidates:
-    """People that were put together from parts: a view's 2D person is the one most joints claim."""
-    evidence = scene.evidence
-    joints = len(scene.mirror)
-    grouping = Grouping.empty(len(people), evidence.views)
-    source = sources(grouping.mirrored, scene.mirror)
-    guide = _no_guide(len(people), scene)
-    row_of = np.empty(len(evidence.view), np.int64)  # from (start of the view + index in its record)
-    row_of[evidence.starts[evidence.view] + evidence.rows] = np.arange(len(row_of))
-    for p, person in enumerate(people):
-        guide.positions[p] = person.start
-        for v, slot in enumerate(evidence.slots):
-            claims = person.claims[:, slot]
-            if (claims < 0).all():
-                continue
-            index = int(np.bincount(claims[claims >= 0]).argmax())
-            grouping.member[p, v] = row_of[evidence.starts[v] + index]
-            meant = person.claimed_joints[:, slot]
-            source[p, v] = np.where((claims == index) & (meant >= 0), meant, np.arange(joints))
-    free = np.ones(len(evidence.view), bool)
-    return Candidates(grouping, source, guide, np.full(len(people), -1), free, guide.positions.copy())
 
 
 def _no_guide(count: int, scene: Scene) -> Guide:

@@ -13,7 +13,13 @@ class AssemblyConfig(GroupingConfig):
 
     method: str = param(
         "consensus", choices=("consensus", "dynamic_programming"),
-        doc="How people are put together: from 2D people that agree, or from 3D parts (the paper's).",
+        doc="How people are put together: from 2D people that agree; or from 3D parts and refined as in the "
+        "paper (5.3), for which correspondence_px, initial_noise and node_sigma count and nothing else here.",
+    )
+    correspondence_px: float = param(
+        10.0, unit="px", ge=0.1, le=1000.0,
+        doc="With dynamic programming: how far a 2D joint may be from the projection of its node, in images "
+        "of 640 x 480; in others the same share of the diagonal.",
     )
     temporal_guidance: bool = param(
         True, doc="Let the last skeletons guide association and choices; never pulls positions."

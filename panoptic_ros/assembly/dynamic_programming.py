@@ -1,8 +1,8 @@
 """Skeletons from scored parts by dynamic programming, one after another (Joo et al. 2017, 5.3).
 
-The best skeleton is the choice of one node per joint that maximises the sum of its part scores. Beyond the
-paper a joint may be missing: then its children hang on its parent by parts that skip it, so that one missing
-joint does not cut off a limb; a missing root is replaced by one of its children.
+The best skeleton is the choice of one node per joint that maximises the sum of its part scores. Where voting
+gives parts that skip a joint, which the paper has not, a joint may be missing: then its children hang on its
+parent, so that one missing joint does not cut off a limb; a missing root is replaced by one of its children.
 """
 from __future__ import annotations
 
@@ -11,71 +11,55 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.assembly.correspondence import Correspondence
-from panoptic_ros.assembly.hypothesis import Hypothesis
 from panoptic_ros.domain import ProposalSet, Rig, SkeletonModel
 
 Array = np.ndarray
 IMPOSSIBLE = -np.inf
 
 
-@dataclass(frozen=True, slots=True)
-class Rules:
-    """What makes a skeleton.
+SKIP_WEIGHT = 0.5  # of a part that skips a joint, relative to a bone
+HEAD_VIEWS = 2  # 2D joints that the head of a skeleton needs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One skeleton before its joints are refined.
 
     Args:
-        gate: m, of the correspondence with 2D joints; see `Correspondence`.
-        skip_weight: of a part that skips a joint, relative to a bone; 0 = the paper's tree.
-        min_score: least sum of part scores.
-        min_views: 2D joints that each 3D joint needs, and the head above all.
-        min_joints: 3D joints that a skeleton needs.
+        nodes: (J,) the node of each joint, -1 = missing.
+        claims: (J, V) index of the 2D person in each of the set's V views whose joint this is, -1 = none. No
+            2D joint is claimed twice.
     """
 
-    gate: float = 0.08
-    skip_weight: float = 0.5
-    min_score: float = 0.5
-    min_views: int = 2
-    min_joints: int = 3
+    nodes: Array
+    claims: Array
 
 
 def assemble(
-    proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, rules: Rules | None = None
+    proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px: float
 ) -> list[Hypothesis]:
-    """People in the order of their scores; no 2D joint belongs to two of them.
+    """Skeletons in the order of their scores, until no part is left; no 2D joint belongs to two of them.
 
-    A skeleton claims the closest free 2D joint in every view, for each of its joints; fewer than `min_views`
-    are none. Skeletons whose head has none are dropped (or, if there is no head, the joint that it hangs
-    on). Nodes that are explained by what better skeletons claimed take no part any more; so a joint without
-    claims stands on score maps alone.
+    A skeleton claims the closest free 2D joint in every view, for each of its joints. Those whose head has
+    fewer than `HEAD_VIEWS` are dropped, and claim nothing. There is no least score (5.3 says why).
+
+    Args:
+        gate_px: how far a 2D joint may be from the projection of its node; see `Correspondence`.
     """
-    rules = rules or Rules()
-    tree = PartTree(proposals, skeleton, rules.skip_weight)
-    free = Correspondence(
-        proposals.detections, rig, proposals.nodes, proposals.node_joints, rules.gate
-    )
+    tree = PartTree(proposals, skeleton, SKIP_WEIGHT)
+    free = Correspondence(proposals.detections, rig, proposals.nodes, proposals.node_joints, gate_px)
     people: list[Hypothesis] = []
     while True:
         score, nodes = tree.best()
-        if score <= 0.0 or score < rules.min_score:
+        if score <= 0.0:
             return people
         tree.remove(nodes[nodes >= 0])
         joints = np.flatnonzero(nodes >= 0)
         claims = np.full((len(nodes), len(proposals.detections.views)), -1, np.int64)
         claims[joints] = free.claims_of(nodes[joints])
-        known = (claims >= 0).sum(axis=1) >= rules.min_views
-        claims[~known] = -1
-        if known.sum() < rules.min_joints or not known[_bearer(nodes, skeleton)]:
-            continue
-        free.claim(nodes[joints], claims[joints])
-        tree.remove(np.flatnonzero(free.taken(rules.min_views)))
-        start = np.where(nodes[:, None] >= 0, proposals.nodes[nodes], np.nan)
-        same = np.where(claims >= 0, np.arange(len(nodes))[:, None], -1)
-        people.append(Hypothesis(start, claims, same, min(1.0, score / len(skeleton.bones))))
-
-
-def _bearer(nodes: Array, skeleton: SkeletonModel) -> int:
-    """The joint that must be seen: the head or, if there is none, the joint that it hangs on."""
-    parent = skeleton.parents[skeleton.head]
-    return skeleton.head if nodes[skeleton.head] >= 0 or parent < 0 else parent
+        if (claims[skeleton.head] >= 0).sum() >= HEAD_VIEWS:
+            free.claim(nodes[joints], claims[joints])
+            people.append(Hypothesis(nodes, claims))
 
 
 class PartTree:

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.assembly.candidates import Candidates, from_hypotheses, guided_people, new_people
+from panoptic_ros.assembly.candidates import Candidates, guided_people, new_people
 from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.dynamic_programming import assemble
 from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.nodes import has_maps
@@ -18,6 +17,7 @@ from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.phantoms import agreed_shares
+from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
@@ -93,6 +93,9 @@ class AssemblyStage(Stateful):
             return StepResult(notices=(Notice("assembly.old_stamp", "warning", text),))
         dt = 0.0 if self._last_ns is None else 1e-9 * (item.stamp_ns - self._last_ns)
         self._last_ns = item.stamp_ns
+        if self._config.method == "dynamic_programming":
+            people = people_from_parts(item, self._context.rig, self._skeleton, self._config)
+            return StepResult((self._without_biases(people).pose_set(item, self._hash),))
         prediction = self._guidance.predict(dt)
         if self._config.learn_noise and not self._noise.learnt:
             self._solve(evidence, item, prediction)  # the first people are solved with their learnt noise
@@ -112,7 +115,7 @@ class AssemblyStage(Stateful):
         """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
         sizes = self._sizes(evidence)
         scene = self._scene(evidence, sizes)
-        found = self._candidates(scene, item, prediction)
+        found = self._candidates(scene, prediction)
         kinds = self._kinds(scene, found)
         scene = replace(scene, precision=self._precision(evidence, kinds, sizes))
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
@@ -166,11 +169,8 @@ class AssemblyStage(Stateful):
         kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
         return kinds
 
-    def _candidates(self, scene: Scene, item: ProposalSet, prediction: Prediction) -> Candidates:
-        """People before the final solve, by the configured method."""
-        if self._config.method == "dynamic_programming":
-            found = assemble(item, self._context.rig, self._skeleton)
-            return from_hypotheses(scene, found)
+    def _candidates(self, scene: Scene, prediction: Prediction) -> Candidates:
+        """People before the final solve: known ones, then new ones among the 2D people that are left."""
         known = guided_people(scene, prediction, self._config)
         free = known.free
         fresh = new_people(scene, free, self._sides, self._config)

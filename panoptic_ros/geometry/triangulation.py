@@ -71,8 +71,8 @@ def triangulate_linear(stack: ProjectionStack, plane: Array, weights: Array) -> 
     safe = np.where(used[..., None], plane, 0.0)
     rows = w[..., None] * (safe[..., None] * stack.rotations[:, 2] [:, None, :] - stack.rotations[:, :2])
     values = w * (stack.translations[:, :2] - safe * stack.translations[:, 2:])
-    a = rows.reshape(len(plane), -1, 3)
-    b = values.reshape(len(plane), -1, 1)
+    a = rows.reshape(len(plane), 2 * plane.shape[1], 3)
+    b = values.reshape(len(plane), 2 * plane.shape[1], 1)
     scale = np.einsum("nri,nri->n", a, a)[:, None, None]
     normal = a.swapaxes(1, 2) @ a + 1e-12 * np.maximum(scale, 1e-12) * np.eye(3)
     points = np.linalg.solve(normal, a.swapaxes(1, 2) @ b)[..., 0]

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from panoptic_ros.assembly.correspondence import Correspondence
 from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.simulation.studio import scaled
 
 LENS = np.array([-0.1, 0.02, 0.0, 0.0, 0.0])
 MATRIX = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
@@ -27,8 +30,8 @@ def detections(offsets, scores=0.9):
     return DetectionSet(0, 0, "h", tuple(views))
 
 
-def matcher(item, gate=0.08, min_score=0.0, shift=(0.0, 0.0, 0.0)):
-    return Correspondence(item, RIG, JOINTS + shift, np.arange(3), gate, min_score)
+def matcher(item, gate=10.0, shift=(0.0, 0.0, 0.0), rig=RIG):
+    return Correspondence(item, rig, JOINTS + shift, np.arange(3), gate)
 
 
 ALL = np.arange(3)
@@ -44,30 +47,30 @@ def test_what_was_claimed_is_gone():
     free = matcher(detections([(6.0, 0.0), (0.0, -3.0)]))
     free.claim(ALL, np.array([[1, -1], [-1, -1], [-1, -1]]))
     assert free.claims_of(ALL).tolist() == [[0, 1], [1, 1], [-1, -1]]
-    assert not free.taken(2).any()
     free.claim(ALL, free.claims_of(ALL))
     free.claim(ALL, free.claims_of(ALL))
     assert (free.claims_of(ALL) == -1).all()
 
 
-def test_a_node_is_taken_if_others_claimed_what_is_near_it():
-    free = matcher(detections([(1.0, 0.0)]))
-    assert free.taken(2).tolist() == [False, False, False]
-    free.claim(ALL[:1], np.array([[0, -1]]))
-    assert free.taken(2).tolist() == [True, False, False]
-    assert free.taken(1).tolist() == [False, False, False]
-    free.claim(ALL[:2], np.array([[-1, 0], [0, 0]]))
-    assert free.taken(1).tolist() == [True, True, False]  # near the third there was never anything
-
-
 @pytest.mark.parametrize(("pixels", "expected"), [(9.9, 0), (10.1, -1)])
-def test_the_gate_is_a_distance_at_the_depth_of_the_joint(pixels, expected):
-    free = matcher(detections([(pixels, 0.0)]))  # 500 px * 0.08 m / 4 m = 10 px
+def test_the_gate_is_a_distance_in_the_image(pixels, expected):
+    free = matcher(detections([(pixels, 0.0)]))
     assert free.claims_of(ALL)[0].tolist() == [expected, expected]
 
 
-def test_weak_and_missing_2d_joints_are_not_claimed():
-    assert (matcher(detections([(0.0, 0.0)], 0.2), min_score=0.3).claims_of(ALL) == -1).all()
+@pytest.mark.parametrize(("pixels", "expected"), [(19.8, 0), (20.2, -1)])
+def test_the_gate_grows_with_the_image(pixels, expected):
+    large = Rig(tuple(scaled(camera, 2.0) for camera in CAMERAS))
+    views = [
+        replace(view, image_size=(1280, 960), points=camera.project(JOINTS)[0][None] + (pixels, 0.0))
+        for view, camera in zip(detections([(0.0, 0.0)]).views, large.cameras)
+    ]
+    free = matcher(DetectionSet(0, 0, "h", tuple(views)), rig=large)
+    assert free.claims_of(ALL)[0].tolist() == [expected, expected]
+
+
+def test_missing_2d_joints_are_not_claimed():
+    assert (matcher(detections([(0.0, 0.0)], 0.0)).claims_of(ALL) == -1).all()
     empty = DetectionSet(0, 0, "h", ())
     assert matcher(empty).claims_of(ALL).shape == (3, 0)
     assert (matcher(detections([])).claims_of(ALL) == -1).all()

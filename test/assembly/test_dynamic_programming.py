@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from panoptic_ros.assembly.dynamic_programming import PartTree, Rules, assemble
+from panoptic_ros.assembly.dynamic_programming import PartTree, assemble
 from panoptic_ros.domain import Camera, DetectionSet, ProposalSet, Rig, SkeletonModel, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
 
@@ -156,26 +156,25 @@ def scene(people, drop=(), missing=()):
     return proposals(counts, parts, detections=detections, nodes=np.array(nodes))
 
 
+GATE = 10.0  # px
 PEOPLE = np.stack([BODY, BODY + (0.8, 0.4, 0.0)])
 
 
-def test_people_claim_their_own_2d_joints():
-    people = assemble(scene(PEOPLE), RIG, MODEL)
-    assert [round(p.score, 2) for p in people] == [0.8, 0.7]
+def test_people_claim_their_own_2d_joints_the_best_first():
+    item = scene(PEOPLE)
+    people = assemble(item, RIG, MODEL, GATE)
+    assert len(people) == 2
     for i, person in enumerate(people):
-        assert np.allclose(person.start, PEOPLE[i])
+        assert np.allclose(item.nodes[person.nodes], PEOPLE[i])
         assert (person.claims == i).all()
-        assert (person.claimed_joints == np.arange(7)[:, None]).all()
 
 
-def test_a_missing_joint_does_not_cut_off_its_limb():
-    for joint in (0, 1, 4):
-        people = assemble(scene(PEOPLE, missing={(0, joint)}), RIG, MODEL)
+def test_with_skips_a_missing_joint_does_not_cut_off_its_limb():
+    for joint in (0, 1):
+        people = assemble(scene(PEOPLE, missing={(0, joint)}), RIG, MODEL, GATE)
         assert len(people) == 2
-        whole = next(p for p in people if (p.claims[2] == 0).all())
-        assert np.isnan(whole.start).any(1).tolist() == [j == joint for j in range(7)]
-    lost = assemble(scene(PEOPLE, missing={(0, 4)}), RIG, MODEL, Rules(skip_weight=0.0))
-    assert np.isnan(next(p for p in lost if (p.claims[2] == 0).all()).start[5]).all()
+        first = next(person for person in people if (person.claims[2] == 0).all())
+        assert (first.nodes < 0).tolist() == [j == joint for j in range(7)]
 
 
 def test_a_second_skeleton_on_the_same_2d_people_is_no_person():
@@ -183,29 +182,26 @@ def test_a_second_skeleton_on_the_same_2d_people_is_no_person():
     item = scene(double)
     one = ProposalSet(seen(BODY[None]), item.nodes, item.node_joints, item.node_scores, item.node_views,
                       item.parts, item.part_bones, item.part_scores)  # fmt: skip
-    people = assemble(one, RIG, MODEL)
+    people = assemble(one, RIG, MODEL, GATE)
     assert len(people) == 1
     assert (people[0].claims == 0).all()
 
 
 def test_a_head_in_one_view_is_no_person_and_frees_its_2d_joints():
     drop = [(0, 0, 4), (1, 0, 4)]
-    assert assemble(scene(BODY[None], drop), RIG, MODEL) == []
+    assert assemble(scene(BODY[None], drop), RIG, MODEL, GATE) == []
     ghost = np.stack([BODY, BODY])
     ghost[0, 4] += 0.5  # a better skeleton with a wrong head would take all 2D joints
     item = scene(ghost, drop=[(v, 0, j) for v in range(3) for j in range(7)])
-    people = assemble(item, RIG, MODEL)
+    people = assemble(item, RIG, MODEL, GATE)
     assert len(people) == 1
-    assert np.allclose(people[0].start, BODY)
+    assert np.allclose(item.nodes[people[0].nodes], BODY)
 
 
-def test_without_a_head_the_joint_that_bears_it_decides():
-    people = assemble(scene(BODY[None], missing={(0, 4)}), RIG, MODEL)
-    assert len(people) == 1
-    drop = [(v, 0, 1) for v in range(2)]
-    assert assemble(scene(BODY[None], drop, missing={(0, 4)}), RIG, MODEL) == []
+def test_without_a_head_nobody_is_a_person():
+    assert assemble(scene(BODY[None], missing={(0, 4)}), RIG, MODEL, GATE) == []
 
 
 def test_nothing_makes_nobody():
-    assert assemble(proposals([0] * 7, {}), RIG, MODEL) == []
-    assert assemble(proposals([1] * 7, {}), RIG, MODEL, Rules(min_score=0.0)) == []
+    assert assemble(proposals([0] * 7, {}), RIG, MODEL, GATE) == []
+    assert assemble(proposals([1] * 7, {}), RIG, MODEL, GATE) == []

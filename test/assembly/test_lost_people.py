@@ -42,18 +42,17 @@ def scene(scenes):
 def test_a_person_without_2d_people_is_found_from_nodes_and_kept(scene):
     scenes, rig, seen, lost = scene
     rng = np.random.default_rng(0)
-    for method in ("consensus", "dynamic_programming"):
-        stage = AssemblyStage(AssemblyConfig(method=method), scenes.context(rig))
-        for index in range(4):
-            item = scenes.proposals(rig, [seen], index=index)
-            item = with_nodes(item, [seen, lost], scenes.skeleton, extra=ghosts(rng, scenes.skeleton))
-            pose = stage.step(item).outputs[0]
-            gaps = np.nanmean(np.linalg.norm(pose.positions - lost, axis=-1), axis=1)
-            assert gaps.min() < 0.05
-            assert len(pose.positions) == (2 if method == "consensus" else len(pose.positions))
-            row = int(gaps.argmin())
-            assert np.isfinite(pose.positions[row, :, 0]).mean() > 0.8
-            assert (pose.views[row][np.isfinite(pose.positions[row, :, 0])] >= 3).all()
+    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig))
+    for index in range(4):
+        item = scenes.proposals(rig, [seen], index=index)
+        item = with_nodes(item, [seen, lost], scenes.skeleton, extra=ghosts(rng, scenes.skeleton))
+        pose = stage.step(item).outputs[0]
+        gaps = np.nanmean(np.linalg.norm(pose.positions - lost, axis=-1), axis=1)
+        assert gaps.min() < 0.05
+        assert len(pose.positions) == 2
+        row = int(gaps.argmin())
+        assert np.isfinite(pose.positions[row, :, 0]).mean() > 0.8
+        assert (pose.views[row][np.isfinite(pose.positions[row, :, 0])] >= 3).all()
 
 
 def test_two_lost_people_are_two(scene):

@@ -1,0 +1,88 @@
+"""People from voted nodes and parts, as in Joo et al. 2017, 5.3: every instant by itself, nothing robust.
+
+Joints that two or more 2D joints correspond to are refined by minimising the squared reprojection error, in
+which all 2D joints count alike; the others stay at their nodes.
+"""
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.assembly.dynamic_programming import assemble
+from panoptic_ros.assembly.people import People
+from panoptic_ros.domain import DetectionSet, ProposalSet, Rig, SkeletonModel, ViewSources
+from panoptic_ros.geometry import ProjectionStack, Triangulated, triangulate_robust
+
+Array = np.ndarray
+
+
+def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, config: AssemblyConfig) -> People:
+    """The people of an instant, in the order of their scores."""
+    views = item.detections.views
+    found = assemble(item, rig, skeleton, config.correspondence_px)
+    nodes = np.array([person.nodes for person in found], np.int64).reshape(-1, len(skeleton))
+    claims = np.array([person.claims for person in found], np.int64).reshape(*nodes.shape, len(views))
+    there = nodes >= 0
+    start = np.where(there[..., None], _taken(item.nodes, nodes), np.nan)
+    refined = _refined(item.detections, rig, claims, start, config.initial_noise)
+    solved = np.isfinite(refined.points[:, 0]).reshape(nodes.shape)
+    at_node = config.node_sigma**2 * np.where(there, 1.0, np.nan)[..., None, None] * np.eye(3)
+    return People(
+        np.arange(len(nodes)),
+        np.where(solved[..., None], refined.points.reshape(start.shape), start),
+        np.where(solved[..., None, None], refined.covariances.reshape(at_node.shape), at_node),
+        np.where(there, _taken(item.node_scores, nodes), 0.0),
+        np.where(solved, (claims >= 0).sum(axis=-1), np.where(there, _taken(item.node_views, nodes), 0)),
+        np.zeros(nodes.shape),
+        _sources(item.detections, claims),
+    )
+
+
+def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, noise: float) -> Triangulated:
+    """The joints (P * J) that minimise the squared reprojection error; NaN where fewer than two views claim.
+
+    Args:
+        claims: (P, J, V), see `dynamic_programming.Hypothesis`. start: (P, J, 3) m.
+        noise: standard deviation of 2D joints, a share of the image's diagonal.
+    """
+    cameras = [rig.camera(view.camera) for view in detections.views]
+    plane = np.full((*claims.shape, 2), np.nan)
+    for v, (camera, view) in enumerate(zip(cameras, detections.views)):
+        person, joint = np.nonzero(claims[..., v] >= 0)
+        pixels = view.points[claims[person, joint, v], joint]
+        plane[person, joint, v] = camera.intrinsics.undistort(pixels)
+    sigmas = np.array([noise * math.hypot(*camera.image_size) for camera in cameras])
+    count = claims.shape[0] * claims.shape[1]
+    return triangulate_robust(
+        _stack(rig, [camera.name for camera in cameras]), plane.reshape(count, len(cameras), 2),
+        np.broadcast_to(sigmas, (count, len(cameras))), start.reshape(count, 3),
+        cauchy=math.inf, gate=math.inf,
+    )  # fmt: skip
+
+
+def _stack(rig: Rig, names: Sequence[str]) -> ProjectionStack:
+    """Some of the cameras, in the order of the names."""
+    stack, rows = rig.stack(), [rig.names.index(name) for name in names]
+    return ProjectionStack(stack.rotations[rows], stack.translations[rows], stack.focals[rows])
+
+
+def _sources(detections: DetectionSet, claims: Array) -> ViewSources:
+    """The 2D person of each view that gave most joints to each person; claims (P, J, V)."""
+    most = max((len(view.points) for view in detections.views), default=0)
+    given = (claims[..., None] == np.arange(most)).sum(axis=1)  # (P, V, 2D people)
+    main = given.argmax(axis=-1) if most else np.zeros(given.shape[:2], np.int64)
+    return ViewSources(
+        tuple(view.camera for view in detections.views),
+        np.array([view.frame_number for view in detections.views], np.int64),
+        np.where((claims >= 0).any(axis=1), main, -1),
+    )
+
+
+def _taken(values: Array, index: Array) -> Array:
+    """values[index], 0 where the index is -1."""
+    padded = np.concatenate([values, np.zeros((1, *values.shape[1:]), values.dtype)])
+    taken: Array = padded[index]
+    return taken
