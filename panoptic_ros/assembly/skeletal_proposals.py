@@ -18,6 +18,8 @@ from panoptic_ros.geometry import ProjectionStack, Triangulated, triangulate_rob
 
 Array = np.ndarray
 
+PLAIN = 1e9  # standard deviations: no residual is large, but those of points behind a camera are infinite
+
 
 def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, config: AssemblyConfig) -> People:
     """The people of an instant, in the order of their scores."""
@@ -59,7 +61,7 @@ def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, no
     return triangulate_robust(
         _stack(rig, [camera.name for camera in cameras]), plane.reshape(count, len(cameras), 2),
         np.broadcast_to(sigmas, (count, len(cameras))), start.reshape(count, 3),
-        cauchy=math.inf, gate=math.inf,
+        cauchy=PLAIN, gate=PLAIN,
     )  # fmt: skip
 
 

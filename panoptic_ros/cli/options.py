@@ -15,7 +15,11 @@ def add_occluder_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_parameter_options(parser: argparse.ArgumentParser) -> None:
-    """--config FILE and --set stage.name=value."""
+    """--preset NAME, --config FILE and --set stage.name=value; of the three the last counts most."""
+    parser.add_argument(
+        "--preset", metavar="NAME", default="",
+        help="parameters that belong together: panoptic-studio (stage one of the paper), or a YAML file",
+    )  # fmt: skip
     parser.add_argument(
         "--config", type=Path, metavar="FILE",
         help="YAML with parameters, {stage: {name: value}}, or a ROS parameter file",

@@ -24,8 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--detections", type=Path, required=True, help="detections.json(.gz)")
     parser.add_argument("--out", type=Path, required=True, metavar="S", help="skeletons.json(.gz) to write")
     parser.add_argument(
-        "--skeleton", default="auto",
-        help="skeleton model; auto: the joints of the detections, or panoptic19 for COCO's",
+        "--skeleton", default="",
+        help="skeleton model; auto: the joints of the detections, or panoptic19 for COCO's; default: the "
+        "preset's, or auto",
     )  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--quiet", action="store_true", help="no summary")
@@ -37,12 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Solve a file."""
     from panoptic_ros.io.plain_formats import write_skeletons  # only now: --help must be quick
+    from panoptic_ros.io.recorded_people import AUTO
     from panoptic_ros.running.parameters import read_parameters
+    from panoptic_ros.running.presets import read_preset
     from panoptic_ros.running.solve import read_task, solve
 
+    preset = read_preset(args.preset)
     task = read_task(
-        args.rig, args.detections, read_parameters(args.config, args.settings),
-        skeleton=args.skeleton, cameras=names(args.cameras), occluders=args.occluders,
+        args.rig, args.detections, read_parameters(args.config, args.settings, preset.parameters),
+        skeleton=args.skeleton or preset.skeleton or AUTO, cameras=names(args.cameras),
+        occluders=args.occluders,
     )  # fmt: skip
     solution = solve(_corrected(task, args))
     write_skeletons(args.out, task.joint_names, solution.poses)

@@ -30,7 +30,7 @@ def parameter_page(classes: Mapping[str, type[Config]]) -> str:
         "# Parameters", "", HEADER, "",
         "Set them with `panoptic ... --set stage.name=value`, in a file for `--config` "
         "(`{stage: {name: value}}`, or like `config/<stage>.yaml`), or as ROS parameters of the "
-        "stage's node.",
+        "stage's node. `--preset NAME` sets many at once (`config/presets`); the other two count more.",
         "", *_changed_by_labs(classes), "",
         "The rest is below, stage by stage. *Expert*: the default serves all captures that we know of; "
         "change it with figures in hand (`panoptic evaluate`, `panoptic bench ablation`).",

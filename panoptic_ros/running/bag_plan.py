@@ -16,7 +16,7 @@ from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.models import read_card
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.io.skeletons import DEFAULT_SKELETON, load_skeleton, map_joints
+from panoptic_ros.io.skeletons import load_skeleton, map_joints
 from panoptic_ros.params import config_of
 from panoptic_ros.running.bag_checks import check_contents, check_stamps
 from panoptic_ros.running.bag_topics import BagChoice, depth_streams, image_streams, names_of
@@ -80,8 +80,9 @@ def _recorded_skeleton(
         return recorded
     stream, bag = next(iter(bag_of.items()))
     model = config_of(configure(options.all_parameters()), DetectionConfig).model
-    named = load_skeleton(options.skeleton)
-    filled, _ = map_joints(options.skeleton, read_card(model).card.joints)  # as a detector's joints allow
+    name = options.chosen_skeleton
+    named = load_skeleton(name)
+    filled, _ = map_joints(name, read_card(model).card.joints)  # as a detector's joints allow
     for skeleton in (named, filled):
         if skeleton.hash == stream.first_record(bag).skeleton_hash:
             return skeleton
@@ -92,7 +93,7 @@ def _recorded_skeleton(
 
 
 def _refuse_detector_options(options: RunOptions, bag: BagReader) -> None:
-    if options.model or options.skeleton != DEFAULT_SKELETON:
+    if options.model or options.skeleton:
         option = "--model" if options.model else "--skeleton"
         raise UsageError(
             f"{option} has no meaning for the detections in {bag.path}, which are used as they are; add "

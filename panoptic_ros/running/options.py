@@ -29,14 +29,16 @@ class RunOptions:
     Args:
         parameters: {stage: {parameter: value}}.
         model: pose model: name, card or ONNX file; goes before `detection.model` of the parameters.
-        skeleton: working skeleton: name or YAML file.
+        skeleton: working skeleton: name or YAML file; "" = nobody says.
+        usual_skeleton: what counts then, unless a recording has a skeleton of its own.
         occluders: file with fixed things that hide people.
         offsets: file with clock offsets of cameras that were found before, added to their stamps.
     """
 
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     model: str = ""
-    skeleton: str = DEFAULT_SKELETON
+    skeleton: str = ""
+    usual_skeleton: str = DEFAULT_SKELETON
     occluders: Path | None = None
     offsets: Path | None = None
 
@@ -47,10 +49,15 @@ class RunOptions:
             values.setdefault("detection", {})["model"] = self.model
         return values
 
+    @property
+    def chosen_skeleton(self) -> str:
+        """The working skeleton of a recording that has none of its own."""
+        return self.skeleton or self.usual_skeleton
+
     def detector(self) -> tuple[SkeletonModel, Mapping[str, Any]]:
         """The working skeleton and the extras of the stages, for the pose model."""
         config = config_of(configure(self.all_parameters()), DetectionConfig)
-        return detector_extras(config.model, self.skeleton)
+        return detector_extras(config.model, self.chosen_skeleton)
 
     def complete(self, plan: Plan) -> Plan:
         """The plan with occluders, offsets and the biases of the detector's joints.

@@ -16,27 +16,36 @@ from panoptic_ros.params import Config
 Parameters = dict[str, dict[str, Any]]  # {stage: {parameter: value}}
 
 
-def read_parameters(file: Path | None, settings: Sequence[str]) -> Parameters:
-    """The parameters that the user gave: the file's, then the settings.
+def read_parameters(
+    file: Path | None, settings: Sequence[str], preset: Parameters | None = None
+) -> Parameters:
+    """The parameters that the user gave: the preset's, before them the file's, and the settings first of all.
 
     Args:
         file: YAML with {stage: {parameter: value}}, or a ROS parameter file.
         settings: texts of the form stage.name=value.
+        preset: see `running.presets`.
 
     Raises:
         ConfigError: on unknown ones and bad values.
     """
-    values: Parameters = {}
-    if file is not None:
-        document = read_yaml(file) or {}
-        if not isinstance(document, dict) or not all(isinstance(v, dict) for v in document.values()):
-            raise ConfigError(f"{file} must hold {{stage: {{parameter: value}}}}")
-        values = {str(stage): dict(_plain(entries)) for stage, entries in document.items()}
+    values = merged(preset or {}, {} if file is None else parameters_of(read_yaml(file) or {}, file))
     for text in settings:
         stage, name, value = parse_setting(text)
         values.setdefault(stage, {})[name] = value
     configure(values)  # so that mistakes are told before anything starts
     return values
+
+
+def parameters_of(document: Any, file: Path) -> Parameters:
+    """The parameters in the document of a file.
+
+    Raises:
+        ConfigError: if it is of another form.
+    """
+    if not isinstance(document, dict) or not all(isinstance(entry, dict) for entry in document.values()):
+        raise ConfigError(f"{file} must hold {{stage: {{parameter: value}}}}")
+    return {str(stage): dict(_plain(entries)) for stage, entries in document.items()}
 
 
 def _plain(entries: dict[str, Any]) -> dict[str, Any]:

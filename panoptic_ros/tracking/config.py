@@ -10,9 +10,15 @@ from panoptic_ros.params import Config, param
 class TrackingConfig(Config):
     """How skeletons get an identity over time."""
 
+    method: str = param(
+        "joints", choices=("joints", "head"),
+        doc="What tells who is who: predictions of all joints and, after gaps, place and bones; or, as in "
+        "the paper (5.3), where the head was seen last.",
+    )
     max_distance: float = param(
         0.5, unit="m", ge=0.05, le=5.0,
-        doc="Mean joint distance from its prediction beyond which a skeleton is somebody else.",
+        doc="Mean joint distance from its prediction beyond which a skeleton is somebody else; with method "
+        "head the distance of the heads.",
     )
     acceleration: float = param(
         10.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Standard deviation of joint acceleration in predictions."

@@ -9,7 +9,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
-from panoptic_ros.tracking.tracks import Track, joint_distances, return_costs
+from panoptic_ros.tracking.tracks import Track, head_distances, joint_distances, return_costs
 
 Array = np.ndarray
 FORBIDDEN = 1e6  # cost of pairs outside of the gates
@@ -79,8 +79,12 @@ class TrackingStage(Stateful):
         """Association of skeletons and tracks: first by joints, then of people who come back."""
         config = self._config
         owners: list[Track | None] = [None] * len(item.positions)
-        distance, cost = joint_distances(self._tracks, item)
         everybody = list(range(len(self._tracks)))
+        if config.method == "head":
+            distance = head_distances(self._tracks, item, self._skeleton.head)
+            self._match(owners, everybody, np.where(distance <= config.max_distance, distance, np.inf))
+            return owners
+        distance, cost = joint_distances(self._tracks, item)
         self._match(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
         waiting = [i for i, t in enumerate(self._tracks) if t.number >= 0 and not _among(t, owners)]
         lost = [self._tracks[i] for i in waiting]
@@ -111,6 +115,8 @@ class TrackingStage(Stateful):
                 track = owners[k] = Track.empty(len(self._skeleton), len(self._bones))
                 self._tracks.append(track)
             track.update(item.positions[k], item.covariances[k], self._bones)
+            if np.isfinite(item.positions[k, self._skeleton.head, 0]):
+                track.head = item.positions[k, self._skeleton.head]
             if track.number < 0 and (self._convinces(item, k) or track.hits >= self._config.confirm_frames):
                 track.number, self._next = self._next, self._next + 1
                 text = f"person {track.number} appeared"

@@ -25,6 +25,7 @@ class Track:
         ages: (J,) s since each joint was measured.
         lengths: (B,) m, mean bone lengths, NaN = unknown. counts: (B,) number of measurements of each.
         middle, drift: (3,) m and m/s, the middle of the body and its velocity.
+        head: (3,) m, where the head was seen last, NaN = nowhere.
         unseen: s since the person was seen. hits: how often it was seen.
     """
 
@@ -36,6 +37,7 @@ class Track:
     counts: Array
     middle: Array
     drift: Array
+    head: Array
     unseen: float = 0.0
     hits: int = 0
 
@@ -44,7 +46,7 @@ class Track:
         """A new track without measurements."""
         return cls(
             -1, np.full((joints, 6), np.nan), np.zeros((joints, 3)), np.zeros(joints),
-            np.full(bones, np.nan), np.zeros(bones), np.full(3, np.nan), np.zeros(3),
+            np.full(bones, np.nan), np.zeros(bones), np.full(3, np.nan), np.zeros(3), np.full(3, np.nan),
         )  # fmt: skip
 
     def predict(self, dt: float, acceleration: float, joint_memory: float) -> None:
@@ -105,6 +107,13 @@ def joint_distances(tracks: list[Track], poses: PoseSet) -> tuple[Array, Array]:
 
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
 WORST = 10.0  # sigmas, at which distances of joints are truncated
+
+
+def head_distances(tracks: list[Track], poses: PoseSet, head: int) -> Array:
+    """Distances (T, P) m of the heads of skeletons from where tracks had theirs last; inf where unknown."""
+    last = np.array([track.head for track in tracks]).reshape(-1, 3)
+    distances = np.linalg.norm(last[:, None] - poses.positions[None, :, head], axis=-1)
+    return np.where(np.isfinite(distances), distances, np.inf)
 
 
 def return_costs(tracks: list[Track], poses: PoseSet, bones: Array) -> tuple[Array, Array]:

@@ -116,3 +116,27 @@ def test_fast_walkers_at_any_frame_rate(rate):
     ]
     assert all(o.ids.tolist() == [0, 1] for o in run(sets))
     assert run(sets)[-1].positions[0, 0, 1] > 0
+
+
+def test_by_head_alone_the_nearest_head_decides_whatever_the_rest_does():
+    """The head stays near, all else is moved far away: by joints a stranger, by the head the same person."""
+    moved = body(0.0) + [0.0, 1.0, 0.0]
+    moved[2] = body(0.1)[2]
+    sets = [poses(0, [body(0.0)]), poses(1, [moved])]
+    assert [o.ids.tolist() for o in run(sets, method="head", max_distance=0.3)] == [[0], [0]]
+    assert [o.ids.tolist() for o in run(sets, return_distance=0.0, return_speed=0.0)] == [[0], [1]]
+
+
+def test_by_head_people_are_not_predicted_and_wait_for_the_window():
+    fast = [poses(i, [body(0.4 * i)]) for i in range(3)]
+    assert [o.ids.tolist() for o in run(fast, method="head", max_distance=0.3)] == [[0], [1], [2]]
+    assert [o.ids.tolist() for o in run(fast, method="head", max_distance=0.5)] == [[0], [0], [0]]
+    for gap, expected in ((2, 0), (3, 1)):  # in frames of 40 ms
+        sets = [poses(0, [body(0.0)], rate=25.0), *(poses(i, [], rate=25.0) for i in range(1, gap)),
+                poses(gap, [body(0.0)], rate=25.0)]  # fmt: skip
+        assert run(sets, method="head", memory=0.09)[-1].ids.tolist() == [expected]
+
+
+def test_the_nearest_head_is_taken_by_the_one_whom_it_suits_best():
+    sets = [poses(0, [body(0.0), body(0.5)]), poses(1, [body(0.45), body(0.1)])]
+    assert run(sets, method="head")[1].positions[:, 0, 0].tolist() == pytest.approx([0.1, 0.45])

@@ -40,7 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         default="strict",
                         help="images of another size than calibrated: refuse, or fit it so")  # fmt: skip
     parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
-    parser.add_argument("--skeleton", default=DEFAULT_SKELETON, help="working skeleton: name or YAML file")
+    parser.add_argument(
+        "--skeleton", default="",
+        help=f"working skeleton: name or YAML file; default: the preset's, or {DEFAULT_SKELETON}",
+    )  # fmt: skip
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
     parser.add_argument("--node-per-stage", action="store_true",
                         help="a node and a process for every stage after detection too")  # fmt: skip

@@ -5,12 +5,14 @@ import argparse
 from pathlib import Path
 
 from panoptic_ros.cli.options import names, pairs
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.running.bag_plan import plan_bags
 from panoptic_ros.running.bag_topics import BagChoice
 from panoptic_ros.running.options import RunOptions
 from panoptic_ros.running.parameters import read_parameters
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.planning import plan_capture, plan_demo, plan_devices, plan_videos
+from panoptic_ros.running.presets import read_preset
 
 
 def make_plan(args: argparse.Namespace) -> Plan:
@@ -19,8 +21,11 @@ def make_plan(args: argparse.Namespace) -> Plan:
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
-    parameters = read_parameters(args.config, args.settings)
-    options = RunOptions(parameters, args.model or "", args.skeleton, args.occluders, args.offsets)
+    preset = read_preset(args.preset)
+    options = RunOptions(
+        read_parameters(args.config, args.settings, preset.parameters), args.model or "", args.skeleton,
+        preset.skeleton or DEFAULT_SKELETON, args.occluders, args.offsets,
+    )  # fmt: skip
     if args.bag:
         return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args))
     rate = args.frame_rate
