@@ -5,9 +5,8 @@ are refined by minimising the reprojection error. There are two methods:
 
 * `dynamic_programming`: the paper's; 3D parts of a `ProposalSet` are joined along the tree
   (`skeletal_proposals`, which is all of it).
-* `consensus` (default): 2D people are given to the skeletons found last (temporal guidance), and new
-  people are found where pairs of 2D people agree and further views support them. People whom only the
-  score maps show are added from voted nodes that nobody explains. The rest of this text is about it.
+* `consensus` (default): the people of the association, whose 2D people agree over views. People whom only
+  the score maps show are added from voted nodes that nobody explains. The rest of this text is about it.
 
 The final solve chooses the observations of each joint by truncated cost, exchanges left and right of
 whole limbs where the images ask for it, refines with Cauchy weights, and states a covariance. The

@@ -3,12 +3,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.consensus.config import GroupingConfig
-from panoptic_ros.params import param
+from panoptic_ros.params import Config, param
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssemblyConfig(GroupingConfig):
+class AssemblyConfig(Config):
     """How 2D people and 3D proposals become skeletons."""
 
     method: str = param(
@@ -21,13 +20,6 @@ class AssemblyConfig(GroupingConfig):
         doc="With dynamic programming: how far a 2D joint may be from the projection of its node, in images "
         "of 640 x 480; in others the same share of the diagonal.",
     )
-    temporal_guidance: bool = param(
-        True, doc="Let the last skeletons guide association and choices; never pulls positions."
-    )
-    compensate_stamps: bool = param(
-        True, doc="Shift each view to the instant of the set by its own stamp and the joint's velocity "
-        "(needs temporal guidance).",
-    )
     capture_views: int = param(
         3, ge=2, le=1000,
         doc="People must stand in the fields of view of so many cameras, else they are bystanders; "
@@ -39,7 +31,6 @@ class AssemblyConfig(GroupingConfig):
         0.5, ge=0.0, le=1.0,
         doc="Share of the joints seen in two or more views on which these views must agree.",
     )
-    min_joint_score: float = param(0.0, ge=0.0, le=1.0, doc="2D joints with lower scores are ignored.")
     initial_noise: float = param(
         0.0025, ge=1e-5, le=0.1,
         doc="Standard deviation of 2D joints before any was learnt, as a share of the image's diagonal.",
@@ -84,12 +75,6 @@ class AssemblyConfig(GroupingConfig):
     max_bone: float = param(0.9, unit="m", ge=0.05, le=10.0, doc="No bone of a person is longer.")
     lowest: float = param(
         -2.0, unit="m", ge=-1000.0, le=1000.0, doc="A person's middle joint (median) lies above this height."
-    )
-    track_memory: float = param(
-        0.5, unit="s", ge=0.0, le=60.0, doc="How long a skeleton guides after it was last seen."
-    )
-    acceleration: float = param(
-        10.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Standard deviation of joint acceleration in guidance."
     )
     covariance_inflation: float = param(
         0.8, ge=0.0, le=10.0, doc="Covariances grow by 1 + this / (views - 1)."

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.consensus.grouping import Grouping, Scene
-from panoptic_ros.consensus.newcomers import seeing_views
-from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.domain import Groups, SkeletonModel
+from panoptic_ros.solving.scene import Scene, seeing_views
 
 Array = np.ndarray
 
@@ -38,7 +37,7 @@ class Ray:
 
 
 def place_disputed(
-    scene: Scene, grouping: Grouping, source: Array, expected: Array, positions: Array, covariances: Array,
+    scene: Scene, grouping: Groups, source: Array, expected: Array, positions: Array, covariances: Array,
     scores: Array, views: Array, skeleton: SkeletonModel,
 ) -> None:  # fmt: skip
     """Fill missing joints of people of few views, in place: positions (P, J, 3) and what belongs to them.
@@ -49,7 +48,7 @@ def place_disputed(
     """
     supporting = (grouping.member >= 0).sum(axis=1)
     few = np.flatnonzero((supporting >= 1) & (supporting <= FEW_VIEWS))
-    few = few[seeing_views(scene.evidence, positions[few]).sum(axis=1) <= FEW_SEEING]
+    few = few[seeing_views(scene, positions[few]).sum(axis=1) <= FEW_SEEING]
     for p in few:
         missing = np.flatnonzero(np.isnan(positions[p, :, 0])).tolist()
         rays = {j: _rays(scene, grouping.member[p], source[p], j) for j in missing}
@@ -141,9 +140,9 @@ def _rays(scene: Scene, member: Array, source: Array, joint: int) -> list[Ray]:
         row, own = member[view], source[view, joint]
         if scene.precision[row, own] <= 0.0:
             continue
-        direction = np.append(evidence.plane[row, own], 1.0) @ evidence.rotations[view]
+        direction = np.append(evidence.plane[row, own], 1.0) @ scene.cams.rotations[view]
         direction = direction / np.linalg.norm(direction)
-        rays.append(Ray(evidence.centres[view], direction, float(evidence.scores[row, own])))
+        rays.append(Ray(scene.centres[view], direction, float(evidence.scores[row, own])))
     return rays
 
 

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.gauss_newton import MIN_DEPTH, TABLE, SolverRules, refine_point
-from panoptic_ros.consensus.truncation import truncated
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.gauss_newton import MIN_DEPTH, TABLE, SolverRules, refine_point
+from panoptic_ros.solving.truncation import truncated
 
 Array = np.ndarray
 

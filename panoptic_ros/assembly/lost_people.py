@@ -15,11 +15,10 @@ import numpy as np
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.dynamic_programming import PartTree
 from panoptic_ros.assembly.solve import Guide, Solved, sources
-from panoptic_ros.consensus.grouping import Grouping, Scene
-from panoptic_ros.consensus.guidance import Prediction
-from panoptic_ros.domain import ProposalSet, SkeletonModel
+from panoptic_ros.domain import Groups, Prediction, ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
+from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 
@@ -44,12 +43,12 @@ def with_lost_people(
         return found, solved
     count, joints = places.shape[:2]
     views = found.grouping.member.shape[1]
-    grouping = Grouping.empty(count, views)
+    grouping = Groups.empty(count, views)
     spreads, firm = np.full((count, joints), SPREAD), np.zeros((count, joints), bool)
     guide = Guide(places, spreads, np.zeros((count, joints, 3)), firm)
     who = _known_before(places, prediction, found.who)
     source = sources(grouping.mirrored, scene.mirror)
-    lost = Candidates(grouping, source, guide, who, found.free, places)
+    lost = Candidates(grouping, source, guide, who, places)
     nothing = Solved(
         np.full((count, joints, 3), np.nan), np.zeros((count, joints, 3, 3)),
         np.full((count, joints, views), -1.0), np.full((count, joints, views, 2), -1, np.int64),

@@ -19,8 +19,8 @@ from panoptic_ros.assembly.map_votes import chosen_nodes
 from panoptic_ros.assembly.nodes import has_maps, node_doubts, take_nodes
 from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.assembly.view_sources import view_sources
-from panoptic_ros.consensus.grouping import Scene
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
+from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 
@@ -52,17 +52,17 @@ class People:
         )  # fmt: skip
 
     def pose_set(
-        self, item: ProposalSet, skeleton_hash: str, shift: TimeShift | None = None
+        self, item: ProposalSet, votes: Array | None = None, shift: TimeShift | None = None
     ) -> PoseSet:
-        """The record."""
+        """The record, with votes (P, G) about the sides of limbs."""
         measured = np.isfinite(self.positions[..., 0])
         states = np.where(measured, MEASURED, MISSING)
         newest = max((view.stamp_ns for view in item.detections.views), default=-1)
         person = self.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
         covariances = self.covariances + self.doubts[..., None, None] * np.eye(3)
         return PoseSet(
-            item.index, item.stamp_ns, skeleton_hash, self.positions, covariances, self.scores,
-            self.views, states, person, max(newest, item.stamp_ns), shift, self.sources,
+            item.index, item.stamp_ns, item.detections.skeleton_hash, self.positions, covariances,
+            self.scores, self.views, states, person, max(newest, item.stamp_ns), shift, self.sources, votes,
         )  # fmt: skip
 
 

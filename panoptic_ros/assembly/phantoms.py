@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates
-from panoptic_ros.consensus.grouping import Scene
-from panoptic_ros.consensus.guidance import Prediction
-from panoptic_ros.consensus.newcomers import seeing_views
+from panoptic_ros.domain import Prediction
+from panoptic_ros.solving.scene import Scene, seeing_views
 
 Array = np.ndarray
 
@@ -32,6 +31,6 @@ def agreed_shares(
     if len(rows):
         established = np.append(prediction.established, False)  # the last is for new people, -1
         rows = rows[~established[found.who[rows]]]
-        seeing = seeing_views(scene.evidence, positions[rows]).sum(axis=1)
+        seeing = seeing_views(scene, positions[rows]).sum(axis=1)
         shares[rows[seeing > FEW_VIEWS]] = max(least, DOUBTED_SHARE)
     return shares

@@ -7,10 +7,11 @@ import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.joint_solver import solve_again, solve_joints
-from panoptic_ros.consensus.agreement import limb_costs
-from panoptic_ros.consensus.gauss_newton import SolverRules
-from panoptic_ros.consensus.grouping import Grouping, Scene
+from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.agreement import limb_costs
+from panoptic_ros.solving.gauss_newton import SolverRules
+from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 
@@ -64,7 +65,7 @@ class Solver:
             config.truncation, config.cauchy, config.gate, config.foreign_penalty, config.max_pairs
         )
 
-    def solve(self, scene: Scene, grouping: Grouping, source: Array, guide: Guide) -> Solved:
+    def solve(self, scene: Scene, grouping: Groups, source: Array, guide: Guide) -> Solved:
         """Positions of the people of a grouping.
 
         Args:
@@ -76,7 +77,7 @@ class Solver:
         evidence = scene.evidence
         given = (
             guide.positions, guide.spreads, guide.shifts, guide.firm, grouping.member, source, owner,
-            evidence.plane, scene.precision, evidence.starts, scene.cams, evidence.centres, self._rules,
+            evidence.plane, scene.precision, evidence.starts, scene.cams, scene.centres, self._rules,
         )  # fmt: skip
         solved = Solved(*solve_joints(todo, *given))
         found = (solved.positions, solved.normals, solved.residuals, solved.picks, solved.costs)
@@ -91,7 +92,7 @@ class Solver:
         return solved
 
     def _exchange(
-        self, scene: Scene, grouping: Grouping, source: Array, guide: Guide, solved: Solved
+        self, scene: Scene, grouping: Groups, source: Array, guide: Guide, solved: Solved
     ) -> Array:
         """Exchange left and right of whole limbs where that is clearly cheaper.
 
@@ -117,7 +118,7 @@ def sources(mirrored: Array, mirror: Array) -> Array:
     return np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
 
 
-def observed_views(scene: Scene, grouping: Grouping, source: Array) -> Array:
+def observed_views(scene: Scene, grouping: Groups, source: Array) -> Array:
     """(P, V, J) whether the 2D person of each view shows joint j."""
     if not len(scene.precision):
         return np.zeros(source.shape, bool)

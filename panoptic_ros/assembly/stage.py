@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.assembly.candidates import Candidates, guided_people, new_people
+from panoptic_ros.assembly.candidates import Candidates, associated_people
 from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.nodes import has_maps
 from panoptic_ros.assembly.noise import NoiseTable
@@ -21,13 +20,12 @@ from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.solve import Solved, Solver, observed_views
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.evidence import Evidence, RigArrays, gather
-from panoptic_ros.consensus.grouping import Scene
-from panoptic_ros.consensus.guidance import GUIDANCE_FIELDS, Guidance, Prediction
-from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet
+from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
-from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.solving.evidence import RigArrays, check_association
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
+from panoptic_ros.solving.scene import Scene, scene_of
+from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
@@ -39,15 +37,13 @@ class AssemblyStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "assembly", ("_noise", "_guidance", "_last_ns"),
+        "assembly", ("_noise",),
         (
-            Fields.named(Guidance, GUIDANCE_FIELDS),
             Fields.named(
                 NoiseTable, "_initial _memory _low _width _scores _views shares factors growth learnt"
             ),
             Fields.named(NoiseGrowth, "_memory _sums _middle exponent"),
         ),
-        shared=("_mirror", "_groups"),
         same={"configuration": "_config", "cameras": "_context.rig.names", "skeleton": "_hash"},
     )  # fmt: skip
 
@@ -68,11 +64,9 @@ class AssemblyStage(Stateful):
         self.reset()
 
     def reset(self) -> None:
-        """Forget all people and the learnt noise."""
+        """Forget the learnt noise."""
         config = self._config
         self._noise = NoiseTable(len(self._rig.focals), config.initial_noise, config.noise_memory)
-        self._guidance = Guidance(self._mirror, self._groups, config.track_memory, config.acceleration)
-        self._last_ns: int | None = None
 
     def flush(self) -> StepResult[PoseSet]:
         """Nothing is buffered."""
@@ -83,39 +77,26 @@ class AssemblyStage(Stateful):
         """Skeletons of this instant.
 
         Raises:
-            DataError: if the detections do not fit the rig or the skeleton.
+            DataError: if the people are of another skeleton, or of cameras that the rig lacks.
         """
-        evidence = gather(
-            item.detections, self._rig, self._skeleton, self._hash, self._config.min_joint_score
-        )
-        if self._last_ns is not None and item.stamp_ns <= self._last_ns:
-            text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
-            return StepResult(notices=(Notice("assembly.old_stamp", "warning", text),))
-        dt = 0.0 if self._last_ns is None else 1e-9 * (item.stamp_ns - self._last_ns)
-        self._last_ns = item.stamp_ns
+        check_association(item.association, self._rig, self._hash)
         if self._config.method == "dynamic_programming":
             people = people_from_parts(item, self._context.rig, self._skeleton, self._config)
-            return StepResult((self._without_biases(people).pose_set(item, self._hash),))
-        prediction = self._guidance.predict(dt)
+            return StepResult((self._without_biases(people).pose_set(item),))
         if self._config.learn_noise and not self._noise.learnt:
-            self._solve(evidence, item, prediction)  # the first people are solved with their learnt noise
-        people, found, observed, motion = self._solve(evidence, item, prediction)
-        if self._config.temporal_guidance:
-            exchanged = exchanged_views(found.source, observed, self._groups)[people.kept]
-            exchanged -= ANATOMY_VOTES * self._sides.right_way(people.positions, people.views)
-            self._guidance.update(
-                found.who[people.kept], people.positions, people.covariances, exchanged, people.views
-            )
+            self._solve(item)  # the first people are solved with their learnt noise
+        people, found, observed, motion = self._solve(item)
+        votes = exchanged_views(found.source, observed, self._groups)[people.kept]
+        votes -= ANATOMY_VOTES * self._sides.right_way(people.positions, people.views)
         shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
-        return StepResult((self._without_biases(people).pose_set(item, self._hash, shift),))
+        return StepResult((self._without_biases(people).pose_set(item, votes, shift),))
 
-    def _solve(
-        self, evidence: Evidence, item: ProposalSet, prediction: Prediction
-    ) -> tuple[People, Candidates, Array, Motion | None]:
+    def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
         """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
+        evidence, prediction = item.association.evidence, item.association.prediction
         sizes = self._sizes(evidence)
-        scene = self._scene(evidence, sizes)
-        found = self._candidates(scene, prediction)
+        scene = self._scene(item, sizes)
+        found = associated_people(scene, item.association)
         kinds = self._kinds(scene, found)
         scene = replace(scene, precision=self._precision(evidence, kinds, sizes))
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
@@ -140,12 +121,11 @@ class AssemblyStage(Stateful):
             return people
         return replace(people, positions=self._biases.corrected(people.positions))
 
-    def _scene(self, evidence: Evidence, sizes: Array) -> Scene:
+    def _scene(self, item: ProposalSet, sizes: Array) -> Scene:
         """The evidence with the noise learnt so far, as if all joints were visible."""
+        evidence = item.association.evidence
         precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64), sizes)
-        delays = evidence.delays if self._config.compensate_stamps else np.zeros_like(evidence.delays)
-        cams = Cameras(evidence.rotations, evidence.translations, delays)
-        return Scene(evidence, precision, self._mirror, cams)
+        return scene_of(item.detections, evidence, precision, self._mirror, self._rig)
 
     def _precision(self, evidence: Evidence, kinds: Array, sizes: Array) -> Array:
         """1 / standard deviation (D, J) on the normalised plane of 2D joints of these kinds, 0 = missing."""
@@ -169,12 +149,6 @@ class AssemblyStage(Stateful):
         kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
         return kinds
 
-    def _candidates(self, scene: Scene, prediction: Prediction) -> Candidates:
-        """People before the final solve: known ones, then new ones among the 2D people that are left."""
-        known = guided_people(scene, prediction, self._config)
-        free = known.free
-        fresh = new_people(scene, free, self._sides, self._config)
-        return known.joined(fresh)
 
     def _with_lost(
         self, scene: Scene, item: ProposalSet, people: tuple[Candidates, Solved, Motion | None],
@@ -196,7 +170,7 @@ class AssemblyStage(Stateful):
         evidence = scene.evidence
         rows, joints, pixels = residuals_to_learn(
             kept, solved.positions, solved.normals, solved.residuals, solved.picks, shifts, evidence.plane,
-            scene.precision, scene.cams, evidence.focals,
+            scene.precision, scene.cams, scene.focals,
         )  # fmt: skip
         pixels = pixels * evidence.magnification[rows, joints]
         cameras = evidence.cameras[evidence.view[rows]]

@@ -17,11 +17,10 @@ import numpy as np
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.people import People
 from panoptic_ros.assembly.solve import Solved, Solver
-from panoptic_ros.consensus.gauss_newton import MIN_DEPTH
-from panoptic_ros.consensus.grouping import Scene
-from panoptic_ros.consensus.guidance import Prediction
-from panoptic_ros.domain import SkeletonModel, TimeShift
+from panoptic_ros.domain import Prediction, SkeletonModel, TimeShift
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.gauss_newton import MIN_DEPTH
+from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.solve import Solved
-from panoptic_ros.consensus.evidence import Evidence
-from panoptic_ros.domain import DetectionSet, ViewSources
+from panoptic_ros.domain import DetectionSet, Evidence, ViewSources
 
 Array = np.ndarray
 

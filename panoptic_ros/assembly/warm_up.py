@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.consensus.example import BESIDE, cloud_of_joints, easy_instants
 from panoptic_ros.domain import ProposalSet, Rig, ScoreMaps, SkeletonModel
+from panoptic_ros.solving.example import BESIDE, cloud_of_joints, easy_associations
 
 DELAY_NS = 1000  # between views, so that they have stamps of their own
 
@@ -17,15 +17,16 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
 
     So people are found in every way that there is: by 2D people, by guidance, by parts, by nodes alone.
     """
-    none, joints = np.zeros(0), np.arange(len(skeleton))
+    joints = np.arange(len(skeleton))
     cells = np.zeros((len(joints), 2))
     maps = ScoreMaps((1, 1), np.eye(2, 3), joints, 0 * joints - 1, cells, cells + 1, np.full(len(joints), 9))
     cloud = cloud_of_joints(rig, skeleton)
     nodes, ones = np.concatenate([cloud, cloud + BESIDE]), np.ones(2 * len(joints))
     parts = np.array(skeleton.bones).reshape(-1, 2)
-    first, second = easy_instants(rig, skeleton, DELAY_NS)
-    yield ProposalSet(first, none.reshape(0, 3), none, none, none, none.reshape(0, 2), none, none)
-    second = replace(second, views=tuple(replace(view, maps=maps) for view in second.views))
+    first, second = easy_associations(rig, skeleton, DELAY_NS)
+    yield ProposalSet.of_nothing(first)
+    views = tuple(replace(view, maps=maps) for view in second.detections.views)
+    second = replace(second, detections=replace(second.detections, views=views))
     yield ProposalSet(
         second, nodes, np.tile(joints, 2), 0.9 * ones, 4 * ones, parts, np.arange(len(parts)),
         np.full(len(parts), 0.9),

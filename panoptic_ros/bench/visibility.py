@@ -25,7 +25,7 @@ SIMULATED = "rooms-4p31v"
 NEAR = 0.1  # m, a node so near to a true joint of its kind is right
 # Every instant by itself, and all nodes: with guidance, a person who was found once is found again anyhow.
 ALONE = {
-    "voting": {"explain_away": False, "without_maps": True}, "assembly": {"temporal_guidance": False}
+    "voting": {"explain_away": False, "without_maps": True}, "association": {"temporal_guidance": False},
 }  # fmt: skip
 TABLE = (
     ("vote of true joints", "vote", 3), ("  of their lowest tenth", "vote_low", 3),
@@ -87,7 +87,7 @@ def _world(args: argparse.Namespace) -> World:
 
 def _row(world: World) -> dict[str, float]:
     context, configs = StageContext(world.rig, world.skeleton), configure(ALONE)
-    proposals = records_of("proposals", world.sets, configs, context, ("voting",))
+    proposals = records_of("proposals", world.sets, configs, context, ("association", "voting"))
     poses = records_of("poses", proposals, configs, context, ("assembly",))
     stamps = {item.stamp_ns for item in world.sets}
     assert world.truth is not None  # both kinds of world have one
@@ -117,7 +117,7 @@ def _joints(frame: SkeletonFrame) -> tuple[Array, Array]:
 
 
 def _votes(world: World, item: DetectionSet, frame: SkeletonFrame) -> Array:
-    """Eq. 1 at the true joints; voting has set the views' limits."""
+    """Eq. 1 at the true joints; association has set the views' limits."""
     cameras = [world.rig.camera(view.camera) for view in item.views]
     joints, places = _joints(frame)
     scene = build_scene(cameras, item.views, len(world.skeleton))

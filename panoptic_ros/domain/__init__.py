@@ -2,8 +2,9 @@
 
 Letters of array shapes: C cameras, J joints, P people, N proposals, M parts, H W pixels.
 Records check shapes and values when they are made and hold read-only copies (images: read-only
-views). Missing joints are NaN with score 0.
+views; association: the arrays as they are, made read-only). Missing joints are NaN with score 0.
 """
+from panoptic_ros.domain.association import AssociationSet, Evidence, Groups, Prediction, TrackSet
 from panoptic_ros.domain.bias_table import BiasTable
 from panoptic_ros.domain.camera import Camera
 from panoptic_ros.domain.depth import DepthFrame
@@ -33,6 +34,7 @@ from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.domain.visibility import VisibilityLimit
 
 __all__ = [
+    "AssociationSet",
     "AudioBlock",
     "BiasTable",
     "Camera",
@@ -41,11 +43,14 @@ __all__ = [
     "DepthSensor",
     "DetectionSet",
     "EndOfStream",
+    "Evidence",
     "FrameRate",
+    "Groups",
     "JointMap",
     "JointState",
     "Occluders",
     "PoseSet",
+    "Prediction",
     "ProposalSet",
     "RefinedPoseSet",
     "Rig",
@@ -54,6 +59,7 @@ __all__ = [
     "TimeShift",
     "Timecode",
     "TimecodeReading",
+    "TrackSet",
     "TrackedPoseSet",
     "ViewDetections",
     "ViewFrame",

@@ -43,6 +43,8 @@ class PoseSet:
         newest_ns: stamp of the newest view behind them, `stamp_ns` if negative.
         time_shift: how they depend on motion; None where all views have the same stamp.
         sources: the views of the instant and the 2D people in them; None where they are not known.
+        side_votes: (P, G) views that see each of the skeleton's G limbs with its sides exchanged, minus those
+            that do not (see `solving.limbs`); None where nobody counted.
     """
 
     index: int
@@ -57,6 +59,7 @@ class PoseSet:
     newest_ns: int = -1
     time_shift: TimeShift | None = None
     sources: ViewSources | None = None
+    side_votes: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
@@ -87,6 +90,8 @@ class PoseSet:
             )
         if self.sources is not None:
             self._check_sources(self.sources)
+        if self.side_votes is not None:
+            shapes.store("side_votes", np.float64, "P G")
 
     def _check_sources(self, sources: ViewSources) -> None:
         """The sources are those of these people; without a view they say nothing."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.domain.association import AssociationSet
 from panoptic_ros.domain.checks import Shapes, check_scores
 from panoptic_ros.domain.detections import DetectionSet
 from panoptic_ros.errors import DataError
@@ -17,7 +18,7 @@ class ProposalSet:
     """3D node proposals and scored parts of one instant (Joo et al. 2017, 5.1 and 5.2).
 
     Args:
-        detections: what they were made from, so that assembly needs nothing else.
+        association: the people that were known, so that assembly needs nothing else.
         nodes: (N, 3) m, putative joint positions in the world.
         node_joints: (N,) joint of each node.
         node_scores: (N,) in 0..1, the vote of eq. 1.
@@ -27,7 +28,7 @@ class ProposalSet:
         part_scores: (M,) in 0..1, connectivity over the views (5.2).
     """
 
-    detections: DetectionSet
+    association: AssociationSet
     nodes: Array
     node_joints: Array
     node_scores: Array
@@ -49,6 +50,17 @@ class ProposalSet:
             raise DataError("ProposalSet.nodes is not finite")
         if parts.size and not 0 <= parts.min() <= parts.max() < len(nodes):
             raise DataError("ProposalSet.parts names a node that is not there")
+
+    @classmethod
+    def of_nothing(cls, association: AssociationSet) -> ProposalSet:
+        """No proposals: nothing but what is known from 2D people."""
+        none = np.zeros(0)
+        return cls(association, np.zeros((0, 3)), none, none, none, np.zeros((0, 2)), none, none)
+
+    @property
+    def detections(self) -> DetectionSet:
+        """The detection set behind them."""
+        return self.association.detections
 
     @property
     def index(self) -> int:

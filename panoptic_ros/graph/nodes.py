@@ -105,9 +105,13 @@ NODES: dict[str, NodeSpec] = {
             (Port("clock_models", optional=True, feedback=True), Port("detections", tells_end=True)),
             ("detection_sets",),
         ),
-        stage_row("voting", (Port("detection_sets"),), ("proposals",)),
+        stage_row(
+            "association", (Port("tracks", optional=True, feedback=True), Port("detection_sets")),
+            ("associations",),
+        ),
+        stage_row("voting", (Port("associations"),), ("proposals",)),
         stage_row("assembly", (Port("proposals"),), ("poses",)),
-        stage_row("tracking", (Port("poses"),), ("skeletons_raw",)),
+        stage_row("tracking", (Port("poses"),), ("skeletons_raw", "tracks")),
         stage_row(
             "offsets", (Port("detections", first=True), Port("skeletons_raw")), ("clock_models",),
             queue="all", switch="active",
@@ -116,8 +120,8 @@ NODES: dict[str, NodeSpec] = {
     )
 }  # fmt: skip
 
-FUSION = ("voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
-AFTER_DETECTION = ("sync", "voting", "assembly", "tracking", "offsets", "refinement")
+FUSION = ("association", "voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
+AFTER_DETECTION = ("sync", "association", "voting", "assembly", "tracking", "offsets", "refinement")
 SOUND = ("timecode", "clocks")  # what comes of timecode in sound
 SLOW = ("offsets",)  # busy for a second at times: live, nobody must wait for it
 CHAIN = ("detection", *AFTER_DETECTION)

@@ -69,9 +69,11 @@ TOPICS: dict[str, Topic] = {
         Topic("skeleton_model", "skeleton_model", "SkeletonModel",
               "panoptic_msgs/msg/SkeletonModel", latched=True),
         Topic("detection_sets", "detection_sets", "DetectionSet", "panoptic_msgs/msg/DetectionSet"),
+        Topic("associations", "associations", "AssociationSet", "panoptic_msgs/msg/AssociationSet"),
         Topic("proposals", "proposals", "ProposalSet", "panoptic_msgs/msg/ProposalSet"),
         Topic("poses", "poses", "PoseSet", "panoptic_msgs/msg/Skeletons"),
         Topic("skeletons_raw", "skeletons_raw", "TrackedPoseSet", "panoptic_msgs/msg/Skeletons"),
+        Topic("tracks", "tracks", "TrackSet", "panoptic_msgs/msg/TrackSet"),
         Topic("skeletons", "skeletons", "RefinedPoseSet", "panoptic_msgs/msg/Skeletons"),
         Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
     )

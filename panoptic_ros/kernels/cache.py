@@ -139,6 +139,14 @@ class KernelCache(FunctionCache):
         if edited_meanwhile(function.__module__):
             self.disable()
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """numba's, or None where the cache knows a record of arguments that has moved since: compile anew."""
+        try:
+            return super().load_overload(sig, target_context)
+        except (ImportError, AttributeError):
+            self._cache_file.flush()
+            return None
+
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         """numba's key, and the names of fields: numba knows named tuples by the name of their class only."""
         return (*super()._index_key(sig, codegen), tuple(_field_names(getattr(sig, "args", sig))))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panoptic_ros.consensus.evidence import RigArrays, gather
 from panoptic_ros.domain import DetectionSet, SkeletonModel
+from panoptic_ros.solving.evidence import RigArrays, gather
 
 Array = np.ndarray
 
@@ -36,7 +36,7 @@ def camera_frames(
         every: take one frame of each camera in so many sets, with other cameras in every set.
 
     Raises:
-        DataError: as `consensus.evidence.gather`.
+        DataError: as `solving.evidence.gather`.
     """
     frames = []
     for k, item in enumerate(sets):

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.consensus.evidence import RigArrays
 from panoptic_ros.domain import (
     ClockModel,
     DetectionSet,
@@ -28,6 +27,7 @@ from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.offsets.uncertainty import honest_information
 from panoptic_ros.offsets.warm_up import compile_kernels
 from panoptic_ros.params import named_numbers, of_name
+from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 

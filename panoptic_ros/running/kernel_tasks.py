@@ -13,13 +13,13 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from panoptic_ros.association.known_occluders import occluded_depths
 from panoptic_ros.domain import Occluders
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.kernels import on_compilation
 from panoptic_ros.simulation import SKELETON, Ring, Scene, Simulation, simulate
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.stage import StageContext
-from panoptic_ros.voting.known_occluders import occluded_depths
 
 
 def _stage(name: str, **parameters: object) -> None:
@@ -45,7 +45,7 @@ def _take() -> Simulation:
     return simulate(Scene("to compile", ("walk",), Ring(2), frames=1), 0, 1)
 
 
-# the longest first; assembly after what voting compiles too
+# the longest first
 TASKS: dict[str, Callable[[], None]] = {
     "votes": partial(_stage, "voting"),
     "timecode": partial(_stage, "timecode"),
@@ -54,6 +54,9 @@ TASKS: dict[str, Callable[[], None]] = {
     "rendering": _rendering,
     "occluders": _occluders,
     "assembly": partial(_stage, "assembly"),
+    "association": partial(_stage, "association"),
+    "tracking": partial(_stage, "tracking"),
+    "all votes": partial(_stage, "voting", explain_away=False),
     "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "dense votes": partial(_stage, "voting", method="dense"),
 }

@@ -20,9 +20,6 @@ class TrackingConfig(Config):
         doc="Mean joint distance from its prediction beyond which a skeleton is somebody else; with method "
         "head the distance of the heads.",
     )
-    acceleration: float = param(
-        10.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Standard deviation of joint acceleration in predictions."
-    )
     memory: float = param(
         2.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen.",
         when="people leave and come back later and should keep their number (longer), or others take their "

@@ -1,79 +1,226 @@
-"""Tracks: constant-velocity filters of people with identity."""
+"""Tracks: everybody who is followed, as arrays."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import PoseSet
-from panoptic_ros.geometry.motion import predict_motion, update_motion
+from panoptic_ros.domain import PoseSet, TrackSet
+from panoptic_ros.identity.motion import JointMotion, predict, update_joints
+from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
 
-START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
 LENGTH_MEMORY = 60.0  # frames over which bone lengths are averaged
-FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
+DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
+BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
+FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
+WORST = 10.0  # sigmas, at which distances of joints are truncated
+
+
+class Bodies(NamedTuple):
+    """What is known of T people besides the motion of their joints.
+
+    lengths (T, B) m, mean bone lengths, NaN = unknown, and counts (T, B), measurements of each; middles
+    (T, 3) m of the bodies, and their velocities drifts (T, 3) m/s.
+    """
+
+    lengths: Array
+    counts: Array
+    middles: Array
+    drifts: Array
 
 
 @dataclass(slots=True, eq=False)
-class Track:
-    """One person over time.
+class Tracks:
+    """T people over time.
 
     Args:
-        number: the identity, -1 = not confirmed yet.
-        states (J, 6), variances (J, 3): see `geometry.motion`; NaN = unknown.
-        ages: (J,) s since each joint was measured.
-        lengths: (B,) m, mean bone lengths, NaN = unknown. counts: (B,) number of measurements of each.
-        middle, drift: (3,) m and m/s, the middle of the body and its velocity.
-        head: (3,) m, where the head was seen last, NaN = nowhere.
-        unseen: s since the person was seen. hits: how often it was seen.
+        ids: (T,) identities, -1 = not confirmed yet.
+        states, variances, ages, unagreed: see `JointMotion`. lengths, counts, middles, drifts: see `Bodies`.
+        heads: (T, 3) m, where the head was seen last, NaN = nowhere.
+        unseen: (T,) s since the person was seen. hits: (T,) how often it was.
+        balance: (T, G) exchanged minus straight views of each limb, with forgetting.
     """
 
-    number: int
+    ids: Array
     states: Array
     variances: Array
     ages: Array
+    unagreed: Array
     lengths: Array
     counts: Array
-    middle: Array
-    drift: Array
-    head: Array
-    unseen: float = 0.0
-    hits: int = 0
+    middles: Array
+    drifts: Array
+    heads: Array
+    unseen: Array
+    hits: Array
+    balance: Array
 
     @classmethod
-    def empty(cls, joints: int, bones: int) -> Track:
-        """A new track without measurements."""
+    def of_new(cls, people: int, joints: int, bones: int, limbs: int) -> Tracks:
+        """People before their first measurement."""
         return cls(
-            -1, np.full((joints, 6), np.nan), np.zeros((joints, 3)), np.zeros(joints),
-            np.full(bones, np.nan), np.zeros(bones), np.full(3, np.nan), np.zeros(3), np.full(3, np.nan),
+            np.full(people, -1), *JointMotion.of_new(people, joints), np.full((people, bones), np.nan),
+            np.zeros((people, bones)), np.full((people, 3), np.nan), np.zeros((people, 3)),
+            np.full((people, 3), np.nan), np.zeros(people), np.zeros(people, np.int64),
+            np.zeros((people, limbs)),
         )  # fmt: skip
 
-    def predict(self, dt: float, acceleration: float, joint_memory: float) -> None:
-        """Predict to dt s later; joints that were not measured within `joint_memory` s are dropped."""
-        self.states, self.variances = predict_motion(self.states, self.variances, dt, acceleration)
-        self.ages = self.ages + dt
-        self.states[self.ages > joint_memory] = np.nan
-        self.unseen += dt
-        self.middle = self.middle + dt * self.drift
-        self.drift = self.drift * np.exp(-dt / FADE_TIME)
+    @property
+    def motion(self) -> JointMotion:
+        """The filters of the joints."""
+        return JointMotion(self.states, self.variances, self.ages, self.unagreed)
 
-    def update(self, positions: Array, covariances: Array, bones: Array) -> None:
-        """Update with a skeleton (J, 3) m of covariances (J, 3, 3) m^2."""
-        noise = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
-        self.states, self.variances = update_motion(
-            self.states, self.variances, positions, noise, START_SPEED
+    @property
+    def bodies(self) -> Bodies:
+        """The rest of the bodies."""
+        return Bodies(self.lengths, self.counts, self.middles, self.drifts)
+
+    def rows(self, which: Array) -> Tracks:
+        """Some of the people."""
+        return Tracks(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    def joined(self, other: Tracks) -> Tracks:
+        """These people and the others."""
+        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
+        return Tracks(*(np.concatenate(pair) for pair in pairs))
+
+    def predict(self, dt: float) -> None:
+        """Predict in place to dt s later."""
+        predict(self.motion, dt)
+        self.unseen += dt
+        self.middles += dt * self.drifts
+        self.drifts *= np.exp(-dt / DRIFT_FADE_TIME)
+
+    def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
+        """Update in place with skeletons, of which each has the row `owners` (P,) here, -1 = none."""
+        update_tracks(
+            self.motion, self.bodies, owners, poses.positions, poses.covariances, poses.views, bones
         )
-        measured = np.isfinite(positions[:, 0])
-        self.ages[measured] = 0.0
-        lengths = bone_lengths(positions, bones)
-        seen = np.isfinite(lengths)
-        self.counts[seen] = np.minimum(self.counts[seen] + 1.0, LENGTH_MEMORY)
-        old = np.where(np.isfinite(self.lengths), self.lengths, lengths)
-        self.lengths[seen] = (old + (lengths - old) / np.maximum(self.counts, 1.0))[seen]
-        self.middle = np.median(positions[measured], axis=0)
-        self.drift = np.median(self.states[measured, 3:], axis=0)
-        self.unseen, self.hits = 0.0, self.hits + 1
+        k = np.flatnonzero(owners >= 0)
+        self.unseen[owners[k]] = 0.0
+        self.hits[owners[k]] += 1
+        seen = k[np.isfinite(poses.positions[k, head, 0])]
+        self.heads[owners[seen]] = poses.positions[seen, head]
+        if poses.side_votes is not None:
+            self.balance[owners[k]] = BALANCE_MEMORY * self.balance[owners[k]] + poses.side_votes[k]
+
+    def exchange_sides(self, groups: Array, mirror: Array) -> None:
+        """Exchange left and right of limbs that most views have seen the other way round for long, in place.
+
+        Args:
+            groups: (J,) limb of each joint, -1 = none. mirror: (J,) the joint on the other side.
+        """
+        wrong = self.balance > 0.0
+        if not wrong.any():
+            return
+        touched = wrong[:, np.maximum(groups, 0)] & (groups >= 0)
+        take, rows = np.where(touched, mirror, np.arange(len(mirror))), np.arange(len(wrong))[:, None]
+        for table in self.motion:
+            table[:] = table[rows, take]
+        self.balance[wrong] *= -1.0
+
+    def record(self, poses: PoseSet) -> TrackSet:
+        """The record that is fed back."""
+        return TrackSet(
+            poses.index, poses.stamp_ns, poses.skeleton_hash, self.ids.copy(), self.states.copy(),
+            self.variances.copy(), self.ages.copy(), self.unagreed.copy(), self.unseen.copy(),
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def update_tracks(motion, bodies, owners, positions, covariances, views, bones):
+    """The loops of `Tracks.update`; bones: (B, 2)."""
+    joints = positions.shape[1]
+    places, speeds = np.empty(joints), np.empty(joints)
+    for k in range(len(owners)):
+        t = owners[k]
+        if t < 0:
+            continue
+        update_joints(motion, t, positions[k], covariances[k], views[k])
+        _learn_lengths(bodies.lengths[t], bodies.counts[t], positions[k], bones)
+        for axis in range(3):
+            count = 0
+            for j in range(joints):
+                if np.isfinite(positions[k, j, 0]):
+                    places[count], speeds[count] = positions[k, j, axis], motion.states[t, j, 3 + axis]
+                    count += 1
+            if count:
+                bodies.middles[t, axis] = median(places[:count])
+                bodies.drifts[t, axis] = median(speeds[:count])
+
+
+@njit(cache=True, error_model="numpy")
+def _learn_lengths(lengths, counts, position, bones):
+    """Means of the lengths (B,) of bones that a skeleton (J, 3) shows, in place."""
+    for b in range(len(bones)):
+        length = _distance(position[bones[b, 0]], position[bones[b, 1]])
+        if np.isfinite(length):
+            counts[b] = min(counts[b] + 1.0, LENGTH_MEMORY)
+            if np.isfinite(lengths[b]):
+                lengths[b] += (length - lengths[b]) / counts[b]
+            else:
+                lengths[b] = length
+
+
+@njit(cache=True, error_model="numpy")
+def _distance(a, b):
+    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@njit(cache=True, error_model="numpy")
+def joint_distances(states, variances, positions, covariances):
+    """Mean distances (T, P) m of predicted and measured joints, and truncated Mahalanobis distances (T, P).
+
+    Both are means over the joints, inf without common ones. The first is for gating, the second is the cost
+    of the assignment.
+
+    Args:
+        states (T, J, 6), variances (T, J, 3): of the tracks. positions (P, J, 3), covariances (P, J, 3, 3).
+    """
+    distance = np.full((len(states), len(positions)), np.inf)
+    cost = np.full(distance.shape, np.inf)
+    for t in range(len(states)):
+        for p in range(len(positions)):
+            gaps = scaled = 0.0
+            count = 0
+            for j in range(positions.shape[1]):
+                gap = _distance(states[t, j], positions[p, j])
+                if np.isfinite(gap):
+                    c = covariances[p, j]
+                    noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
+                    count += 1
+                    gaps += gap
+                    scaled += min(gap / np.sqrt(variances[t, j, 0] + noise + FLOOR**2), WORST)
+            if count:
+                distance[t, p], cost[t, p] = gaps / count, scaled / count
+    return distance, cost
+
+
+@njit(cache=True, error_model="numpy")
+def mean_gaps(positions):
+    """Mean distances (P, P) m of the joints that two skeletons (P, J, 3) share; inf with fewer than three."""
+    gaps = np.full((len(positions), len(positions)), np.inf)
+    for i in range(len(positions)):
+        for k in range(len(positions)):
+            total, count = 0.0, 0
+            for j in range(positions.shape[1]):
+                gap = _distance(positions[i, j], positions[k, j])
+                if np.isfinite(gap):
+                    total += gap
+                    count += 1
+            if count >= 3:
+                gaps[i, k] = total / count
+    return gaps
+
+
+def head_distances(heads: Array, positions: Array, head: int) -> Array:
+    """Distances (T, P) m of the heads of skeletons (P, J, 3) from the last ones (T, 3); inf where unknown."""
+    distances = np.linalg.norm(heads[:, None] - positions[None, :, head], axis=-1)
+    return np.where(np.isfinite(distances), distances, np.inf)
 
 
 def bone_lengths(positions: Array, bones: Array) -> Array:
@@ -82,57 +229,24 @@ def bone_lengths(positions: Array, bones: Array) -> Array:
     return lengths
 
 
-def joint_distances(tracks: list[Track], poses: PoseSet) -> tuple[Array, Array]:
-    """Mean distances (T, P) m of predicted and measured joints, and truncated Mahalanobis distances (T, P).
+def return_costs(tracks: Tracks, positions: Array, bones: Array) -> tuple[Array, Array]:
+    """Distances (T, P) m on the ground of skeletons (P, J, 3) from the predicted middles of tracks.
 
-    Both are means over the joints, inf without common ones. The first is for gating, the second is the cost
-    of the assignment.
+    Also differences (T, P): the median relative difference of bone lengths, 0 where fewer than three are
+    known.
     """
-    if not tracks or not len(poses.positions):
-        nothing = np.full((len(tracks), len(poses.positions)), np.inf)
-        return nothing, nothing
-    predicted = np.stack([track.states[:, :3] for track in tracks])
-    spread = np.stack([track.variances[:, 0] for track in tracks])
-    noise = np.trace(poses.covariances, axis1=-2, axis2=-1) / 3.0
-    distance = np.linalg.norm(predicted[:, None] - poses.positions[None], axis=-1)  # (T, P, J)
-    known = np.isfinite(distance)
-    count = known.sum(axis=-1)
-    sigma = np.sqrt(spread[:, None] + np.where(np.isfinite(noise), noise, 1.0)[None] + FLOOR**2)
-    scaled = np.minimum(np.where(known, distance, 0.0) / sigma, WORST)
-    enough = count >= 1
-    mean = np.where(known, distance, 0.0).sum(-1) / np.maximum(count, 1)
-    cost = np.where(known, scaled, 0.0).sum(-1) / np.maximum(count, 1)
-    return np.where(enough, mean, np.inf), np.where(enough, cost, np.inf)
-
-
-FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
-WORST = 10.0  # sigmas, at which distances of joints are truncated
-
-
-def head_distances(tracks: list[Track], poses: PoseSet, head: int) -> Array:
-    """Distances (T, P) m of the heads of skeletons from where tracks had theirs last; inf where unknown."""
-    last = np.array([track.head for track in tracks]).reshape(-1, 3)
-    distances = np.linalg.norm(last[:, None] - poses.positions[None, :, head], axis=-1)
-    return np.where(np.isfinite(distances), distances, np.inf)
-
-
-def return_costs(tracks: list[Track], poses: PoseSet, bones: Array) -> tuple[Array, Array]:
-    """Distances (T, P) m of skeletons from the predicted middles of tracks, and differences of bones (T, P).
-
-    The second is the median relative difference of bone lengths, 0 where fewer than three are known.
-    """
-    shape = (len(tracks), len(poses.positions))
+    shape = (len(tracks.ids), len(positions))
     distances, differences = np.full(shape, np.inf), np.zeros(shape)
-    lengths = bone_lengths(poses.positions, bones)
-    for k, positions in enumerate(poses.positions):
-        measured = np.isfinite(positions[:, 0])
+    lengths = bone_lengths(positions, bones)
+    for k, joints in enumerate(positions):
+        measured = np.isfinite(joints[:, 0])
         if not measured.any():
             continue
-        middle = np.median(positions[measured], axis=0)
-        for i, track in enumerate(tracks):
-            distances[i, k] = np.linalg.norm((track.middle - middle)[:2])
-            both = np.isfinite(lengths[k]) & np.isfinite(track.lengths)
+        middle = np.median(joints[measured], axis=0)
+        for t in range(shape[0]):
+            distances[t, k] = np.linalg.norm((tracks.middles[t] - middle)[:2])
+            both = np.isfinite(lengths[k]) & np.isfinite(tracks.lengths[t])
             if both.sum() >= 3:
-                ratio = lengths[k][both] / np.maximum(track.lengths[both], 1e-3)
-                differences[i, k] = np.median(np.abs(ratio - 1.0))
+                ratio = lengths[k][both] / np.maximum(tracks.lengths[t][both], 1e-3)
+                differences[t, k] = np.median(np.abs(ratio - 1.0))
     return distances, differences

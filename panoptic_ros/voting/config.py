@@ -26,9 +26,6 @@ class VotingConfig(Config):
         doc="With seeds: first solve people roughly from the 2D people, give each of their joints a node, "
         "and look for further nodes only in what these joints leave unexplained. Exact and dense search all.",
     )
-    temporal_guidance: bool = param(
-        True, doc="Find the people for explain_away with the help of where they were an instant before."
-    )
     voxel: float = param(0.04, unit="m", ge=0.005, le=0.5, doc="Side of a voxel.")
     threshold: float = param(
         0.0,

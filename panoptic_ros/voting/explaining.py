@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.consensus.rough_people import RoughPeople
+from panoptic_ros.solving.rough_joints import RoughPeople
 from panoptic_ros.voting import explain_kernels, kernels, soft_vote
 from panoptic_ros.voting.proposals import Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene

@@ -27,12 +27,6 @@ class Nodes(NamedTuple):
         return Nodes(*(np.concatenate(pair) for pair in zip(self, other)))
 
 
-def no_nodes() -> Nodes:
-    """Nothing."""
-    nothing = np.zeros(0, np.int64)
-    return Nodes(np.zeros((0, 3)), nothing, np.zeros(0), nothing)
-
-
 def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Array:
     """Indices of nodes to keep: of those of one joint within a distance, the one with most votes."""
     order = np.lexsort([*nodes.T, -votes, joints])

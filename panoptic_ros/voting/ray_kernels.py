@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.consensus.lens_kernels import straighten_fisheye
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.lens_kernels import straighten_fisheye
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 

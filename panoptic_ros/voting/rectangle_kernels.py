@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from panoptic_ros.consensus.lens_kernels import fisheye_factor
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.lens_kernels import fisheye_factor
 from panoptic_ros.voting.lens_bounds import BINS
 
 MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`

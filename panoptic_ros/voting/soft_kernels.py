@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from panoptic_ros.consensus.lens_kernels import fisheye_factor, fisheye_slope
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.lens_kernels import fisheye_factor, fisheye_slope
 from panoptic_ros.voting.kernels import hidden, project
 from panoptic_ros.voting.score_field import GAUSSIAN_END
 

@@ -5,20 +5,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.consensus.example import easy_instants
-from panoptic_ros.consensus.guidance import GUIDANCE_FIELDS, Guidance
-from panoptic_ros.consensus.rough_people import RoughPeople, RoughSolver
-from panoptic_ros.domain import Camera, DetectionSet, ProposalSet, ViewDetections
-from panoptic_ros.errors import DataError
+from panoptic_ros.domain import AssociationSet, Camera, ProposalSet, ViewDetections
+from panoptic_ros.solving.evidence import RigArrays, check_association
+from panoptic_ros.solving.example import easy_associations
+from panoptic_ros.solving.rough_joints import RoughPeople, rough_people
 from panoptic_ros.stage import StageContext, StepResult
-from panoptic_ros.state import Fields, Stateful, StateLayout
+from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting import soft_vote
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.explaining import Explainer, nodes_of_people, nodes_of_seeds
-from panoptic_ros.voting.known_occluders import KnownOccluders
 from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
-from panoptic_ros.voting.proposals import Nodes, distinct, no_nodes
+from panoptic_ros.voting.proposals import Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.score_volume import Peaks, dense_peaks
 from panoptic_ros.voting.seeds import SeedSearch
@@ -47,12 +45,10 @@ def demands(config: VotingConfig, view_count: int) -> Demands:
 
 
 class VotingStage(Stateful):
-    """`DetectionSet` to `ProposalSet` (Joo et al. 2017, 5.1 and 5.2)."""
+    """`AssociationSet` to `ProposalSet` (Joo et al. 2017, 5.1 and 5.2). Every instant stands alone."""
 
     LAYOUT = StateLayout(
-        "voting", ("_solver._guidance", "_solver._last_ns"),
-        (Fields.named(Guidance, GUIDANCE_FIELDS),),
-        shared=("_solver._mirror",),
+        "voting", (), (),
         same={"configuration": "config", "cameras": "rig.names", "skeleton": "skeleton.hash"},
     )  # fmt: skip
 
@@ -74,61 +70,54 @@ class VotingStage(Stateful):
         self._kinds = bones_and_skips(context.skeleton, config.max_bone, skip)
         self._search = SeedSearch(config.ray_gap, config.pair_views, config.max_depth)
         self._boxes = BoxSearch()
-        self._occluders = KnownOccluders(context.rig)
         self._cameras = {camera.name: camera for camera in context.rig.cameras}
-        self._solver: RoughSolver | None = None
-        if config.method == "seeds" and config.explain_away:
-            self._solver = RoughSolver(context.rig, context.skeleton, config.temporal_guidance)
-        nobody = DetectionSet(0, 0, self._hash, ())
-        seeds = config.method == "seeds"
-        for example in easy_instants(context.rig, context.skeleton) if seeds else (nobody,):
+        self._arrays = RigArrays.of(context.rig)
+        for example in easy_associations(context.rig, context.skeleton):
             self._vote(example)
         self.reset()
 
-    def step(self, item: DetectionSet) -> StepResult[ProposalSet]:
-        """Vote on one instant; what known occluders hide goes on with the views.
+    def step(self, association: AssociationSet) -> StepResult[ProposalSet]:
+        """Vote on one instant.
 
         Where no view has score maps there are no nodes, unless `without_maps` asks for them: they would say
         no more than the 2D people.
 
         Raises:
-            DataError: if the set speaks of other cameras, image sizes or joints than the context.
+            DataError: if the people are of another skeleton, or of cameras that the rig lacks.
         """
-        self._check(item)
-        item = self._occluders.limit(item)
+        item = association.detections
+        check_association(association, self._arrays, self._hash)
         mapped = self.config.without_maps or any(view.maps is not None for view in item.views)
         if self.config.method == "off" or not mapped:
-            return StepResult((ProposalSet(item, *no_nodes(), *NO_PARTS),))
-        return StepResult((self._vote(item),))
+            return StepResult((ProposalSet.of_nothing(association),))
+        return StepResult((self._vote(association),))
 
-    def _vote(self, item: DetectionSet) -> ProposalSet:
+    def _vote(self, association: AssociationSet) -> ProposalSet:
         """The nodes of an instant and, if they are wanted, the parts between them."""
+        item = association.detections
         views = sorted(item.views, key=lambda view: view.camera)  # rays are paired in the order of names
         cameras = [self._cameras[view.camera] for view in views]
         config = self.config
         scene = build_scene(cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate)
         wanted = demands(config, sum(has_anything(view) for view in views))
-        if self._solver is None:
+        if config.method != "seeds" or not config.explain_away:
             nodes = self._search_all(scene, cameras, wanted)
         else:
-            people = self._solver.solve(item)
+            people = rough_people(association, self._arrays, self.skeleton)
             delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
             nodes = self._explain_away(scene, cameras, wanted, people, delays)
         parts = NO_PARTS
         if config.parts:
             parts = score_parts(scene, nodes.points, nodes.joints, self._kinds, config.part_threshold)
         nodes = nodes._replace(votes=np.clip(nodes.votes, 0.0, 1.0))
-        return ProposalSet(item, *nodes, *parts)
+        return ProposalSet(association, *nodes, *parts)
 
     def flush(self) -> StepResult[ProposalSet]:
         """Nothing is buffered."""
-        self.reset()
         return StepResult()
 
     def reset(self) -> None:
-        """Forget where people were, which only serves to find them again."""
-        if self._solver is not None:
-            self._solver.reset()
+        """Nothing is remembered."""
 
     def _explain_away(
         self, scene: VoteScene, cameras: list[Camera], wanted: Demands, people: RoughPeople, delays: Array
@@ -184,30 +173,6 @@ class VotingStage(Stateful):
         return self._search.peaks(
             scene, cameras, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
         )
-
-    def _check(self, item: DetectionSet) -> None:
-        if item.skeleton_hash != self._hash:
-            raise DataError(
-                f"detection set {item.index} speaks of skeleton {item.skeleton_hash}, "
-                f"voting was made for {self.skeleton.name} ({self._hash})"
-            )
-        known = len(self.skeleton)
-        for view in item.views:
-            camera = self._cameras.get(view.camera)
-            if camera is None:
-                raise DataError(f"detection set {item.index} has camera {view.camera}, the rig has not")
-            if view.image_size != camera.image_size:
-                raise DataError(
-                    f"camera {view.camera} gives images of {view.image_size[0]} x {view.image_size[1]}, "
-                    f"the rig says {camera.image_size[0]} x {camera.image_size[1]}"
-                )
-            joints = view.points.shape[1]
-            if joints == known and view.maps is not None:
-                joints = max(joints, int(view.maps.joints.max(initial=0)) + 1)
-            if joints != known:
-                raise DataError(
-                    f"camera {view.camera} speaks of {joints} joints, {self.skeleton.name} has {known}"
-                )
 
 
 def has_anything(view: ViewDetections) -> bool:

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from panoptic_ros.consensus.lens_kernels import fisheye_factor
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.lens_kernels import fisheye_factor
 from panoptic_ros.voting.box_kernels import GROUP
 from panoptic_ros.voting.kernels import hidden
 from panoptic_ros.voting.score_field import GAUSSIAN_END

@@ -1,6 +1,7 @@
 """Scenes with exact truth: standing people, a ring of cameras, 2D joints with chosen faults."""
 import numpy as np
 import pytest
+from fed_stages import unassociated
 
 from panoptic_ros.domain import Camera, DetectionSet, ProposalSet, Rig, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
@@ -61,8 +62,7 @@ def proposals(rig, people, index=0, noise=0.0, seed=0, change=None, skeleton=SKE
                            scores.mean(axis=1))
         )  # fmt: skip
     detections = DetectionSet(index, stamp, skeleton.hash, tuple(views))
-    none = np.empty(0)
-    return ProposalSet(detections, np.empty((0, 3)), none, none, none, np.empty((0, 2)), none, none)
+    return ProposalSet.of_nothing(unassociated(detections, len(skeleton)))
 
 
 def context(rig, skeleton=SKELETON):

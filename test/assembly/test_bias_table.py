@@ -1,9 +1,8 @@
 """Known biases are taken out of what is published, and do not reach guidance."""
 import numpy as np
 import pytest
+from fed_stages import FedAssembly
 
-from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.domain import BiasTable
 from panoptic_ros.errors import ContractError
 from panoptic_ros.io.biases import torso_of
@@ -17,7 +16,7 @@ def test_published_joints_are_corrected_in_every_frame(scenes):
     offsets[skeleton.joint("lHip")] = 0.2, 0.0, 0.0  # 10 cm, more than guidance would stand
     table = BiasTable("made", offsets, torso_of(skeleton.joint_names, "it"))
     context = StageContext(rig, skeleton, {"bias_table": table})
-    stage = AssemblyStage(AssemblyConfig(bias_table="made"), context)
+    stage = FedAssembly(context, bias_table="made")
     for index in range(5):
         pose = stage.step(scenes.proposals(rig, [person], index=index)).outputs[0]
         assert np.allclose(pose.positions[0], table.corrected(person[None])[0], atol=1e-6)
@@ -26,4 +25,4 @@ def test_published_joints_are_corrected_in_every_frame(scenes):
 
 def test_a_table_that_is_not_there_is_refused(scenes):
     with pytest.raises(ContractError, match="bias_table"):
-        AssemblyStage(AssemblyConfig(bias_table="made"), scenes.context(scenes.ring(3)))
+        FedAssembly(scenes.context(scenes.ring(3)), bias_table="made")

@@ -1,9 +1,8 @@
 """People whom two views show keep joints that the views dispute or only one of them sees."""
 import numpy as np
+from fed_stages import FedAssembly
 
-from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.disputed import Ray, along_bone, between
-from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.domain import SkeletonModel
 
 ARMS = SkeletonModel("arms", ("neck", "left", "right"), 0, ((0, 1), (0, 2)), 0, ((1, 2),))
@@ -44,7 +43,7 @@ def test_a_joint_beside_its_neighbour_where_no_bone_tells():
 def solve(scenes, views, change, frames=8):
     rig, person = scenes.ring(3), scenes.person(0.2, 0.1)
     rig = rig.subset(rig.names[:views])
-    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig))
     for index in range(frames):
         pose = stage.step(scenes.proposals(rig, [person], index=index, noise=1.0, change=change)).outputs[0]
     return pose, np.linalg.norm(pose.positions[0] - person, axis=-1)

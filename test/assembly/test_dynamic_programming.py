@@ -1,7 +1,9 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from fed_stages import unassociated
 
 from panoptic_ros.assembly.dynamic_programming import PartTree, assemble
 from panoptic_ros.domain import Camera, DetectionSet, ProposalSet, Rig, SkeletonModel, ViewDetections
@@ -21,8 +23,8 @@ def proposals(counts, parts, skeleton=MODEL, detections=None, nodes=None):
     kinds = [tuple(joints[list(pair)].tolist()) for pair in pairs]
     bones = [skeleton.bones.index(kind) if kind in skeleton.bones else -1 for kind in kinds]
     return ProposalSet(
-        detections or DetectionSet(0, 0, skeleton.hash, ()), nodes, joints, np.ones(len(joints)),
-        np.ones(len(joints)), pairs, bones, list(parts.values()),
+        unassociated(detections or DetectionSet(0, 0, skeleton.hash, ()), len(skeleton)), nodes, joints,
+        np.ones(len(joints)), np.ones(len(joints)), pairs, bones, list(parts.values()),
     )  # fmt: skip
 
 
@@ -180,8 +182,7 @@ def test_with_skips_a_missing_joint_does_not_cut_off_its_limb():
 def test_a_second_skeleton_on_the_same_2d_people_is_no_person():
     double = np.stack([BODY, BODY + 0.001])
     item = scene(double)
-    one = ProposalSet(seen(BODY[None]), item.nodes, item.node_joints, item.node_scores, item.node_views,
-                      item.parts, item.part_bones, item.part_scores)  # fmt: skip
+    one = replace(item, association=unassociated(seen(BODY[None]), len(MODEL)))
     people = assemble(one, RIG, MODEL, GATE)
     assert len(people) == 1
     assert (people[0].claims == 0).all()

@@ -3,12 +3,12 @@ import numpy as np
 from rays import closest_points, ray_distances
 
 from panoptic_ros.assembly.joint_solver import solve_joints
-from panoptic_ros.consensus.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.gauss_newton import FEW_FACTOR, TABLE, SolverRules, refine_point
-from panoptic_ros.consensus.undistortion import lens_records, undistort_points
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.geometry import Intrinsics, Rigid, triangulate_robust
+from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
+from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.gauss_newton import FEW_FACTOR, TABLE, SolverRules, refine_point
+from panoptic_ros.solving.undistortion import lens_records, undistort_points
 
 
 def single_person(scenes, views=6, noise=2.0, seed=0):

@@ -10,8 +10,8 @@ from panoptic_ros.assembly.judgement import (
 )
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.solve import settle
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.grouping import triangulate_linear
+from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.triangulation import triangulate_linear
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 

@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.assembly.limbs import Sides, exchanged_views, limb_groups
 from panoptic_ros.io.skeletons import load_skeleton, skeleton_names
+from panoptic_ros.solving.limbs import Sides, exchanged_views, limb_groups
 
 
 @pytest.mark.parametrize("name", skeleton_names())

@@ -3,10 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fed_stages import FedAssembly, unassociated
 
-from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.lost_people import explained, lost_people
-from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps
 
 
@@ -25,7 +24,8 @@ def with_nodes(item, people, skeleton, views=4, vote=0.4, extra=()):
         tuple(replace(view, maps=maps) for view in detections.views),
     )  # fmt: skip
     return ProposalSet(
-        detections, np.array([place for _, place in nodes]).reshape(-1, 3), [j for j, _ in nodes],
+        unassociated(detections, len(skeleton)),
+        np.array([place for _, place in nodes]).reshape(-1, 3), [j for j, _ in nodes],
         np.full(count, vote), np.full(count, views), np.empty((0, 2)), [], [],
     )  # fmt: skip
 
@@ -42,7 +42,7 @@ def scene(scenes):
 def test_a_person_without_2d_people_is_found_from_nodes_and_kept(scene):
     scenes, rig, seen, lost = scene
     rng = np.random.default_rng(0)
-    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig))
     for index in range(4):
         item = scenes.proposals(rig, [seen], index=index)
         item = with_nodes(item, [seen, lost], scenes.skeleton, extra=ghosts(rng, scenes.skeleton))

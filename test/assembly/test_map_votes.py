@@ -1,5 +1,6 @@
 """Joints go to the votes of maps, one person each, and to plausible ones only."""
 import numpy as np
+from fed_stages import unassociated
 
 from panoptic_ros.assembly.map_votes import bone_differences, chosen_nodes
 from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps, SkeletonModel, ViewDetections
@@ -21,7 +22,7 @@ def proposals(nodes, joints, shown=(0,), votes=None, cameras="ab"):
     count = len(nodes)
     votes = np.full(count, 0.5) if votes is None else votes
     return ProposalSet(
-        DetectionSet(0, 0, HASH, tuple(view(camera, list(shown)) for camera in cameras)),
+        unassociated(DetectionSet(0, 0, HASH, tuple(view(camera, list(shown)) for camera in cameras)), 2),
         np.reshape(nodes, (-1, 3)), joints, votes, np.full(count, 2), np.zeros((0, 2)), [], [],
     )  # fmt: skip
 

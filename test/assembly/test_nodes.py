@@ -2,10 +2,10 @@
 from dataclasses import replace
 
 import numpy as np
+from fed_stages import FedAssembly, seen_by
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.nodes import node_doubts, take_nodes
-from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.domain import ScoreMaps
 
 NOTHING, NO_PAIRS = np.empty(0, int), np.empty((0, 2), int)
@@ -17,7 +17,7 @@ def with_nodes(item, nodes, joint):
     views = tuple(replace(view, maps=MAPS) for view in item.detections.views)
     count = len(nodes)
     return replace(
-        item, detections=replace(item.detections, views=views), nodes=nodes, node_joints=[joint] * count,
+        seen_by(item, views), nodes=nodes, node_joints=[joint] * count,
         node_scores=[0.5] * count, node_views=[2] * count,
     )  # fmt: skip
 
@@ -32,14 +32,14 @@ def test_a_lost_joint_comes_from_its_node(scenes):
     node = truth[wrist] + [0.0, 0.02, 0.0]
     first = scenes.proposals(rig, [truth], index=0)
     second = with_nodes(scenes.proposals(rig, [truth], index=1, change=change), [node, node + 1.0], wrist)
-    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig))
     stage.step(first)
     pose = stage.step(second).outputs[0]
     assert np.array_equal(pose.positions[0, wrist], node)
     assert pose.views[0, wrist] == 2 and pose.scores[0, wrist] == 0.5
     variance = AssemblyConfig().node_sigma ** 2 + node_doubts(np.array([0.5]))
     assert np.allclose(pose.covariances[0, wrist], variance * np.eye(3))
-    off = AssemblyStage(AssemblyConfig(node_distance=0.0), scenes.context(rig))
+    off = FedAssembly(scenes.context(rig), node_distance=0.0)
     off.step(first)
     assert np.isnan(off.step(second).outputs[0].positions[0, wrist]).all()
 

@@ -3,7 +3,6 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.assembly.limbs import Sides, limb_groups
 from panoptic_ros.assembly.occlusion import (
     AHEAD,
     BONE_RADIUS,
@@ -13,7 +12,8 @@ from panoptic_ros.assembly.occlusion import (
     hidden_joints,
     hidden_observations,
 )
-from panoptic_ros.consensus.cameras import Cameras
+from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.limbs import Sides, limb_groups
 
 EYE = Cameras(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
 NO_BONES = np.zeros((0, 2), np.int64)

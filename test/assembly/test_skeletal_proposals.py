@@ -3,10 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fed_stages import FedAssembly, seen_by, unassociated
 from scipy.optimize import least_squares
 
-from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.domain import ProposalSet
 
 ROUGH = 0.02  # m, by which voxels miss the joints
@@ -25,7 +24,7 @@ def with_parts(item, people, skeleton, rng):
     bones = list(range(len(skeleton.bones))) * len(people)
     ones = np.ones(len(nodes))
     return ProposalSet(
-        item.detections, nodes, np.tile(np.arange(count), len(people)), 0.5 * ones, 3 * ones, parts, bones,
+        item.association, nodes, np.tile(np.arange(count), len(people)), 0.5 * ones, 3 * ones, parts, bones,
         np.full(len(parts), 0.5),
     )  # fmt: skip
 
@@ -38,7 +37,7 @@ def without(item, views, joint):
         points, scores = view.points.copy(), view.scores.copy()
         points[:, joint], scores[:, joint] = np.nan, 0.0
         changed[number] = replace(view, points=points, scores=scores)
-    return replace(item, detections=replace(item.detections, views=tuple(changed)))
+    return seen_by(item, changed)
 
 
 def moved(item, number, joint, pixels):
@@ -47,11 +46,11 @@ def moved(item, number, joint, pixels):
     points = views[number].points.copy()
     points[:, joint] += pixels
     views[number] = replace(views[number], points=points)
-    return replace(item, detections=replace(item.detections, views=tuple(views)))
+    return seen_by(item, views)
 
 
 def solved(scenes, rig, item):
-    stage = AssemblyStage(AssemblyConfig(method="dynamic_programming"), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig), method="dynamic_programming")
     return stage.step(item).outputs[0]
 
 
@@ -107,10 +106,11 @@ def focal(camera):
 def test_2d_people_are_named_and_instants_are_independent(scene):
     scenes, rig, people = scene
     item = with_parts(scenes.proposals(rig, people), people, scenes.skeleton, np.random.default_rng(3))
-    stage = AssemblyStage(AssemblyConfig(method="dynamic_programming"), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig), method="dynamic_programming")
     first = stage.step(item).outputs[0]
     detections = item.detections
-    later = replace(item, detections=replace(detections, index=1, stamp_ns=detections.stamp_ns + 40_000_000))
+    detections = replace(detections, index=1, stamp_ns=detections.stamp_ns + 40_000_000)
+    later = replace(item, association=unassociated(detections, len(scenes.skeleton)))
     second = stage.step(later).outputs[0]
     assert np.array_equal(first.positions, second.positions)
     assert first.sources.cameras == tuple(view.camera for view in detections.views)

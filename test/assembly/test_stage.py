@@ -3,15 +3,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fed_stages import FedAssembly, seen_by
 
-from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.skeletons import map_joints
 
 
 def solve(scenes, rig, sets, **settings):
-    stage = AssemblyStage(AssemblyConfig(**settings), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig), **settings)
     return [stage.step(item).outputs[0] for item in sets]
 
 
@@ -108,7 +107,7 @@ def test_merged_and_duplicated_people(scenes):
         v = views[4]
         views[4] = replace(v, points=v.points[[0, 1, 1]] + 0.5, scores=v.scores[[0, 1, 1]],
                            person_scores=v.person_scores[[0, 1, 1]])  # fmt: skip
-        return replace(item, detections=replace(item.detections, views=tuple(views)))
+        return seen_by(item, tuple(views))
 
     sets = [duplicated(scenes.proposals(rig, people, index=i, change=change)) for i in range(3)]
     for pose in solve(scenes, rig, sets):
@@ -147,8 +146,8 @@ def test_neither_order_of_people_nor_blind_cameras_matter(scenes):
         replace(v, points=v.points[order], scores=v.scores[order], person_scores=v.person_scores[order])
         for v in item.detections.views
     )
-    shuffled = replace(item, detections=replace(item.detections, views=views))
-    blind = replace(item, detections=replace(item.detections, views=item.detections.views[:4]))
+    shuffled = seen_by(item, views)
+    blind = seen_by(item, item.detections.views[:4])
     blind_rig = rig.subset(rig.names[:4])
     expected = solve(scenes, rig, [item])[0].positions
     assert np.array_equal(solve(scenes, rig, [shuffled])[0].positions, expected)
@@ -161,7 +160,7 @@ def test_derived_joints_are_means_in_3d(scenes):
     skeleton, _ = map_joints("panoptic19", names)
     rig, truth = scenes.ring(4), scenes.person()
     item = scenes.proposals(rig, [truth], skeleton=skeleton)
-    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig, skeleton))
+    stage = FedAssembly(scenes.context(rig, skeleton))
     pose = stage.step(item).outputs[0]
     shoulders = [skeleton.joint("lShoulder"), skeleton.joint("rShoulder")]
     neck = skeleton.joint("Neck")
@@ -181,7 +180,7 @@ def test_stamps_of_views_are_compensated(scenes):
             replace(s.detections.views[i], stamp_ns=s.stamp_ns + round(1e9 * late[i]))
             for i, s in enumerate(sets)
         )
-        return replace(sets[0], detections=replace(sets[0].detections, views=views))
+        return seen_by(sets[0], views)
 
     sets = [item(i) for i in range(25)]
     worst = {}
@@ -194,21 +193,21 @@ def test_stamps_of_views_are_compensated(scenes):
 
 def test_old_stamps_are_dropped_with_a_notice(scenes):
     rig = scenes.ring(3)
-    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig))
     stage.step(scenes.proposals(rig, [scenes.person()], index=5))
     late = stage.step(scenes.proposals(rig, [scenes.person()], index=4))
-    assert not late.outputs and late.notices[0].code == "assembly.old_stamp"
+    assert not late.outputs and late.notices[0].code == "association.old_stamp"
 
 
 def test_what_does_not_fit_is_refused_before_the_state_changes(scenes):
     rig = scenes.ring(4)
     item = scenes.proposals(rig, [scenes.person()])
-    stage = AssemblyStage(AssemblyConfig(), scenes.context(rig.subset(rig.names[:3])))
+    stage = FedAssembly(scenes.context(rig.subset(rig.names[:3])))
     with pytest.raises(DataError, match="cam3"):
         stage.step(item)
     small = replace(item.detections.views[0], image_size=(640, 480))
-    wrong = replace(item, detections=replace(item.detections, views=(small, *item.detections.views[1:3])))
+    wrong = seen_by(item, (small, *item.detections.views[1:3]))
     with pytest.raises(DataError, match="image"):
         stage.step(wrong)
-    good = replace(item, detections=replace(item.detections, views=item.detections.views[:3]))
+    good = seen_by(item, item.detections.views[:3])
     assert len(stage.step(good).outputs[0].positions) == 1

@@ -3,9 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.stage import AssemblyStage
+from fed_stages import FedAssembly, seen_by
 
 DELAYS = (-0.014, 0.009, -0.003, 0.012, 0.004)  # s, of the cameras
 VELOCITY = np.array([1.1, -0.6, 0.3])  # m/s
@@ -22,13 +20,13 @@ def moving(scenes, rig, count, noise=0.0, velocity=VELOCITY, delays=DELAYS):
             whole = scenes.proposals(rig, [place], index=index, noise=noise, seed=k, rate=RATE)
             view = whole.detections.views[k]
             views.append(replace(view, stamp_ns=whole.stamp_ns + round(1e9 * delay)))
-        sets.append(replace(whole, detections=replace(whole.detections, views=tuple(views))))
+        sets.append(seen_by(whole, tuple(views)))
         truth.append(scenes.person() + velocity * index / RATE)
     return sets, truth
 
 
 def poses(scenes, rig, sets, **settings):
-    stage = AssemblyStage(AssemblyConfig(**settings), scenes.context(rig))
+    stage = FedAssembly(scenes.context(rig), **settings)
     return [stage.step(item).outputs[0] for item in sets]
 
 

@@ -1,15 +1,14 @@
 """The 2D person of each view that a skeleton was made of."""
 import numpy as np
+from fed_stages import FedAssembly
 
-from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.stage import AssemblyStage
 from panoptic_ros.assembly.view_sources import main_people
 
 NO_PICKS = np.zeros((0, 19, 3, 2), np.int64)
 
 
 def solve(scenes, rig, item):
-    return AssemblyStage(AssemblyConfig(), scenes.context(rig)).step(item).outputs[0]
+    return FedAssembly(scenes.context(rig)).step(item).outputs[0]
 
 
 def of_person(pose, truth):

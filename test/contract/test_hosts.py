@@ -138,8 +138,8 @@ def test_every_topic_of_a_row_is_in_the_table_and_its_marks_fit():
         assert len(set(kinds)) == len(kinds)  # a record goes to the topic of its type
 
 
-def test_only_offsets_comes_back_to_sync():
+def test_only_offsets_comes_back_to_sync_and_tracking_to_association():
     wiring = Wiring(NODES)
-    heads = [wiring.specs[number].name for number in wiring.heads]
-    assert heads == ["sync"]
-    assert Wiring([name for name in NODES if name != "offsets"]).heads == frozenset()
+    heads = [wiring.specs[number].name for number in sorted(wiring.heads)]
+    assert heads == ["sync", "association"]
+    assert Wiring([name for name in NODES if name not in ("offsets", "tracking")]).heads == frozenset()

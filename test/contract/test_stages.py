@@ -6,13 +6,13 @@ from dataclasses import replace
 import captures
 import numpy as np
 import pytest
-from stage_cases import NAMES, Case, cases, content, views
+from stage_cases import NAMES, Case, cases, chain, content, views
 
 from panoptic_ros.domain import DetectionSet, EndOfStream, Rig
-from panoptic_ros.graph.build import config_class, configure, make_stage, resolve
+from panoptic_ros.graph.build import config_class, configure, resolve
 from panoptic_ros.graph.host import Host, lanes_of
 from panoptic_ros.graph.nodes import FUSION, NODES
-from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.pipeline import Pipeline, records_of
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.params import load, to_mapping
 from panoptic_ros.stage import Stage, StageContext
@@ -134,10 +134,11 @@ def hosted(case, seed):
 
 
 def shuffled_cases():
-    """Cases without what has no place of its own: clock models, which other tests merge by markers."""
+    """Cases without what has no place of its own: clock models and tracks, which come with markers."""
     plain = cases()
     return {
         **{name: plain[name] for name in ("timecode", "detection", *FUSION)},
+        "association": Case("association", {}, chain()["detection_sets"], ()),
         "sync": Case("sync", {"window_s": 0.005}, views(), ()),
         "sync-interpolated": Case("sync", {"resampling": "interpolate"}, views(), ()),
     }
@@ -157,19 +158,13 @@ def test_the_order_of_arrival_does_not_matter(name):
 # ------------------------------------------------------------------ the chain
 
 
-def chain_inputs():
-    items, table = captures.views(), {}
-    for name in ("sync", *FUSION):
-        table[name] = items
-        items = run(make(name), items)
-    return table
+def skeletons(sets, context=captures.CONTEXT):
+    return records_of("skeletons", sets, configure({}), context)
 
 
-def make(name, context=captures.CONTEXT):
-    return make_stage(name, configure({"sync": {"window_s": 0.005}})[name], context)
-
-
-INPUTS = chain_inputs()
+SETS = records_of(
+    "detection_sets", captures.views(), configure({"sync": {"window_s": 0.005}}), captures.CONTEXT, ["sync"]
+)
 
 
 def people_only(item):
@@ -183,15 +178,13 @@ def people_only(item):
 
 @pytest.mark.parametrize("change", [people_only, lambda item: replace(item, views=())])
 def test_nobody_and_no_views_pass_through_the_whole_chain(change):
-    items = [change(item) for item in INPUTS["voting"]]
-    for name in FUSION:
-        items = run(make(name), items)
-        assert len(items) == len(INPUTS["voting"])
+    items = skeletons([change(item) for item in SETS])
+    assert len(items) == len(SETS)
     assert all(len(item.ids) == 0 for item in items)
 
 
 def test_people_are_found_exactly_and_keep_their_ids():
-    outputs = run(make("refinement"), INPUTS["refinement"])
+    outputs = skeletons(SETS)
     ids = {tuple(sorted(item.ids.tolist())) for item in outputs}
     assert len(ids) == 1 and len(next(iter(ids))) == 2
     for item in outputs:
@@ -206,12 +199,9 @@ def test_order_of_cameras_does_not_matter():
     context = StageContext(Rig(tuple(captures.RIG.cameras[i] for i in order)), captures.SKELETON)
     items = [
         DetectionSet(s.index, s.stamp_ns, s.skeleton_hash, tuple(s.views[i] for i in order))
-        for s in INPUTS["voting"]
+        for s in SETS
     ]
-    expected = INPUTS["voting"]
-    for name in FUSION:
-        expected, items = run(make(name), expected), run(make(name, context), items)
-    for a, b in zip(expected, items):
+    for a, b in zip(skeletons(SETS), skeletons(items, context), strict=True):
         assert a.ids.tolist() == b.ids.tolist()
         assert np.nanmax(np.abs(a.positions - b.positions)) < 1e-3
 
@@ -224,7 +214,7 @@ def test_another_rig_is_taken_over_between_two_sets():
         on_record=lambda topic, record: found.append(record) if topic == "skeletons" else None,
     )  # fmt: skip
     moved = replace(captures.RIG, frame_id="hall")
-    for number, item in enumerate(INPUTS["voting"]):
+    for number, item in enumerate(SETS):
         if number == 6:
             assert pipeline.change_rig(moved) == ()
         pipeline.push("detection_sets", item)

@@ -76,7 +76,7 @@ def test_the_state_is_all_that_steps_change(name):
         used.step(item)
     assert {key: content(vars(stage)[key], {}) for key in constant} == before
     for other in (new, used):
-        assert content(stage.LAYOUT.values(other), {}) != content(stage.LAYOUT.values(stage), {})
+        assert not roots or content(stage.LAYOUT.values(other), {}) != content(stage.LAYOUT.values(stage), {})
         other.begin(stage.state())
         assert vars(other).keys() == vars(stage).keys()
         known = [key for key in vars(stage) if (case.name, key) not in MEMORY_TO_WORK_IN]
@@ -92,14 +92,15 @@ def test_reset_gives_the_state_of_a_new_stage(name):
     new = stage.state()
     for item in case.items[: len(case.items) // 2]:
         stage.step(item)
-    assert stage.state() != new
+    assert stage.state() != new or not stage.LAYOUT.attributes
     stage.reset()
     assert stage.state() == new
 
 
 ANOTHER = {
     "timecode": {"agreeing_words": 5}, "clocks": {"window_s": 3.0}, "detection": {"input_side": 128},
-    "offsets": {"memory_s": 30.0}, "sync": {"queue_limit": 99}, "voting": {"temporal_guidance": False},
+    "offsets": {"memory_s": 30.0}, "sync": {"queue_limit": 99}, "voting": {"explain_away": False},
+    "association": {"track_memory": 0.7},
     "assembly": {"noise_memory": 1000.0}, "tracking": {"memory": 1.0}, "refinement": {"process_noise": 3.0},
 }  # fmt: skip
 

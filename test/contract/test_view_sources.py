@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import RefinedPoseSet
-from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, simulate
 from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 from panoptic_ros.stage import StageContext
@@ -26,14 +27,9 @@ def capture(noisy, maps, frames):
 
 
 def fused(rig, sets, last="refinement", settings=None):
-    """What the stages of fusion up to `last` give."""
-    configs, context = configure(settings or {}), StageContext(rig, SKELETON)
-    items = sets
-    for name in FUSION[: FUSION.index(last) + 1]:
-        stage = make_stage(name, configs[name], context)
-        results = [stage.step(item) for item in items] + [stage.flush()]
-        items = [output for result in results for output in result.outputs]
-    return items
+    """The skeletons that the stage `last` of fusion gives."""
+    topic = NODES[last].outputs[0]
+    return records_of(topic, sets, configure(settings or {}), StageContext(rig, SKELETON))
 
 
 def shown(take):

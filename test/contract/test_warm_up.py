@@ -8,7 +8,7 @@ import live_situations
 import pytest
 
 import panoptic_ros
-from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.nodes import FUSION, NODES
 
 
 def late(program: str, *arguments: object) -> str:
@@ -32,8 +32,8 @@ def late(program: str, *arguments: object) -> str:
         (4, {"assembly": {"method": "dynamic_programming"}, "voting": {"method": "exact"}}, ""),
         (3, {"voting": {"method": "dense", "volume": [-1, -1, 0, 1, 1, 2], "voxel": 0.1, "parts": True}}, ""),
         (5, {"voting": {"method": "off"}, "refinement": {"bone_sigma": 0.0}}, ""),
-        (5, {"voting": {"explain_away": False}, "assembly": {"temporal_guidance": False}}, ""),
-        (4, {"assembly": {"learn_noise": False, "compensate_stamps": False}}, "coco17"),
+        (5, {"voting": {"explain_away": False}, "association": {"temporal_guidance": False}}, ""),
+        (4, {"assembly": {"learn_noise": False}, "association": {"compensate_stamps": False}}, "coco17"),
     ],
 )
 def test_from_2d_people_to_skeletons(cameras, settings, skeleton):
@@ -50,6 +50,6 @@ def test_timecode_and_clocks():
 
 def test_no_other_stage_compiles():
     root = Path(panoptic_ros.__file__).parent
-    tested = {"sync", "voting", "assembly", "tracking", "refinement", "offsets", "timecode", "clocks"}
+    tested = {"sync", *FUSION, "offsets", "timecode", "clocks"}
     for name in set(NODES) - tested:
         assert not any("njit" in path.read_text() for path in (root / name).rglob("*.py")), name

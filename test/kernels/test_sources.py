@@ -34,7 +34,7 @@ def test_a_closure_is_closed():
 def test_compiled_code_does_not_depend_on_the_command_line():
     found = sources.closure("panoptic_ros.assembly.solve")
     rooms = {path.relative_to(ROOT).parts[0] for path in found}
-    assert {"consensus", "kernels", "assembly"} <= rooms
+    assert {"solving", "kernels", "assembly"} <= rooms
     assert not rooms & {"cli", "nodes", "running", "view", "io", "graph"}
 
 

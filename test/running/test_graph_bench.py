@@ -4,6 +4,7 @@ import json
 import pytest
 
 from panoptic_ros.cli.main import main
+from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.running.graph_bench import TABLE, lines
 
 FEW = ["bench", "graph", "--people", "2", "--views", "3", "--rate", "10", "--seconds", "3"]
@@ -18,7 +19,7 @@ def test_few_people_are_fed_and_none_is_lost(capsys):
     assert (result["views"], result["rate_hz"], row["hosts"]) == (3, 10.0, "one")
     assert 25 <= row["sent"] == row["received"] and row["lost"] == 0
     assert all(row[key] is not None for _, key, _ in TABLE)
-    assert set(row["steps_ms"]) == {"sync", "voting", "assembly", "tracking", "refinement"}
+    assert set(row["steps_ms"]) == {"sync", *FUSION}
     text = "\n".join(lines(result))
     assert "2 people, 3 views at 10 Hz" in text and all(title in text for title, _, _ in TABLE)
 

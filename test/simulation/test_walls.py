@@ -4,10 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from panoptic_ros.association.known_occluders import occluded_depths
 from panoptic_ros.domain import VisibilityLimit
 from panoptic_ros.simulation import CLEAN, SCENES, simulate
 from panoptic_ros.simulation.walls import Wall, behind_walls, occluders_of
-from panoptic_ros.voting.known_occluders import occluded_depths
 
 
 def test_a_line_of_sight_ends_at_a_wall():

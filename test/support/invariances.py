@@ -7,19 +7,15 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, DetectionSet, Rig, ScoreMaps
 from panoptic_ros.geometry import Rigid
-from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.simulation.studio import scaled
 from panoptic_ros.stage import StageContext
 
 
 def solve(rig, skeleton, sets, settings):
-    """Pose sets of voting and assembly."""
-    configs, context = configure(settings), StageContext(rig, skeleton)
-    voting, assembly = (make_stage(name, configs[name], context) for name in ("voting", "assembly"))
-    return [
-        poses for item in sets for proposals in voting.step(item).outputs
-        for poses in assembly.step(proposals).outputs
-    ]  # fmt: skip
+    """Pose sets of assembly, with what is fed back."""
+    return records_of("poses", sets, configure(settings), StageContext(rig, skeleton))
 
 
 def largest_gap(expected, found, back=lambda points: points):

@@ -5,12 +5,12 @@ import ast
 from pathlib import Path
 
 STAGES = (
-    "detection", "timecode", "clocks", "sync", "offsets", "voting", "assembly", "tracking", "refinement",
-    "simulation", "evaluation",
+    "detection", "timecode", "clocks", "sync", "offsets", "association", "voting", "assembly", "tracking",
+    "refinement", "simulation", "evaluation",
 )  # fmt: skip
 RANKS: dict[str, int] = {
     "errors": 0, "kernels": 0, "geometry": 1, "params": 1, "state": 1,
-    "domain": 2, "stage": 3, "consensus": 3,
+    "domain": 2, "stage": 3, "solving": 3, "identity": 3,
     **{stage: 4 for stage in STAGES},
     "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6,
     "running": 7, "cli": 8,
@@ -24,7 +24,8 @@ THIRD_PARTY: dict[str, set[str]] = {
     "state": {"numpy"},
     "domain": {"numpy"},
     **{name: {"numpy", "scipy", "cv2"} for name in STAGES},
-    "consensus": {"numpy"},
+    "solving": {"numpy"},
+    "identity": {"numpy"},
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
     "capture": {"numpy", "cv2"},

@@ -15,6 +15,8 @@ from numba.core.dispatcher import Dispatcher
 
 from panoptic_ros.domain import AudioBlock, DetectionSet, Occluders, SkeletonModel, Timecode, VisibilityLimit
 from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.pipeline import Pipeline, records_of
 from panoptic_ros.io.skeletons import load_skeleton
 from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, Timing, simulate
 from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
@@ -43,14 +45,16 @@ def chain(cameras: int, settings: dict[str, dict[str, Any]], skeleton: str) -> s
     late = set()
     for occluders in (None, WALL):
         context = StageContext(replace(rig, occluders=occluders), model)
-        sync, *fusion = (
-            make_stage(name, configs[name], context)
-            for name in ("sync", "voting", "assembly", "tracking", "refinement")
-        )
+        fusion = Pipeline(configs, context, FUSION)
+        whole = Pipeline(configs, context, ("sync", *FUSION))
         before = kernels()
         for sets in situations(scene, model):
-            passed(fusion, sets)
-            passed([sync, *fusion], [view for item in sets for view in item.views])
+            for item in sets:
+                fusion.push("detection_sets", item)
+            fusion.flush()
+            for view in (view for item in sets for view in item.views):
+                whole.push("detections", view)
+            whole.flush()
         late |= kernels() - before
     return late
 
@@ -108,14 +112,14 @@ def offsets() -> set[tuple[str, str, str]]:
     take = simulate(Scene("test", ("walk", "talk"), Ring(12), area=1.8), 3, 120)
     context = StageContext(take.rig, SKELETON)
     configs = configure({"offsets": {"active": True, "block_s": 1.0}})
-    fusion = [make_stage(name, configs[name], context) for name in ("voting", "assembly", "tracking")]
+    sets = list(take.detection_sets())
+    people = records_of("skeletons_raw", sets, configs, context)
     stage = make_stage("offsets", configs["offsets"], context)
     before, models = kernels(), 0
-    sets = list(take.detection_sets())
-    for item, people in zip(sets, passed(fusion, sets), strict=True):
+    for item, found in zip(sets, people, strict=True):
         delays = 20_000_000 * (np.arange(len(item.views)) % 2)
         wrong = [replace(view, stamp_ns=view.stamp_ns + int(d)) for view, d in zip(item.views, delays)]
-        results = [stage.step(received) for received in (*wrong, people)]
+        results = [stage.step(received) for received in (*wrong, found)]
         models += sum(len(result.outputs) for result in results)
     assert models, "no block was closed"
     return kernels() - before

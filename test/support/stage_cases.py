@@ -26,6 +26,7 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.simulation.ltc_signal import AudioFaults, degrade_audio, encode_ltc, timecode_rate
 from panoptic_ros.stage import StageContext
 from panoptic_ros.timecode.signal.buffer import Buffer
@@ -106,16 +107,28 @@ def disturbed():
     return [*jumped, EndOfStream("cam2")]
 
 
+TAKEN = {
+    "detection_sets": "association", "associations": "voting", "proposals": "assembly", "poses": "tracking",
+    "skeletons_raw": "refinement",
+}  # fmt: skip
+
+
 @cache
 def chain(frames=14, start=0):
     """What each stage after detection takes."""
-    items, table = views(frames, start), {}
-    for name in ("sync", *FUSION):
-        table[name] = items
-        stage = Case(name, VALUES.get(name, {}), (), ()).stage()
-        results = [stage.step(item) for item in items] + [stage.flush()]
-        items = [output for result in results for output in result.outputs]
-    return table
+    table = {key: [] for key in (*TAKEN, "tracks")}
+    pipeline = Pipeline(
+        configure(VALUES), captures.CONTEXT, ("sync", *FUSION),
+        on_record=lambda topic, record: table.setdefault(topic, []).append(record),
+    )  # fmt: skip
+    items = views(frames, start)
+    for item in items:
+        pipeline.push("detections", item)
+    pipeline.flush()
+    taken = {name: table[topic] for topic, name in TAKEN.items()}
+    pairs = zip(taken["association"], table["tracks"])  # what tracking says of a set comes before the next
+    fed_back = [item for pair in pairs for item in pair]
+    return {**taken, "sync": items, "association": fed_back, "detection_sets": table["detection_sets"]}
 
 
 def tracked(index, stamp_ns):

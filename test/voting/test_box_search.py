@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fed_stages import FedVoting
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,7 +14,6 @@ from panoptic_ros.voting.box_search import BoxSearch, pyramid_layers
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.score_volume import dense_peaks
-from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
 LENSES = [
@@ -148,7 +148,7 @@ def test_proposals_of_the_stage_are_those_of_dense(scenes, maps, lens):
     outputs = []
     for method in ("dense", "exact"):
         config = VotingConfig(method=method, volume=volume, without_maps=True, parts=True)
-        outputs += VotingStage(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
+        outputs += FedVoting(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
     for name in ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_scores"):
         assert np.array_equal(getattr(outputs[0], name), getattr(outputs[1], name)), name
     assert len(outputs[0].nodes) >= 19

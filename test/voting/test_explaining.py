@@ -1,6 +1,7 @@
 """Explaining away: what the 2D people tell already is not searched for again, what they lack is."""
 import numpy as np
 import pytest
+from fed_stages import FedVoting
 
 from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
 from panoptic_ros.geometry import Rigid
@@ -10,14 +11,13 @@ from panoptic_ros.voting.explaining import Explainer
 from panoptic_ros.voting.image_peaks import find_peaks
 from panoptic_ros.voting.proposals import Nodes
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.stage import VotingStage
 
 NAMES = ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_bones", "part_scores")
 
 
 def stage_of(scenes, rig, **config):
     config = VotingConfig(**{"without_maps": True, "parts": True} | config)
-    return VotingStage(config, StageContext(rig, scenes.skeleton))
+    return FedVoting(config, StageContext(rig, scenes.skeleton))
 
 
 def without_people(item, which, views=None):
@@ -123,26 +123,14 @@ def test_the_same_after_reset_and_flush_and_whatever_the_order_of_views(scenes):
     turned = [DetectionSet(i.index, i.stamp_ns, i.skeleton_hash, i.views[::-1]) for i in items]
     stage = stage_of(scenes, rig)
     first = [stage.step(item).outputs[0] for item in items]
-    stage.reset()
+    stage.stage.reset()
     second = [stage.step(item).outputs[0] for item in turned]
-    stage.flush()
+    stage.stage.flush()
     third = [stage.step(item).outputs[0] for item in items]
     for a, b, c in zip(first, second, third):
         for name in NAMES:
             assert np.array_equal(getattr(a, name), getattr(b, name)), name
             assert np.array_equal(getattr(a, name), getattr(c, name)), name
-
-
-def test_a_set_of_an_old_stamp_is_solved_without_guidance(scenes):
-    rig = scenes.ring(5)
-    people = [scenes.person(0.4, 0.3)]
-    stage = stage_of(scenes, rig)
-    item = scenes.detect(rig, people, "merged")
-    stage.step(at(item, 66_000_000))
-    again = stage.step(at(item, 33_000_000)).outputs[0]
-    alone = stage_of(scenes, rig, temporal_guidance=False).step(at(item, 33_000_000)).outputs[0]
-    for name in NAMES:
-        assert np.array_equal(getattr(again, name), getattr(alone, name)), name
 
 
 def test_a_camera_that_sees_nothing_changes_nothing(scenes):

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from fed_stages import FedVoting
 
 from panoptic_ros.domain import DetectionSet, Rig, ViewDetections
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Stage, StageContext
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.proposals import distinct
-from panoptic_ros.voting.stage import VotingStage
 
 BOX = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
 
@@ -14,10 +14,10 @@ BOX = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
 def propose(scenes, rig, item, **config):
     """All that the stage can give: also without maps, and parts."""
     config = VotingConfig(**{"without_maps": True, "parts": True} | config)
-    stage = VotingStage(config, StageContext(rig, scenes.skeleton))
-    assert isinstance(stage, Stage)
+    stage = FedVoting(config, StageContext(rig, scenes.skeleton))
+    assert isinstance(stage.stage, Stage)
     result = stage.step(item)
-    assert stage.flush().outputs == ()
+    assert stage.stage.flush().outputs == ()
     return result.outputs[0]
 
 
@@ -91,7 +91,7 @@ def test_votes_only_where_a_view_has_maps_and_parts_only_where_they_are_read(sce
     rig = scenes.ring(4)
     people = [scenes.person(0.0, 0.0)]
     options = {"method": method, "volume": (-0.6, -0.6, 0.0, 0.6, 0.6, 1.8), "voxel": 0.1}
-    stage = VotingStage(VotingConfig(**options), StageContext(rig, scenes.skeleton))
+    stage = FedVoting(VotingConfig(**options), StageContext(rig, scenes.skeleton))
     for maps in ("none", "mixed", "merged", "none"):
         item = scenes.detect(rig, people, maps)
         (found,) = stage.step(item).outputs
@@ -149,15 +149,15 @@ def test_detectors_that_see_half_of_the_body_twice(scenes):
 
 def test_bad_sets_name_what_is_wrong(scenes):
     rig = scenes.ring(3)
-    stage = VotingStage(VotingConfig(), StageContext(rig, scenes.skeleton))
+    stage = FedVoting(VotingConfig(), StageContext(rig, scenes.skeleton))
     item = scenes.detect(rig, [scenes.person(0.0, 0.0)])
     view = item.views[0]
-    with pytest.raises(DataError, match="rig has not"):
+    with pytest.raises(DataError, match="rig lacks"):
         stage.step(scenes.detect(scenes.ring(4), []))
     with pytest.raises(DataError, match="skeleton"):
         stage.step(DetectionSet(0, 0, "other", ()))
     bad = ViewDetections("cam0", 0, 0, (320, 240), view.skeleton_hash, view.points, view.scores, [0.9])
-    with pytest.raises(DataError, match="320 x 240"):
+    with pytest.raises(DataError, match="320, 240"):
         stage.step(DetectionSet(0, 0, view.skeleton_hash, (bad,)))
     short = ViewDetections(
         "cam0", 0, 0, (640, 480), view.skeleton_hash, view.points[:, :7], view.scores[:, :7], [0.9]
@@ -165,7 +165,7 @@ def test_bad_sets_name_what_is_wrong(scenes):
     with pytest.raises(DataError, match="7 joints"):
         stage.step(DetectionSet(0, 0, view.skeleton_hash, (short,)))
     with pytest.raises(ConfigError, match="no box"):
-        VotingStage(VotingConfig(volume=(0.0, 1.0)), StageContext(rig, scenes.skeleton))
+        FedVoting(VotingConfig(volume=(0.0, 1.0)), StageContext(rig, scenes.skeleton))
 
 
 def test_of_nodes_that_are_close_the_best_stays():

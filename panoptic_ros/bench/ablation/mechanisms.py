@@ -34,7 +34,7 @@ def _voting(name: str, about: str, **off: Any) -> Mechanism:
 
 
 def _association(name: str, about: str, **off: Any) -> Mechanism:
-    return Mechanism("association", name, about, {"assembly": off})
+    return Mechanism("association", name, about, {"association": off})
 
 
 def _assembly(name: str, about: str, maps: bool = False, **off: Any) -> Mechanism:
@@ -55,19 +55,15 @@ NO_LIMIT = 100.0  # standard deviations
 MECHANISMS: tuple[Mechanism, ...] = (
     _voting("votes", "3D votes from score maps", method="off"),
     _voting("explain-away", "search only what known people leave", explain_away=False),
-    _voting("guided-votes", "find known people for that from the last instant", temporal_guidance=False),
     _voting("merged-nodes", "nodes of one place become one", merge_distance=0.0),
-    Mechanism(
-        "association", "guidance", "known people first, from the last instant",
-        {"voting": {"temporal_guidance": False}, "assembly": {"temporal_guidance": False}},
-    ),
+    _association("guidance", "known people first, from the last instant", temporal_guidance=False),
     _association("duplicates", "a second 2D person of a view is the same one", duplicate_agreement=1.0),
     _association("view-share", "new people need a share of the views that should see them", view_share=0.0),
     _association("three-views", "new people need three views where enough see them", min_views=2),
     _association("two-views", "two views in accord make a new person where few see it",
                  few_views_agreement=1.0),
-    _association("capture-space", "no people who stand in the view of two cameras alone", capture_views=2),
-    _assembly("delays", "views are shifted to the instant by their stamps", compensate_stamps=False),
+    _association("delays", "views are shifted to the instant by their stamps", compensate_stamps=False),
+    _assembly("capture-space", "no people who stand in the view of two cameras alone", capture_views=2),
     _assembly("learnt-noise", "the noise of 2D joints is learnt, by score, view and size", learn_noise=False),
     _assembly("cauchy", "large residuals count less", cauchy=NO_LIMIT),
     _assembly("gate", "views with large residuals are left out", gate=NO_LIMIT),

@@ -1,13 +1,15 @@
 """Rows of this project's stages: voting on maps, assembly, tracking, refinement."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from panoptic_ros.bench.stage1.rows import Rows, of_poses, only
-from panoptic_ros.domain import DetectionSet, ProposalSet
+from panoptic_ros.bench.stage1.rows import Rows, Settings, of_poses, only
+from panoptic_ros.domain import AssociationSet, DetectionSet, PoseSet, ProposalSet
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
@@ -47,11 +49,12 @@ def voting_rows(rows: Rows, dense: bool) -> None:
         )
         same = all(_equal(a, b) for a, b in zip(expected, found))
         rows.rows[-1]["equal_to_exact"] = same
+    associations = _associations(rows)
     for method, more in (("seeds", False), ("seeds, explain away", True)):
         stage = rows.stage("voting", {"voting": {"method": "seeds", "explain_away": more}})
-        rows.run("voting", method, stage.step, world.sets)
+        rows.run("voting", method, stage.step, associations)
     watched = WatchedVoting(VotingConfig(), StageContext(world.rig, world.skeleton))
-    for item in world.sets:
+    for item in associations:
         watched.step(item)
     rows.run("voting", "of which after explaining away", watched.again, watched.left)
 
@@ -84,25 +87,57 @@ def _equal(dense: Peaks, exact: Peaks) -> bool:
     return all(np.array_equal(a[kept], b) for a, b in zip(dense, exact))
 
 
+class Fed:
+    """Association, voting and assembly of one instant, told by tracking who was where before.
+
+    Args:
+        maps: with voting; else from 2D people alone.
+    """
+
+    def __init__(self, rows: Rows, settings: Settings, maps: bool):
+        self._association = rows.stage("association", settings)
+        self._assembly = rows.stage("assembly", settings)
+        self._voting = rows.stage("voting", settings) if maps else None
+        self._tracking = rows.stage("tracking", settings)
+        self._last: PoseSet | None = None
+
+    def __call__(self, item: DetectionSet) -> PoseSet:
+        """The skeletons of an instant."""
+        found: AssociationSet = only(self._association.step(item))
+        proposals = ProposalSet.of_nothing(found)
+        if self._voting is not None:
+            proposals = only(self._voting.step(found))
+        poses: PoseSet = only(self._assembly.step(proposals))
+        self._last = poses
+        return poses
+
+    def following(self, sets: Sequence[DetectionSet]) -> Iterator[DetectionSet]:
+        """The sets, with tracking's answer to each before the next; that time is not measured."""
+        for item in sets:
+            yield item
+            if self._last is not None and self._last.stamp_ns == item.stamp_ns:
+                _, tracks = self._tracking.step(self._last).outputs
+                self._association.step(tracks)
+
+
 def people_rows(rows: Rows) -> None:
     """From 2D people to skeletons, without maps."""
-    plain = _proposals(rows, {"voting": {"method": "off"}}, rows.world.sets)
-    poses = _assemble(rows, "consensus, guided", {"temporal_guidance": True}, plain)
+    poses = _assemble(rows, "from 2D people, guided", {})
     _follow(rows, poses)
-    _assemble(rows, "consensus, every instant alone", {"temporal_guidance": False}, plain)
+    _assemble(rows, "every instant alone", {"association": {"temporal_guidance": False}})
 
 
-def _assemble(
-    rows: Rows, method: str, parameters: dict[str, Any], proposals: Sequence[ProposalSet], note: str = ""
-) -> list[Any]:
-    stage = rows.stage("assembly", {"assembly": parameters})
-    return rows.run("assembly", method, lambda item: only(stage.step(item)), proposals, of_poses, note)
+def _assemble(rows: Rows, method: str, settings: Settings, maps: bool = False, note: str = "") -> list[Any]:
+    """Association and assembly; the whole of stage one if there are maps."""
+    fed = Fed(rows, settings, maps)
+    step = "whole stage" if maps else "assembly"
+    return rows.run(step, method, fed, fed.following(rows.world.sets), of_poses, note)
 
 
 def _follow(rows: Rows, poses: Sequence[Any]) -> None:
     """Tracking and refinement of what assembly gave."""
     tracking, stage = rows.stage("tracking", {}), rows.stage("refinement", {})
-    tracked = rows.run("tracking", "default", lambda item: only(tracking.step(item)), poses)
+    tracked = rows.run("tracking", "default", lambda item: tracking.step(item).outputs[0], poses)
     results = rows.run("refinement", "default", stage.step, tracked)
     outputs = [output for result in [*results, stage.flush()] for output in result.outputs]
     rows.rows[-1] |= rows.quality([of_poses(output) for output in outputs])
@@ -110,18 +145,13 @@ def _follow(rows: Rows, poses: Sequence[Any]) -> None:
 
 def mapped_rows(rows: Rows) -> None:
     """From score maps to skeletons: the whole of stage one, and the paper's dynamic programming."""
-    sets = rows.world.sets
-    voting, assembly = rows.stage("voting", {}), rows.stage("assembly", {})
-    rows.run(
-        "whole stage", "voting and assembly, from maps",
-        lambda item: only(assembly.step(only(voting.step(item)))), sets, of_poses,
-    )  # fmt: skip
-    paper = {"method": "dynamic_programming"}
-    seeds = {"method": "seeds", "explain_away": False}
-    proposals = _proposals(rows, {"voting": seeds, "assembly": paper}, sets)
-    _assemble(rows, "dynamic programming (paper)", paper, proposals, "from nodes of seeds")
+    _assemble(rows, "voting and assembly, from maps", {}, maps=True)
+    paper = {"assembly": {"method": "dynamic_programming"}}
+    seeds = {"voting": {"method": "seeds", "explain_away": False}}
+    _assemble(rows, "dynamic programming (paper)", seeds | paper, maps=True, note="from nodes of seeds")
 
 
-def _proposals(rows: Rows, settings: Any, sets: Sequence[DetectionSet]) -> list[ProposalSet]:
-    stage = rows.stage("voting", settings)
-    return [only(stage.step(item)) for item in sets]
+def _associations(rows: Rows) -> list[AssociationSet]:
+    """The people of all sets, as the graph associates them."""
+    context = StageContext(rows.world.rig, rows.world.skeleton)
+    return records_of("associations", rows.world.sets, configure({}), context)

@@ -18,7 +18,9 @@ from panoptic_ros.simulation.studio import relative_noise, study_scene
 from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of
 
 AREA = 1.6  # m
-SETTINGS: dict[str, dict[str, Any]] = {"voting": {"method": "off"}, "assembly": {"temporal_guidance": False}}
+SETTINGS: dict[str, dict[str, Any]] = {
+    "voting": {"method": "off"}, "association": {"temporal_guidance": False},
+}  # fmt: skip
 SIMULATED = 0.1  # share of the time that the simulation takes
 
 

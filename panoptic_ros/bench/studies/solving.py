@@ -34,7 +34,8 @@ def solve(
             frames.append(SkeletonFrame(record.stamp_ns, ids, record.positions, record.covariances))
 
     pipeline = Pipeline(
-        configure(settings), StageContext(rig, skeleton), ("voting", "assembly"), on_record=take
+        configure(settings), StageContext(rig, skeleton), ("association", "voting", "assembly"),
+        on_record=take,
     )
     for item in sets:
         seen = tuple(view for view in item.views if view.camera in names)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import (
+    AssociationSet,
     AudioBlock,
     ClockModel,
     DetectionSet,
@@ -14,22 +15,20 @@ from panoptic_ros.domain import (
     ProposalSet,
     RefinedPoseSet,
     Rig,
-    ScoreMaps,
     SkeletonModel,
     TimecodeReading,
     TimeShift,
     TrackedPoseSet,
+    TrackSet,
     ViewDetections,
     ViewSources,
-    VisibilityLimit,
 )
 from panoptic_ros.errors import ContractError
-from panoptic_ros.io.messages import statics
+from panoptic_ros.io.messages import associations, detections, statics
 from panoptic_ros.io.messages.arrays import flat, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
 Array = np.ndarray
-_NO_CELLS = np.zeros(0, np.uint16)
 _NO_FRAMES = np.zeros(0, np.uint64)
 
 
@@ -59,100 +58,11 @@ def from_message(message: Any, record: str) -> Any:
     return _READERS[record](message)
 
 
-def _write_maps(maps: ScoreMaps | None, family: Messages) -> Any:
-    if maps is None:
-        empty = np.zeros(0, np.int32)
-        maps = ScoreMaps((1, 1), np.eye(2, 3), empty, empty, empty.reshape(0, 2), empty.reshape(0, 2), empty)
-    return family.make(
-        "ScoreMaps",
-        grid_width=maps.grid_size[0],
-        grid_height=maps.grid_size[1],
-        grid_from_image=np.array(maps.grid_from_image).reshape(6),
-        joints=flat(family, maps.joints, np.int32),
-        persons=flat(family, maps.persons, np.int32),
-        corners=flat(family, maps.corners, np.int32),
-        sizes=flat(family, maps.sizes, np.int32),
-        data=flat(family, maps.data, np.uint8),
-    )
-
-
-def _read_maps(message: Any) -> ScoreMaps:
-    count = len(message.joints)
-    return ScoreMaps(
-        (message.grid_width, message.grid_height),
-        shaped(message.grid_from_image, "ScoreMaps.grid_from_image", 2, 3),
-        message.joints,
-        message.persons,
-        shaped(message.corners, "ScoreMaps.corners", count, 2),
-        shaped(message.sizes, "ScoreMaps.sizes", count, 2),
-        message.data,
-    )
-
-
-def _write_view(view: ViewDetections, family: Messages, frame_id: str) -> Any:
-    return family.make(
-        "ViewDetections",
-        header=family.header(view.stamp_ns, view.camera),
-        frame_number=view.frame_number,
-        image_width=view.image_size[0],
-        image_height=view.image_size[1],
-        skeleton_hash=view.skeleton_hash,
-        person_count=len(view.person_scores),
-        joint_count=view.points.shape[1],
-        points=flat(family, view.points, np.float64),
-        scores=flat(family, view.scores, np.float64),
-        person_scores=flat(family, view.person_scores, np.float64),
-        has_maps=view.maps is not None,
-        maps=_write_maps(view.maps, family),
-        limit_rows=0 if view.limit is None else view.limit.cells.shape[0],
-        limit_columns=0 if view.limit is None else view.limit.cells.shape[1],
-        limits=flat(family, _NO_CELLS if view.limit is None else view.limit.cells, np.uint16),
-    )
-
-
-def _read_view(message: Any) -> ViewDetections:
-    people = int(message.person_count)
-    joints = int(message.joint_count)
-    return ViewDetections(
-        str(message.header.frame_id),
-        stamp_of(message.header),
-        int(message.frame_number),
-        (int(message.image_width), int(message.image_height)),
-        str(message.skeleton_hash),
-        shaped(message.points, "ViewDetections.points", people, joints, 2),
-        shaped(message.scores, "ViewDetections.scores", people, joints),
-        np.asarray(message.person_scores),
-        _read_maps(message.maps) if message.has_maps else None,
-        _read_limit(message),
-    )
-
-
-def _read_limit(message: Any) -> VisibilityLimit | None:
-    shape = int(message.limit_rows), int(message.limit_columns)
-    cells = shaped(message.limits, "ViewDetections.limits", *shape)
-    return VisibilityLimit(cells) if cells.size else None
-
-
-def _write_set(item: DetectionSet, family: Messages, frame_id: str) -> Any:
-    return family.make(
-        "DetectionSet",
-        header=family.header(item.stamp_ns, frame_id),
-        index=item.index,
-        skeleton_hash=item.skeleton_hash,
-        views=[_write_view(view, family, frame_id) for view in item.views],
-    )
-
-
-def _read_set(message: Any) -> DetectionSet:
-    views = tuple(_read_view(view) for view in message.views)
-    return DetectionSet(int(message.index), stamp_of(message.header), str(message.skeleton_hash), views)
-
-
 def _write_proposals(item: ProposalSet, family: Messages, frame_id: str) -> Any:
     return family.make(
         "ProposalSet",
         header=family.header(item.stamp_ns, frame_id),
-        detections=_write_set(item.detections, family, frame_id),
+        association=associations.write(item.association, family, frame_id),
         nodes=flat(family, item.nodes, np.float64),
         node_joints=flat(family, item.node_joints, np.int32),
         node_scores=flat(family, item.node_scores, np.float64),
@@ -166,7 +76,7 @@ def _write_proposals(item: ProposalSet, family: Messages, frame_id: str) -> Any:
 def _read_proposals(message: Any) -> ProposalSet:
     nodes, parts = len(message.node_joints), len(message.part_bones)
     return ProposalSet(
-        _read_set(message.detections),
+        associations.read(message.association),
         shaped(message.nodes, "ProposalSet.nodes", nodes, 3),
         np.asarray(message.node_joints),
         np.asarray(message.node_scores),
@@ -200,6 +110,7 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
             views=flat(family, item.views[k], np.int32),
             states=flat(family, item.states[k], np.uint8),
             view_persons=flat(family, (nothing if sources is None else sources.persons)[k], np.int32),
+            side_votes=flat(family, (nothing if item.side_votes is None else item.side_votes)[k], np.float64),
             **{
                 field: flat(family, (nothing if shift is None else getattr(shift, name))[k], np.float64)
                 for field, (name, _) in _TIME_SHIFT.items()
@@ -235,7 +146,7 @@ def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
             int(message.index), stamp_of(message.header), str(message.skeleton_hash),
             person_scores=np.array([p.score for p in people], float),
             newest_ns=time_ns(message.newest_stamp), time_shift=_read_time_shift(people, joints),
-            sources=_read_sources(message), **arrays, **ids,
+            sources=_read_sources(message), side_votes=_read_side_votes(people), **arrays, **ids,
         )  # fmt: skip
 
     return read
@@ -253,6 +164,14 @@ def _read_time_shift(people: Any, joints: int) -> TimeShift | None:
     )
 
 
+def _read_side_votes(people: Any) -> Array | None:
+    """None where no skeleton has any."""
+    votes = [np.asarray(p.side_votes, float) for p in people]
+    if not any(len(each) for each in votes):
+        return None
+    return np.array([shaped(each, "Skeleton.side_votes", len(votes[0])) for each in votes])
+
+
 def _read_sources(message: Any) -> ViewSources | None:
     """None where the message names no views."""
     cameras = tuple(str(name) for name in message.view_cameras)
@@ -264,8 +183,10 @@ def _read_sources(message: Any) -> ViewSources | None:
 
 
 _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {
-    ViewDetections: _write_view,
-    DetectionSet: _write_set,
+    ViewDetections: detections.write_view,
+    DetectionSet: detections.write_set,
+    AssociationSet: associations.write,
+    TrackSet: associations.write_tracks,
     ProposalSet: _write_proposals,
     PoseSet: _write_poses,
     SkeletonModel: statics.write_skeleton_model,
@@ -275,8 +196,10 @@ _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {
     ClockModel: statics.write_clock,
 }
 _READERS: dict[str, Callable[[Any], Any]] = {
-    "ViewDetections": _read_view,
-    "DetectionSet": _read_set,
+    "ViewDetections": detections.read_view,
+    "DetectionSet": detections.read_set,
+    "AssociationSet": associations.read,
+    "TrackSet": associations.read_tracks,
     "ProposalSet": _read_proposals,
     "PoseSet": _read_poses(PoseSet),
     "TrackedPoseSet": _read_poses(TrackedPoseSet),

@@ -12,6 +12,8 @@ from panoptic_ros.bench.stage1.greedy import GreedyBaseline
 from panoptic_ros.bench.stage1.world import Spread, layout_of, make_world
 from panoptic_ros.cli.main import main
 from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.config import VotingConfig
 
@@ -106,8 +108,9 @@ def test_a_world_in_the_joints_of_another_skeleton():
 
 def test_what_explaining_away_leaves_can_be_searched_again():
     world = make_world(people=2, views=4, frames=2, seed=1, maps=True)
-    watched = WatchedVoting(VotingConfig(), StageContext(world.rig, world.skeleton))
-    for item in world.sets:
+    context = StageContext(world.rig, world.skeleton)
+    watched = WatchedVoting(VotingConfig(), context)
+    for item in records_of("associations", world.sets, configure({}), context):
         watched.step(item)
     assert len(watched.left) == 2
     assert all((watched.again(given).joints >= 0).all() for given in watched.left)

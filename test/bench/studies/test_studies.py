@@ -40,7 +40,7 @@ def test_a_setting_changes_nothing_but_its_parameter():
     """A default that is given again gives the same numbers: instants are still solved one by one."""
     expected, found = (
         study_cameras(RIG, [2], [8], 5, 0, 0.012, settings, untold)["rows"]
-        for settings in ({}, {"assembly": {"min_views": 3}, "voting": {"voxel": 0.04}})
+        for settings in ({}, {"association": {"min_views": 3}, "voting": {"voxel": 0.04}})
     )
     assert found == expected
 

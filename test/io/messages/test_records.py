@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import (
+    AssociationSet,
     AudioBlock,
     Camera,
     ClockModel,
     DepthSensor,
     DetectionSet,
+    Evidence,
     FrameRate,
+    Groups,
     Occluders,
     PoseSet,
+    Prediction,
     ProposalSet,
     RefinedPoseSet,
     Rig,
@@ -25,6 +29,7 @@ from panoptic_ros.domain import (
     TimecodeReading,
     TimeShift,
     TrackedPoseSet,
+    TrackSet,
     ViewDetections,
     ViewFrame,
     ViewSources,
@@ -88,6 +93,31 @@ LIMIT = VisibilityLimit(rng.integers(0, 65535, (3, 4)).astype(np.uint16))
 SET = DetectionSet(
     5, 99, "cafe0123", (view("a"), view("b", 0), replace(view("c", with_maps=False), limit=LIMIT))
 )
+def association(people=2, followed=3):
+    """Two 2D people in the first view, none in the second, one in the third; three joints."""
+    seen, shape = 3, (followed, 3)
+    evidence = Evidence(
+        np.array([4, 0, 7]), np.array([0, 1, 2]), np.array([0, 2, 2, 3]), np.array([0, 0, 2]),
+        np.array([1, 0, 0]), rng.normal(size=(seen, 3, 2)), rng.uniform(size=(seen, 3)),
+        rng.uniform(size=(seen, 3)), rng.normal(size=3),
+    )  # fmt: skip
+    prediction = Prediction(
+        rng.normal(size=(*shape, 3)), rng.normal(size=(*shape, 3)), rng.uniform(size=shape),
+        rng.uniform(size=(*shape, 3)), rng.uniform(size=shape) < 0.5,
+        np.array([True, False, True])[:followed],
+    )  # fmt: skip
+    member = np.array([[-1, 1, 2], [-1, 0, -1]])[:people]
+    return AssociationSet(
+        SET, evidence, Groups(member, member == 1), np.array([2, -1])[:people],
+        rng.normal(size=(people, 3, 3)), prediction,
+    )  # fmt: skip
+
+
+ASSOCIATION = association()
+TRACKS = TrackSet(
+    5, 99, "cafe0123", np.array([3, -1]), rng.normal(size=(2, 3, 6)), rng.uniform(size=(2, 3, 3)),
+    rng.uniform(size=(2, 3)), np.array([[0.0, np.inf, 0.1], [0.2, 0.3, np.inf]]), np.array([0.0, 0.4]),
+)  # fmt: skip
 RATE = FrameRate(30, Fraction(30000, 1001), True)
 CAMERA = Camera(
     "cam0", (640, 480),
@@ -108,9 +138,13 @@ SENSORS = (
 RECORDS = [
     Rig((STATED, FISHEYE), depth_sensors=SENSORS),
     view(), view(people=0), SET,
-    ProposalSet(SET, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]),
+    ASSOCIATION, TRACKS,
+    ProposalSet(
+        ASSOCIATION, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]
+    ),
     poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
     poses(TrackedPoseSet, ids=[4, 2], newest_ns=10**18 + 7, time_shift=shift()),
+    poses(PoseSet, side_votes=rng.normal(size=(2, 4))),
     poses(PoseSet, sources=sources()), poses(PoseSet, 0, sources=sources(0)),
     poses(RefinedPoseSet, ids=[7, 1], sources=sources()),
     SkeletonModel("s", ("a", "b", "c"), 0, ((0, 1), (0, 2)), 1, ((1, 2),), ((0, (1, 2)),)),

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from panoptic_ros.association.occluder_kernels import nearest_depths
 from panoptic_ros.domain import Camera, DetectionSet, Occluders, Rig, ViewDetections, VisibilityLimit
 from panoptic_ros.domain.visibility import LONGER_SIDE
-from panoptic_ros.voting.occluder_kernels import nearest_depths
 
 Array = np.ndarray
 MARGIN = 0.05  # m, how far calibrations and models of things are off

@@ -9,32 +9,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.consensus.agreement import agreement_of_pairs
-from panoptic_ros.consensus.config import GroupingConfig
-from panoptic_ros.consensus.evidence import Evidence
-from panoptic_ros.consensus.grouping import (
-    MIN_COMMON,
-    Grouping,
-    Scene,
-    assign_greedily,
-    joints_of,
-    triangulate_linear,
-)
-from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, look
+from panoptic_ros.association.config import AssociationConfig
+from panoptic_ros.association.grouping import MIN_COMMON, assign_greedily, joints_of
+from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.agreement import agreement_of_pairs
+from panoptic_ros.solving.scene import Scene
+from panoptic_ros.solving.sight import HIDDEN, SEEN, look_at
+from panoptic_ros.solving.triangulation import triangulate_linear
 
 Array = np.ndarray
 
 PAIRS_PER_ROUND = 12  # pairs that are tried for each new person
 MAX_PAIR_VIEWS = 24  # views that pairs are taken from; of more, those that are spread over the rig
 REPEAT = 2  # how often the association of a new person is repeated
-MIN_DEPTH = 0.05  # m
 MISSED_VIEW = 0.1  # agreement wanted in addition for each view that should see a new person and does not
 BODY = 1.4  # m, largest distance of two joints of a person who is mostly seen
 
 
 class NewcomerRules(NamedTuple):
-    """What makes a new person; see `GroupingConfig`."""
+    """What makes a new person; see `AssociationConfig`."""
 
     agreement: float  # m
     person_agreement: float
@@ -45,7 +39,7 @@ class NewcomerRules(NamedTuple):
     few_views_agreement: float
 
     @classmethod
-    def of(cls, config: GroupingConfig) -> NewcomerRules:
+    def of(cls, config: AssociationConfig) -> NewcomerRules:
         """Those of a configuration."""
         return cls(
             config.agreement, config.person_agreement, config.duplicate_agreement, float(config.min_views),
@@ -53,62 +47,18 @@ class NewcomerRules(NamedTuple):
         )  # fmt: skip
 
 
-def find_people(scene: Scene, free: Array, config: GroupingConfig) -> tuple[Grouping, Array]:
+def find_people(scene: Scene, free: Array, config: AssociationConfig) -> tuple[Groups, Array]:
     """New people among the free 2D people (D,).
 
     Returns:
-        the grouping, and positions (P, J, 3) m of a first estimate.
+        their 2D people, and positions (P, J, 3) m of a first estimate.
     """
     evidence = scene.evidence
     member, mirrored, places = search_people(
-        free, evidence.plane, scene.precision, evidence.view, scene.cams, evidence.centres, evidence.sight,
+        free, evidence.plane, scene.precision, evidence.view, scene.cams, scene.centres, scene.sight,
         scene.mirror, NewcomerRules.of(config),
     )  # fmt: skip
-    return Grouping(member, mirrored), places
-
-
-def seeing_views(evidence: Evidence, positions: Array) -> Array:
-    """Which views (P, V) have at least half of the joints (P, J, 3) of a person in sight."""
-    seeing: Array = views_of_people(positions, evidence.rotations, evidence.translations, evidence.sight)
-    return seeing
-
-
-@njit(cache=True, error_model="numpy")
-def views_of_people(positions, rotations, translations, sight):
-    """The loops of `seeing_views`."""
-    seeing = np.zeros((len(positions), len(rotations)), np.bool_)
-    for p in range(len(positions)):
-        found = look_at(positions[p], rotations, translations, sight)
-        for v in range(len(found)):
-            seeing[p, v] = found[v] == SEEN
-    return seeing
-
-
-@njit(cache=True, error_model="numpy")
-def look_at(position, rotations, translations, sight):
-    """How each view (V,) sees a person (J, 3) m.
-
-    SEEN if at least half of the known joints are in sight, HIDDEN if so many are in the image, else OUTSIDE.
-    """
-    found = np.full(len(rotations), OUTSIDE, np.int64)
-    known = 0
-    for j in range(len(position)):
-        known += np.isfinite(position[j, 0])
-    for v in range(len(rotations)):
-        r, t = rotations[v], translations[v]
-        seen = hidden = 0
-        for j in range(len(position)):
-            a, b, c = position[j]
-            depth = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
-            if depth > MIN_DEPTH:
-                x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
-                y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
-                state = look(sight, v, x, y, depth)
-                seen += state == SEEN
-                hidden += state == HIDDEN
-        if seen + hidden >= 0.5 * max(known, 1):
-            found[v] = SEEN if seen >= 0.5 * max(known, 1) else HIDDEN
-    return found
+    return Groups(member, mirrored), places
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,4 @@
-"""Parameters of the grouping of 2D people."""
+"""Parameters of association."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,8 +7,20 @@ from panoptic_ros.params import Config, param
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroupingConfig(Config):
+class AssociationConfig(Config):
     """Which 2D people of several views are one person."""
+
+    temporal_guidance: bool = param(
+        True, doc="Let the people of the instant before guide association and choices; never pulls positions."
+    )
+    track_memory: float = param(
+        0.5, unit="s", ge=0.0, le=60.0, doc="How long somebody guides after being seen last."
+    )
+    compensate_stamps: bool = param(
+        True, doc="Shift each view to the instant of the set by its own stamp and the joint's velocity "
+        "(needs temporal guidance).",
+    )
+    min_joint_score: float = param(0.0, ge=0.0, le=1.0, doc="2D joints with lower scores are ignored.")
 
     agreement: float = param(
         0.05, unit="m", ge=0.005, le=0.5,

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.consensus.sight import Sight, sight_of
-from panoptic_ros.consensus.undistortion import lens_records, undistort_points
-from panoptic_ros.domain import Camera, DetectionSet, Rig, SkeletonModel
+from panoptic_ros.domain import AssociationSet, Camera, DetectionSet, Evidence, Rig, SkeletonModel
 from panoptic_ros.errors import DataError
+from panoptic_ros.solving.undistortion import lens_records, undistort_points
 
 Array = np.ndarray
 
@@ -58,51 +57,6 @@ def _plane_box(camera: Camera) -> Array:
     return np.where(np.isfinite(box), box, [-1e3, 1e3, -1e3, 1e3])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
-    """All 2D people of a set: V views in the order of the rig, D people ordered by view.
-
-    Args:
-        cameras: (V,) index into the rig. slots: (V,) index into `DetectionSet.views`.
-        starts: (V + 1,) first person of each view. view: (D,) view of each person.
-        rows: (D,) index of the person in its `ViewDetections`.
-        plane: (D, J, 2) undistorted normalised points, 0 where missing.
-        magnification: (D, J) scale of the image there, relative to the optical axis; 1 for Brown lenses. See
-            `undistort_points`.
-        scores: (D, J), 0 where missing.
-        delays: (V,) s, stamp of the view minus stamp of the set.
-        rotations (V, 3, 3), translations (V, 3) m: cam_from_world; centres (V, 3) m in the world.
-        focals: (V,) px. sight: how far the views see.
-    """
-
-    cameras: Array
-    slots: Array
-    starts: Array
-    view: Array
-    rows: Array
-    plane: Array
-    magnification: Array
-    scores: Array
-    delays: Array
-    rotations: Array
-    translations: Array
-    centres: Array
-    focals: Array
-    sight: Sight
-
-    @property
-    def views(self) -> int:
-        """Number of views."""
-        return len(self.cameras)
-
-    @property
-    def person_magnification(self) -> Array:
-        """Mean magnification (D,) of the joints that each 2D person has."""
-        there = self.scores > 0.0
-        total = np.where(there, self.magnification, 0.0).sum(axis=1)
-        return np.where(there.any(axis=1), total / np.maximum(there.sum(axis=1), 1), 1.0)
-
-
 def gather(
     detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str, min_score: float
 ) -> Evidence:
@@ -137,10 +91,8 @@ def gather(
     plane, magnification, good = undistort_points(pixels, usable, cameras[view], arrays.lenses)
     delays = np.array([1e-9 * (record.stamp_ns - detections.stamp_ns) for record in records])
     return Evidence(
-        cameras, np.array(slots, np.int64), starts, view, order - starts[view],
-        plane, magnification, np.where(good, scores, 0.0), delays, arrays.rotations[cameras],
-        arrays.translations[cameras], arrays.centres[cameras], arrays.focals[cameras],
-        sight_of(arrays.boxes[cameras], [arrays.cameras[c] for c in cameras], records),
+        cameras, np.array(slots, np.int64), starts, view, order - starts[view], plane, magnification,
+        np.where(good, scores, 0.0), delays,
     )  # fmt: skip
 
 
@@ -150,7 +102,7 @@ def _check(
     """Raise DataError unless the set fits the rig and the skeleton."""
     if detections.skeleton_hash != skeleton_hash:
         raise DataError(
-            f"detections of skeleton {detections.skeleton_hash}, but assembly works on "
+            f"detections of skeleton {detections.skeleton_hash}, but association works on "
             f"{skeleton.name} ({skeleton_hash}); configure one skeleton for all"
         )
     for record in detections.views:
@@ -164,9 +116,31 @@ def _check(
                 f"camera {record.camera}: people of {record.points.shape[1]} joints, "
                 f"skeleton {skeleton.name} has {len(skeleton)}"
             )
+        if record.maps is not None and record.maps.joints.size and record.maps.joints.max() >= len(skeleton):
+            raise DataError(
+                f"camera {record.camera}: score maps of {record.maps.joints.max() + 1} joints, "
+                f"skeleton {skeleton.name} has {len(skeleton)}"
+            )
         size = arrays.cameras[arrays.index[record.camera]].image_size
         if record.image_size != size:
             raise DataError(
                 f"camera {record.camera}: detections in an image of {record.image_size}, the rig says "
                 f"{size}; rescale one of them"
             )
+
+
+def check_association(item: AssociationSet, arrays: RigArrays, skeleton_hash: str) -> None:
+    """Raise DataError unless associated people fit the rig and the skeleton of a later stage."""
+    if item.detections.skeleton_hash != skeleton_hash:
+        raise DataError(
+            f"people of skeleton {item.detections.skeleton_hash} in a stage that works on {skeleton_hash}; "
+            "configure one skeleton for all"
+        )
+    for view in item.detections.views:
+        if view.camera not in arrays.index:
+            raise DataError(f"people of camera {view.camera!r}, which the rig lacks; configure one rig")
+    if len(item.evidence.cameras) and item.evidence.cameras.max() >= len(arrays.cameras):
+        raise DataError(
+            f"people of camera number {item.evidence.cameras.max()}, but the rig has {len(arrays.cameras)}; "
+            "configure one rig for all"
+        )

@@ -2,10 +2,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
-from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, ViewDetections
+from panoptic_ros.domain import (
+    AssociationSet,
+    DetectionSet,
+    Groups,
+    Prediction,
+    Rig,
+    SkeletonModel,
+    ViewDetections,
+)
+from panoptic_ros.solving.evidence import RigArrays, gather
 
 Array = np.ndarray
 VIEWS = 4  # at most
@@ -50,3 +60,20 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Itera
                 )
             )  # fmt: skip
         yield DetectionSet(index, index * STEP_NS, skeleton.hash, tuple(views))
+
+
+def easy_associations(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Iterator[AssociationSet]:
+    """The same with the cloud associated over the views: somebody new, who is then followed."""
+    arrays, cloud = RigArrays.of(rig), cloud_of_joints(rig, skeleton)[None]
+    ages, still = np.zeros(cloud.shape[:2]), np.zeros_like(cloud)
+    for item in easy_instants(rig, skeleton, delay_ns):
+        evidence = gather(item, arrays, skeleton, skeleton.hash, 0.0)
+        counts = (evidence.scores > 0.0).sum(axis=1)
+        rows = [int(start + counts[start:end].argmax()) for start, end in pairwise(evidence.starts)]
+        groups = Groups(np.array(rows, np.int64)[None], np.zeros((1, len(rows)), bool))
+        known = item.index > 0
+        prediction = Prediction(cloud, still, ages, 1e-3 + still, ages < 0.0, ages[:, 0] < 0.0)
+        yield AssociationSet(
+            item, evidence, groups, np.array([0 if known else -1]), cloud,
+            prediction if known else Prediction.of_nobody(len(skeleton)),
+        )  # fmt: skip

@@ -11,6 +11,7 @@ from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
+MIN_DEPTH = 0.05  # m
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # of a place and a view
 
 
@@ -76,3 +77,41 @@ def look(sight, v, x, y, depth):
     i = min(int((x - left) / (right - left) * columns), columns - 1)
     k = min(int((y - top) / (bottom - top) * rows), rows - 1)
     return SEEN if depth <= sight.limits[start + k * columns + i] else HIDDEN
+
+
+@njit(cache=True, error_model="numpy")
+def views_of_people(positions, rotations, translations, sight):
+    """The loops of `seeing_views`."""
+    seeing = np.zeros((len(positions), len(rotations)), np.bool_)
+    for p in range(len(positions)):
+        found = look_at(positions[p], rotations, translations, sight)
+        for v in range(len(found)):
+            seeing[p, v] = found[v] == SEEN
+    return seeing
+
+
+@njit(cache=True, error_model="numpy")
+def look_at(position, rotations, translations, sight):
+    """How each view (V,) sees a person (J, 3) m.
+
+    SEEN if at least half of the known joints are in sight, HIDDEN if so many are in the image, else OUTSIDE.
+    """
+    found = np.full(len(rotations), OUTSIDE, np.int64)
+    known = 0
+    for j in range(len(position)):
+        known += np.isfinite(position[j, 0])
+    for v in range(len(rotations)):
+        r, t = rotations[v], translations[v]
+        seen = hidden = 0
+        for j in range(len(position)):
+            a, b, c = position[j]
+            depth = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
+            if depth > MIN_DEPTH:
+                x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
+                y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
+                state = look(sight, v, x, y, depth)
+                seen += state == SEEN
+                hidden += state == HIDDEN
+        if seen + hidden >= 0.5 * max(known, 1):
+            found[v] = SEEN if seen >= 0.5 * max(known, 1) else HIDDEN
+    return found

@@ -5,10 +5,11 @@ import captures
 import numpy as np
 import pytest
 
-from panoptic_ros.consensus.evidence import RigArrays, gather
-from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, look
 from panoptic_ros.domain import DetectionSet, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics
+from panoptic_ros.solving.evidence import RigArrays, gather
+from panoptic_ros.solving.scene import scene_of
+from panoptic_ros.solving.sight import HIDDEN, OUTSIDE, SEEN, look
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 
@@ -25,7 +26,10 @@ def test_a_wall_with_a_hole_hides_the_same_as_in_the_image(distortion):
     views = captures.views(1)
     views = (replace(views[0], limit=limit), views[1])
     item = DetectionSet(0, views[0].stamp_ns, views[0].skeleton_hash, views)
-    sight = gather(item, RigArrays.of(rig), captures.SKELETON, captures.SKELETON.hash, 0.0).sight
+    arrays = RigArrays.of(rig)
+    evidence = gather(item, arrays, captures.SKELETON, captures.SKELETON.hash, 0.0)
+    precision, mirror = np.ones(evidence.scores.shape), np.array(captures.SKELETON.mirror)
+    sight = scene_of(item, evidence, precision, mirror, arrays).sight
     camera = rig.cameras[0]
     rng = np.random.default_rng(0)
     pixels = rng.uniform(0.0, [1279.0, 719.0], (3000, 2))

@@ -1,17 +1,20 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.example import easy_instants
-from panoptic_ros.consensus.rough_people import RoughSolver, robust_positions
-from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
-from panoptic_ros.errors import DataError
+from panoptic_ros.association.config import AssociationConfig
+from panoptic_ros.association.stage import AssociationStage
+from panoptic_ros.domain import Camera, DetectionSet, Rig, TrackSet, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.skeletons import load_skeleton
+from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.evidence import RigArrays
+from panoptic_ros.solving.example import easy_associations
+from panoptic_ros.solving.rough_joints import robust_positions, rough_people
+from panoptic_ros.stage import StageContext
 
 SKELETON = load_skeleton("panoptic19")
+SECOND = 10**9
 
 
 def ring(count):
@@ -54,35 +57,32 @@ def worst(found, people):
     return gaps.min(axis=0).max()
 
 
-def test_finds_people_at_once_and_again():
+def rough(rig, item):
+    """Joints of the people of one instant."""
+    (found,) = AssociationStage(AssociationConfig(), StageContext(rig, SKELETON)).step(item).outputs
+    return rough_people(found, RigArrays.of(rig), SKELETON)
+
+
+def test_finds_the_joints_of_associated_people():
     rig, people = ring(5), [person(0, 0.7), person(1, -0.7)]
-    solver = RoughSolver(rig, SKELETON)
-    for k in range(3):
-        found = solver.solve(seen(rig, people, 33_000_000 * k))
-        assert found.positions.shape == (2, 19, 3)
-        assert worst(found.positions, people) < 1e-6
+    found = rough(rig, seen(rig, people))
+    assert found.positions.shape == (2, 19, 3)
+    assert worst(found.positions, people) < 1e-6
+    assert not found.velocities.any()
 
 
-def test_follows_views_of_their_own_instants():
+def test_views_of_their_own_instants_are_moved_by_the_predicted_velocity():
     rig, start, velocity = ring(5), person(0), np.array([1.0, 0.5, 0.0])
-    solver = RoughSolver(rig, SKELETON)
     delays = [0, 10_000_000, -10_000_000, 15_000_000, -5_000_000]
-    for k in range(20):
-        people = [start + velocity * 0.033 * k]
-        found = solver.solve(seen(rig, people, 100_000_000 + 33_000_000 * k, delays, velocity))
-    assert worst(found.positions, people) < 0.004
-
-
-def test_knows_nobody_after_reset_and_nobody_in_nothing():
-    rig = ring(4)
-    solver = RoughSolver(rig, SKELETON)
-    assert len(solver.solve(DetectionSet(0, 0, SKELETON.hash, ())).positions) == 0
-    one = solver.solve(seen(rig, [person(0)], 1000))
-    solver.reset()
-    two = solver.solve(seen(rig, [person(0)], 1000))
-    assert np.array_equal(one.positions, two.positions)
-    with pytest.raises(DataError, match="skeleton"):
-        solver.solve(DetectionSet(0, 0, "other", ()))
+    stage = AssociationStage(AssociationConfig(), StageContext(rig, SKELETON))
+    numbers = np.zeros((1, 19))
+    states = np.concatenate([start, np.tile(velocity, (19, 1))], axis=-1)[None]
+    known = (states, np.full((1, 19, 3), 1e-4), numbers, numbers)
+    stage.step(TrackSet(0, SECOND, SKELETON.hash, np.zeros(1), *known, np.zeros(1)))
+    item = seen(rig, [start + 0.033 * velocity], SECOND + 33_000_000, delays, velocity)
+    (associated,) = stage.step(item).outputs
+    found = rough_people(associated, RigArrays.of(rig), SKELETON)
+    assert worst(found.positions, [start + 0.033 * velocity]) < 1e-6
 
 
 @given(seed=st.integers(0, 10**6), views=st.integers(4, 8), start=st.booleans())
@@ -116,9 +116,10 @@ def test_views_that_do_not_meet_give_no_joint():
     assert np.isnan(found).all()
 
 
-def test_the_easy_instants_are_easy():
+def test_the_easy_associations_are_easy():
     rig = ring(6)
-    solver = RoughSolver(rig, SKELETON)
-    for item in easy_instants(rig, SKELETON):
-        assert len(item.views) == 4
-        assert np.isfinite(solver.solve(item).positions).all()
+    for number, item in enumerate(easy_associations(rig, SKELETON)):
+        assert len(item.detections.views) == 4
+        assert item.who.tolist() == [number - 1]
+        found = rough_people(item, RigArrays.of(rig), SKELETON).positions
+        assert np.abs(found - item.places).max() < 1e-6

@@ -3,8 +3,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.gauss_newton import TABLE, SolverRules, refine_point, solve_symmetric
+from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.gauss_newton import TABLE, SolverRules, refine_point, solve_symmetric
 
 
 @settings(deadline=None, max_examples=50)

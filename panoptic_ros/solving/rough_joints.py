@@ -1,27 +1,21 @@
-"""A robust first estimate of people in 3D, with which voting explains score maps away."""
+"""A robust first estimate of the joints of associated people, with which voting explains score maps away."""
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.config import GroupingConfig
-from panoptic_ros.consensus.evidence import RigArrays, gather
-from panoptic_ros.consensus.gauss_newton import INFORMATION, VIEW, X, Y, solve_symmetric
-from panoptic_ros.consensus.grouping import Grouping, Scene, assign, middle_of_cameras
-from panoptic_ros.consensus.guidance import Guidance
-from panoptic_ros.consensus.newcomers import find_people
-from panoptic_ros.consensus.truncation import truncated
-from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
+from panoptic_ros.domain import AssociationSet, SkeletonModel
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.evidence import RigArrays
+from panoptic_ros.solving.gauss_newton import INFORMATION, VIEW, X, Y, solve_symmetric
+from panoptic_ros.solving.scene import even_precision, scene_of
+from panoptic_ros.solving.triangulation import middle_of_cameras
+from panoptic_ros.solving.truncation import truncated
 
 Array = np.ndarray
 
 NOISE = 0.005  # standard deviation of a 2D joint, as a share of the image's diagonal
-SPREAD = 0.02  # m, standard deviation of a joint, for the guidance
-MEMORY = 0.5  # s, how long a person who is not seen is predicted
-ACCELERATION = 10.0  # m/s^2, of a joint
 TRUNCATION = 4.0  # standard deviations; gate of 2D joints, and limit of their costs
 ROUNDS = 4  # of weighted linear triangulation
 MAX_PAIRS = 15  # of views that are tried as candidates where the views disagree
@@ -36,85 +30,24 @@ class RoughPeople:
     velocities: Array
 
 
-class RoughSolver:
-    """Association and robust linear triangulation, guided by the result of the instant before.
+def rough_people(item: AssociationSet, arrays: RigArrays, skeleton: SkeletonModel) -> RoughPeople:
+    """The joints of the people of a set, each where most of its views support it, at least two.
 
-    Nobody is rejected. A joint on which the views disagree gets the position that most of them support, at
-    least two.
+    Nobody is rejected.
     """
-
-    def __init__(self, rig: Rig, skeleton: SkeletonModel, guided: bool = True):
-        self._rig, self._skeleton, self._hash = RigArrays.of(rig), skeleton, skeleton.hash
-        self._config, self._guided = GroupingConfig(), guided
-        self._mirror = np.array(skeleton.mirror, np.int64)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget everybody."""
-        none = np.full(len(self._mirror), -1, np.int64)
-        self._guidance = Guidance(self._mirror, none, MEMORY, ACCELERATION)
-        self._last_ns: int | None = None
-
-    def solve(self, item: DetectionSet) -> RoughPeople:
-        """The people of an instant. An instant that does not follow the last one is solved without guidance.
-
-        Raises:
-            DataError: if the detections do not fit the rig or the skeleton.
-        """
-        scene = self._scene(item)
-        follows = self._last_ns is None or item.stamp_ns > self._last_ns
-        if not (self._guided and follows):
-            nobody = np.zeros((0, len(self._mirror), 3))
-            return self._solve(scene, nobody, nobody)[0]
-        dt = 0.0 if self._last_ns is None else 1e-9 * (item.stamp_ns - self._last_ns)
-        self._last_ns = item.stamp_ns
-        expected = self._guidance.predict(dt)
-        people, who = self._solve(scene, expected.positions, expected.velocities)
-        known = np.isfinite(people.positions[..., :1, None])
-        covariances = np.where(known, SPREAD**2 * np.eye(3), np.nan)
-        self._guidance.update(who, people.positions, covariances, np.zeros((len(who), 0)))
-        return people
-
-    def _with_derived(self, positions: Array) -> Array:
-        """Fill joints that are means of others, in place."""
-        for joint, parts in self._skeleton.derived:
-            positions[:, joint] = positions[:, list(parts)].mean(axis=1)
-        return positions
-
-    def _scene(self, item: DetectionSet) -> Scene:
-        evidence = gather(item, self._rig, self._skeleton, self._hash, 0.0)
-        cameras = evidence.cameras[evidence.view]
-        scale = self._rig.focals[cameras] / (NOISE * self._rig.diagonals[cameras])
-        precision = np.where(evidence.scores > 0.0, scale[:, None] * evidence.magnification, 0.0)
-        cams = Cameras(evidence.rotations, evidence.translations, evidence.delays)
-        return Scene(evidence, precision, self._mirror, cams)
-
-    def _solve(self, scene: Scene, expected: Array, velocities: Array) -> tuple[RoughPeople, Array]:
-        """The people, and the index (P,) of the prediction of each, -1 = new."""
-        config = self._config
-        free = np.ones(len(scene.evidence.view), bool)
-        who = np.zeros(0, np.int64)
-        known = Grouping.empty(0, scene.evidence.views)
-        if len(expected):
-            known, free = assign(scene, expected, velocities, free, config, config.guided_agreement)
-            who = np.flatnonzero((known.member >= 0).sum(axis=1) >= 2)
-            lost = np.delete(known.member, who, axis=0)
-            free[lost[lost >= 0]] = True
-            known = Grouping(known.member[who], known.mirrored[who])
-        fresh, places = find_people(scene, free, config)
-        flips = np.where(fresh.member >= 0, np.where(fresh.mirrored, 1, -1), 0).sum(axis=1) > 0
-        fresh.mirrored ^= flips[:, None]
-        places[flips] = places[flips][:, self._mirror]
-        still = np.zeros_like(places)
-        both = known.joined(fresh)
-        starts = np.concatenate([expected[who], places])
-        shifts = np.concatenate([velocities[who], still])
-        positions = robust_positions(
-            starts, shifts, both.member, both.mirrored, scene.evidence.plane, scene.precision, scene.cams,
-            self._mirror,
-        )  # fmt: skip
-        who = np.concatenate([who, np.full(len(places), -1)])
-        return RoughPeople(self._with_derived(positions), shifts), who
+    mirror = np.array(skeleton.mirror, np.int64)
+    precision = even_precision(item.evidence, arrays, NOISE)
+    scene = scene_of(item.detections, item.evidence, precision, mirror, arrays)
+    velocities = np.zeros_like(item.places)
+    known = item.who >= 0
+    velocities[known] = item.prediction.velocities[item.who[known]]
+    positions = robust_positions(
+        item.places, velocities, item.groups.member, item.groups.mirrored, item.evidence.plane, precision,
+        scene.cams, mirror,
+    )  # fmt: skip
+    for joint, parts in skeleton.derived:
+        positions[:, joint] = positions[:, list(parts)].mean(axis=1)
+    return RoughPeople(positions, velocities)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -2,17 +2,16 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.consensus.config import GroupingConfig
-from panoptic_ros.consensus.newcomers import (
+from panoptic_ros.association.config import AssociationConfig
+from panoptic_ros.association.newcomers import (
     MAX_PAIR_VIEWS,
     PAIRS_PER_ROUND,
     NewcomerRules,
     best_pairs,
     enough_support,
-    look_at,
     spread_views,
 )
-from panoptic_ros.consensus.sight import HIDDEN, OUTSIDE, SEEN, Sight
+from panoptic_ros.solving.sight import HIDDEN, OUTSIDE, SEEN, Sight, look_at
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -53,7 +52,7 @@ def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
 
 @pytest.fixture
 def rules():
-    return NewcomerRules.of(GroupingConfig())
+    return NewcomerRules.of(AssociationConfig())
 
 
 def body(size):

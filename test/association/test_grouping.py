@@ -3,17 +3,18 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.consensus.agreement import agreement_with_people
-from panoptic_ros.consensus.cameras import Cameras
-from panoptic_ros.consensus.config import GroupingConfig
-from panoptic_ros.consensus.evidence import Evidence
-from panoptic_ros.consensus.grouping import MIN_COMMON, MIRROR_MARGIN, Scene, assign
-from panoptic_ros.consensus.newcomers import find_people
-from panoptic_ros.consensus.sight import Sight
+from panoptic_ros.association.config import AssociationConfig
+from panoptic_ros.association.grouping import MIN_COMMON, MIRROR_MARGIN, assign
+from panoptic_ros.association.newcomers import find_people
+from panoptic_ros.domain import Evidence
+from panoptic_ros.solving.agreement import agreement_with_people
+from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.scene import Scene
+from panoptic_ros.solving.sight import Sight
 
 JOINTS = 7
 MIRROR = np.array([0, 2, 1, 4, 3, 6, 5])
-CONFIG = GroupingConfig()
+CONFIG = AssociationConfig()
 
 
 def looking_in(views):
@@ -50,11 +51,12 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
     scores, delays = np.full(plane.shape[:2], 0.8), np.zeros(views)
     evidence = Evidence(
         np.arange(views), np.arange(views), starts, view, np.arange(len(view)) - starts[view], plane,
-        np.ones(scores.shape), scores, delays, rotations, translations, centres, np.full(views, 1000.0),
-        Sight(np.tile([-1.0, 1, -1, 1], (views, 1)), np.zeros(3 * views)),
+        np.ones(scores.shape), scores, delays,
     )  # fmt: skip
     cams = Cameras(rotations, translations, delays)
-    return Scene(evidence, np.full(plane.shape[:2], 500.0), MIRROR, cams), np.array(truth, int)
+    sight = Sight(np.tile([-1.0, 1, -1, 1], (views, 1)), np.zeros(3 * views))
+    precision, focals = np.full(plane.shape[:2], 500.0), np.full(views, 1000.0)
+    return Scene(evidence, precision, MIRROR, cams, centres, focals, sight), np.array(truth, int)
 
 
 def crowd(count, seed):

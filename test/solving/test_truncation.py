@@ -3,7 +3,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from panoptic_ros.consensus.truncation import truncated
+from panoptic_ros.solving.truncation import truncated
 
 costs = st.floats(0.0, 1e6)
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.consensus.lens_kernels import fisheye_factor, fisheye_slope, straighten_fisheye
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.lens_kernels import fisheye_factor, fisheye_slope, straighten_fisheye
 
 Array = np.ndarray
 FARTHEST = 1e3  # undistorted radius beyond which no joint is believed

@@ -1,0 +1,129 @@
+"""The association stage."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.association.config import AssociationConfig
+from panoptic_ros.association.grouping import assign
+from panoptic_ros.association.known_occluders import KnownOccluders
+from panoptic_ros.association.newcomers import find_people
+from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, Groups, Prediction, TrackSet
+from panoptic_ros.errors import DataError
+from panoptic_ros.identity.motion import predicted
+from panoptic_ros.solving.evidence import RigArrays, gather
+from panoptic_ros.solving.example import easy_instants
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limb_groups
+from panoptic_ros.solving.scene import Scene, even_precision, scene_of
+from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Stateful, StateLayout
+
+Array = np.ndarray
+NOISE = 0.005  # standard deviation of a 2D joint, as a share of the image's diagonal; relative weights only
+
+
+class AssociationStage(Stateful):
+    """`DetectionSet`, guided by the `TrackSet` fed back, to `AssociationSet`.
+
+    The constructor compiles the kernels, or takes them from the cache.
+    """
+
+    LAYOUT = StateLayout(
+        "association", ("_tracks", "_last_ns"), (TrackSet,),
+        same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash"},
+    )  # fmt: skip
+
+    def __init__(self, config: AssociationConfig, context: StageContext):
+        self._config, self._skeleton = config, context.skeleton
+        self._hash = context.skeleton.hash  # computed at each call
+        self._rig, self._names = RigArrays.of(context.rig), context.rig.names
+        self._occluders = KnownOccluders(context.rig)
+        self._mirror = np.array(context.skeleton.mirror, np.int64)
+        self._sides = Sides(context.skeleton, limb_groups(context.skeleton)[0])
+        self.reset()
+        for example in easy_instants(context.rig, context.skeleton):
+            for item in self.step(example).outputs:
+                self.step(_followed(item))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody."""
+        self._tracks: TrackSet | None = None
+        self._last_ns: int | None = None
+
+    def flush(self) -> StepResult[AssociationSet]:
+        """Nothing is buffered."""
+        self.reset()
+        return StepResult()
+
+    def step(self, item: DetectionSet | TrackSet) -> StepResult[AssociationSet]:
+        """The people of an instant; sets from the past are dropped with a notice.
+
+        Raises:
+            DataError: if the detections do not fit the rig or the skeleton.
+        """
+        if isinstance(item, TrackSet):
+            if item.skeleton_hash != self._hash:
+                raise DataError(f"tracks of skeleton {item.skeleton_hash}, association works on {self._hash}")
+            self._tracks = item
+            return StepResult()
+        item = self._occluders.limit(item)
+        evidence = gather(item, self._rig, self._skeleton, self._hash, self._config.min_joint_score)
+        if self._last_ns is not None and item.stamp_ns <= self._last_ns:
+            text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
+            return StepResult(notices=(Notice("association.old_stamp", "warning", text),))
+        self._last_ns = item.stamp_ns
+        if not self._config.compensate_stamps:
+            evidence = replace(evidence, delays=np.zeros_like(evidence.delays))
+        return StepResult((self._associate(item, evidence),))
+
+    def _associate(self, item: DetectionSet, evidence: Evidence) -> AssociationSet:
+        """Those who are followed first, then new people among the 2D people that are left."""
+        precision = even_precision(evidence, self._rig, NOISE)
+        scene = scene_of(item, evidence, precision, self._mirror, self._rig)
+        prediction = self._predict(item.stamp_ns)
+        known, who, free = self._known(scene, prediction)
+        fresh, places = self._new(scene, free)
+        return AssociationSet(
+            item, evidence, known.joined(fresh), np.concatenate([who, np.full(len(places), -1)]),
+            np.concatenate([prediction.positions[who], places]), prediction,
+        )  # fmt: skip
+
+    def _predict(self, stamp_ns: int) -> Prediction:
+        """Where those should be now who were seen lately."""
+        if self._tracks is None or not self._config.temporal_guidance:
+            return Prediction.of_nobody(len(self._mirror))
+        return predicted(self._tracks, stamp_ns, self._config.track_memory)
+
+    def _known(self, scene: Scene, prediction: Prediction) -> tuple[Groups, Array, Array]:
+        """2D people of those predicted whom two or more views show, who they are, and what is left (D,)."""
+        config, free = self._config, np.ones(len(scene.evidence.view), bool)
+        groups, left = assign(
+            scene, prediction.positions, prediction.velocities, free, config, config.guided_agreement
+        )
+        seen = (groups.member >= 0).sum(axis=1) >= 2
+        lost = groups.member[~seen]
+        left[lost[lost >= 0]] = True
+        return groups.rows(seen), np.flatnonzero(seen), left
+
+    def _new(self, scene: Scene, free: Array) -> tuple[Groups, Array]:
+        """New people among the free 2D people, the right way round, and a first estimate of their joints."""
+        groups, places = find_people(scene, free, self._config)
+        if len(places):  # seldom
+            views = np.where(groups.member >= 0, np.where(groups.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
+            wrong = views > ANATOMY_VOTES * self._sides.of_body(places)
+            groups = Groups(groups.member, groups.mirrored ^ wrong[:, None])
+            places[wrong] = places[wrong][:, self._mirror]
+        return groups, places
+
+
+def _followed(item: AssociationSet) -> TrackSet:
+    """The people of a set as if they were followed, to compile with."""
+    people, joints = item.places.shape[:2]
+    states = np.concatenate([item.places, np.zeros((people, joints, 3))], axis=-1)
+    numbers = np.zeros((people, joints))
+    return TrackSet(
+        item.index, item.stamp_ns, item.detections.skeleton_hash, np.zeros(people, np.int64), states,
+        np.full((people, joints, 3), 1e-3), numbers, numbers, np.zeros(people),
+    )  # fmt: skip

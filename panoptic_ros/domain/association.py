@@ -1,0 +1,212 @@
+"""Which 2D people of several views are one person, and who is followed over time."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain.checks import check_stamp
+from panoptic_ros.domain.detections import DetectionSet
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """All 2D people of a set as flat arrays: V views in the order of the rig, D people ordered by view.
+
+    Args:
+        cameras: (V,) index into the rig. slots: (V,) index into `DetectionSet.views`.
+        starts: (V + 1,) first person of each view. view: (D,) view of each person.
+        rows: (D,) index of the person in its `ViewDetections`.
+        plane: (D, J, 2) undistorted normalised points, 0 where missing.
+        magnification: (D, J) scale of the image there, relative to the optical axis; 1 for Brown lenses.
+        scores: (D, J), 0 where missing.
+        delays: (V,) s, stamp of the view minus stamp of the set; 0 where motion in between does not count.
+
+    Raises:
+        DataError: if the arrays do not fit each other.
+    """
+
+    cameras: Array
+    slots: Array
+    starts: Array
+    view: Array
+    rows: Array
+    plane: Array
+    magnification: Array
+    scores: Array
+    delays: Array
+
+    def __post_init__(self) -> None:
+        views, people = len(self.cameras), len(self.view)
+        shape = self.scores.shape
+        _fit(self, "cameras slots delays", (views,))
+        _fit(self, "starts", (views + 1,))
+        _fit(self, "view rows", (people,))
+        _fit(self, "scores magnification", (people, *shape[1:]))
+        _fit(self, "plane", (people, *shape[1:], 2))
+
+    @property
+    def views(self) -> int:
+        """Number of views."""
+        return len(self.cameras)
+
+    @property
+    def person_magnification(self) -> Array:
+        """Mean magnification (D,) of the joints that each 2D person has."""
+        there = self.scores > 0.0
+        total = np.where(there, self.magnification, 0.0).sum(axis=1)
+        return np.where(there.any(axis=1), total / np.maximum(there.sum(axis=1), 1), 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Where K people who are followed should be at an instant.
+
+    Args:
+        positions: (K, J, 3) m, NaN = unknown. velocities: (K, J, 3) m/s, 0 where unknown.
+        ages: (K, J) s since measured. variances: (K, J, 3), see `geometry.motion`.
+        firm: (K, J) whether three or more views agreed on the joint a moment ago.
+        established: (K,) whether three or more views ever agreed on some joints.
+
+    Raises:
+        DataError: if the arrays do not fit each other.
+    """
+
+    positions: Array
+    velocities: Array
+    ages: Array
+    variances: Array
+    firm: Array
+    established: Array
+
+    def __post_init__(self) -> None:
+        shape = self.ages.shape
+        _fit(self, "positions velocities variances", (*shape, 3))
+        _fit(self, "ages firm", shape)
+        _fit(self, "established", shape[:1])
+
+    @classmethod
+    def of_nobody(cls, joints: int) -> Prediction:
+        """Nobody is followed."""
+        places, numbers = np.zeros((0, joints, 3)), np.zeros((0, joints))
+        return cls(places, places, numbers, places, numbers > 0.0, np.zeros(0, bool))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Groups:
+    """Which 2D person each of P people has in each of V views.
+
+    Args:
+        member: (P, V) row of the evidence, -1 = none.
+        mirrored: (P, V) whether the sides of that 2D person are exchanged.
+    """
+
+    member: Array
+    mirrored: Array
+
+    def __post_init__(self) -> None:
+        _fit(self, "member mirrored", self.member.shape)
+
+    @classmethod
+    def empty(cls, people: int, views: int) -> Groups:
+        """Nothing is associated."""
+        return cls(np.full((people, views), -1, np.int64), np.zeros((people, views), bool))
+
+    def joined(self, other: Groups) -> Groups:
+        """The rows of both."""
+        return Groups(
+            np.concatenate([self.member, other.member]), np.concatenate([self.mirrored, other.mirrored])
+        )
+
+    def rows(self, which: Array) -> Groups:
+        """Some of the people."""
+        return Groups(self.member[which], self.mirrored[which])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AssociationSet:
+    """The people of one instant before their joints are solved.
+
+    Args:
+        detections: what they were made from. evidence: the same as flat arrays.
+        groups: the 2D people of P people.
+        who: (P,) row of the prediction that each person continues, -1 = new.
+        places: (P, J, 3) m, where their joints are roughly: predicted, or triangulated; NaN = unknown.
+        prediction: everybody who is followed, also those who were not found.
+
+    Raises:
+        DataError: if the arrays do not fit each other.
+    """
+
+    detections: DetectionSet
+    evidence: Evidence
+    groups: Groups
+    who: Array
+    places: Array
+    prediction: Prediction
+
+    def __post_init__(self) -> None:
+        people = len(self.who)
+        _fit(self, "who", (people,))
+        if self.groups.member.shape != (people, self.evidence.views):
+            raise DataError(
+                f"AssociationSet.groups has shape {self.groups.member.shape}, expected people and views "
+                f"{(people, self.evidence.views)}"
+            )
+        _fit(self, "places", (people, *self.prediction.positions.shape[1:]))
+
+    @property
+    def index(self) -> int:
+        """Index of the detection set."""
+        return self.detections.index
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the detection set."""
+        return self.detections.stamp_ns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackSet:
+    """Everybody who is followed, as they were at one instant: T tracks, confirmed or not.
+
+    Args:
+        index, stamp_ns, skeleton_hash: those of the skeletons that were taken last.
+        ids: (T,) public identities, -1 = not confirmed yet.
+        states (T, J, 6) m and m/s, NaN = unknown, and variances (T, J, 3): see `geometry.motion`.
+        ages: (T, J) s since each joint was measured. unagreed: (T, J) s since three views agreed on it.
+        unseen: (T,) s since the person was seen.
+
+    Raises:
+        DataError: if the arrays do not fit each other.
+    """
+
+    index: int
+    stamp_ns: int
+    skeleton_hash: str
+    ids: Array
+    states: Array
+    variances: Array
+    ages: Array
+    unagreed: Array
+    unseen: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        shape = self.ages.shape
+        _fit(self, "ids unseen", shape[:1])
+        _fit(self, "ages unagreed", shape)
+        _fit(self, "states", (*shape, 6))
+        _fit(self, "variances", (*shape, 3))
+
+
+def _fit(record: object, names: str, shape: tuple[int, ...]) -> None:
+    """Make the arrays of these names read-only, and raise DataError unless they have the shape."""
+    for name in names.split():
+        array = getattr(record, name)
+        array.flags.writeable = False
+        if array.shape != shape:
+            raise DataError(f"{type(record).__name__}.{name} has shape {array.shape}, expected {shape}")

@@ -1,0 +1,128 @@
+"""The constant-velocity filter of all joints of everybody who is followed, compiled.
+
+`geometry.motion` is the numpy reference of the filter. Predictions serve for choices only: association,
+starting points, sides, time shifts, identity. The positions of skeletons are functions of the present images.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import Prediction, TrackSet
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+
+ACCELERATION = 10.0  # m/s^2, standard deviation, of a joint
+START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
+FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
+LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten
+FIRM_VIEWS = 3  # views that must agree on a joint to make its position firm
+FIRM_TIME = 0.08  # s, how long it stays firm
+ESTABLISHED_JOINTS = 4  # joints that were ever firm make a person established
+
+
+class JointMotion(NamedTuple):
+    """Filters of T people's J joints.
+
+    states (T, J, 6) m and m/s, NaN = unknown; variances (T, J, 3), see `geometry.motion`; ages (T, J) s since
+    measured; unagreed (T, J) s since FIRM_VIEWS views agreed on the joint, infinite if never.
+    """
+
+    states: Array
+    variances: Array
+    ages: Array
+    unagreed: Array
+
+    @classmethod
+    def of_new(cls, people: int, joints: int) -> JointMotion:
+        """Filters of people before their first measurement."""
+        return cls(
+            np.full((people, joints, 6), np.nan), np.zeros((people, joints, 3)), np.zeros((people, joints)),
+            np.full((people, joints), np.inf),
+        )  # fmt: skip
+
+
+def predict(motion: JointMotion, dt: float) -> None:
+    """Predict in place to dt >= 0 s later."""
+    noise = ACCELERATION**2
+    growth = (noise * dt**4 / 4.0, noise * dt**3 / 2.0, noise * dt**2)
+    predict_joints(motion, float(dt), float(np.exp(-dt / FADE_TIME)), growth)
+
+
+def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
+    """Where those should be at an instant who were seen within `memory` s before it."""
+    dt = 1e-9 * max(stamp_ns - tracks.stamp_ns, 0)
+    motion = JointMotion(
+        tracks.states.copy(), tracks.variances.copy(), tracks.ages.copy(), tracks.unagreed.copy()
+    )
+    predict(motion, dt)
+    known = np.isfinite(motion.states[..., 0])
+    rows = np.flatnonzero(known.any(axis=1) & (tracks.unseen + dt <= memory))
+    states, unagreed = motion.states[rows], motion.unagreed[rows]
+    return Prediction(
+        states[..., :3].copy(), np.where(known[rows][..., None], states[..., 3:], 0.0), motion.ages[rows],
+        motion.variances[rows], unagreed <= FIRM_TIME,
+        np.isfinite(unagreed).sum(axis=1) >= ESTABLISHED_JOINTS,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def predict_joints(motion, dt, fade, growth):
+    """The loops of `predict`.
+
+    Args:
+        fade: factor on the velocity of joints that were not measured last. growth: what white acceleration
+            adds to the three variances.
+    """
+    states, variances, ages, unagreed = motion
+    for t in range(ages.shape[0]):
+        for j in range(ages.shape[1]):
+            factor = fade if ages[t, j] > 0.0 else 1.0
+            ages[t, j] += dt
+            unagreed[t, j] += dt
+            state, variance = states[t, j], variances[t, j]
+            for k in range(3):
+                state[3 + k] *= factor
+                state[k] += dt * state[3 + k]
+            variance[0] = variance[0] + 2.0 * dt * variance[1] + dt * dt * variance[2] + growth[0]
+            variance[1] = variance[1] + dt * variance[2] + growth[1]
+            variance[2] = variance[2] + growth[2]
+            if variance[0] > LOST_SIGMA**2:
+                for k in range(6):
+                    state[k] = np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def update_joints(motion, t, positions, covariances, views):
+    """Update person t in place with a skeleton: (J, 3) m, (J, 3, 3) m^2, number of inlier views (J,)."""
+    for j in range(len(positions)):
+        if views[j] >= FIRM_VIEWS:
+            motion.unagreed[t, j] = 0.0
+        if np.isfinite(positions[j, 0]):
+            motion.ages[t, j] = 0.0
+            c = covariances[j]
+            noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
+            _update_joint(motion.states[t, j], motion.variances[t, j], positions[j], noise)
+
+
+@njit(cache=True, error_model="numpy")
+def _update_joint(state, variance, point, noise):
+    """Update one joint with a measurement, in place; see `geometry.motion.update_motion`."""
+    if not np.isfinite(state[0]):
+        for k in range(3):
+            state[k], state[3 + k] = point[k], 0.0
+        variance[0], variance[1], variance[2] = noise, 0.0, START_SPEED**2
+        return
+    spread = variance[0] + noise
+    if spread < 1e-12:
+        spread = 1e-12
+    gain_x, gain_v = variance[0] / spread, variance[1] / spread
+    for k in range(3):
+        innovation = point[k] - state[k]
+        state[k] += gain_x * innovation
+        state[3 + k] += gain_v * innovation
+    variance[2] -= gain_v * variance[1]
+    variance[0] *= 1.0 - gain_x
+    variance[1] *= 1.0 - gain_x

@@ -1,0 +1,75 @@
+"""Tables of tracks against plain numpy."""
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import PoseSet
+from panoptic_ros.tracking.tracks import FLOOR, WORST, Tracks, joint_distances, mean_gaps
+
+JOINTS = 5
+BONES = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
+MIRROR, GROUPS = np.array([0, 2, 1, 4, 3]), np.array([-1, 0, 0, 0, 0])
+
+
+def poses(positions, index=0, votes=None):
+    positions = np.asarray(positions, float)
+    shape = positions.shape[:2]
+    there = np.isfinite(positions[..., 0])
+    covariances = np.where(there[..., None, None], 1e-4 * np.eye(3), np.nan)
+    return PoseSet(
+        index, index, "abc", positions, covariances, 1.0 * there, 4 * there, 1 * there, np.ones(shape[0]),
+        side_votes=votes,
+    )
+
+
+def people(rng, count):
+    positions = rng.normal(size=(count, JOINTS, 3))
+    positions[rng.random((count, JOINTS)) < 0.25] = np.nan
+    return positions
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_distances_are_means_over_the_joints_that_both_have(seed):
+    rng = np.random.default_rng(seed)
+    states = np.concatenate([people(rng, 3), np.zeros((3, JOINTS, 3))], axis=-1)
+    variances, positions = rng.uniform(0.0, 0.1, (3, JOINTS, 3)), people(rng, 4)
+    covariances = rng.uniform(1e-4, 1e-2, (4, JOINTS, 1, 1)) * np.eye(3)
+    distance, cost = joint_distances(states, variances, positions, covariances)
+    gaps = np.linalg.norm(states[:, None, :, :3] - positions[None], axis=-1)
+    sigmas = np.sqrt(variances[:, None, :, 0] + covariances[None, :, :, 0, 0] + FLOOR**2)
+    for t in range(3):
+        for p in range(4):
+            known = np.isfinite(gaps[t, p])
+            assert distance[t, p] == pytest.approx(gaps[t, p][known].mean() if known.any() else np.inf)
+            worst = np.minimum(gaps[t, p] / sigmas[t, p], WORST)
+            assert cost[t, p] == pytest.approx(worst[known].mean() if known.any() else np.inf)
+
+
+def test_gaps_need_three_joints():
+    positions = np.zeros((3, JOINTS, 3))
+    positions[1] += [0.3, 0.0, 0.4]
+    positions[2, 2:] = np.nan
+    expected = [[0.0, 0.5, np.inf], [0.5, 0.0, np.inf], [np.inf] * 3]
+    assert np.allclose(mean_gaps(positions), expected)
+
+
+def test_bones_are_averaged_and_the_middle_is_the_median():
+    tracks = Tracks.of_new(1, JOINTS, len(BONES), 1)
+    rng = np.random.default_rng(3)
+    shown = [people(rng, 1) for _ in range(7)]
+    for index, positions in enumerate(shown):
+        tracks.update(np.array([0]), poses(positions, index), BONES, 0)
+    lengths = np.stack([np.linalg.norm(p[0, BONES[:, 0]] - p[0, BONES[:, 1]], axis=-1) for p in shown])
+    assert np.allclose(tracks.lengths[0], np.nanmean(lengths, axis=0))
+    assert np.allclose(tracks.middles[0], np.nanmedian(shown[-1][0], axis=0))
+    assert tracks.hits[0] == 7 and tracks.unseen[0] == 0.0
+
+
+def test_sides_that_most_views_see_exchanged_for_long_are_exchanged():
+    tracks = Tracks.of_new(2, JOINTS, len(BONES), 1)
+    positions = np.random.default_rng(0).normal(size=(2, JOINTS, 3))
+    tracks.update(np.array([0, 1]), poses(positions, votes=np.array([[2.0], [-1.0]])), BONES, 0)
+    tracks.exchange_sides(GROUPS, MIRROR)
+    assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])
+    assert np.array_equal(tracks.states[1, :, :3], positions[1])
+    tracks.exchange_sides(GROUPS, MIRROR)  # not again: the balance was turned round
+    assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])
