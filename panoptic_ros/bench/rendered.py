@@ -23,7 +23,7 @@ def rendered_world(take: Simulation, model: str) -> World:
     """
     skeleton, extras = detector_extras(model, SKELETON)
     context = StageContext(take.rig, skeleton, extras)
-    sets = tuple(detected_sets(context, _instants(take)))
+    sets = tuple(detected_sets(context, instants_of(take, take.rig.names)))
     return World(take.rig, skeleton, sets, (), truth_of(take))
 
 
@@ -35,11 +35,9 @@ def detected_sets(context: StageContext, instants: Iterable[Sequence[ViewFrame]]
         yield DetectionSet(index, frames[0].stamp_ns, context.skeleton.hash, views)
 
 
-def _instants(take: Simulation) -> Iterator[list[ViewFrame]]:
-    """The images of all cameras, instant by instant."""
+def instants_of(take: Simulation, names: Sequence[str]) -> Iterator[list[ViewFrame]]:
+    """The images of these cameras, instant by instant."""
     studio, ticks = Studio(take), take.schedule.ticks
-    cameras = [studio.camera(name).render(ticks) for name in take.rig.names]
+    cameras = [studio.camera(name).render(ticks) for name in names]
     for index, (tick, images) in enumerate(zip(ticks, zip(*cameras))):
-        yield [
-            ViewFrame(name, to_stamp(tick), index, image.image) for name, image in zip(take.rig.names, images)
-        ]
+        yield [ViewFrame(name, to_stamp(tick), index, image.image) for name, image in zip(names, images)]

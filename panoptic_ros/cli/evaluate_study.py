@@ -5,16 +5,20 @@ import argparse
 import json
 from pathlib import Path
 
+from panoptic_ros.bench.studies.takes import Takes
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running import studies
 from panoptic_ros.running.parameters import read_parameters
+from panoptic_ros.running.presets import read_preset
 from panoptic_ros.view.progress import PassBar
-from panoptic_ros.view.study_table import study_table
+from panoptic_ros.view.study_table import study_table, time_table
 
+PAPER, NOTHING = "panoptic-studio", "none"
 DEFAULTS = {  # numbers of people, of cameras, and of frames
     "cameras": ("2,3,4,5,6,7", "480,240,160,80,40,20,10", 12),
     "nodes": ("2,3,4,5,6,7", "480", 12),
     "resolution": ("2,5", "19", 5),
+    "time": ("5", "480", 5),
 }
 
 
@@ -24,16 +28,18 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--study", choices=studies.STUDIES,
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
-        "VGA and QVGA images",
+        "VGA and QVGA images; time for a minute of capture",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
-    group.add_argument("--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5)")
+    group.add_argument(
+        "--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5; time: 5)"
+    )
     group.add_argument(
         "--cameras", default="", metavar="N,N", help="default 480,240,160,80,40,20,10 (resolution: 19)"
     )
     group.add_argument(
-        "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution: 5)"
+        "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution, time: 5)"
     )
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
     group.add_argument(
@@ -42,7 +48,11 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument(
         "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
-        help="a parameter of voting or assembly",
+        help="a parameter of voting or assembly, for every method",
+    )  # fmt: skip
+    group.add_argument(
+        "--preset", default=PAPER, metavar="NAME",
+        help=f"is put beside the default: a preset or a YAML file (default {PAPER}); {NOTHING} = nothing",
     )  # fmt: skip
 
 
@@ -55,19 +65,20 @@ def run_study(args: argparse.Namespace) -> int:
     request = _request(args)
     with PassBar(args.study) as bar:
         result = studies.run_study(request, bar.show)
-    path = studies.write_study(args.out, result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(study_table(result["rows"])))
+    files = studies.write_study(args.out, result)
+    table = time_table if args.study == "time" else study_table
+    print(json.dumps(result, indent=1) if args.json else "\n".join(table(result)))
     if not args.json:
-        print(f"\n{path} and {args.study}.png were written")
+        print(f"\nwritten: {', '.join(str(path) for path in files)}")
     return 0
 
 
 def _request(args: argparse.Namespace) -> studies.StudyRequest:
     people, cameras, frames = DEFAULTS[args.study]
+    takes = Takes(_numbers(args.people or people, "--people"), args.frames or frames, args.seed, args.noise)
     return studies.StudyRequest(
-        args.study, args.rig, _numbers(args.people or people, "--people"),
-        _numbers(args.cameras or cameras, "--cameras"), args.frames or frames, args.seed, args.noise,
-        read_parameters(None, args.settings),
+        args.study, args.rig, takes, _numbers(args.cameras or cameras, "--cameras"),
+        read_parameters(None, args.settings), read_preset("" if args.preset == NOTHING else args.preset),
     )  # fmt: skip
 
 

@@ -5,13 +5,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.bench.studies.takes import Method, Takes, inside
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.build import merged
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.running.parameters import Parameters
+from panoptic_ros.running.presets import NO_PRESET, Preset
 from panoptic_ros.stage import Progress
 
-STUDIES = ("cameras", "nodes", "resolution")
+STUDIES = ("cameras", "nodes", "resolution", "time")
 MODEL = "movenet-multipose"
 
 
@@ -21,20 +25,28 @@ class StudyRequest:
 
     Args:
         name: one of `STUDIES`. rig: file of the cameras.
-        people: numbers of people. cameras: numbers of cameras; nodes: all, resolution: the first.
-        frames: per number of people. seed: of the simulation.
-        noise: of 2D joints, a share of the diagonal of a person's box.
-        settings: parameters of voting and assembly.
+        cameras: numbers of cameras; nodes, time: all, resolution: the first.
+        settings: parameters of voting and assembly, for every method.
+        preset: what is put beside the default; `NO_PRESET` = nothing.
     """
 
     name: str
     rig: Path
-    people: tuple[int, ...]
+    takes: Takes
     cameras: tuple[int, ...]
-    frames: int
-    seed: int
-    noise: float
-    settings: dict[str, dict[str, Any]]
+    settings: Parameters
+    preset: Preset = NO_PRESET
+
+    def methods(self, rig: Rig) -> tuple[Method, ...]:
+        """The default and the preset, which searches the inside of the rig unless it says otherwise."""
+        from panoptic_ros.simulation.studio import centred  # simulation is slow to load
+
+        default = Method(settings=self.settings)
+        if self.preset is NO_PRESET:
+            return (default,)
+        inner = {"voting": {"volume": inside(centred(rig))}}
+        settings = merged(inner, self.preset.parameters, self.settings)
+        return default, Method(self.preset.name, settings, self.preset.skeleton)
 
 
 def run_study(request: StudyRequest, progress: Progress) -> dict[str, Any]:
@@ -43,20 +55,24 @@ def run_study(request: StudyRequest, progress: Progress) -> dict[str, Any]:
     Raises:
         UserError: if the cameras or the detector cannot be loaded.
     """
-    return (_resolution if request.name == "resolution" else _cameras)(request, progress)
+    run = {"resolution": _resolution, "time": _time}.get(request.name, _cameras)
+    return run(request, progress)
 
 
-def write_study(folder: Path, result: dict[str, Any]) -> Path:
-    """Write NAME.json and NAME.png; the path of the former."""
+def write_study(folder: Path, result: dict[str, Any]) -> list[Path]:
+    """Write NAME.json and, of accuracy, NAME.png; their paths."""
     from panoptic_ros.view.study_plots import write_study_plot  # matplotlib is slow to load
 
     path = folder / f"{result['study']}.json"
     write_json(path, result)
+    if result["study"] == "time":
+        return [path]
     what = "rendered images, default detector" if result["study"] == "resolution" else (
         f"simulated detector, noise {100 * result['noise_share']:g} % of the person's size"
     )
-    write_study_plot(path.with_suffix(".png"), result["rows"], f"PCK, {what}")
-    return path
+    picture = path.with_suffix(".png")
+    write_study_plot(picture, result["rows"], f"PCK, {what}")
+    return [path, picture]
 
 
 def _cameras(request: StudyRequest, progress: Progress) -> dict[str, Any]:
@@ -64,9 +80,7 @@ def _cameras(request: StudyRequest, progress: Progress) -> dict[str, Any]:
 
     rig = _of_type(request.rig, "vga")
     counts = (len(rig),) if request.name == "nodes" else request.cameras
-    result = study_cameras(
-        rig, request.people, counts, request.frames, request.seed, request.noise, request.settings, progress
-    )
+    result = study_cameras(rig, request.takes, counts, request.methods(rig), progress)
     return result | {"study": request.name}
 
 
@@ -74,10 +88,15 @@ def _resolution(request: StudyRequest, progress: Progress) -> dict[str, Any]:
     from panoptic_ros.bench.studies.resolution import study_resolution
 
     hd, vga = read_rig(request.rig, types=("hd",)), read_rig(request.rig, types=("vga",))
-    return study_resolution(
-        hd, vga, request.cameras[0], request.people, request.frames, request.seed, MODEL, request.settings,
-        progress,
-    )  # fmt: skip
+    methods = request.methods(Rig((*hd.cameras, *vga.cameras)))
+    return study_resolution((hd, vga), request.cameras[0], request.takes, methods, MODEL, progress)
+
+
+def _time(request: StudyRequest, progress: Progress) -> dict[str, Any]:
+    from panoptic_ros.bench.studies.times import study_time
+
+    rig = _of_type(request.rig, "vga")
+    return study_time(rig, request.takes, request.methods(rig), MODEL, progress)
 
 
 def _of_type(path: Path, kind: str) -> Rig:

@@ -45,13 +45,15 @@ def write_study_plot(path: Path, rows: Sequence[Mapping[str, Any]], title: str) 
 def _panel(axes: Axes, rows: list[Mapping[str, Any]], people: int) -> None:
     counts = sorted({row["cameras"] for row in rows if row["kind"] == "given"})
     shades = dict(zip(counts, colormaps["viridis"](np.linspace(0.92, 0.0, max(len(counts), 1)))))
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    styles = {method: ("-", ":", "--", "-.")[k % 4] for k, method in enumerate(methods)}
     for row in rows:
         given = row["kind"] == "given"
         axes.plot(
             100.0 * np.array(row["pck_thresholds_m"]), row["pck"],
             color=shades[row["cameras"]] if given else DASHES[row["kind"]],
-            linestyle="-" if given else "--",
-            label=f"{row['cameras']} cameras" if given else f"{row['cameras']} {row['kind']}",
+            linestyle=styles[row["method"]],
+            label=f"{row['cameras']} {'cameras' if given else row['kind']}, {row['method']}",
         )  # fmt: skip
     axes.set(title=f"{people} people", xlim=(0.0, END_CM), ylim=(0.0, 1.02))
     axes.grid(alpha=0.3)

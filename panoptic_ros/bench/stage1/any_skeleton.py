@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.bench.stage1.world import ACTIVITIES, World, layout_of
-from panoptic_ros.domain import DetectionSet, JointMap, ScoreMaps, ViewDetections
+from panoptic_ros.domain import DetectionSet, JointMap, ScoreMaps, SkeletonModel, ViewDetections
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
 from panoptic_ros.io.skeletons import load_skeleton, map_joints, shared_names
 from panoptic_ros.simulation import CLEAN, Scene, simulate
@@ -43,17 +43,20 @@ def in_joints_of(world: World, name: str) -> World:
         ConfigError: if there is none of that name, or it has none of the world's joints.
     """
     skeleton, joint_map = map_joints(name, world.skeleton.joint_names)
+    sets = tuple(set_in_joints(item, skeleton, joint_map) for item in world.sets)
+    return replace(world, skeleton=skeleton, sets=sets)
+
+
+def set_in_joints(item: DetectionSet, skeleton: SkeletonModel, joint_map: JointMap) -> DetectionSet:
+    """A set in the joints of another skeleton model; joint_map: to its joints."""
 
     def mapped(view: ViewDetections) -> ViewDetections:
         points, scores = joint_map.apply(view.points, view.scores)
         maps = None if view.maps is None else maps_of(view.maps, joint_map)
         return replace(view, skeleton_hash=skeleton.hash, points=points, scores=scores, maps=maps)
 
-    def renamed(item: DetectionSet) -> DetectionSet:
-        views = tuple(mapped(view) for view in item.views)
-        return replace(item, skeleton_hash=skeleton.hash, views=views)
-
-    return replace(world, skeleton=skeleton, sets=tuple(renamed(item) for item in world.sets))
+    views = tuple(mapped(view) for view in item.views)
+    return replace(item, skeleton_hash=skeleton.hash, views=views)
 
 
 def maps_of(maps: ScoreMaps, joint_map: JointMap) -> ScoreMaps:

@@ -2,15 +2,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.bench.rendered import SKELETON, detected_sets
 from panoptic_ros.bench.stage1.world import truth_of
-from panoptic_ros.bench.studies.cameras import about, shared_out
 from panoptic_ros.bench.studies.solving import score, solve
+from panoptic_ros.bench.studies.takes import Method, Takes, of_people, shared_out
 from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.evaluation import SkeletonSequence
 from panoptic_ros.evaluation.studies import StudyScore
@@ -31,13 +31,13 @@ DETECTED = 0.95  # share of the time that detection takes; the rest is solving
 
 @dataclass(frozen=True)
 class ImageStudyConfig:
-    """What `ImageStudy` needs to know: parameters of voting and assembly."""
+    """What `ImageStudy` needs to know."""
 
-    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
+    methods: tuple[Method, ...] = (Method(),)
 
 
 class ImageStudy:
-    """The score of a recording of images and truth, by a detector: a `stage.Pass`.
+    """The scores of a recording of images and truth, by a detector: a `stage.Pass`.
 
     Args:
         context: with the extra "detector".
@@ -46,41 +46,53 @@ class ImageStudy:
     def __init__(self, config: ImageStudyConfig, context: StageContext):
         self._config, self._context = config, context
 
-    def run(self, recording: Recording, progress: Progress) -> StudyScore:
-        """Detect in all images of an instant, instant by instant, and solve."""
+    def run(self, recording: Recording, progress: Progress) -> tuple[StudyScore, ...]:
+        """Detect in all images of an instant, instant by instant, and solve: a score for each method."""
         rig, skeleton = self._context.rig, self._context.skeleton
         truth = SkeletonSequence(TRUE_SKELETON.joint_names, tuple(recording.records("truth")))
         instants = zip(*(recording.records("image", name) for name in rig.names))
         told = part_of(progress, 0.0, DETECTED)
         told_instants = each(instants, len(truth.frames), told, f"detection in {len(rig)} views")
         sets = list(detected_sets(self._context, told_instants))
-        solved = each(sets, len(sets), part_of(progress, DETECTED, 1.0), "solving")
-        return score(truth, solve(rig, skeleton, solved, self._config.settings))
+        methods, told = self._config.methods, part_of(progress, DETECTED, 1.0)
+        return tuple(
+            score(truth, solve(method, rig, skeleton, sets).skeletons)
+            for method in each(methods, len(methods), told, "solving")
+        )
 
 
 def study_resolution(
-    hd: Rig, vga: Rig, cameras: int, people: Sequence[int], frames: int, seed: int, model: str,
-    settings: dict[str, dict[str, Any]], progress: Progress,
+    rigs: tuple[Rig, Rig], cameras: int, takes: Takes, methods: Sequence[Method], model: str,
+    progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
-    """Scores for every number of people and each resolution.
+    """Scores for every number of people, each resolution and each method.
+
+    Args:
+        rigs: the HD cameras and the VGA cameras. cameras: so many pairs of them at most.
 
     Raises:
         UserError: if the detector cannot be loaded.
     """
-    hd, vga = nearest_pairs(hd, vga, min(cameras, len(hd), len(vga)))
+    hd, vga = nearest_pairs(*rigs, min(cameras, *map(len, rigs)))
     rows = []
-    for number, told in zip(people, shared_out(progress, people)):
-        rendering, *parts = shared_out(about(number, told), COSTS)
-        take = simulate(study_scene(Rig((*hd.cameras, *vga.cameras)), number, AREA, CLEAN), seed, frames)
+    for number, told in zip(takes.people, shared_out(progress, takes.people)):
+        rendering, *parts = shared_out(of_people(number, told), COSTS)
+        scene = study_scene(Rig((*hd.cameras, *vga.cameras)), number, AREA, CLEAN)
+        take = simulate(scene, takes.seed, takes.frames)
         images = _render(take, rendering)
         for (kind, rig, views), part in zip(_kinds(take, set(hd.names), images), parts):
             skeleton, extras = detector_extras(model, SKELETON)
-            work = ImageStudy(ImageStudyConfig(settings), StageContext(rig, skeleton, extras))
-            found = work.run(_recording(take, rig, views), part)
+            work = ImageStudy(ImageStudyConfig(tuple(methods)), StageContext(rig, skeleton, extras))
+            scores = work.run(_recording(take, rig, views), part)
             width = rig.cameras[0].image_size[0]
-            rows.append({"people": number, "cameras": len(rig), "kind": kind, "width": width}
-                        | found.to_mapping())  # fmt: skip
-    return {"study": "resolution", "model": model, "frames": frames, "seed": seed, "rows": rows}
+            about = {"people": number, "cameras": len(rig), "kind": kind, "width": width}
+            rows += [
+                {**about, "method": method.name, **found.to_mapping()}
+                for method, found in zip(methods, scores)
+            ]
+    return {
+        "study": "resolution", "model": model, "frames": takes.frames, "seed": takes.seed, "rows": rows,
+    }  # fmt: skip
 
 
 def _render(take: Simulation, progress: Progress) -> dict[str, list[Array]]:

@@ -1,17 +1,21 @@
-"""From detection sets to skeletons with stage one, and how good they are."""
+"""From detection sets to skeletons with stage one, how good they are and what they cost."""
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from panoptic_ros.bench.stage1.any_skeleton import set_in_joints
+from panoptic_ros.bench.studies.takes import Method
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.studies import StudyScore, score_study
-from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.io.skeletons import map_joints
 from panoptic_ros.stage import StageContext
 
 SCORED = (
@@ -19,14 +23,24 @@ SCORED = (
     "rShoulder", "rElbow", "rWrist", "rHip", "rKnee", "rAnkle",
 )  # fmt: skip
 SETTLED = 2  # frames at the start that do not count: the noise of the detector is being learnt
+STAGES = ("association", "voting", "assembly")
+ALONE = {"association": {"temporal_guidance": False}}  # every instant by itself, as the paper's first stage
 
 
-def solve(
-    rig: Rig, skeleton: SkeletonModel, sets: Iterable[DetectionSet], settings: dict[str, dict[str, Any]]
-) -> SkeletonSequence:
-    """The skeletons of the views of `rig`, of every instant by itself unless the settings say otherwise."""
+@dataclass(frozen=True)
+class Solved:
+    """What a method made of a recording. seconds: of one thread, per instant, by stage."""
+
+    skeletons: SkeletonSequence
+    seconds: Mapping[str, float]
+
+
+def solve(method: Method, rig: Rig, skeleton: SkeletonModel, sets: Iterable[DetectionSet]) -> Solved:
+    """The skeletons of the views of `rig`; skeleton: of the sets."""
+    working, change = _working(method, skeleton)
     names = set(rig.names)
     frames: list[SkeletonFrame] = []
+    spent: dict[str, list[int]] = {stage: [] for stage in STAGES}
 
     def take(topic: str, record: Any) -> None:
         if topic == "poses":
@@ -34,17 +48,31 @@ def solve(
             frames.append(SkeletonFrame(record.stamp_ns, ids, record.positions, record.covariances))
 
     pipeline = Pipeline(
-        configure(settings), StageContext(rig, skeleton), ("association", "voting", "assembly"),
-        on_record=take,
-    )
+        configure(merged(ALONE, method.settings)), StageContext(rig, working), STAGES, on_record=take,
+        on_step=lambda stage, ns: spent[stage].append(ns), clock=time.thread_time_ns,
+    )  # fmt: skip
     for item in sets:
-        seen = tuple(view for view in item.views if view.camera in names)
-        pipeline.push("detection_sets", replace(item, views=seen))
-    return SkeletonSequence(skeleton.joint_names, tuple(frames))
+        seen = replace(item, views=tuple(view for view in item.views if view.camera in names))
+        pipeline.push("detection_sets", change(seen))
+    seconds = {stage: 1e-9 * float(np.mean(times[_skipped(len(times)) :])) for stage, times in spent.items()}
+    return Solved(SkeletonSequence(working.joint_names, tuple(frames)), seconds)
+
+
+def _working(
+    method: Method, skeleton: SkeletonModel
+) -> tuple[SkeletonModel, Callable[[DetectionSet], DetectionSet]]:
+    """The skeleton that a method works on, and what makes sets of another one fit it."""
+    if not method.skeleton:
+        return skeleton, lambda item: item
+    working, joint_map = map_joints(method.skeleton, skeleton.joint_names)
+    return working, lambda item: set_in_joints(item, working, joint_map)
 
 
 def score(truth: SkeletonSequence, result: SkeletonSequence) -> StudyScore:
     """The 15 joints of the paper, in all frames but the first ones."""
-    skip = SETTLED if len(truth.frames) > 2 * SETTLED else 0
-    pairs = pair_sequences(truth, result, skip)
+    pairs = pair_sequences(truth, result, _skipped(len(truth.frames)))
     return score_study(pairs, [truth.joint_names.index(name) for name in SCORED])
+
+
+def _skipped(frames: int) -> int:
+    return SETTLED if frames > 2 * SETTLED else 0
