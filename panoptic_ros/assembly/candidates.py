@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.assembly.solve import Guide, sources
 from panoptic_ros.domain import AssociationSet, Groups
+from panoptic_ros.solving.joints import Guides, guides_of, sources
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 
-CHOICE_SPREAD = 0.03  # m, standard deviation of a prediction of a joint that was just measured
-CHOICE_SPEED = 0.6  # m/s, its growth with the time since the measurement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +25,7 @@ class Candidates:
 
     grouping: Groups
     source: Array
-    guide: Guide
+    guide: Guides
     who: Array
     places: Array
 
@@ -35,12 +33,10 @@ class Candidates:
         """These people and the others."""
         if not len(other.who):
             return self
-        names = ("positions", "spreads", "shifts", "firm")
-        pairs = ((getattr(self.guide, name), getattr(other.guide, name)) for name in names)
         return Candidates(
             self.grouping.joined(other.grouping),
             np.concatenate([self.source, other.source]),
-            Guide(*(np.concatenate(pair) for pair in pairs)),
+            Guides(*(np.concatenate(pair) for pair in zip(self.guide, other.guide))),
             np.concatenate([self.who, other.who]),
             np.concatenate([self.places, other.places]),
         )
@@ -48,17 +44,5 @@ class Candidates:
 
 def associated_people(scene: Scene, item: AssociationSet) -> Candidates:
     """The people of an association: those who were predicted are guided, new ones are not."""
-    known = item.who >= 0
-    guide = _no_guide(len(known), scene)
-    rows, prediction = item.who[known], item.prediction
-    guide.positions[known], guide.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
-    guide.spreads[known] = CHOICE_SPREAD + CHOICE_SPEED * prediction.ages[rows]
-    guide.firm[known] = prediction.firm[rows]
+    guide = guides_of(item)
     return Candidates(item.groups, sources(item.groups.mirrored, scene.mirror), guide, item.who, item.places)
-
-
-def _no_guide(count: int, scene: Scene) -> Guide:
-    """A guide without predictions for `count` people."""
-    shape = (count, len(scene.mirror), 3)
-    spreads, firm = np.full(shape[:2], CHOICE_SPREAD), np.zeros(shape[:2], bool)
-    return Guide(np.full(shape, np.nan), spreads, np.zeros(shape), firm)

@@ -11,12 +11,11 @@ SAME_JOINTS = 3  # joints that such skeletons must share
 
 
 @njit(cache=True, error_model="numpy")
-def judge_joints(positions, normals, residuals, picks, scores, observed, inflation, extra):
+def judge_joints(solved, scores, observed, inflation, extra):
     """Covariances, their largest deviations, scores and numbers of views of solved joints.
 
     Args:
-        positions: (P, J, 3) m. normals: (P, J, 3, 3) 1/m^2, lower triangles.
-        residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and column in scores (D, J).
+        solved: `SolvedJoints`. scores: (D, J) of the 2D joints.
         observed: (P, J) number of views whose 2D person shows each joint, also where that was not used.
         inflation, extra: covariances are multiplied by inflation * (1 + (extra + unused) / (views - 1)):
             few views, and views that disagree, may have met by chance.
@@ -26,6 +25,7 @@ def judge_joints(positions, normals, residuals, picks, scores, observed, inflati
         worst (P, J) m^2, the variance along the longest axis, 0 where the covariance is NaN;
         mean (P, J), score of the used observations; views (P, J).
     """
+    positions, normals, residuals, picks = solved
     people, joints, count_views = residuals.shape
     covariances = np.full((people, joints, 3, 3), np.nan)
     worst, mean = np.zeros((people, joints)), np.zeros((people, joints))

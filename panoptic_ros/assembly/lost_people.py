@@ -14,10 +14,10 @@ import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.dynamic_programming import PartTree
-from panoptic_ros.assembly.solve import Guide, Solved, sources
 from panoptic_ros.domain import Groups, Prediction, ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
+from panoptic_ros.solving.joints import Guides, SolvedJoints, sources
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
@@ -34,9 +34,9 @@ SPREAD = 0.03  # m, as for people who are guided
 
 
 def with_lost_people(
-    scene: Scene, item: ProposalSet, found: Candidates, solved: Solved, prediction: Prediction,
+    scene: Scene, item: ProposalSet, found: Candidates, solved: SolvedJoints, prediction: Prediction,
     skeleton: SkeletonModel, max_bone: float,
-) -> tuple[Candidates, Solved]:  # fmt: skip
+) -> tuple[Candidates, SolvedJoints]:  # fmt: skip
     """The candidates and their solution, and lost people after them: without 2D people, at their nodes."""
     places = lost_people(item, solved.positions, skeleton, max_bone)
     if not len(places):
@@ -44,18 +44,12 @@ def with_lost_people(
     count, joints = places.shape[:2]
     views = found.grouping.member.shape[1]
     grouping = Groups.empty(count, views)
-    spreads, firm = np.full((count, joints), SPREAD), np.zeros((count, joints), bool)
-    guide = Guide(places, spreads, np.zeros((count, joints, 3)), firm)
+    guide = Guides.of_nobody_known(count, joints, SPREAD)._replace(positions=places)
     who = _known_before(places, prediction, found.who)
     source = sources(grouping.mirrored, scene.mirror)
     lost = Candidates(grouping, source, guide, who, places)
-    nothing = Solved(
-        np.full((count, joints, 3), np.nan), np.zeros((count, joints, 3, 3)),
-        np.full((count, joints, views), -1.0), np.full((count, joints, views, 2), -1, np.int64),
-        np.full((count, joints), np.inf),
-    )  # fmt: skip
-    both = (np.concatenate([getattr(solved, n), getattr(nothing, n)]) for n in Solved.__dataclass_fields__)
-    return found.joined(lost), Solved(*both)
+    nothing = SolvedJoints.nothing(count, joints, views)
+    return found.joined(lost), SolvedJoints(*(np.concatenate(pair) for pair in zip(solved, nothing)))
 
 
 def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bone: float) -> Array:

@@ -14,8 +14,7 @@ MIN_DEPTH = 0.05  # m
 
 
 @njit(cache=True, error_model="numpy")
-def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane, precision, cams,
-                       focals):  # fmt: skip
+def residuals_to_learn(kept, solved, shifts, seen, focals):
     """Rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
 
     They come from joints of three and more views, and from those of two only if there are no others. Of too
@@ -23,12 +22,13 @@ def residuals_to_learn(kept, positions, normals, residuals, picks, shifts, plane
     views does not matter. Observations outside of the gate are used too: their residuals are noise.
 
     Args:
-        positions, normals, residuals, picks: see `Solved`. shifts: (P, J, 3) m/s, velocities by which
-        views were moved to the set's instant. plane, precision: see `Scene`, by row.
-        cams: `Cameras`. focals: (V,) px.
+        solved: `SolvedJoints`. shifts: (P, J, 3) m/s, velocities by which views were moved to the set's
+            instant. seen: `Observations`. focals: (V,) px.
     """
+    positions, normals, residuals, picks = solved
+    plane, precision = seen.plane, seen.precision
     joints, views = residuals.shape[1:]
-    rotations, translations, delays = cams
+    rotations, translations, delays = seen.cams
     support = np.zeros((len(kept), joints), np.int64)
     few = True
     for i in range(len(kept)):

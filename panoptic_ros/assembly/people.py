@@ -17,9 +17,9 @@ from panoptic_ros.assembly.judgement import (
 )
 from panoptic_ros.assembly.map_votes import chosen_nodes
 from panoptic_ros.assembly.nodes import has_maps, node_doubts, take_nodes
-from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.assembly.view_sources import view_sources
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
+from panoptic_ros.solving.joints import SolvedJoints
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
@@ -67,7 +67,7 @@ class People:
 
 
 def finish(
-    scene: Scene, item: ProposalSet, solved: Solved, found: Candidates, observed: Array, shares: Array,
+    scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array, shares: Array,
     skeleton: SkeletonModel, config: AssemblyConfig,
 ) -> People:  # fmt: skip
     """Covariances and scores, derived joints, and only those skeletons that can be people.
@@ -79,8 +79,8 @@ def finish(
     """
     expected = found.guide.positions
     covariances, worst, scores, views = judge_joints(
-        solved.positions, solved.normals, solved.residuals, solved.picks, scene.evidence.scores,
-        observed, cauchy_correction(config.cauchy), config.covariance_inflation,
+        solved, scene.evidence.scores, observed, cauchy_correction(config.cauchy),
+        config.covariance_inflation,
     )  # fmt: skip
     good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
     drop_long_bones(solved.positions, worst, good, _bones(skeleton.bones), config.max_bone)

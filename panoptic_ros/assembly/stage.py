@@ -17,13 +17,14 @@ from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_ob
 from panoptic_ros.assembly.people import People, finish
 from panoptic_ros.assembly.phantoms import agreed_shares
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
-from panoptic_ros.assembly.solve import Solved, Solver, observed_views
+from panoptic_ros.assembly.solve import Solver, observed_views
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
 from panoptic_ros.solving.evidence import RigArrays, check_association
-from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limb_groups
+from panoptic_ros.solving.joints import SolvedJoints
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, scene_of
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
@@ -53,10 +54,10 @@ class AssemblyStage(Stateful):
         self._rig = RigArrays.of(context.rig)
         self._biases = _bias_table(config, context)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
-        self._groups, count = limb_groups(context.skeleton)
+        self._limbs = limbs_of(context.skeleton)
         self._needed_views = needed_views(config.capture_views, context.rig.cameras)
-        self._solver = Solver(config, self._groups, count)
-        self._sides = Sides(context.skeleton, self._groups)
+        self._solver = Solver(config, self._limbs)
+        self._sides = Sides(context.skeleton, self._limbs.groups)
         self._bones = body_bones(context.skeleton, self._sides.torso)
         self.reset()
         for example in example_sets(context.rig, context.skeleton):
@@ -86,7 +87,7 @@ class AssemblyStage(Stateful):
         if self._config.learn_noise and not self._noise.learnt:
             self._solve(item)  # the first people are solved with their learnt noise
         people, found, observed, motion = self._solve(item)
-        votes = exchanged_views(found.source, observed, self._groups)[people.kept]
+        votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
         votes -= ANATOMY_VOTES * self._sides.right_way(people.positions, people.views)
         shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
         return StepResult((self._without_biases(people).pose_set(item, votes, shift),))
@@ -151,9 +152,9 @@ class AssemblyStage(Stateful):
 
 
     def _with_lost(
-        self, scene: Scene, item: ProposalSet, people: tuple[Candidates, Solved, Motion | None],
+        self, scene: Scene, item: ProposalSet, people: tuple[Candidates, SolvedJoints, Motion | None],
         prediction: Prediction,
-    ) -> tuple[Candidates, Solved, Motion | None]:  # fmt: skip
+    ) -> tuple[Candidates, SolvedJoints, Motion | None]:  # fmt: skip
         """The people solved, and those whom only the maps show."""
         found, solved, motion = people
         more, solved = with_lost_people(
@@ -164,14 +165,11 @@ class AssemblyStage(Stateful):
         return more, solved, motion
 
     def _learn(
-        self, scene: Scene, solved: Solved, shifts: Array, kinds: Array, sizes: Array, kept: Array
+        self, scene: Scene, solved: SolvedJoints, shifts: Array, kinds: Array, sizes: Array, kept: Array
     ) -> None:
         """Update the noise table from this instant's residuals."""
         evidence = scene.evidence
-        rows, joints, pixels = residuals_to_learn(
-            kept, solved.positions, solved.normals, solved.residuals, solved.picks, shifts, evidence.plane,
-            scene.precision, scene.cams, scene.focals,
-        )  # fmt: skip
+        rows, joints, pixels = residuals_to_learn(kept, solved, shifts, scene.observations, scene.focals)
         pixels = pixels * evidence.magnification[rows, joints]
         cameras = evidence.cameras[evidence.view[rows]]
         scores, kinds = evidence.scores[rows, joints], kinds[rows, joints]

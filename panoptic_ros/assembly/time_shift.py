@@ -16,10 +16,11 @@ import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.people import People
-from panoptic_ros.assembly.solve import Solved, Solver
+from panoptic_ros.assembly.solve import Solver
 from panoptic_ros.domain import Prediction, SkeletonModel, TimeShift
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.gauss_newton import MIN_DEPTH
+from panoptic_ros.solving.joints import SolvedJoints
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
@@ -43,7 +44,7 @@ class Motion:
 
 def solve_in_motion(
     solver: Solver, scene: Scene, found: Candidates, prediction: Prediction, cauchy: float
-) -> tuple[Candidates, Solved, Motion | None]:
+) -> tuple[Candidates, SolvedJoints, Motion | None]:
     """The final solve; again with better velocities where views have stamps of their own.
 
     Returns the candidates with the velocities that were used, and no motion where all stamps are equal.
@@ -54,18 +55,15 @@ def solve_in_motion(
     motion = motion_of(scene, solved, found.guide.shifts, cauchy)
     if (found.who >= 0).any():
         shifts = likelier_velocities(found, solved, motion, prediction)
-        found = replace(found, guide=replace(found.guide, shifts=shifts))
+        found = replace(found, guide=found.guide._replace(shifts=shifts))
         solved = solver.solve(scene, found.grouping, found.source, found.guide)
         motion = motion_of(scene, solved, shifts, cauchy)
     return found, solved, motion
 
 
-def motion_of(scene: Scene, solved: Solved, shifts: Array, cauchy: float) -> Motion:
+def motion_of(scene: Scene, solved: SolvedJoints, shifts: Array, cauchy: float) -> Motion:
     """Delays of all joints, and what the views say of velocities besides those assumed, (K, J, 3) m/s."""
-    normals, first, second, slopes = stamp_sums(
-        solved.positions, solved.residuals, solved.picks, shifts, scene.evidence.plane, scene.precision,
-        scene.cams, cauchy,
-    )  # fmt: skip
+    normals, first, second, slopes = stamp_sums(solved, shifts, scene.observations, cauchy)
     scale = np.trace(normals, axis1=-2, axis2=-1)[..., None, None]
     covariances = np.linalg.inv(normals + (WEAKEST * scale + (scale <= 0.0)) * np.eye(3))
     delays = covariances @ first
@@ -78,7 +76,7 @@ def motion_of(scene: Scene, solved: Solved, shifts: Array, cauchy: float) -> Mot
 
 
 def likelier_velocities(
-    found: Candidates, solved: Solved, motion: Motion, prediction: Prediction
+    found: Candidates, solved: SolvedJoints, motion: Motion, prediction: Prediction
 ) -> Array:
     """Velocities (K, J, 3) m/s: the predicted ones after a Kalman update.
 
@@ -118,14 +116,16 @@ def time_shift(
 
 
 @njit(cache=True, error_model="numpy")
-def stamp_sums(positions, residuals, picks, shifts, plane, precision, cams, cauchy):
+def stamp_sums(solved, shifts, seen, cauchy):
     """Sums over the used views of w A^T A, w t A^T A, w t^2 A^T A (K, J, 3, 3), and w t A^T e (K, J, 3).
 
     Args:
-        positions (K, J, 3), residuals (K, J, V), picks (K, J, V, 2): see `Solved`. shifts: (K, J, 3) m/s.
-        plane, precision, cams: see `Scene`. e is the observation minus the projection.
+        solved: `SolvedJoints`. shifts: (K, J, 3) m/s. seen: `Observations`. e is the observation minus the
+            projection.
     """
-    rotations, translations, delays = cams
+    positions, _, residuals, picks = solved
+    plane, precision = seen.plane, seen.precision
+    rotations, translations, delays = seen.cams
     people, joints, views = residuals.shape
     normals = np.zeros((people, joints, 3, 3))
     first, second = np.zeros((people, joints, 3, 3)), np.zeros((people, joints, 3, 3))

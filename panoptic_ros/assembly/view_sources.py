@@ -6,14 +6,14 @@ from itertools import pairwise
 import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates
-from panoptic_ros.assembly.solve import Solved
 from panoptic_ros.domain import DetectionSet, Evidence, ViewSources
+from panoptic_ros.solving.joints import SolvedJoints
 
 Array = np.ndarray
 
 
 def view_sources(
-    detections: DetectionSet, evidence: Evidence, found: Candidates, solved: Solved, kept: Array
+    detections: DetectionSet, evidence: Evidence, found: Candidates, solved: SolvedJoints, kept: Array
 ) -> ViewSources:
     """The record for those of the people solved that were kept (P,)."""
     views = [detections.views[slot] for slot in evidence.slots]
@@ -35,7 +35,7 @@ def main_people(starts: Array, member: Array, residuals: Array, picks: Array) ->
     Args:
         starts: (V + 1,) first row of each view. member: (P, V) row that association gave, -1 = none; it
             wins where another gave as many, and where no joint of the view was used.
-        residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and joint. See `Solved`.
+        residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and joint. See `SolvedJoints`.
     """
     given = np.zeros((len(member), starts[-1]))  # joints, by each 2D person to each skeleton
     p, j, v = np.nonzero(residuals >= 0.0)

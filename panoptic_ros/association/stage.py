@@ -14,7 +14,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.identity.motion import predicted
 from panoptic_ros.solving.evidence import RigArrays, gather
 from panoptic_ros.solving.example import easy_instants
-from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limb_groups
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limbs_of
 from panoptic_ros.solving.scene import Scene, even_precision, scene_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -40,7 +40,7 @@ class AssociationStage(Stateful):
         self._rig, self._names = RigArrays.of(context.rig), context.rig.names
         self._occluders = KnownOccluders(context.rig)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
-        self._sides = Sides(context.skeleton, limb_groups(context.skeleton)[0])
+        self._sides = Sides(context.skeleton, limbs_of(context.skeleton).groups)
         self.reset()
         for example in easy_instants(context.rig, context.skeleton):
             for item in self.step(example).outputs:

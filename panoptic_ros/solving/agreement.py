@@ -132,9 +132,15 @@ def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
 
 
 @njit(cache=True, error_model="numpy")
-def limb_costs(positions, shifts, member, source, plane, precision, cams, groups, mirror, group_count, limit):
-    """Truncated cost (P, V, G, 2) of each limb group in each view: as assigned, and with sides exchanged."""
-    rotations, translations, delays = cams
+def limb_costs(positions, shifts, claims, seen, limbs, limit):
+    """Truncated cost (P, V, G, 2) of each limb in each view: as assigned, and with sides exchanged.
+
+    Args:
+        positions (P, J, 3) m, shifts (P, J, 3) m/s. claims: `Claims`. seen: `Observations`. limbs: `Limbs`.
+    """
+    rotations, translations, delays = seen.cams
+    plane, precision, member, source = seen.plane, seen.precision, claims.member, claims.source
+    groups, mirror, group_count = limbs
     people, joints = positions.shape[:2]
     views = len(rotations)
     costs = np.zeros((people, views, group_count, 2))

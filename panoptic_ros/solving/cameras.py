@@ -1,4 +1,4 @@
-"""The cameras of one instant, as the kernels take them."""
+"""The cameras of one instant and what they saw, as the kernels take them."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -18,3 +18,16 @@ class Cameras(NamedTuple):
     rotations: Array
     translations: Array
     delays: Array
+
+
+class Observations(NamedTuple):
+    """All 2D joints of one instant: V views, D 2D people ordered by view.
+
+    plane (D, J, 2) undistorted normalised points. precision (D, J) 1 / standard deviation on that plane, 0 =
+    missing. starts (V + 1,) first 2D person of each view. cams: of the views.
+    """
+
+    plane: Array
+    precision: Array
+    starts: Array
+    cams: Cameras

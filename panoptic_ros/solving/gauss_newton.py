@@ -7,6 +7,8 @@ import numpy as np
 
 from panoptic_ros.kernels import njit
 
+Array = np.ndarray
+
 MAX_STEP = 0.5  # m, of one step
 MIN_DEPTH = 0.05  # m
 SETTLED = 1e-5  # m; a shorter step ends the iteration, or the part of it without gating
@@ -32,14 +34,39 @@ class SolverRules(NamedTuple):
     max_pairs: int
 
 
-@njit(cache=True, error_model="numpy")
-def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, normal, residuals, table):
-    """Gauss-Newton with Cauchy weights on the picked observations; x, normal and residuals in place.
+class Steps(NamedTuple):
+    """How many steps at most, and whether the last two leave out what is beyond the gate."""
 
-    residuals: (V,) in standard deviations, -1 where a view has no pick or is outside of the gate.
-    table: (V, TABLE), see `_tabulate`. Returns the number of views in the last normal matrix.
+    most: int
+    gated: bool
+
+
+class Result(NamedTuple):
+    """Arrays that `refine_point` writes.
+
+    normal: (3, 3) 1/m^2, lower triangle. residuals: (V,) in standard deviations, -1 where a view has no pick
+    or is outside of the gate. table: (V, TABLE) to work in, see `_tabulate`.
     """
-    used = _tabulate(shift, picks, plane, precision, cams, residuals, table)
+
+    normal: Array
+    residuals: Array
+    table: Array
+
+
+@njit(cache=True, error_model="numpy")
+def refine_point(x, shift, picks, seen, rules, limit, result):
+    """Gauss-Newton with Cauchy weights on the picked observations; x and result in place.
+
+    Args:
+        x: (3,) m. shift: (3,) m/s, its velocity. picks: (V, 2) 2D person and joint of it, -1 = none.
+        seen: `Observations`. rules: `SolverRules`. limit: `Steps`. result: `Result`.
+
+    Returns:
+        the number of views in the last normal matrix.
+    """
+    normal, residuals, table = result
+    steps, gated = limit
+    used = _tabulate(shift, picks, seen, residuals, table)
     softness = 1.0 / (rules.cauchy * rules.cauchy)
     gate = (rules.gate * (1.0 if used > FEW else FEW_FACTOR)) ** 2
     x0, x1, x2 = x[0], x[1], x[2]
@@ -96,9 +123,9 @@ def refine_point(x, shift, picks, plane, precision, cams, rules, steps, gated, n
 
 
 @njit(cache=True, error_model="numpy")
-def _tabulate(shift, picks, plane, precision, cams, residuals, table):
+def _tabulate(shift, picks, seen, residuals, table):
     """Write the picked observations into the rows of the table; returns their number."""
-    rotations, translations, delays = cams
+    rotations, translations, delays = seen.cams
     used = 0
     for v in range(len(picks)):
         residuals[v] = -1.0
@@ -111,8 +138,8 @@ def _tabulate(shift, picks, plane, precision, cams, residuals, table):
                 table[used, 3 * i + k] = rotations[v, i, k]
                 moved += rotations[v, i, k] * shift[k] * delays[v]
             table[used, 9 + i] = moved
-        table[used, X], table[used, Y] = plane[d, s, 0], plane[d, s, 1]
-        table[used, INFORMATION] = precision[d, s] ** 2
+        table[used, X], table[used, Y] = seen.plane[d, s, 0], seen.plane[d, s, 1]
+        table[used, INFORMATION] = seen.precision[d, s] ** 2
         table[used, VIEW] = v
         used += 1
     return used

@@ -1,6 +1,8 @@
 """Limbs that a detector exchanges as a whole, and which joints belong to them."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
@@ -12,8 +14,19 @@ ANATOMY_VOTES = 2.0  # weight of the position of the nose in the vote about side
 NOSE_AHEAD = 0.08  # m in front of the shoulders, from which on anatomy is sure
 
 
-def limb_groups(skeleton: SkeletonModel) -> tuple[Array, int]:
-    """Group (J,) of every joint with a left-right partner, -1 for the others, and the number of groups.
+class Limbs(NamedTuple):
+    """The limbs that a detector exchanges.
+
+    groups (J,) the limb of each joint, -1 = none; mirror (J,) the joint on the other side; number of limbs.
+    """
+
+    groups: Array
+    mirror: Array
+    number: int
+
+
+def limbs_of(skeleton: SkeletonModel) -> Limbs:
+    """The limbs of a skeleton.
 
     Joints of one side that hang together by bones form a limb; its partner on the other side has
     the same group: arms, legs, eyes with ears. A bone between two branching joints (hip to
@@ -31,7 +44,8 @@ def limb_groups(skeleton: SkeletonModel) -> tuple[Array, int]:
                 low, high = sorted((group[a], group[b]))
                 group[group == high] = low
     names = sorted(set(group[group >= 0].tolist()))
-    return np.array([names.index(g) if g >= 0 else -1 for g in group], np.int64), len(names)
+    groups = np.array([names.index(g) if g >= 0 else -1 for g in group], np.int64)
+    return Limbs(groups, np.array(mirror, np.int64), len(names))
 
 
 def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:

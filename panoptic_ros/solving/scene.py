@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import DetectionSet, Evidence
-from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.cameras import Cameras, Observations
 from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.solving.sight import Sight, sight_of, views_of_people
 
@@ -32,6 +32,11 @@ class Scene:
     centres: Array
     focals: Array
     sight: Sight
+
+    @property
+    def observations(self) -> Observations:
+        """The same for kernels that solve joints."""
+        return Observations(self.evidence.plane, self.precision, self.evidence.starts, self.cams)
 
 
 def scene_of(

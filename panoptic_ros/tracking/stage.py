@@ -6,7 +6,7 @@ from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import PoseSet, TrackedPoseSet, TrackSet
 from panoptic_ros.errors import DataError
-from panoptic_ros.solving.limbs import limb_groups
+from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
@@ -28,8 +28,7 @@ class TrackingStage(Stateful):
         self._config, self._skeleton = config, context.skeleton
         self._hash = context.skeleton.hash  # computed at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
-        self._mirror = np.array(context.skeleton.mirror, np.int64)
-        self._groups, self._limbs = limb_groups(context.skeleton)
+        self._limbs = limbs_of(context.skeleton)
         self.reset()
         self._compile()
         self.reset()
@@ -64,14 +63,14 @@ class TrackingStage(Stateful):
         self._tracks.update(owners, item, self._bones, self._skeleton.head)
         notices = self._confirm(item, owners)
         ids = np.where(owners >= 0, self._tracks.ids[owners], -1) if len(owners) else owners
-        self._tracks.exchange_sides(self._groups, self._mirror)
+        self._tracks.exchange_sides(self._limbs)
         rows = np.flatnonzero(ids >= 0)
         rows = rows[np.argsort(ids[rows])]
         return StepResult((_tracked(item, rows, ids[rows]), self._tracks.record(item)), notices)
 
     def _new(self, people: int) -> Tracks:
         """Tracks before their first measurement."""
-        return Tracks.of_new(people, len(self._mirror), len(self._bones), self._limbs)
+        return Tracks.of_new(people, len(self._skeleton), len(self._bones), self._limbs.number)
 
     def _advance(self, stamp_ns: int) -> None:
         """Predict all tracks to the instant, and drop those that were unseen for too long."""
@@ -146,7 +145,7 @@ class TrackingStage(Stateful):
 
     def _compile(self) -> None:
         """Two instants of two people."""
-        joints = len(self._mirror)
+        joints = len(self._skeleton)
         positions = np.random.default_rng(0).uniform(0.0, 1.0, (2, joints, 3))
         positions[1] += 9.0
         ones = np.ones((2, joints))

@@ -10,6 +10,7 @@ from panoptic_ros.domain import PoseSet, TrackSet
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
+from panoptic_ros.solving.limbs import Limbs
 
 Array = np.ndarray
 
@@ -108,17 +109,14 @@ class Tracks:
         if poses.side_votes is not None:
             self.balance[owners[k]] = BALANCE_MEMORY * self.balance[owners[k]] + poses.side_votes[k]
 
-    def exchange_sides(self, groups: Array, mirror: Array) -> None:
-        """Exchange left and right of limbs that most views have seen the other way round for long, in place.
-
-        Args:
-            groups: (J,) limb of each joint, -1 = none. mirror: (J,) the joint on the other side.
-        """
+    def exchange_sides(self, limbs: Limbs) -> None:
+        """Exchange, in place, left and right of limbs that most views have seen exchanged for long."""
         wrong = self.balance > 0.0
         if not wrong.any():
             return
-        touched = wrong[:, np.maximum(groups, 0)] & (groups >= 0)
-        take, rows = np.where(touched, mirror, np.arange(len(mirror))), np.arange(len(wrong))[:, None]
+        joints, rows = np.arange(len(limbs.mirror)), np.arange(len(wrong))[:, None]
+        touched = wrong[:, np.maximum(limbs.groups, 0)] & (limbs.groups >= 0)
+        take = np.where(touched, limbs.mirror, joints)
         for table in self.motion:
             table[:] = table[rows, take]
         self.balance[wrong] *= -1.0

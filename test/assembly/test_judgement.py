@@ -10,7 +10,8 @@ from panoptic_ros.assembly.judgement import (
 )
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.solve import settle
-from panoptic_ros.solving.cameras import Cameras
+from panoptic_ros.solving.cameras import Cameras, Observations
+from panoptic_ros.solving.joints import Claims, SolvedJoints
 from panoptic_ros.solving.triangulation import triangulate_linear
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
@@ -42,9 +43,8 @@ def test_covariances_are_inverse_normals_inflated():
     positions, normals, residuals, picks, scores = solved(0)
     there, used = np.isfinite(positions[..., 0]), residuals >= 0.0
     unused = np.arange(JOINTS) % 3
-    result, worst, mean, views = judge_joints(
-        positions, normals, residuals, picks, scores, used.sum(-1) + unused, 1.1, 0.8
-    )
+    joints = SolvedJoints(positions, normals, residuals, picks)
+    result, worst, mean, views = judge_joints(joints, scores, used.sum(-1) + unused, 1.1, 0.8)
     assert (views == used.sum(-1)).all() and (np.isfinite(result[..., 0, 0]) == there).all()
     factor = 1.1 * (1.0 + (0.8 + unused) / np.maximum(views - 1, 1))
     expected = np.linalg.inv(full(normals)) * factor[..., None, None]
@@ -56,10 +56,8 @@ def test_covariances_are_inverse_normals_inflated():
 
 
 def test_singular_normals_give_no_covariance():
-    result, worst, *_ = judge_joints(
-        np.zeros((1, 1, 3)), np.zeros((1, 1, 3, 3)), -np.ones((1, 1, 2)), -np.ones((1, 1, 2, 2), np.int64),
-        np.ones((1, 1)), np.zeros((1, 1), np.int64), 1.0, 0.8,
-    )  # fmt: skip
+    joints = SolvedJoints.nothing(1, 1, 2)._replace(positions=np.zeros((1, 1, 3)))
+    result, worst, *_ = judge_joints(joints, np.ones((1, 1)), np.zeros((1, 1), np.int64), 1.0, 0.8)
     assert np.isnan(result).all() and worst[0, 0] == 0.0
 
 
@@ -103,7 +101,9 @@ def test_every_observation_goes_to_whom_it_fits_best():
     picks = np.zeros((3, 1, 1, 2), np.int64)
     for member, penalty, winner in (([0, 0, 0], 4.0, 0), ([1, 0, 0], 4.0, 2)):
         owner = np.full((2, 1), -1)
-        losers = settle(residuals, picks, owner, np.array(member)[:, None], penalty)
+        solved = SolvedJoints(np.zeros((3, 1, 3)), np.zeros((3, 1, 3, 3)), residuals, picks)
+        claims = Claims(np.array(member)[:, None], np.zeros((3, 1, 1), np.int64), owner)
+        losers = settle(solved, claims, penalty)
         assert owner[0, 0] == winner and owner[1, 0] == -1
         assert losers[:, 0].tolist() == [p != winner for p in range(3)]
 
@@ -118,8 +118,9 @@ def test_residuals_to_learn_have_leverage_taken_out():
     kept, delays = np.array([0, 2, 3]), rng.uniform(-0.02, 0.02, VIEWS)
     shifts = rng.standard_normal(positions.shape)
     rows, joints, pixels = residuals_to_learn(
-        kept, positions, normals, residuals, picks, shifts, plane, precision,
-        Cameras(rotations, translations, delays), focals,
+        kept, SolvedJoints(positions, normals, residuals, picks), shifts,
+        Observations(plane, precision, np.zeros(VIEWS + 1, int), Cameras(rotations, translations, delays)),
+        focals,
     )  # fmt: skip
     expected = []
     for p in kept:

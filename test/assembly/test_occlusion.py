@@ -13,7 +13,7 @@ from panoptic_ros.assembly.occlusion import (
     hidden_observations,
 )
 from panoptic_ros.solving.cameras import Cameras
-from panoptic_ros.solving.limbs import Sides, limb_groups
+from panoptic_ros.solving.limbs import Sides, limbs_of
 
 EYE = Cameras(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
 NO_BONES = np.zeros((0, 2), np.int64)
@@ -77,7 +77,7 @@ def test_equals_a_walk_along_the_line_of_sight(seed):
 
 def test_people_behind_one_another(scenes):
     skeleton = scenes.skeleton
-    groups, _ = limb_groups(skeleton)
+    groups, _, _ = limbs_of(skeleton)
     bones, radii = body_bones(skeleton, Sides(skeleton, groups).torso)
     assert len(bones) == len(skeleton.bones) + 2
     rig = scenes.ring(4)

@@ -3,8 +3,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.solving.cameras import Cameras
-from panoptic_ros.solving.gauss_newton import TABLE, SolverRules, refine_point, solve_symmetric
+from panoptic_ros.solving.cameras import Cameras, Observations
+from panoptic_ros.solving.gauss_newton import TABLE, Result, SolverRules, Steps, refine_point, solve_symmetric
 
 
 @settings(deadline=None, max_examples=50)
@@ -56,9 +56,8 @@ def test_finds_the_minimum_of_the_cauchy_cost():
         picks = np.stack([np.arange(views), np.zeros(views, int)], axis=1)
         x, normal, residuals = truth + 0.05, np.empty((3, 3)), np.empty(views)
         rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
-        count = refine_point(
-            x, np.zeros(3), picks, plane, precision, cams, rules, 30, False, normal, residuals,
-            np.empty((views, TABLE)),
-        )  # fmt: skip
+        seen = Observations(plane, precision, np.arange(views + 1), cams)
+        result = Result(normal, residuals, np.empty((views, TABLE)))
+        count = refine_point(x, np.zeros(3), picks, seen, rules, Steps(30, False), result)
         assert count == views
         assert np.abs(x - minimum(truth, plane[:, 0], 500.0, cams, 3.0)).max() < 2e-5

@@ -1,16 +1,13 @@
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 
 from panoptic_ros.association.config import AssociationConfig
 from panoptic_ros.association.stage import AssociationStage
 from panoptic_ros.domain import Camera, DetectionSet, Rig, TrackSet, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.skeletons import load_skeleton
-from panoptic_ros.solving.cameras import Cameras
 from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.solving.example import easy_associations
-from panoptic_ros.solving.rough_joints import robust_positions, rough_people
+from panoptic_ros.solving.rough_joints import rough_people
 from panoptic_ros.stage import StageContext
 
 SKELETON = load_skeleton("panoptic19")
@@ -83,37 +80,6 @@ def test_views_of_their_own_instants_are_moved_by_the_predicted_velocity():
     (associated,) = stage.step(item).outputs
     found = rough_people(associated, RigArrays.of(rig), SKELETON)
     assert worst(found.positions, [start + 0.033 * velocity]) < 1e-6
-
-
-@given(seed=st.integers(0, 10**6), views=st.integers(4, 8), start=st.booleans())
-def test_two_wild_views_do_not_pull(seed, views, start):
-    rng = np.random.default_rng(seed)
-    rig, truth = ring(views), np.array([rng.uniform(-0.5, 0.5, 3) + (0.0, 0.0, 1.0)])
-    rotations = np.stack([c.cam_from_world.rotation for c in rig.cameras])
-    translations = np.stack([c.cam_from_world.translation for c in rig.cameras])
-    local = truth[0] @ rotations.transpose(0, 2, 1) + translations
-    plane = (local[:, :2] / local[:, 2:])[:, None]
-    wild = rng.choice(views, 2 if views > 5 else 1, replace=False)
-    plane[wild] += rng.choice([-1.0, 1.0], (len(wild), 1, 2)) * rng.uniform(0.15, 0.3, (len(wild), 1, 2))
-    begin = truth + 0.02 if start else np.full((1, 3), np.nan)
-    found = robust_positions(
-        begin[None], np.zeros((1, 1, 3)), np.arange(views)[None], np.zeros((1, views), bool), plane,
-        np.full((views, 1), 125.0), Cameras(rotations, translations, np.zeros(views)), np.array([0]),
-    )  # fmt: skip
-    assert np.linalg.norm(found[0, 0] - truth[0]) < 1e-3
-
-
-def test_views_that_do_not_meet_give_no_joint():
-    rig = ring(3)
-    rotations = np.stack([c.cam_from_world.rotation for c in rig.cameras])
-    translations = np.stack([c.cam_from_world.translation for c in rig.cameras])
-    plane = np.array([[0.0, 0.3], [0.0, -0.3], [0.0, 0.0]])[:, None]
-    precision = np.array([[125.0], [125.0], [0.0]])
-    cams = Cameras(rotations, translations, np.zeros(3))
-    member, straight = np.arange(3)[None], np.zeros((1, 3), bool)
-    nowhere, still = np.full((1, 1, 3), np.nan), np.zeros((1, 1, 3))
-    found = robust_positions(nowhere, still, member, straight, plane, precision, cams, np.array([0]))
-    assert np.isnan(found).all()
 
 
 def test_the_easy_associations_are_easy():

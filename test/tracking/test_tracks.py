@@ -3,11 +3,13 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import PoseSet
+from panoptic_ros.solving.limbs import Limbs
 from panoptic_ros.tracking.tracks import FLOOR, WORST, Tracks, joint_distances, mean_gaps
 
 JOINTS = 5
 BONES = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
-MIRROR, GROUPS = np.array([0, 2, 1, 4, 3]), np.array([-1, 0, 0, 0, 0])
+MIRROR = np.array([0, 2, 1, 4, 3])
+LIMBS = Limbs(np.array([-1, 0, 0, 0, 0]), MIRROR, 1)
 
 
 def poses(positions, index=0, votes=None):
@@ -68,8 +70,8 @@ def test_sides_that_most_views_see_exchanged_for_long_are_exchanged():
     tracks = Tracks.of_new(2, JOINTS, len(BONES), 1)
     positions = np.random.default_rng(0).normal(size=(2, JOINTS, 3))
     tracks.update(np.array([0, 1]), poses(positions, votes=np.array([[2.0], [-1.0]])), BONES, 0)
-    tracks.exchange_sides(GROUPS, MIRROR)
+    tracks.exchange_sides(LIMBS)
     assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])
     assert np.array_equal(tracks.states[1, :, :3], positions[1])
-    tracks.exchange_sides(GROUPS, MIRROR)  # not again: the balance was turned round
+    tracks.exchange_sides(LIMBS)  # not again: the balance was turned round
     assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])

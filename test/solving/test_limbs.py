@@ -3,13 +3,13 @@ import numpy as np
 import pytest
 
 from panoptic_ros.io.skeletons import load_skeleton, skeleton_names
-from panoptic_ros.solving.limbs import Sides, exchanged_views, limb_groups
+from panoptic_ros.solving.limbs import Sides, exchanged_views, limbs_of
 
 
 @pytest.mark.parametrize("name", skeleton_names())
 def test_partners_share_a_limb_and_arms_are_no_legs(name):
     skeleton = load_skeleton(name)
-    groups, count = limb_groups(skeleton)
+    groups, _, count = limbs_of(skeleton)
     for joint, other in enumerate(skeleton.mirror):
         assert groups[joint] == groups[other] and (groups[joint] < 0) == (joint == other)
     assert set(groups[groups >= 0]) == set(range(count))
@@ -21,7 +21,7 @@ def test_partners_share_a_limb_and_arms_are_no_legs(name):
 
 
 def test_sides_follow_the_nose(scenes):
-    groups, count = limb_groups(scenes.skeleton)
+    groups, _, count = limbs_of(scenes.skeleton)
     sides = Sides(scenes.skeleton, groups)
     right = scenes.person(1.0, 2.0, turn=0.7)
     wrong = right[list(scenes.skeleton.mirror)]
@@ -33,7 +33,7 @@ def test_sides_follow_the_nose(scenes):
 
 
 def test_joints_that_one_view_placed_do_not_turn_the_body_round(scenes):
-    groups, _ = limb_groups(scenes.skeleton)
+    groups, _, _ = limbs_of(scenes.skeleton)
     sides = Sides(scenes.skeleton, groups)
     names = list(scenes.skeleton.joint_names)
     body, views = scenes.person(), np.full((1, 19), 2)
@@ -44,7 +44,7 @@ def test_joints_that_one_view_placed_do_not_turn_the_body_round(scenes):
 
 
 def test_views_vote_by_what_they_see(scenes):
-    groups, _ = limb_groups(scenes.skeleton)
+    groups, _, _ = limbs_of(scenes.skeleton)
     source = np.tile(np.arange(19), (1, 3, 1))
     source[0, 0] = scenes.skeleton.mirror
     observed = np.ones((1, 3, 19), bool)

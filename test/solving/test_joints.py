@@ -1,13 +1,15 @@
 """The compiled solver against the numpy one."""
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 from rays import closest_points, ray_distances
 
-from panoptic_ros.assembly.joint_solver import solve_joints
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.geometry import Intrinsics, Rigid, triangulate_robust
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.solving.cameras import Cameras
-from panoptic_ros.solving.gauss_newton import FEW_FACTOR, TABLE, SolverRules, refine_point
+from panoptic_ros.solving.cameras import Cameras, Observations
+from panoptic_ros.solving.gauss_newton import FEW_FACTOR, TABLE, Result, SolverRules, Steps, refine_point
+from panoptic_ros.solving.joints import Claims, Guides, solve_joints
 from panoptic_ros.solving.undistortion import lens_records, undistort_points
 
 
@@ -21,20 +23,27 @@ def single_person(scenes, views=6, noise=2.0, seed=0):
     return rig, plane
 
 
+def claims(views, joints):
+    """One person, whom each view shows as its only 2D person."""
+    source = np.tile(np.arange(joints), (1, views, 1))
+    return Claims(np.arange(views)[None], source, np.full((views, joints), -1))
+
+
+def seen(stack, plane):
+    """2D joints (V, J, 2) of 2 px noise at a focal length of 1000 px, all at once."""
+    views = len(plane)
+    cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
+    return Observations(plane, np.full(plane.shape[:2], 1000.0 / 2.0), np.arange(views + 1), cams)
+
+
 def test_final_step_equals_the_reference(scenes):
     for seed in range(5):
         rig, plane = single_person(scenes, seed=seed)
         stack = rig.stack()
         views, joints = plane.shape[:2]
-        nothing = np.full((1, joints, 3), np.nan)
-        positions, normals, *_ = solve_joints(
-            np.ones((1, joints), bool), nothing, np.ones((1, joints)), np.zeros((1, joints, 3)),
-            np.zeros((1, joints), bool), np.arange(views)[None], np.tile(np.arange(joints), (1, views, 1)),
-            np.full((views, joints), -1), plane, np.full((views, joints), 1000.0 / 2.0),
-            np.arange(views + 1), Cameras(stack.rotations, stack.translations, np.zeros(views)),
-            stack.centres,
-            SolverRules(4.0, 3.0, 5.0, 4.0, 45),
-        )  # fmt: skip
+        nothing = Guides.of_nobody_known(1, joints, 1.0)
+        rules = SolverRules(4.0, 3.0, 5.0, 4.0, 45)
+        positions, normals, *_ = solve_joints(nothing, claims(views, joints), seen(stack, plane), rules)
         reference = triangulate_robust(
             stack, plane.swapaxes(0, 1), np.full((joints, views), 2.0), positions[0], iterations=30
         )
@@ -50,13 +59,11 @@ def test_two_views_that_deny_a_firm_place_are_not_believed(scenes):
     plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
 
     def solved(expected, firm):
-        return solve_joints(
-            np.ones((1, joints), bool), expected[None], np.full((1, joints), 0.05), np.zeros((1, joints, 3)),
-            np.full((1, joints), firm), np.arange(2)[None], np.tile(np.arange(joints), (1, 2, 1)),
-            np.full((2, joints), -1), plane, np.full((2, joints), 500.0), np.arange(3),
-            Cameras(stack.rotations, stack.translations, np.zeros(2)), stack.centres,
-            SolverRules(4.0, 3.0, 4.0, 4.0, 45),
-        )[0][0]  # fmt: skip
+        guides = Guides(
+            expected[None], np.full((1, joints), 0.05), np.zeros((1, joints, 3)), np.full((1, joints), firm)
+        )
+        rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
+        return solve_joints(guides, claims(2, joints), seen(stack, plane), rules).positions[0]
 
     away = truth + [0.0, 0.0, 0.3]
     assert np.abs(solved(truth, True) - truth).max() < 1e-6
@@ -125,7 +132,6 @@ def test_agreement_with_people_is_residual_times_depth(scenes):
 def test_the_gate_is_wider_where_few_views_are_left(scenes):
     rig, truth = scenes.ring(6), scenes.person(0.3, -0.2)[0]
     stack, views = rig.stack(), 6
-    cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
     plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])[:, None]
     plane[0, 0, 0] += 0.01
 
@@ -134,8 +140,8 @@ def test_the_gate_is_wider_where_few_views_are_left(scenes):
         picks[count:] = -1
         found = np.zeros(views)
         refine_point(
-            truth.copy(), np.zeros(3), picks, plane, np.full((views, 1), 500.0), cams,
-            SolverRules(4.0, 3.0, gate, 4.0, 45), 6, True, np.zeros((3, 3)), found, np.empty((views, TABLE)),
+            truth.copy(), np.zeros(3), picks, seen(stack, plane), SolverRules(4.0, 3.0, gate, 4.0, 45),
+            Steps(6, True), Result(np.zeros((3, 3)), found, np.empty((views, TABLE))),
         )  # fmt: skip
         return found
 
@@ -143,3 +149,29 @@ def test_the_gate_is_wider_where_few_views_are_left(scenes):
         largest = residuals(count, 100.0)[:count].max()
         assert (residuals(count, 1.2 * largest / factor)[:count] >= 0.0).all()
         assert (residuals(count, 0.9 * largest / factor)[:count] < 0.0).any()
+
+
+@given(seed=st.integers(0, 10**6), views=st.integers(4, 8), start=st.booleans())
+def test_wild_views_do_not_pull(scenes, seed, views, start):
+    rng, rig = np.random.default_rng(seed), scenes.ring(views)
+    truth = np.array([rng.uniform(-0.5, 0.5, 3) + (0.0, 0.0, 1.0)])
+    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
+    wild = rng.choice(views, 2 if views > 5 else 1, replace=False)
+    plane[wild] += rng.choice([-1.0, 1.0], (len(wild), 1, 2)) * rng.uniform(0.15, 0.3, (len(wild), 1, 2))
+    guides = Guides.of_nobody_known(1, 1, 0.03)
+    if start:
+        guides.positions[0] = truth + 0.02
+    rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
+    found = solve_joints(guides, claims(views, 1), seen(rig.stack(), plane), rules)
+    assert np.abs(found.positions[0] - truth).max() < 1e-3
+    assert (found.residuals[0, 0, wild] < 0.0).all() and found.views[0, 0] == views - len(wild)
+
+
+def test_views_that_do_not_meet_give_no_joint(scenes):
+    rig = scenes.ring(3)
+    plane = np.array([[0.0, 0.3], [0.0, -0.3], [0.0, 0.0]])[:, None]
+    observations = seen(rig.stack(), plane)
+    observations.precision[2] = 0.0
+    rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
+    found = solve_joints(Guides.of_nobody_known(1, 1, 0.03), claims(3, 1), observations, rules)
+    assert np.isnan(found.positions).all()

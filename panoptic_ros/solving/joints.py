@@ -1,0 +1,342 @@
+"""Joints from the 2D people of a person: choice of observations, then robust least squares.
+
+For every joint, each view offers the joint of the 2D person that association gave to this person, and, at
+a penalty, the same joint of other 2D people (detectors mix people up where they overlap). Starting
+points are the prediction and intersections of pairs of views; the one with the lowest truncated
+cost wins. From there Gauss-Newton with Cauchy weights on the reprojection error (the objective of
+Joo et al. 2017, 5.3, made robust), gated in the last steps. A prediction enters the choice of the
+start, never the estimate; but a joint that two views place far from where three agreed a moment ago is
+missing, as one of the two must be wrong. `geometry.triangulate_robust` is the numpy reference of the
+last step.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import AssociationSet
+from panoptic_ros.kernels import njit
+from panoptic_ros.solving.cameras import Observations
+from panoptic_ros.solving.gauss_newton import MIN_DEPTH, TABLE, Result, SolverRules, Steps, refine_point
+from panoptic_ros.solving.truncation import truncated
+
+Array = np.ndarray
+
+GOOD_COST = 3.0  # truncated cost per view (2 is expected) up to which the prediction is taken as the start
+DENIED = 2.0  # standard deviations; gate of two views about a firm prediction
+MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
+CHOICE_SPREAD = 0.03  # m, standard deviation of a prediction of a joint that was just measured
+CHOICE_SPEED = 0.6  # m/s, its growth with the time since the measurement
+GUIDED_STEPS, ROUGH_STEPS, LAST_STEPS = 3, 4, 6  # of Gauss-Newton, at most
+
+
+class Claims(NamedTuple):
+    """Which observations are whose: P people, V views.
+
+    member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) its joint that stands for joint j.
+    owner: (D, J) person that has claimed an observation, -1 = free; others may not use it.
+    """
+
+    member: Array
+    source: Array
+    owner: Array
+
+
+class Guides(NamedTuple):
+    """Predictions of P people's J joints, which are used in choices and never in positions.
+
+    positions: (P, J, 3) m, NaN = none. spreads: (P, J) m, standard deviations. shifts: (P, J, 3) m/s,
+    velocities. firm: (P, J) whether the position is certain enough to reject what two views say.
+    """
+
+    positions: Array
+    spreads: Array
+    shifts: Array
+    firm: Array
+
+    @classmethod
+    def of_nobody_known(cls, people: int, joints: int, spread: float) -> Guides:
+        """People without predictions."""
+        shape = (people, joints, 3)
+        return cls(
+            np.full(shape, np.nan), np.full(shape[:2], spread), np.zeros(shape), np.zeros(shape[:2], bool)
+        )
+
+
+class SolvedJoints(NamedTuple):
+    """Joints of P people in V views.
+
+    positions (P, J, 3) m, NaN where fewer than two views agree. normals (P, J, 3, 3) 1/m^2, lower triangles.
+    residuals (P, J, V) in standard deviations, -1 = unused. picks (P, J, V, 2) 2D person and joint of it,
+    -1 = none.
+    """
+
+    positions: Array
+    normals: Array
+    residuals: Array
+    picks: Array
+
+    @classmethod
+    def nothing(cls, people: int, joints: int, views: int) -> SolvedJoints:
+        """Before anything is solved."""
+        shape = (people, joints, views)
+        return cls(
+            np.full((people, joints, 3), np.nan), np.zeros((people, joints, 3, 3)), np.full(shape, -1.0),
+            np.full((*shape, 2), -1, np.int64),
+        )  # fmt: skip
+
+    @property
+    def views(self) -> Array:
+        """Number of views (P, J) behind each joint."""
+        counts: Array = (self.residuals >= 0.0).sum(axis=-1)
+        return counts
+
+
+class _Joint(NamedTuple):
+    """One joint of one person: where it should be, how exactly, and how it moves."""
+
+    person: int
+    number: int
+    expected: Array
+    spread: float
+    shift: Array
+
+
+class _Room(NamedTuple):
+    """Arrays to work in: own (V, 2) picks of the own 2D people, have (V,) views that have one, trial (3,)."""
+
+    own: Array
+    have: Array
+    trial: Array
+
+
+@njit(cache=True, error_model="numpy")
+def pick_observations(x, joint, claims, seen, rules, picks):
+    """Observation of least cost in every view for the point x; returns the sum of their truncated costs.
+
+    picks (V, 2): 2D person and joint of it, -1 where the view has none.
+    """
+    rotations, translations, delays = seen.cams
+    member, source, owner = claims
+    plane, precision, p, j = seen.plane, seen.precision, joint.person, joint.number
+    limit, penalty = rules.truncation * rules.truncation, rules.foreign_penalty
+    total = 0.0
+    for v in range(len(delays)):
+        picks[v, 0] = -1
+        best = np.inf
+        a = x[0] + joint.shift[0] * delays[v]
+        b = x[1] + joint.shift[1] * delays[v]
+        c = x[2] + joint.shift[2] * delays[v]
+        r = rotations[v]
+        z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
+        if z < MIN_DEPTH:
+            continue
+        u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
+        w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
+        own = member[p, v]
+        if own >= 0:
+            s = source[p, v, j]
+            if precision[own, s] > 0.0 and (owner[own, s] < 0 or owner[own, s] == p):
+                du, dw = u - plane[own, s, 0], w - plane[own, s, 1]
+                best = (du * du + dw * dw) * precision[own, s] ** 2
+                picks[v, 0], picks[v, 1] = own, s
+        least = min(best, limit) - penalty  # what others must stay below
+        if least <= 0.0:
+            total += truncated(best, limit)
+            continue
+        for d in range(seen.starts[v], seen.starts[v + 1]):
+            if d == own or precision[d, j] <= 0.0 or (owner[d, j] >= 0 and owner[d, j] != p):
+                continue
+            du, dw = u - plane[d, j, 0], w - plane[d, j, 1]
+            cost = (du * du + dw * dw) * precision[d, j] ** 2
+            if cost < least:
+                least, best = cost, cost + penalty
+                picks[v, 0], picks[v, 1] = d, j
+        if best < np.inf:
+            total += truncated(best, limit)
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def intersect(first, second, own, seen, x):
+    """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
+    rotations, translations, _ = seen.cams
+    rays, centres = np.empty((2, 3)), np.empty((2, 3))
+    for k in range(2):
+        v = first if k == 0 else second
+        u, w = seen.plane[own[v, 0], own[v, 1]]
+        r = rotations[v]
+        length = 0.0
+        for i in range(3):
+            rays[k, i] = r[0, i] * u + r[1, i] * w + r[2, i]
+            length += rays[k, i] ** 2
+            centres[k, i] = 0.0
+            for m in range(3):
+                centres[k, i] -= r[m, i] * translations[v, m]
+        length = np.sqrt(length)
+        for i in range(3):
+            rays[k, i] /= length
+    cosine = along_a = along_b = 0.0
+    for i in range(3):
+        offset = centres[1, i] - centres[0, i]
+        cosine += rays[0, i] * rays[1, i]
+        along_a += rays[0, i] * offset
+        along_b += rays[1, i] * offset
+    sine = 1.0 - cosine * cosine
+    if sine < 1e-4:
+        return False
+    a = (along_a - cosine * along_b) / sine
+    b = (cosine * along_a - along_b) / sine
+    if a < MIN_DEPTH or b < MIN_DEPTH:
+        return False
+    for i in range(3):
+        x[i] = 0.5 * (centres[0, i] + a * rays[0, i] + centres[1, i] + b * rays[1, i])
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def start_from_prediction(joint, claims, seen, rules, x, picks, result):
+    """Refine the predicted place into x and pick observations there; the cost, infinite if too few views."""
+    for i in range(3):
+        x[i] = joint.expected[i]
+    pick_observations(x, joint, claims, seen, rules, picks)
+    if refine_point(x, joint.shift, picks, seen, rules, Steps(GUIDED_STEPS, False), result) < 2:
+        return np.inf
+    cost = pick_observations(x, joint, claims, seen, rules, picks)
+    return cost + _prior_cost(x, joint, rules.truncation**2)
+
+
+@njit(cache=True, error_model="numpy")
+def start_from_pairs(joint, claims, seen, rules, x, room, picks, best):
+    """The intersection of two of the views of `room.own` that costs less than `best`, into x; the least cost.
+
+    Pairs are taken from all over the rig, at most `rules.max_pairs` of them.
+    """
+    count = _own_views(joint, claims, seen, room)
+    step, tried = max(1, count // 2), 0
+    while step >= 1 and tried < rules.max_pairs:
+        for i in range(count):
+            k = (i + step) % count
+            if tried >= rules.max_pairs or k == i or (2 * step == count and i >= step):
+                continue
+            tried += 1
+            if not intersect(room.have[i], room.have[k], room.own, seen, room.trial):
+                continue
+            cost = pick_observations(room.trial, joint, claims, seen, rules, picks)
+            if np.isfinite(joint.expected[0]):
+                cost += _prior_cost(room.trial, joint, rules.truncation**2)
+            if cost < best:
+                best = cost
+                for i in range(3):
+                    x[i] = room.trial[i]
+        step -= 1
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _own_views(joint, claims, seen, room):
+    """Write the own 2D people that have the joint, and their views, into the room; their number."""
+    count = 0
+    for v in range(len(room.own)):
+        d = claims.member[joint.person, v]
+        if d >= 0:
+            s = claims.source[joint.person, v, joint.number]
+            if seen.precision[d, s] > 0.0 and (claims.owner[d, s] < 0 or claims.owner[d, s] == joint.person):
+                room.own[v, 0], room.own[v, 1] = d, s
+                room.have[count] = v
+                count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _prior_cost(x, joint, limit):
+    """Truncated squared distance to the prediction in units of its spread."""
+    expected = joint.expected
+    squared = (x[0] - expected[0]) ** 2 + (x[1] - expected[1]) ** 2 + (x[2] - expected[2]) ** 2
+    return truncated(squared / (joint.spread * joint.spread), limit)
+
+
+def sources(mirrored: Array, mirror: Array) -> Array:
+    """(P, V, J) which joint of each 2D person stands for joint j, from mirrored (P, V)."""
+    return np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
+
+
+def guides_of(item: AssociationSet) -> Guides:
+    """The predictions of the people of an association; new ones have none."""
+    known = item.who >= 0
+    guides = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
+    rows, prediction = item.who[known], item.prediction
+    guides.positions[known], guides.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
+    guides.spreads[known] += CHOICE_SPEED * prediction.ages[rows]
+    guides.firm[known] = prediction.firm[rows]
+    return guides
+
+
+def solve_joints(guides: Guides, claims: Claims, seen: Observations, rules: SolverRules) -> SolvedJoints:
+    """Solve all joints of all people."""
+    people, joints = len(guides.spreads), guides.spreads.shape[1]
+    todo = np.ones((people, joints), bool)
+    solved = SolvedJoints.nothing(people, joints, len(seen.starts) - 1)
+    solve_again(todo, guides, claims, seen, rules, solved)
+    return solved
+
+
+@njit(cache=True, error_model="numpy")
+def solve_again(todo, guides, claims, seen, rules, solved):
+    """Replace, in place, the results of the joints `todo` (P, J)."""
+    views = len(seen.starts) - 1
+    x, table = np.empty(3), np.empty((views, TABLE))
+    room = _Room(np.empty((views, 2), np.int64), np.empty(views, np.int64), np.empty(3))
+    for p in range(todo.shape[0]):
+        for j in range(todo.shape[1]):
+            if not todo[p, j]:
+                continue
+            joint = _Joint(p, j, guides.positions[p, j], guides.spreads[p, j], guides.shifts[p, j])
+            pick = solved.picks[p, j]
+            result = Result(solved.normals[p, j], solved.residuals[p, j], table)
+            for i in range(3):
+                solved.positions[p, j, i] = np.nan
+            if _start(joint, claims, seen, rules, x, room, pick, result) == np.inf:
+                _forget(pick, result)
+                continue
+            count = refine_point(x, joint.shift, pick, seen, rules, Steps(LAST_STEPS, True), result)
+            if count == 2 and guides.firm[p, j] and _prior_cost(x, joint, np.inf) > DENIED * DENIED:
+                for v in range(views):
+                    result.residuals[v] = -1.0
+            elif count >= 2:
+                for i in range(3):
+                    solved.positions[p, j, i] = x[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _start(joint, claims, seen, rules, x, room, picks, result):
+    """Choose the starting point of a joint into x, its observations into picks; the cost, inf if none.
+
+    Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views, of which
+    the best one is refined, too. The cost is truncated over the views, plus the truncated distance to the
+    prediction.
+    """
+    best = np.inf
+    if np.isfinite(joint.expected[0]):
+        best = start_from_prediction(joint, claims, seen, rules, x, picks, result)
+        count = _own_views(joint, claims, seen, room)
+        if best < (GOOD_COST if count < MANY_VIEWS else 2.0 * GOOD_COST) * count:
+            return best
+    best = start_from_pairs(joint, claims, seen, rules, x, room, picks, best)
+    if best < np.inf:
+        pick_observations(x, joint, claims, seen, rules, picks)
+        refine_point(x, joint.shift, picks, seen, rules, Steps(ROUGH_STEPS, False), result)
+        best = pick_observations(x, joint, claims, seen, rules, picks)
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _forget(picks, result):
+    """Write that nothing was found."""
+    for v in range(len(picks)):
+        picks[v, 0] = picks[v, 1] = -1
+        result.residuals[v] = -1.0
+    for i in range(3):
+        for k in range(3):
+            result.normal[i, k] = 0.0
