@@ -69,20 +69,16 @@ class NoiseTable:
         share = pixels / diagonals[cameras]
         self.growth.learn(sizes, share / self.factors[cameras] / self.shares[bins])
         share = share / self.growth.factors(sizes)
-        self._add(self._scores, bins, share / self.factors[cameras] / self._initial)
-        self.shares = self._initial * self._median(self._scores) / RAYLEIGH_MEDIAN
-        self._add(self._views, cameras, share / self.shares[bins])
-        self.factors = self._median(self._views) / RAYLEIGH_MEDIAN
+        self.shares = self._initial * self._median(
+            self._scores, bins, share / self.factors[cameras] / self._initial
+        )
+        self.factors = self._median(self._views, cameras, share / self.shares[bins])
 
-    def _add(self, table: Array, rows: Array, ratios: Array) -> None:
-        """Count residuals in units of their sigma into rows of a histogram, with forgetting."""
+    def _median(self, table: Array, rows: Array, ratios: Array) -> Array:
+        """Count residuals in units of sigma into a histogram, with forgetting; sigma (R,) of each row."""
         count_levels(table, rows, ratios, self._low, self._width)
-        table *= np.minimum(1.0, self._memory / table.sum(axis=1, keepdims=True))
-
-    def _median(self, table: Array) -> Array:
-        """Median of each row of a histogram, interpolated inside of its level."""
-        levels: Array = np.exp(self._low + self._width * median_levels(table))
-        return levels
+        levels: Array = np.exp(self._low + self._width * forget_and_halve(table, self._memory))
+        return levels / RAYLEIGH_MEDIAN
 
 
 @njit(cache=True)
@@ -114,12 +110,21 @@ def count_levels(table, rows, ratios, low, width):
 
 
 @njit(cache=True)
-def median_levels(table):
-    """Median (R,) of each row of a histogram (R, L) in levels, interpolated inside of its level."""
+def forget_and_halve(table, memory):
+    """Scale rows of a histogram (R, L) down to `memory` entries, in place.
+
+    Returns:
+        (R,) the median of each row in levels, interpolated inside of its level.
+    """
     result = np.empty(len(table))
     for i in range(len(table)):
-        half = 0.5 * table[i].sum()
-        below, level = 0.0, 0
+        total = 0.0
+        for k in range(table.shape[1]):
+            total += table[i, k]
+        kept = min(1.0, memory / total)
+        for k in range(table.shape[1]):
+            table[i, k] *= kept
+        half, below, level = 0.5 * kept * total, 0.0, 0
         while level < table.shape[1] - 1 and below + table[i, level] < half:
             below += table[i, level]
             level += 1

@@ -1,12 +1,11 @@
 """Which 2D person of each view a skeleton was made of."""
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.domain import DetectionSet, Evidence, ViewSources
+from panoptic_ros.kernels import njit
 from panoptic_ros.solving.joints import SolvedJoints
 
 Array = np.ndarray
@@ -26,7 +25,8 @@ def view_sources(
     )
 
 
-def main_people(starts: Array, member: Array, residuals: Array, picks: Array) -> Array:
+@njit(cache=True, error_model="numpy")
+def main_people(starts, member, residuals, picks):
     """Row (P, V) of the 2D person of each view that gave most joints to each skeleton, -1 = none.
 
     Detectors mix people up where they overlap, so that somebody's joints can come from two 2D people of one
@@ -37,14 +37,20 @@ def main_people(starts: Array, member: Array, residuals: Array, picks: Array) ->
             wins where another gave as many, and where no joint of the view was used.
         residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and joint. See `SolvedJoints`.
     """
-    given = np.zeros((len(member), starts[-1]))  # joints, by each 2D person to each skeleton
-    p, j, v = np.nonzero(residuals >= 0.0)
-    np.add.at(given, (p, picks[p, j, v, 0]), 1.0)
-    p, v = np.nonzero(member >= 0)
-    given[p, member[p, v]] += 0.5
-    main = np.full(member.shape, -1, np.int64)
-    for view, (start, end) in enumerate(pairwise(starts)):
-        if end > start:
-            best = start + given[:, start:end].argmax(axis=1)
-            main[:, view] = np.where(member[:, view] >= 0, best, -1)
+    people, joints, views = residuals.shape
+    given = np.zeros(starts[-1])  # joints, by each 2D person
+    main = np.full((people, views), -1, np.int64)
+    for p in range(people):
+        for d in range(len(given)):
+            given[d] = 0.0
+        for j in range(joints):
+            for v in range(views):
+                if residuals[p, j, v] >= 0.0:
+                    given[picks[p, j, v, 0]] += 1.0
+        for v in range(views):
+            best = member[p, v]
+            for d in range(starts[v], starts[v + 1] if best >= 0 else starts[v]):
+                if given[d] > given[best]:
+                    best = d
+            main[p, v] = best
     return main

@@ -25,8 +25,9 @@ class Shapes:
         Raises:
             DataError: naming the record, the attribute and both shapes.
         """
+        value = getattr(self.record, name)
         try:
-            array = np.array(getattr(self.record, name), dtype=dtype, order="C")
+            array = value if _is_own(value, dtype) else np.array(value, dtype=dtype, order="C")
         except (TypeError, ValueError) as error:
             raise DataError(f"{self._of(name)} is no array of {np.dtype(dtype)}: {error}") from None
         wanted = _letters(letters)
@@ -44,6 +45,14 @@ class Shapes:
 
     def _of(self, name: str) -> str:
         return f"{type(self.record).__name__}.{name}"
+
+
+def _is_own(value: Any, dtype: Any) -> bool:
+    """Whether an array is already what a record holds: nobody can write to it."""
+    return (
+        type(value) is np.ndarray and value.dtype == dtype and value.base is None
+        and value.flags.c_contiguous and not value.flags.writeable
+    )  # fmt: skip
 
 
 @cache

@@ -77,9 +77,11 @@ class PoseSet:
         there = states != _MISSING
         if states.size and states.max() > _LAST:
             raise DataError(f"PoseSet.states has the unknown state {states.max()}")
-        if not np.isfinite(positions[there]).all() or not np.isfinite(covariances[there]).all():
+        finite = np.isfinite(positions)
+        known = finite.all(axis=-1) & np.isfinite(covariances).all(axis=(-2, -1))
+        if (there & ~known).any():
             raise DataError("a joint that is not missing has a position or covariance that is not finite")
-        if not np.isnan(positions[~there]).all():
+        if (finite.any(axis=-1) & ~there).any():
             raise DataError("a missing joint has a position; missing is NaN")
         if not len(positions):
             object.__setattr__(self, "time_shift", None)
@@ -116,7 +118,7 @@ class TrackedPoseSet(PoseSet):
         ids = np.array(self.ids, np.int64).reshape(-1)
         if len(ids) != len(self.positions):
             raise DataError(f"{len(ids)} ids for {len(self.positions)} people")
-        if len(np.unique(ids)) != len(ids):
+        if len(set(ids.tolist())) != len(ids):
             raise DataError(f"an id stands twice among {ids.tolist()}")
         ids.flags.writeable = False
         object.__setattr__(self, "ids", ids)

@@ -167,6 +167,12 @@ def _match(owners: Array, rows: Array, cost: Array) -> None:
 
 def _tracked(item: PoseSet, rows: Array, ids: Array) -> TrackedPoseSet:
     """The chosen skeletons with their ids."""
+    if len(rows) == len(item.positions) and (rows == np.arange(len(rows))).all():
+        return TrackedPoseSet(
+            item.index, item.stamp_ns, item.skeleton_hash, item.positions, item.covariances, item.scores,
+            item.views, item.states, item.person_scores, item.newest_ns, item.time_shift, item.sources,
+            ids=ids,
+        )  # fmt: skip
     return TrackedPoseSet(
         item.index, item.stamp_ns, item.skeleton_hash, item.positions[rows], item.covariances[rows],
         item.scores[rows], item.views[rows], item.states[rows], item.person_scores[rows],
