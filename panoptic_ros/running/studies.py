@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.bench.studies.takes import Method, Takes, inside
+from panoptic_ros.bench.studies.takes import Method, Takes
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import merged
@@ -37,15 +37,13 @@ class StudyRequest:
     settings: Parameters
     preset: Preset = NO_PRESET
 
-    def methods(self, rig: Rig) -> tuple[Method, ...]:
-        """The default and the preset, which searches the inside of the rig unless it says otherwise."""
-        from panoptic_ros.simulation.studio import centred  # simulation is slow to load
-
+    @property
+    def methods(self) -> tuple[Method, ...]:
+        """The default, and the preset beside it."""
         default = Method(settings=self.settings)
         if self.preset is NO_PRESET:
             return (default,)
-        inner = {"voting": {"volume": inside(centred(rig))}}
-        settings = merged(inner, self.preset.parameters, self.settings)
+        settings = merged(self.preset.parameters, self.settings)
         return default, Method(self.preset.name, settings, self.preset.skeleton)
 
 
@@ -80,7 +78,7 @@ def _cameras(request: StudyRequest, progress: Progress) -> dict[str, Any]:
 
     rig = _of_type(request.rig, "vga")
     counts = (len(rig),) if request.name == "nodes" else request.cameras
-    result = study_cameras(rig, request.takes, counts, request.methods(rig), progress)
+    result = study_cameras(rig, request.takes, counts, request.methods, progress)
     return result | {"study": request.name}
 
 
@@ -88,15 +86,16 @@ def _resolution(request: StudyRequest, progress: Progress) -> dict[str, Any]:
     from panoptic_ros.bench.studies.resolution import study_resolution
 
     hd, vga = read_rig(request.rig, types=("hd",)), read_rig(request.rig, types=("vga",))
-    methods = request.methods(Rig((*hd.cameras, *vga.cameras)))
-    return study_resolution((hd, vga), request.cameras[0], request.takes, methods, MODEL, progress)
+    return study_resolution(
+        (hd, vga), request.cameras[0], request.takes, request.methods, MODEL, progress
+    )
 
 
 def _time(request: StudyRequest, progress: Progress) -> dict[str, Any]:
     from panoptic_ros.bench.studies.times import study_time
 
     rig = _of_type(request.rig, "vga")
-    return study_time(rig, request.takes, request.methods(rig), MODEL, progress)
+    return study_time(rig, request.takes, request.methods, MODEL, progress)
 
 
 def _of_type(path: Path, kind: str) -> Rig:

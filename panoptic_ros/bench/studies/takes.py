@@ -6,9 +6,6 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Any
 
-import numpy as np
-
-from panoptic_ros.domain import Rig
 from panoptic_ros.stage import Progress, part_of
 
 Settings = Mapping[str, Mapping[str, Any]]
@@ -40,13 +37,6 @@ class Method:
     name: str = "default"
     settings: Settings = field(default_factory=dict)
     skeleton: str = ""
-
-
-def inside(rig: Rig) -> tuple[float, ...]:
-    """The box round the cameras and the floor (z = 0) below: least corner and largest (m)."""
-    places = [camera.centre for camera in rig.cameras]
-    places.append(np.array([*places[0][:2], 0.0]))
-    return (*np.min(places, axis=0).tolist(), *np.max(places, axis=0).tolist())
 
 
 def shared_out(progress: Progress, costs: Sequence[float]) -> list[Progress]:
