@@ -10,7 +10,6 @@ from rclpy.node import Node
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.nodes.family import message_class, ros_messages
 
-PATIENCE_S = 5.0  # a first step that takes longer compiles kernels
 OK, WARN = b"\x00", b"\x01"
 
 
@@ -29,12 +28,9 @@ class Diagnostics:
         self._timer = node.create_timer(1.0, self.publish)
         self.finished = False
         self.more: Callable[[], list[Any]] = list  # further statuses
-        self.busy_s: Callable[[], float] = float  # how long the step at hand has taken so far
-        self._explained = False
 
     def publish(self) -> None:
         """Publish the state of now."""
-        self._explain()
         family = ros_messages()
         only = len(self._statistics) == 1
         statuses = [
@@ -61,13 +57,3 @@ class Diagnostics:
             hardware_id="panoptic_ros",
             values=[family.make("diagnostic_msgs/msg/KeyValue", key=k, value=v) for k, v in values.items()],
         )
-
-    def _explain(self) -> None:
-        """Say why nothing comes, once, if the first step takes long."""
-        taken = any(own.taken for own in self._statistics.values())
-        if not self._explained and not taken and self.busy_s() > PATIENCE_S:
-            self._explained = True
-            self._node.get_logger().info(
-                "the first message compiles kernels, which takes about a minute and is done once per "
-                "installation; what comes meanwhile is dropped in live flow"
-            )

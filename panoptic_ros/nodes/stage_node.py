@@ -23,6 +23,7 @@ from panoptic_ros.graph.queues import InOrder, InstantsAndOthers, NewestInstant,
 from panoptic_ros.graph.schedule import Place
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.graph.wiring import Wiring
+from panoptic_ros.nodes.compilation import compilation_told
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.inputs import Input, InputChoice, subscribe
@@ -98,7 +99,6 @@ class StageNode(Node):
         self._inputs: dict[str, Input] = {}  # by full name
         self._fault: PanopticError | None = None
         self._worker = Worker(self._work, self._dropped)
-        self._diagnostics.busy_s = lambda: self._worker.busy_s
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
         self._facts = Facts(self, self._begin, self._refuse_message, self._rig_changed)
@@ -140,11 +140,12 @@ class StageNode(Node):
             if stage in self._extras:
                 extras |= self._extras[stage](self, prefix, skeleton)
         around = [name for name in NODES if name in {*self._graph, *self.prefixes}]
-        self._pipeline = pipeline = Pipeline(
-            self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
-            on_record=self._gave, on_notice=self._tell, on_refused=self._refuse, on_end=self._owner_over,
-            on_step=self._stepped, clock=time.perf_counter_ns, everywhere=around,
-        )  # fmt: skip
+        with compilation_told(self.get_logger()):
+            self._pipeline = pipeline = Pipeline(
+                self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
+                on_record=self._gave, on_notice=self._tell, on_refused=self._refuse,
+                on_end=self._owner_over, on_step=self._stepped, clock=time.perf_counter_ns, everywhere=around,
+            )  # fmt: skip
         replay = self._flow.name == "replay"
         progress = ProgressTold(self, self._progress_heard) if replay and self._marked else None
         final = {

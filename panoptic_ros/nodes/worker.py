@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -29,7 +28,6 @@ class Worker:
         self._changed = threading.Condition()
         self._stopping = False
         self.fault: PanopticError | None = None
-        self._busy_since: float | None = None
         self._thread = threading.Thread(target=self._work_on, daemon=True)
 
     def start(self, waiting: Waiting) -> None:
@@ -57,12 +55,6 @@ class Worker:
         """False after a fault, and after a bug, which prints its traceback."""
         return self._waiting is None or self._thread.is_alive()
 
-    @property
-    def busy_s(self) -> float:
-        """How long it has been working on what it works on now."""
-        since = self._busy_since
-        return 0.0 if since is None else time.monotonic() - since
-
     def stop(self) -> None:
         """Finish the item at hand and end."""
         with self._changed:
@@ -84,7 +76,6 @@ class Worker:
                     batch = self._next()
                 if self._stopping:
                     return
-            self._busy_since = time.monotonic()
             try:
                 with full_disk_told():
                     for item in batch:
@@ -92,7 +83,6 @@ class Worker:
             except PanopticError as error:
                 self.fault = error
                 return
-            self._busy_since = None
 
     def _next(self) -> list[Any]:
         assert self._waiting is not None
