@@ -1,6 +1,8 @@
 """Association: 2D people assigned to skeletons."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.association.config import AssociationConfig
@@ -16,6 +18,14 @@ MIRROR_MARGIN = 1.15  # exchanged sides must agree this much better
 MIN_COMMON = 4  # joints that a 2D person shares with a skeleton or with another
 
 
+class AssignmentRules(NamedTuple):
+    """scale (m) of the agreement; least agreement of a member, and of its double."""
+
+    scale: float
+    least: float
+    double: float
+
+
 def assign(
     scene: Scene, positions: Array, shifts: Array, free: Array, config: AssociationConfig, scale: float
 ) -> tuple[Groups, Array]:
@@ -28,33 +38,27 @@ def assign(
     Returns:
         their 2D people, and free (D,) without those that were assigned and without duplicates of them.
     """
-    evidence = scene.evidence
     member, mirrored, left, _, _ = assign_greedily(
-        positions, shifts, evidence.plane, scene.precision, evidence.view, scene.cams, scene.mirror, scale,
-        free, config.person_agreement, config.duplicate_agreement, evidence.views,
+        positions, shifts, scene.observations, scene.mirror, free,
+        AssignmentRules(scale, config.person_agreement, config.duplicate_agreement),
     )  # fmt: skip
     return Groups(member, mirrored), left
 
 
 @njit(cache=True, error_model="numpy")
-def assign_greedily(positions, shifts, plane, precision, view, cams, mirror, scale, free, least, double,
-                    views):  # fmt: skip
+def assign_greedily(positions, shifts, seen, mirror, free, rules):
     """The loops of `assign`.
-
-    Args:
-        least, double: agreement of a member, and of a duplicate. views: V.
 
     Returns:
         member and mirrored (P, V), free (D,), the agreement of each skeleton with each 2D person (P, D), and
         the number of joints (P, D) that both have.
     """
-    straight, mirrored, common = agreement_with_people(
-        positions, shifts, plane, precision, view, cams, mirror, scale
-    )
+    straight, mirrored, common = agreement_with_people(positions, shifts, seen, mirror, rules.scale)
+    view, views = seen.views, len(seen.starts) - 1
     people, rows = straight.shape
     flipped, value = np.empty((people, rows), np.bool_), np.zeros((people, rows))
     for d in range(rows):
-        enough = max(1, min(MIN_COMMON, joints_of(precision[d])))
+        enough = max(1, min(MIN_COMMON, joints_of(seen.precision[d])))
         for p in range(people):
             flipped[p, d] = mirrored[p, d] > MIRROR_MARGIN * straight[p, d]
             if common[p, d] >= enough and free[d]:
@@ -65,7 +69,7 @@ def assign_greedily(positions, shifts, plane, precision, view, cams, mirror, sca
     rated, place, count = np.empty(people * rows), np.empty(people * rows, np.int64), 0
     for p in range(people):
         for d in range(rows):
-            if value[p, d] >= least:
+            if value[p, d] >= rules.least:
                 rated[count], place[count] = value[p, d], p * rows + d
                 count += 1
     for i in descending(rated[:count]):
@@ -75,7 +79,7 @@ def assign_greedily(positions, shifts, plane, precision, view, cams, mirror, sca
             left[d] = False
     for p in range(people):
         for d in range(rows):
-            if member[p, view[d]] >= 0 and value[p, d] >= double:
+            if member[p, view[d]] >= 0 and value[p, d] >= rules.double:
                 left[d] = False
     for p in range(people):
         for d in range(rows):

@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.association.config import AssociationConfig
-from panoptic_ros.association.grouping import MIN_COMMON, assign_greedily, joints_of
+from panoptic_ros.association.grouping import MIN_COMMON, AssignmentRules, assign_greedily, joints_of
 from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.agreement import agreement_of_pairs
+from panoptic_ros.solving.cameras import Observations
 from panoptic_ros.solving.scene import Scene
-from panoptic_ros.solving.sight import HIDDEN, SEEN, look_at
+from panoptic_ros.solving.sight import HIDDEN, SEEN, Sight, look_at
 from panoptic_ros.solving.triangulation import triangulate_linear
 
 Array = np.ndarray
@@ -47,38 +48,44 @@ class NewcomerRules(NamedTuple):
         )  # fmt: skip
 
 
+class Room(NamedTuple):
+    """What the search knows besides 2D people: centres (V, 3) m of the cameras, `Sight`, mirror (J,)."""
+
+    centres: Array
+    sight: Sight
+    mirror: Array
+
+
 def find_people(scene: Scene, free: Array, config: AssociationConfig) -> tuple[Groups, Array]:
     """New people among the free 2D people (D,).
 
     Returns:
         their 2D people, and positions (P, J, 3) m of a first estimate.
     """
-    evidence = scene.evidence
     member, mirrored, places = search_people(
-        free, evidence.plane, scene.precision, evidence.view, scene.cams, scene.centres, scene.sight,
-        scene.mirror, NewcomerRules.of(config),
-    )  # fmt: skip
+        free, scene.observations, Room(scene.centres, scene.sight, scene.mirror), NewcomerRules.of(config)
+    )
     return Groups(member, mirrored), places
 
 
 @njit(cache=True, error_model="numpy")
-def search_people(free, plane, precision, view, cams, centres, sight, mirror,
-                  rules):  # fmt: skip
+def search_people(free, seen, room, rules):
     """The loops of `find_people`: member and mirrored (P, V), places (P, J, 3)."""
-    views, joints = len(centres), len(mirror)
+    precision, views, joints = seen.precision, len(room.centres), len(room.mirror)
     least = rules.person_agreement
-    chosen, left = _candidates(free, precision, view, centres)
+    chosen, left = _candidates(free, precision, seen.views, room.centres)
     members = np.empty((len(free) // 2, views), np.int64)  # a person takes two 2D people at least
     mirrors = np.empty(members.shape, np.bool_)
     places = np.empty((len(members), joints, 3))
     found = 0
     if len(chosen) >= 2:
-        value, common = agreement_of_pairs(chosen, plane, precision, view, cams, centres, rules.agreement)
+        value, common = agreement_of_pairs(chosen, seen, room.centres, rules.agreement)
         for i in range(len(chosen)):
             for k in range(len(chosen)):
                 alike = common[i, k] >= MIN_COMMON and value[i, k] >= least
                 value[i, k] = value[i, k] * np.sqrt(common[i, k]) if alike else 0.0
         open_precision = precision.copy()  # 0 for the 2D people that are assigned
+        still_free = Observations(seen.plane, open_precision, seen.views, seen.starts, seen.cams)
         while found < len(members):
             for d in range(len(left)):
                 if not left[d]:
@@ -88,7 +95,7 @@ def search_people(free, plane, precision, view, cams, centres, sight, mirror,
             if not len(pairs):
                 break
             good, member, flipped, position, rest = _best_supported(
-                chosen, pairs, left, plane, open_precision, view, cams, centres, sight, mirror, rules
+                chosen, pairs, left, still_free, room, rules
             )
             if good:
                 for v in range(views):
@@ -168,11 +175,10 @@ def best_pairs(rank, chosen, left):
 
 
 @njit(cache=True, error_model="numpy")
-def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, sight, mirror,
-                    rules):  # fmt: skip
+def _best_supported(chosen, pairs, free, seen, room, rules):
     """The best supported pair: whether there is one; member and mirrored (V,), place (J, 3) m, free (D,)."""
-    views = len(centres)
-    rotations, translations = cams.rotations, cams.translations
+    views, mirror, view = len(room.centres), room.mirror, seen.views
+    assignment = AssignmentRules(rules.agreement, rules.person_agreement, rules.duplicate_agreement)
     best_score, good = 0.0, False
     best_member, best_flipped = np.full(views, -1, np.int64), np.zeros(views, np.bool_)
     best_place, best_left = np.empty((len(mirror), 3)), free
@@ -182,14 +188,13 @@ def _best_supported(chosen, pairs, free, plane, precision, view, cams, centres, 
         for k in range(2):
             member[view[chosen[pairs[i, k]]]] = chosen[pairs[i, k]]
         for _ in range(1 + REPEAT):
-            place = triangulate_linear(member, flipped, plane, precision, rotations, translations, mirror)
+            place = triangulate_linear(member, flipped, seen, mirror)
             members, mirrors, left, value, common = assign_greedily(
-                place.reshape(1, -1, 3), still, plane, precision, view, cams, mirror, rules.agreement, free,
-                rules.person_agreement, rules.duplicate_agreement, views,
-            )  # fmt: skip
+                place.reshape(1, -1, 3), still, seen, mirror, free, assignment
+            )
             member, flipped = members[0], mirrors[0]
-        found = look_at(place, rotations, translations, sight)
-        score, agreement, supporters = _support(member, found, value[0], common[0], precision)
+        found = look_at(place, seen.cams.rotations, seen.cams.translations, room.sight)
+        score, agreement, supporters = _support(member, found, value[0], common[0], seen.precision)
         seeing = 0
         for v in range(views):
             seeing += found[v] == SEEN

@@ -9,6 +9,7 @@ import numpy as np
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.offsets.frames import CameraFrame
 from panoptic_ros.offsets.tracks import Tracks
+from panoptic_ros.solving import cameras
 from panoptic_ros.solving.agreement import agreement_with_people
 from panoptic_ros.solving.evidence import RigArrays
 
@@ -78,11 +79,12 @@ def _pairs(
     """(track, 2D person, sides exchanged) of one frame."""
     c = frame.camera
     people = len(frame.plane)
-    straight, mirrored, common = agreement_with_people(
-        places, np.zeros_like(places), frame.plane, (frame.scores > 0.0).astype(np.float64),
-        np.zeros(people, np.int64),
-        (arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1)), mirror, scale,
+    cams = cameras.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
+    seen = cameras.Observations(
+        frame.plane, (frame.scores > 0.0).astype(np.float64), np.zeros(people, np.int64),
+        np.array([0, people]), cams,
     )  # fmt: skip
+    straight, mirrored, common = agreement_with_people(places, np.zeros_like(places), seen, mirror, scale)
     flipped = mirrored > MIRROR_MARGIN * straight
     value = np.where(common >= LEAST_COMMON, np.where(flipped, mirrored, straight), 0.0)
     found = []

@@ -10,21 +10,22 @@ NOTHING = 50.0  # exponent beyond which an agreement counts as 0
 
 
 @njit(cache=True, error_model="numpy")
-def agreement_with_people(positions, shifts, plane, precision, view, cams, mirror, scale):
+def agreement_with_people(positions, shifts, seen, mirror, scale):
     """Mean agreement of every 2D person with every skeleton, as it is and with sides exchanged.
 
     The agreement of a joint is the Gaussian affinity exp(-d^2 / 2 scale^2). d is the residual times the
     depth, in metres, so near and far views count alike.
 
     Args:
-        positions: (P, J, 3) m, NaN = unknown. shifts: (P, J, 3) m/s. plane, precision: see Evidence.
+        positions: (P, J, 3) m, NaN = unknown. shifts: (P, J, 3) m/s. seen: `Observations`.
         mirror: (J,) the joint on the other side. scale: m.
 
     Returns:
         straight, mirrored: (P, D) in 0..1, mean over the joints that both have;
         common: (P, D) number of such joints.
     """
-    rotations, translations, delays = cams
+    plane, precision, view = seen.plane, seen.precision, seen.views
+    rotations, translations, delays = seen.cams
     people, joints = positions.shape[:2]
     straight = np.zeros((people, len(view)))
     mirrored = np.zeros((people, len(view)))
@@ -73,13 +74,13 @@ def _agreement(exponent):
 
 
 @njit(cache=True, error_model="numpy")
-def agreement_of_pairs(chosen, plane, precision, view, cams, centres, scale):
+def agreement_of_pairs(chosen, seen, centres, scale):
     """Mean agreement (L, L) of the rays of 2D people `chosen` (L,), 0 inside a view; common (L, L).
 
     The agreement of a joint is exp(-d^2 / 2 scale^2) with the distance d of the two rays, and 0 if they meet
     behind a camera.
     """
-    rotations = cams.rotations
+    plane, precision, view, rotations = seen.plane, seen.precision, seen.views, seen.cams.rotations
     joints = plane.shape[1]
     count = len(chosen)
     rays = np.zeros((count, joints, 3))

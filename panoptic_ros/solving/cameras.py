@@ -24,10 +24,11 @@ class Observations(NamedTuple):
     """All 2D joints of one instant: V views, D 2D people ordered by view.
 
     plane (D, J, 2) undistorted normalised points. precision (D, J) 1 / standard deviation on that plane, 0 =
-    missing. starts (V + 1,) first 2D person of each view. cams: of the views.
+    missing. views (D,) of each 2D person. starts (V + 1,) first 2D person of each view. cams: of the views.
     """
 
     plane: Array
     precision: Array
+    views: Array
     starts: Array
     cams: Cameras

@@ -36,7 +36,8 @@ class Scene:
     @property
     def observations(self) -> Observations:
         """The same for kernels that solve joints."""
-        return Observations(self.evidence.plane, self.precision, self.evidence.starts, self.cams)
+        evidence = self.evidence
+        return Observations(evidence.plane, self.precision, evidence.view, evidence.starts, self.cams)
 
 
 def scene_of(

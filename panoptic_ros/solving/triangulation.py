@@ -21,14 +21,14 @@ def middle_of_cameras(member, rotations, translations):
 
 
 @njit(cache=True, error_model="numpy")
-def triangulate_linear(member, mirrored, plane, precision, rotations, translations,
-                       mirror):  # fmt: skip
+def triangulate_linear(member, mirrored, seen, mirror):
     """Linear triangulation (J, 3) m of the 2D people member (V,), NaN with fewer than two views.
 
     It is solved relative to the mean centre of their cameras. Damping then pulls towards that centre,
     wherever the world has its origin.
     """
-    joints = len(mirror)
+    plane, precision, joints = seen.plane, seen.precision, len(mirror)
+    rotations, translations, _ = seen.cams
     points = np.full((joints, 3), np.nan)
     row, middle = np.empty(3), middle_of_cameras(member, rotations, translations)
     moved = np.empty((len(member), 3))

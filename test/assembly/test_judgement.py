@@ -119,7 +119,10 @@ def test_residuals_to_learn_have_leverage_taken_out():
     shifts = rng.standard_normal(positions.shape)
     rows, joints, pixels = residuals_to_learn(
         kept, SolvedJoints(positions, normals, residuals, picks), shifts,
-        Observations(plane, precision, np.zeros(VIEWS + 1, int), Cameras(rotations, translations, delays)),
+        Observations(
+            plane, precision, np.zeros(ROWS, int), np.zeros(VIEWS + 1, int),
+            Cameras(rotations, translations, delays),
+        ),
         focals,
     )  # fmt: skip
     expected = []
@@ -149,7 +152,9 @@ def test_linear_triangulation_is_least_squares(scenes):
     plane[2] = plane[2][mirror]
     weight = np.random.default_rng(1).uniform(0.0, 500.0, plane.shape[:2])
     member, mirrored = np.array([0, -1, 2, 3]), np.array([False, False, True, False])
-    points = triangulate_linear(member, mirrored, plane, weight, stack.rotations, stack.translations, mirror)
+    cams = Cameras(stack.rotations, stack.translations, np.zeros(4))
+    seen = Observations(plane, weight, np.arange(4), np.arange(5), cams)
+    points = triangulate_linear(member, mirrored, seen, mirror)
     for j in range(len(truth)):
         rows, right = [], []
         for v in (0, 2, 3):

@@ -81,9 +81,8 @@ def test_assignment_equals_the_best_first_rule(seed):
     free = rng.random(len(scene.evidence.view)) < 0.9
     got, left = assign(scene, positions, np.zeros_like(positions), free, CONFIG, 0.08)
     straight, mirrored, common = agreement_with_people(
-        positions, np.zeros_like(positions), scene.evidence.plane, scene.precision, scene.evidence.view,
-        scene.cams, MIRROR, 0.08,
-    )  # fmt: skip
+        positions, np.zeros_like(positions), scene.observations, MIRROR, 0.08
+    )
     flipped = mirrored > MIRROR_MARGIN * straight
     value = np.where(flipped, mirrored, straight) * (common >= MIN_COMMON) * free
     member = np.full((3, 5), -1)

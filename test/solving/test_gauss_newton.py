@@ -56,7 +56,7 @@ def test_finds_the_minimum_of_the_cauchy_cost():
         picks = np.stack([np.arange(views), np.zeros(views, int)], axis=1)
         x, normal, residuals = truth + 0.05, np.empty((3, 3)), np.empty(views)
         rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
-        seen = Observations(plane, precision, np.arange(views + 1), cams)
+        seen = Observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
         result = Result(normal, residuals, np.empty((views, TABLE)))
         count = refine_point(x, np.zeros(3), picks, seen, rules, Steps(30, False), result)
         assert count == views

@@ -33,7 +33,8 @@ def seen(stack, plane):
     """2D joints (V, J, 2) of 2 px noise at a focal length of 1000 px, all at once."""
     views = len(plane)
     cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
-    return Observations(plane, np.full(plane.shape[:2], 1000.0 / 2.0), np.arange(views + 1), cams)
+    precision = np.full(plane.shape[:2], 1000.0 / 2.0)
+    return Observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
 
 
 def test_final_step_equals_the_reference(scenes):
@@ -101,10 +102,7 @@ def test_undistortion_of_a_fisheye_equals_the_camera_model():
 def test_agreement_of_pairs_is_that_of_their_rays(scenes):
     rig, plane = single_person(scenes, views=3, noise=20.0)
     stack = rig.stack()
-    cams = Cameras(stack.rotations, stack.translations, np.zeros(3))
-    value, common = agreement_of_pairs(
-        np.arange(3), plane, np.ones(plane.shape[:2]), np.arange(3), cams, stack.centres, 0.05
-    )
+    value, common = agreement_of_pairs(np.arange(3), seen(stack, plane), stack.centres, 0.05)
     rays = stack.rays(plane)
     for a, b in ((0, 1), (0, 2), (1, 2)):
         centres = stack.centres[[a, b]][:, None]
@@ -119,9 +117,8 @@ def test_agreement_with_people_is_residual_times_depth(scenes):
     stack, truth = rig.stack(), scenes.person(0.35, -0.2)
     mirror = np.array(scenes.skeleton.mirror)
     straight, mirrored, _ = agreement_with_people(
-        truth[None], np.zeros((1, 19, 3)), plane, np.ones(plane.shape[:2]), np.arange(3),
-        Cameras(stack.rotations, stack.translations, np.zeros(3)), mirror, 0.05,
-    )  # fmt: skip
+        truth[None], np.zeros((1, 19, 3)), seen(stack, plane), mirror, 0.05
+    )
     for v, camera in enumerate(rig.cameras):
         for order, value in ((np.arange(19), straight), (mirror, mirrored)):
             local = camera.cam_from_world.apply(truth[order])
