@@ -1,6 +1,7 @@
 """The figures of one solution: how good its skeletons are, and what they cost."""
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from panoptic_ros.io.compared_skeletons import spelt_alike
 from panoptic_ros.stage import StageContext
 
 Array = np.ndarray
+WITHIN = 95.0  # % of the joints that should lie within the ellipsoids that their covariances tell
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ FIGURES = (
     Figure("far_per_1000", f"> {100 * HIT:.0f} cm /1000", +1, 2),
     Figure("id_switches", "id switches", +1, 2),
     Figure("acceleration_error", "acc. m/s^2", +1, 2),
+    Figure("misfit_95", "misfit of 95 %", +1, 2),
     Figure("ms_per_frame", "ms / frame", 0, 2),
 )
 
@@ -89,14 +92,15 @@ def figures_of(truth: SkeletonSequence, solution: Solution, stretches: int = 1) 
 def _figures(pairs: list[FramePair], joint_names: Sequence[str], ms_per_frame: float) -> dict[str, float]:
     report = report_of(pairs, joint_names)
     errors = matched_distances(pairs, len(joint_names))
-    errors = errors[np.isfinite(errors)]
+    errors, told = errors[np.isfinite(errors)], report.consistency
     return {
         "mpjpe_mm": report.joints.mpjpe_mm,
         "recall": 100.0 * report.joints.recall,
         "precision": 100.0 * report.joints.precision,
-        "far_per_1000": 1e3 * float((errors >= HIT).mean()) if errors.size else float("nan"),
+        "far_per_1000": 1e3 * float((errors >= HIT).mean()) if errors.size else math.nan,
         "id_switches": float(report.identities.switches - report.identities.switches_over_gaps),
         "acceleration_error": report.acceleration_error,
+        "misfit_95": math.nan if told is None else abs(100.0 * told.cover95 - WITHIN),
         "ms_per_frame": ms_per_frame,
     }
 

@@ -9,6 +9,7 @@ CELL = 19
 NAMES = 22
 LEGEND = (
     "Change of each figure when a mechanism is off, with its standard error; * = more than chance (95 %).",
+    "Misfit: by how many points the share of joints within their 95 % ellipsoids is not 95.",
     "Errors are over seeds, or over stretches of a recording; `all scenes` gives each scene the same weight.",
 )
 
