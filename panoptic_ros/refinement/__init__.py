@@ -2,8 +2,9 @@
 
 Each joint has a Kalman filter (position and velocity, white acceleration). Its update uses the full
 covariance of the measured position and a Cauchy weight against outliers. A fixed-lag smoother then uses
-the frames that follow (Rauch, Tung, Striebel 1965). Where views have stamps of their own, positions are
-measured together with the motion (`domain.TimeShift`), so that every view counts at its own stamp. The
+the frames that follow (Rauch, Tung, Striebel 1965). Every step is done once for all joints of all people
+(`filter_bank`), who are rows of the same arrays (`records`). Where views have stamps of their own, positions
+are measured together with the motion (`domain.TimeShift`), so that every view counts at its own stamp. The
 velocity of new joints is estimated from all joints of a person together (`start_motion`).
 
 Process noise, the scale of the covariances and the correlation of errors over time are learnt online from

@@ -1,11 +1,10 @@
-"""Lengths of a person's bones: learnt online, then soft constraints on the joints."""
+"""Lengths of people's bones: learnt online, then soft constraints on the joints; compiled."""
 from __future__ import annotations
 
 import numpy as np
 
 from panoptic_ros.kernels import njit
-
-Array = np.ndarray
+from panoptic_ros.refinement.joint_states import MEASURED, MISSING
 
 MEMORY = 300.0  # frames over which a length is averaged
 GOOD_SIGMA = 0.04  # m, joints less certain than this are not learnt from
@@ -15,90 +14,70 @@ EXTRA_SIGMA = 0.01  # m, of a length besides the noise of its ends, when outlier
 SETTLED = 5.0  # frames after which outliers are cut
 
 
-class BoneLengths:
-    """Mean length of each bone of one person.
+@njit(cache=True, error_model="numpy")
+def learn_lengths(positions, covariances, states, bones, lengths, frames):
+    """Update the mean lengths (P, B) m, and of how many frames they are (P, B), in place.
 
     The mean of |a - b| over noisy joints is too long by the noise across the bone; that is
     subtracted.
     """
-
-    def __init__(self, bones: Array):
-        self._bones = bones
-        self.means = np.zeros(len(bones))
-        self.counts = np.zeros(len(bones))
-
-    def learn(self, positions: Array, covariances: Array, measured: Array) -> None:
-        """Update with joints (J, 3) m of covariances (J, 3, 3) m^2."""
-        learn_lengths(self.means, self.counts, self._bones, positions, covariances, measured)
-
-    def apply(
-        self, positions: Array, covariances: Array, there: Array, sigma: float, frames: int
-    ) -> tuple[Array, Array]:
-        """Joints and covariances pulled towards the learnt lengths, less certain joints more.
-
-        One pass along the tree from the root, each bone a scalar measurement of both ends.
-        """
-        positions, covariances = positions.copy(), covariances.copy()
-        usable = self.counts >= frames
-        pull_bones(positions, covariances, self._bones, self.means, usable, there, sigma)
-        return positions, covariances
-
-
-@njit(cache=True, error_model="numpy")
-def learn_lengths(means, counts, bones, positions, covariances, measured):
-    """Update means (B,) and counts (B,) of bones (B, 2) in place."""
-    for i in range(len(bones)):
+    offset = np.empty(3)
+    for p, i in np.ndindex(lengths.shape):
         a, b = bones[i]
-        if not (measured[a] and measured[b]):
+        if states[p, a] != MEASURED or states[p, b] != MEASURED:
             continue
-        trace = along = square = 0.0
+        length, trace, along = _length(positions[p], a, b, offset), 0.0, 0.0
         for k in range(3):
-            trace += covariances[a, k, k] + covariances[b, k, k]
-            square += (positions[b, k] - positions[a, k]) ** 2
-        length = np.sqrt(square)
+            trace += covariances[p, a, k, k] + covariances[p, b, k, k]
+            for m in range(3):
+                spread = covariances[p, a, k, m] + covariances[p, b, k, m]
+                along += offset[k] * spread * offset[m]
         if trace > 6.0 * GOOD_SIGMA**2 or length < SHORTEST:
             continue
-        for k in range(3):
-            for m in range(3):
-                spread = covariances[a, k, m] + covariances[b, k, m]
-                along += (positions[b, k] - positions[a, k]) * spread * (positions[b, m] - positions[a, m])
-        along /= square
-        counts[i] = min(counts[i] + 1.0, MEMORY)
-        innovation = length - 0.5 * (trace - along) / length - means[i]
+        along /= offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2
+        frames[p, i] = min(frames[p, i] + 1.0, MEMORY)
+        innovation = length - 0.5 * (trace - along) / length - lengths[p, i]
         limit = OUTLIER * np.sqrt(along + EXTRA_SIGMA**2)
-        if counts[i] > SETTLED:
+        if frames[p, i] > SETTLED:
             innovation = min(limit, max(-limit, innovation))
-        means[i] += innovation / counts[i]
+        lengths[p, i] += innovation / frames[p, i]
 
 
 @njit(cache=True, error_model="numpy")
-def pull_bones(positions, covariances, bones, means, usable, there, sigma):
-    """Take the usable lengths as measurements of noise sigma m, in place."""
-    unit, gain_a, gain_b = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(len(bones)):
+def pull_bones(positions, covariances, states, bones, lengths, sigma):
+    """Take lengths (P, B) m, NaN = not known, as measurements of noise sigma m, in place.
+
+    One pass along the tree from the root, each bone a scalar measurement of both ends, the less certain of
+    which moves more.
+    """
+    offset, gain_a, gain_b = np.empty(3), np.empty(3), np.empty(3)
+    for p, i in np.ndindex(lengths.shape):
         a, b = bones[i]
-        if not usable[i] or not (there[a] and there[b]):
+        if np.isnan(lengths[p, i]) or states[p, a] == MISSING or states[p, b] == MISSING:
             continue
-        square = 0.0
-        for k in range(3):
-            unit[k] = positions[b, k] - positions[a, k]
-            square += unit[k] ** 2
-        length = np.sqrt(square)
+        length, expected = _length(positions[p], a, b, offset), 0.0
         if length < SHORTEST:
             continue
-        expected = 0.0
         for k in range(3):
             gain_a[k] = gain_b[k] = 0.0
             for m in range(3):
-                gain_a[k] += covariances[a, k, m] * unit[m] / length
-                gain_b[k] += covariances[b, k, m] * unit[m] / length
-            expected += unit[k] / length * (gain_a[k] + gain_b[k])
-        innovation = means[i] - length
+                gain_a[k] += covariances[p, a, k, m] * offset[m] / length
+                gain_b[k] += covariances[p, b, k, m] * offset[m] / length
+            expected += offset[k] / length * (gain_a[k] + gain_b[k])
+        innovation = lengths[p, i] - length
         noise = sigma**2 * (1.0 + innovation**2 / (OUTLIER**2 * (expected + sigma**2)))
         total = expected + noise
         for k in range(3):
-            positions[a, k] -= gain_a[k] * innovation / total
-            positions[b, k] += gain_b[k] * innovation / total
+            positions[p, a, k] -= gain_a[k] * innovation / total
+            positions[p, b, k] += gain_b[k] * innovation / total
             for m in range(3):
-                covariances[a, k, m] -= gain_a[k] * gain_a[m] / total
-                covariances[b, k, m] -= gain_b[k] * gain_b[m] / total
+                covariances[p, a, k, m] -= gain_a[k] * gain_a[m] / total
+                covariances[p, b, k, m] -= gain_b[k] * gain_b[m] / total
+
+
+@njit(cache=True, error_model="numpy")
+def _length(positions, a, b, offset):
+    """Length m of the bone from joint a to b; offset (3,) m becomes that of its ends."""
+    for k in range(3):
+        offset[k] = positions[b, k] - positions[a, k]
+    return np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)

@@ -14,67 +14,66 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median
+from panoptic_ros.refinement.records import People
 
 Array = np.ndarray
 
+TOP_SPEED = 3.0  # m/s against the body; more is noise
 CLIP = 3.0  # sigmas, at which innovations are clipped
 FIRST = 4  # measurements of a person before process noise is learnt
 SETTLED = 10  # and before the scale is; earlier innovations depend on the prior of velocities
 RATE = 0.2  # of the logarithm of the process noise, per measurement and unit of correlation
 RANGE = (0.1, 10.0)  # of the factor on the process noise
-PRIOR = 8.0  # weight of the scale 1, in measurements of a person
 MEMORY = 100.0  # measurements of a person
 LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0  # measurements of people
 LASTING_FREE = 0.06  # correlation, two and three frames apart, that is no sign of lasting errors
 LASTING_GAIN = 8.0  # growth of covariances per unit of it beyond
 
 
-class LastingErrors:
-    """How much larger covariances are because errors last: a property of the detector, from all people."""
-
-    def __init__(self) -> None:
-        self._weight, self._correlation = LASTING_PRIOR, 0.0
-
-    def learn(self, correlation: float, share: float) -> None:
-        """Take the sum of the correlations two and three frames apart, of a share of a person's joints."""
-        self._weight = min(self._weight + share, LASTING_MEMORY)
-        self._correlation += (correlation - self._correlation) * share / self._weight
-
-    @property
-    def factor(self) -> float:
-        """On all covariances, 1 or more."""
-        return 1.0 + LASTING_GAIN * max(0.0, -self._correlation - LASTING_FREE)
+def nothing_lasting() -> Array:
+    """Weight and correlation of errors that last, which belong to the detector: what `learn` begins from."""
+    return np.array([LASTING_PRIOR, 0.0])
 
 
-class Tuning:
-    """Of one person of J joints: `factor` on its process noise, and the `scale` of its covariances."""
+def scales(people: People, lasting: Array) -> Array:
+    """(P,) by which covariances of the filter and smoother are to be multiplied."""
+    scaled: Array = people.levels * (1.0 + LASTING_GAIN * max(0.0, -float(lasting[1]) - LASTING_FREE))
+    return scaled
 
-    def __init__(self, joints: int, lasting: LastingErrors):
-        self._joints, self._lasting = joints, lasting
-        self.factor = self._level = 1.0
-        self._weight, self._seen = PRIOR, 0
-        self._before = np.full((3, joints, 3), np.nan)  # innovations of one, two, three measurements ago
 
-    @property
-    def scale(self) -> float:
-        """By which covariances of the filter and smoother are to be multiplied."""
-        return self._level * self._lasting.factor
+def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> None:
+    """Take whitened innovations (P, J, 3), NaN = not measured, of the people that are seen (P,), in place."""
+    changes = np.zeros(len(seen))
+    learn_levels(people, seen, innovations, lasting, changes)
+    people.factors[:] = np.minimum(np.maximum(people.factors * np.exp(changes), RANGE[0]), RANGE[1])
 
-    def learn(self, innovations: Array) -> None:
-        """Take whitened innovations (J, 3), NaN = not measured."""
-        count, square, next_sum, late_sum = innovation_sums(innovations, self._before)
-        self._before = np.concatenate([innovations[None], self._before[:2]])
-        self._seen += 1
-        if self._seen <= FIRST or not count:
-            return
-        change = RATE * next_sum / (3.0 * self._joints) / self._level
-        self.factor = min(max(self.factor * np.exp(change), RANGE[0]), RANGE[1])
-        if self._seen <= SETTLED:
-            return
-        share = count / self._joints
-        self._weight = min(self._weight + share, MEMORY)
-        self._level += (square / (3.0 * count) - self._level) * share / self._weight
-        self._lasting.learn(late_sum / (3.0 * count) / self._level, share)
+
+@njit(cache=True, error_model="numpy")
+def learn_levels(people, seen, innovations, lasting, changes):
+    """`learn` all but the factors: changes (P,) becomes by what their logarithms change."""
+    joints = innovations.shape[1]
+    for p in range(len(seen)):
+        if not seen[p]:
+            continue
+        before = people.innovations[p]
+        count, square, next_sum, late_sum = innovation_sums(innovations[p], before)
+        for j in range(joints):
+            for i in range(3):
+                before[2, j, i], before[1, j, i] = before[1, j, i], before[0, j, i]
+                before[0, j, i] = innovations[p, j, i]
+        people.counts[p] += 1
+        if people.counts[p] <= FIRST or not count:
+            continue
+        changes[p] = RATE * next_sum / (3.0 * joints) / people.levels[p]
+        if people.counts[p] <= SETTLED:
+            continue
+        share = count / joints
+        people.weights[p] = min(people.weights[p] + share, MEMORY)
+        people.levels[p] += (square / (3.0 * count) - people.levels[p]) * share / people.weights[p]
+        late = late_sum / (3.0 * count) / people.levels[p]
+        lasting[0] = min(lasting[0] + share, LASTING_MEMORY)
+        lasting[1] += (late - lasting[1]) * share / lasting[0]
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,3 +101,30 @@ def innovation_sums(now, before):
                     else:
                         late_sum += product
     return count, square, next_sum, late_sum
+
+
+@njit(cache=True, error_model="numpy")
+def process_noise(speeds, factors, states, least, growth, noise):
+    """noise (P, J) m^2/s^3, spectral density of acceleration: limbs that swing need more than the trunk.
+
+    Args:
+        speeds: (P, J) m/s of late; become at least those of the states (P, J, 6) against the body, which
+            moves with their median, but at most `TOP_SPEED`.
+        factors: (P,). least, growth: noise for a factor of 1 is least + growth speed^2.
+    """
+    joints, body, known = states.shape[1], np.empty(3), np.empty(states.shape[1])
+    for p in range(len(states)):
+        for i in range(3):
+            count = 0
+            for j in range(joints):
+                if np.isfinite(states[p, j, 3]):
+                    known[count] = states[p, j, 3 + i]
+                    count += 1
+            body[i] = median(known[:count]) if count else np.nan
+        for j in range(joints):
+            if np.isfinite(states[p, j, 3]):
+                against = 0.0
+                for i in range(3):
+                    against += (states[p, j, 3 + i] - body[i]) ** 2
+                speeds[p, j] = max(speeds[p, j], min(np.sqrt(against), TOP_SPEED))
+            noise[p, j] = factors[p] * (least + growth * speeds[p, j] ** 2)

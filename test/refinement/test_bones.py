@@ -1,64 +1,88 @@
 """The compiled loops over bones against numpy."""
 import numpy as np
 
-from panoptic_ros.refinement.bones import BoneLengths
-from panoptic_ros.refinement.kalman import raise_speeds
+from panoptic_ros.domain import JointState
+from panoptic_ros.refinement.bones import learn_lengths, pull_bones
 
 BONES = np.array([[0, 1], [1, 2], [1, 3]])
+MISSING, MEASURED, FILLED = int(JointState.MISSING), int(JointState.MEASURED), int(JointState.FILLED)
 
 
-def joints(seed):
-    """Positions (4, 3) and covariances (4, 3, 3) of some skeleton."""
+def joints(seed, people=1):
+    """Positions (P, 4, 3), covariances (P, 4, 3, 3), all measured."""
     rng = np.random.default_rng(seed)
-    factor = 0.01 * rng.standard_normal((4, 3, 3))
-    return rng.uniform(-1.0, 1.0, (4, 3)), factor @ np.swapaxes(factor, 1, 2)
+    factor = 0.01 * rng.standard_normal((people, 4, 3, 3))
+    positions = rng.uniform(-1.0, 1.0, (people, 4, 3))
+    return positions, factor @ np.swapaxes(factor, -1, -2), np.full((people, 4), MEASURED, np.uint8)
 
 
 def test_lengths_lose_the_noise_across_the_bone():
-    lengths, everything = BoneLengths(BONES), np.ones(4, bool)
-    expected = np.zeros(3)
+    lengths, frames, expected = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
     for frame in range(4):
-        positions, covariances = joints(frame)
-        lengths.learn(positions, covariances, everything)
-        for i, (a, b) in enumerate(BONES):
-            offset, spread = positions[b] - positions[a], covariances[a] + covariances[b]
-            length = np.linalg.norm(offset)
-            across = np.trace(spread) - offset @ spread @ offset / length**2
-            expected[i] += length - 0.5 * across / length
-    assert np.allclose(lengths.means, expected / 4) and (lengths.counts == 4).all()
+        positions, covariances, states = joints(frame, 2)
+        learn_lengths(positions, covariances, states, BONES, lengths, frames)
+        for p in range(2):
+            for i, (a, b) in enumerate(BONES):
+                offset, spread = positions[p, b] - positions[p, a], covariances[p, a] + covariances[p, b]
+                length = np.linalg.norm(offset)
+                across = np.trace(spread) - offset @ spread @ offset / length**2
+                expected[p, i] += length - 0.5 * across / length
+    assert np.allclose(lengths, expected / 4) and (frames == 4).all()
 
 
-def test_missing_joints_teach_nothing():
-    lengths = BoneLengths(BONES)
-    positions, covariances = joints(0)
-    lengths.learn(positions, covariances, np.array([True, True, False, True]))
-    assert lengths.counts.tolist() == [1.0, 0.0, 1.0]
+def test_noise_across_the_bone_does_not_lengthen_it():
+    rng, sigma = np.random.default_rng(0), 0.03
+    lengths, frames, states = np.zeros((1, 1)), np.zeros((1, 1)), np.full((1, 2), MEASURED, np.uint8)
+    spread = np.tile(sigma**2 * np.eye(3), (1, 2, 1, 1))
+    for _ in range(200):
+        points = np.array([[[0, 0, 0], [0, 0, 0.3]]]) + rng.normal(0, sigma, (1, 2, 3))
+        learn_lengths(points, spread, states, BONES[:1], lengths, frames)
+    assert abs(lengths[0, 0] - 0.3) < 0.005
+
+
+def test_joints_that_are_not_measured_teach_nothing():
+    lengths, frames = np.zeros((1, 3)), np.zeros((1, 3))
+    positions, covariances, states = joints(0)
+    states[0, 2] = FILLED
+    learn_lengths(positions, covariances, states, BONES, lengths, frames)
+    assert frames.tolist() == [[1.0, 0.0, 1.0]]
 
 
 def test_a_length_is_a_scalar_measurement_of_both_ends():
-    lengths = BoneLengths(BONES[:1])
-    positions, covariances = joints(1)
-    lengths.means[:], lengths.counts[:] = np.linalg.norm(positions[1] - positions[0]) + 0.02, 20.0
-    moved, tightened = lengths.apply(positions, covariances, np.ones(4, bool), 0.01, 10)
-    unit = (positions[1] - positions[0]) / np.linalg.norm(positions[1] - positions[0])
+    (positions, covariances, states), unknown = joints(1), np.full((1, 3), np.nan)
+    lengths = unknown.copy()
+    lengths[0, 0] = np.linalg.norm(positions[0, 1] - positions[0, 0]) + 0.02
+    moved, tightened = positions.copy(), covariances.copy()
+    pull_bones(moved, tightened, states, BONES, lengths, 0.01)
+    unit = (positions[0, 1] - positions[0, 0]) / np.linalg.norm(positions[0, 1] - positions[0, 0])
     row = np.concatenate([-unit, unit])
     both = np.zeros((6, 6))
-    both[:3, :3], both[3:, 3:] = covariances[0], covariances[1]
+    both[:3, :3], both[3:, 3:] = covariances[0, 0], covariances[0, 1]
     expected = row @ both @ row
     total = expected + 0.01**2 * (1.0 + 0.02**2 / (9.0 * (expected + 0.01**2)))
     gain = both @ row / total
-    assert np.allclose(moved[:2].ravel(), positions[:2].ravel() + gain * 0.02)
+    assert np.allclose(moved[0, :2].ravel(), positions[0, :2].ravel() + gain * 0.02)
     whole = both - np.outer(gain, gain) * total
-    assert np.allclose(tightened[0], whole[:3, :3]) and np.allclose(tightened[1], whole[3:, 3:])
-    assert np.array_equal(moved[2:], positions[2:]) and np.array_equal(tightened[2:], covariances[2:])
+    assert np.allclose(tightened[0, 0], whole[:3, :3]) and np.allclose(tightened[0, 1], whole[3:, 3:])
+    assert np.array_equal(moved[0, 2:], positions[0, 2:])
+    assert np.array_equal(tightened[0, 2:], covariances[0, 2:])
 
 
-def test_speeds_are_against_the_median_velocity():
-    rng = np.random.default_rng(0)
-    states = rng.standard_normal((7, 6))
-    states[2] = np.nan
-    speeds = np.full(7, 0.5)
-    raise_speeds(speeds, states, 1.5)
-    known = np.arange(7) != 2
-    against = np.linalg.norm(states[:, 3:] - np.median(states[known, 3:], axis=0), axis=1)
-    assert np.allclose(speeds[known], np.clip(against, 0.5, 1.5)[known]) and speeds[2] == 0.5
+def test_missing_joints_and_unknown_lengths_pull_nothing():
+    positions, covariances, states = joints(2)
+    states[0, 1] = MISSING
+    moved = positions.copy()
+    pull_bones(moved, covariances.copy(), states, BONES, np.full((1, 3), 5.0), 0.01)
+    states[0, 1] = MEASURED
+    pull_bones(moved, covariances.copy(), states, BONES, np.full((1, 3), np.nan), 0.01)
+    assert np.array_equal(moved, positions)
+
+
+def test_the_uncertain_end_moves():
+    points = np.array([[[0, 0, 0], [0, 0, 0.36]]])
+    spread = np.stack([1e-8 * np.eye(3), 0.03**2 * np.eye(3)])[None]
+    tightened = spread.copy()
+    pull_bones(points, tightened, np.full((1, 2), FILLED, np.uint8), BONES[:1], np.array([[0.3]]), 0.005)
+    assert np.linalg.norm(points[0, 0]) < 1e-5 and 0.29 < points[0, 1, 2] < 0.32
+    assert tightened[0, 1, 2, 2] < 0.1 * spread[0, 1, 2, 2]
+    assert np.isclose(tightened[0, 1, 0, 0], spread[0, 1, 0, 0])

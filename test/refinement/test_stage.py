@@ -4,7 +4,6 @@ import pytest
 
 from panoptic_ros.domain import JointState, SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.errors import DataError
-from panoptic_ros.refinement.bones import BoneLengths
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import RefinementStage
 from panoptic_ros.stage import StageContext
@@ -184,29 +183,3 @@ def test_old_stamps_and_other_skeletons():
     other = SkeletonModel("other", ("a", "b"), 0, ((0, 1),), 1)
     with pytest.raises(DataError, match="skeleton"):
         RefinementStage(RefinementConfig(), StageContext(None, other)).step(sets[0])
-
-
-class TestBones:
-    bones = np.array([[0, 1]])
-
-    def learnt(self, sigma, count=200):
-        """Lengths from a bone of 0.3 m along z whose ends have noise sigma."""
-        rng = np.random.default_rng(0)
-        lengths = BoneLengths(self.bones)
-        spread = np.tile(sigma**2 * np.eye(3), (2, 1, 1))
-        for _ in range(count):
-            points = np.array([[0, 0, 0], [0, 0, 0.3]]) + rng.normal(0, sigma, (2, 3))
-            lengths.learn(points, spread, np.ones(2, bool))
-        return lengths
-
-    def test_noise_across_the_bone_does_not_lengthen_it(self):
-        assert abs(self.learnt(0.03).means[0] - 0.3) < 0.005
-
-    def test_the_uncertain_end_moves(self):
-        lengths = self.learnt(0.005)
-        points = np.array([[0, 0, 0], [0, 0, 0.36]])
-        spread = np.stack([1e-8 * np.eye(3), 0.03**2 * np.eye(3)])
-        moved, tightened = lengths.apply(points, spread, np.ones(2, bool), 0.005, 10)
-        assert np.linalg.norm(moved[0]) < 1e-5
-        assert 0.29 < moved[1, 2] < 0.32
-        assert tightened[1, 2, 2] < 0.1 * spread[1, 2, 2] and np.isclose(tightened[1, 0, 0], spread[1, 0, 0])

@@ -4,8 +4,9 @@ import pytest
 
 from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.records import new_people
 from panoptic_ros.refinement.stage import RefinementStage
-from panoptic_ros.refinement.tuning import LastingErrors, Tuning, innovation_sums
+from panoptic_ros.refinement.tuning import innovation_sums, learn, nothing_lasting, process_noise, scales
 from panoptic_ros.stage import StageContext
 
 JOINTS, RATE = 30, 30.0
@@ -59,14 +60,44 @@ def test_errors_that_last_are_noticed():
     assert refined(0.05, lasting=0.5)[0] < 1.8
 
 
-def test_factor_follows_the_sign_of_the_correlation():
-    for sign in (1.0, -1.0):
-        tuning, rng = Tuning(JOINTS, LastingErrors()), np.random.default_rng(0)
-        value = rng.standard_normal((JOINTS, 3))
-        for _ in range(30):
-            value = 0.5 * sign * value + np.sqrt(0.75) * rng.standard_normal((JOINTS, 3))
-            tuning.learn(value)
-        assert (tuning.factor > 1.3) if sign > 0 else (tuning.factor < 0.75)
+def correlated(rng, value, correlation):
+    """The next of innovations whose neighbours have this correlation."""
+    return correlation * value + np.sqrt(1.0 - correlation**2) * rng.standard_normal(value.shape)
+
+
+def test_factors_follow_the_sign_of_the_correlation():
+    people, rng = new_people([7, 3], JOINTS, 0), np.random.default_rng(0)
+    value = rng.standard_normal((2, JOINTS, 3))
+    for _ in range(30):
+        value[0], value[1] = correlated(rng, value[0], 0.5), correlated(rng, value[1], -0.5)
+        learn(people, np.ones(2, bool), value, nothing_lasting())
+    assert people.factors[0] > 1.3 and people.factors[1] < 0.75
+
+
+def test_levels_follow_the_size_of_innovations_and_those_who_are_not_seen_learn_nothing():
+    people, rng, lasting = new_people([7, 3], JOINTS, 0), np.random.default_rng(0), nothing_lasting()
+    for _ in range(500):
+        learn(people, np.array([True, False]), 0.5 * rng.standard_normal((2, JOINTS, 3)), lasting)
+    assert np.isclose(scales(people, lasting)[0], 0.25, atol=0.02)
+    assert people.levels[1] == people.factors[1] == 1.0 and np.isnan(people.innovations[1]).all()
+
+
+def test_errors_that_last_make_everybody_less_certain():
+    people = new_people([7, 3], JOINTS, 0)
+    assert np.array_equal(scales(people, np.array([100.0, 0.0])), [1.0, 1.0])
+    assert np.allclose(scales(people, np.array([100.0, -0.16])), 1.8)
+
+
+def test_speeds_are_against_the_median_velocity():
+    states = np.random.default_rng(0).standard_normal((2, 7, 6))
+    states[0, 2], states[1] = np.nan, np.nan
+    speeds, noise, factors = np.full((2, 7), 0.5), np.empty((2, 7)), np.array([2.0, 1.0])
+    process_noise(speeds, factors, states, 0.1, 4.0, noise)
+    known = np.arange(7) != 2
+    against = np.linalg.norm(states[0, :, 3:] - np.median(states[0, known, 3:], axis=0), axis=1)
+    assert np.allclose(speeds[0, known], np.clip(against, 0.5, 3.0)[known])
+    assert speeds[0, 2] == 0.5 and (speeds[1] == 0.5).all()
+    assert np.allclose(noise, factors[:, None] * (0.1 + 4.0 * speeds**2))
 
 
 def test_sums_are_those_of_numpy():

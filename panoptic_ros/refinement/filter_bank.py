@@ -1,0 +1,159 @@
+"""The filters of all joints of all people, and their smoother."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.domain import SkeletonModel, TimeShift, TrackedPoseSet
+from panoptic_ros.refinement.bones import learn_lengths, pull_bones
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.joint_states import Judged, judge, take_measurements
+from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
+from panoptic_ros.refinement.motion_rows import started, update_moving, update_velocities
+from panoptic_ros.refinement.records import Moment, Motion, joined, new_people, of_all, selected, unknown
+from panoptic_ros.refinement.start_motion import likely_velocities
+from panoptic_ros.refinement.tuning import learn, nothing_lasting, process_noise, scales
+
+Array = np.ndarray
+
+SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
+
+
+class FilterBank:
+    """Everybody's filters, and the moments that results still depend on."""
+
+    def __init__(self, config: RefinementConfig, skeleton: SkeletonModel, lasting_share: float):
+        """lasting_share: of the variance of measurements, of errors that last."""
+        self._config, self._share = config, lasting_share
+        self._joints, self._bones = len(skeleton), np.array(skeleton.bones, np.int64).reshape(-1, 2)
+        self.moments: list[Moment] = []
+        self.people = new_people([], len(skeleton), len(self._bones))
+        self.departed: dict[int, tuple[Array, Array]] = {}  # lengths and frames of those who may come back
+        self.lasting = nothing_lasting()
+
+    def take(self, item: TrackedPoseSet) -> None:
+        """Filter everybody up to this set."""
+        self._predict(item.stamp_ns)
+        known = self.people.ids.tolist()
+        new = [number for number in item.ids.tolist() if number not in known]
+        if new:
+            self._add(new)
+        if len(item.ids):
+            self._update(item)
+
+    def _predict(self, stamp_ns: int) -> None:
+        """Predict all motion to an instant."""
+        config, people = self._config, self.people
+        last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints)
+        dt = 1e-9 * (stamp_ns - last.stamp_ns)
+        now = unknown(stamp_ns, dt, len(people.ids), self._joints)
+        people.speeds[...] *= np.exp(-dt / SPEED_MEMORY)
+        states, least, growth = last.motion.states, config.process_noise, config.limb_noise
+        process_noise(people.speeds, people.factors, states, least, growth, now.noise)
+        predict(last.motion, dt, now.noise, now.predicted)
+        if config.lag > 0.0:  # else nothing is smoothed
+            smoother_gains(last.motion, dt, now.predicted, now.gains)
+        for name in ("scores", "noises", "person_scores"):
+            getattr(now.measured, name)[...] = getattr(last.measured, name)
+        np.add(last.measured.ages, dt, out=now.measured.ages)
+        now.predicted.states[now.measured.ages > config.max_gap] = np.nan
+        now.motion.states[...], now.motion.covariances[...] = now.predicted
+        self.moments.append(now)
+
+    def _add(self, ids: list[int]) -> None:
+        """Add people of whom nothing is known but, if they were there before, the lengths of their bones."""
+        people = new_people(ids, self._joints, len(self._bones))
+        nobody = unknown(0, 0.0, len(ids), self._joints)
+        nobody.noise[...] = self._config.process_noise
+        for row, number in enumerate(ids):
+            if number in self.departed:
+                people.lengths[row], people.frames[row] = self.departed.pop(number)
+        self.people = joined(self.people, people)
+        self.moments = [joined(moment, nobody) for moment in self.moments]
+
+    def _update(self, item: TrackedPoseSet) -> None:
+        """Update the newest moment with the measurements of its instant."""
+        now, config, shift, points = self.moments[-1], self._config, item.time_shift, item.positions
+        row_of = {number: row for row, number in enumerate(self.people.ids.tolist())}
+        rows = np.array([row_of[number] for number in item.ids.tolist()])
+        now.measured.person_scores[rows] = item.person_scores
+        relief, scores, views = config.few_views_relief, item.scores, item.views
+        take_measurements(now.measured, rows, points, item.covariances, relief, scores, views)
+        innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
+        if shift is None:
+            update(now.motion, rows, points, noises, config.cauchy, innovations)
+        else:
+            points = points + (shift.delays @ shift.assumed[..., None])[..., 0]
+            update_moving(now.motion, rows, points, noises, shift.delays, config.cauchy, innovations)
+            update_velocities(now.motion, rows, shift.velocities, shift.information, config.cauchy)
+        learn(self.people, now.measured.people, innovations, self.lasting)
+        new = now.measured.joints & np.isnan(now.motion.states[:, :, 0])
+        for k in np.flatnonzero(new[rows].any(axis=1)).tolist() if new.any() else ():
+            self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
+
+    def _start(self, row: int, new: Array, points: Array, shift: TimeShift | None) -> None:
+        """Begin the motion of a person's new joints (J,) from points (J, 3); shift: of this person alone."""
+        now, fast, cauchy = self.moments[-1], self._config.start_speed, self._config.cauchy
+        if shift is None:
+            delays, velocities = np.zeros((self._joints, 3, 3)), np.zeros((self._joints, 3))
+            spreads = fast**2 * np.eye(3)
+        else:
+            delays = shift.delays[0]
+            velocities, spreads = likely_velocities(shift.velocities[0], shift.information[0], fast, cauchy)
+        begun = started(points, now.measured.noises[row], delays, velocities, spreads)
+        for whole, part in zip(now.motion, begun):
+            whole[row, new] = part[new]
+
+    def smoothed(self, index: int, ahead: float) -> Judged:
+        """Everybody at a kept moment, or `ahead` s later, before the next one, with all that came after."""
+        kept = self.moments[index:]
+        target, motion = kept[0], of_all(np.copy, kept[-1].motion)
+        again = np.zeros_like(target.measured.joints)  # measured later, without an interruption
+        for now, after in zip(kept[-2::-1], kept[:0:-1]):
+            before, gains = now.motion, after.gains
+            if now is target and ahead > 0.0:
+                before, gains = _ahead(before, ahead, after.noise), np.empty_like(gains)
+                smoother_gains(before, after.dt - ahead, after.predicted, gains)
+            smooth(before, gains, after.predicted, after.measured.joints, motion, again)
+        if len(kept) == 1 and ahead > 0.0:
+            motion = _ahead(motion, ahead, target.noise)
+        return self._judged(target, motion, again)
+
+    def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:
+        """Joints with their states, on bones of the learnt lengths, and with errors that last.
+
+        A joint that is not measured now was lost to what made it err before: nothing is taken off.
+        """
+        config, measured, shape = self._config, target.measured, again.shape
+        lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
+        limits = config.max_sigma, config.max_prediction
+        places, spreads, scores = np.empty((*shape, 3)), np.empty((*shape, 3, 3)), np.empty(shape)
+        judged = Judged(places, spreads, scores, np.empty(shape, np.uint8))
+        judge(motion, measured, again, scales(self.people, self.lasting), lasting, limits, judged)
+        if config.bone_sigma > 0.0:
+            lengths, frames = self.people.lengths, self.people.frames
+            learn_lengths(places, spreads, judged.states, self._bones, lengths, frames)
+            settled = np.where(frames >= config.bone_frames, lengths, np.nan)
+            pull_bones(places, spreads, judged.states, self._bones, settled, config.bone_sigma)
+        if self._share > 0.0:
+            judged.covariances[...] += lasting[..., None, None] * measured.noises
+        return judged
+
+    def forget(self, stamp_ns: int) -> None:
+        """Drop people who are gone, and moments that are not needed to smooth after this stamp."""
+        gone = self.moments[-1].measured.ages.min(axis=1) > self._config.max_gap + self._config.lag
+        for moment in self.moments if gone.any() else ():
+            if moment.stamp_ns > stamp_ns:
+                gone &= ~moment.measured.people
+        if gone.any():
+            left, self.people = selected(self.people, gone), selected(self.people, ~gone)
+            self.departed.update(zip(left.ids.tolist(), zip(left.lengths, left.frames)))
+            self.moments = [selected(moment, ~gone) for moment in self.moments]
+        while len(self.moments) > 1 and self.moments[1].stamp_ns <= stamp_ns:
+            self.moments.pop(0)
+
+
+def _ahead(motion: Motion, dt: float, noise: Array) -> Motion:
+    """The motion dt s later."""
+    moved = of_all(np.empty_like, motion)
+    predict(motion, dt, noise, moved)
+    return moved

@@ -1,0 +1,72 @@
+"""Which joints are measured, filled, predicted or missing."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import JointState
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+
+MISSING, MEASURED, PREDICTED, FILLED = (int(state) for state in JointState)
+
+
+class Judged(NamedTuple):
+    """The joints of all people."""
+
+    positions: Array  # (P, J, 3) m
+    covariances: Array  # (P, J, 3, 3) m^2
+    scores: Array  # (P, J)
+    states: Array  # (P, J) `JointState`
+
+
+@njit(cache=True, error_model="numpy")
+def take_measurements(measured, rows, points, covariances, relief, scores, views):
+    """Enter points (R, J, 3) of the people of these rows, NaN = not measured, in place.
+
+    Covariances shrink by 1 + relief / (views - 1).
+    """
+    for r in range(len(rows)):
+        p = rows[r]
+        measured.people[p] = True
+        for j in range(points.shape[1]):
+            if not np.isfinite(points[r, j, 0]):
+                continue
+            measured.joints[p, j], measured.ages[p, j] = True, 0.0
+            measured.views[p, j], measured.scores[p, j] = views[r, j], scores[r, j]
+            shrink = 1.0 + relief / max(views[r, j] - 1.0, 1.0)
+            for i in range(3):
+                for k in range(3):
+                    measured.noises[p, j, i, k] = covariances[r, j, i, k] / shrink
+
+
+@njit(cache=True, error_model="numpy")
+def judge(motion, measured, again, scales, lasting, limits, judged):
+    """What smoothing says of every joint; gaps that are too long or too uncertain are missing.
+
+    Args:
+        motion: smoothed. again: (P, J), joints that are measured later, without an interruption.
+        scales: (P,) of the covariances. lasting: (P, J), share of the noises that smoothing leaves.
+        limits: m and s, standard deviation and age of joints beyond which they are missing.
+    """
+    for p, j in np.ndindex(again.shape):
+        state, cov = motion.states[p, j], motion.covariances[p, j]
+        trace = 0.0
+        for i in range(3):
+            trace += scales[p] * cov[i, i] + lasting[p, j] * measured.noises[p, j, i, i]
+        kind, score = MISSING, 0.5 * measured.scores[p, j]
+        if measured.joints[p, j]:
+            kind, score = MEASURED, measured.scores[p, j]
+        elif np.isfinite(state[0]) and np.sqrt(trace / 3.0) < limits[0]:
+            if again[p, j]:
+                kind = FILLED
+            elif measured.people[p] and measured.ages[p, j] <= limits[1]:
+                kind = PREDICTED
+        there = kind != MISSING
+        judged.states[p, j], judged.scores[p, j] = kind, score if there else 0.0
+        for i in range(3):
+            judged.positions[p, j, i] = state[i] if there else np.nan
+            for k in range(3):
+                judged.covariances[p, j, i, k] = scales[p] * cov[i, k] if there else np.nan

@@ -1,0 +1,99 @@
+"""What refinement keeps of P people of J joints; people are the first axis of every array."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+Array = np.ndarray
+Record = TypeVar("Record", bound=tuple[Any, ...])
+
+PRIOR = 8.0  # weight of a new person's level, in measurements
+
+
+class Motion(NamedTuple):
+    """Positions and velocities of joints."""
+
+    states: Array  # (P, J, 6) m and m/s, NaN = unknown
+    covariances: Array  # (P, J, 6, 6)
+
+
+class Measured(NamedTuple):
+    """What was measured until an instant."""
+
+    people: Array  # (P,) bool, who is in the instant's set
+    joints: Array  # (P, J) bool, which are measured
+    views: Array  # (P, J) of these measurements
+    scores: Array  # (P, J) of the latest measurements, 0 before any
+    noises: Array  # (P, J, 3, 3) m^2, of those
+    ages: Array  # (P, J) s since those
+    person_scores: Array  # (P,) of those
+
+
+class Moment(NamedTuple):
+    """All people at one instant."""
+
+    stamp_ns: int
+    dt: float  # s since the moment before
+    noise: Array  # (P, J) m^2/s^3, process noise since then
+    predicted: Motion  # from the moment before
+    gains: Array  # (P, J, 6, 6) of the smoother back to that moment, transposed
+    motion: Motion  # with this instant's measurements
+    measured: Measured
+
+
+class People(NamedTuple):
+    """Who is there, in the order in which they came, and what is learnt of them."""
+
+    ids: Array  # (P,)
+    speeds: Array  # (P, J) m/s against the body, the largest of late
+    factors: Array  # (P,) on the process noise
+    levels: Array  # (P,) of the covariances
+    weights: Array  # (P,) of the levels, in measurements of a person
+    counts: Array  # (P,) measurements of a person
+    innovations: Array  # (P, 3, J, 3) whitened, of one, two, three measurements ago; NaN = none
+    lengths: Array  # (P, B) m, means of bones
+    frames: Array  # (P, B) of which they are
+
+
+def unknown(stamp_ns: int, dt: float, people: int, joints: int) -> Moment:
+    """A moment of people of whom nothing is known."""
+    shape = (people, joints)
+    predicted, motion = (Motion(np.full((*shape, 6), np.nan), np.zeros((*shape, 6, 6))) for _ in range(2))
+    measured = Measured(
+        np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
+        np.zeros((*shape, 3, 3)), np.zeros(shape), np.zeros(people),
+    )  # fmt: skip
+    return Moment(stamp_ns, dt, np.zeros(shape), predicted, np.zeros((*shape, 6, 6)), motion, measured)
+
+
+def new_people(ids: list[int], joints: int, bones: int) -> People:
+    """People who have just come."""
+    count = len(ids)
+    return People(
+        np.array(ids, np.int64), np.zeros((count, joints)), np.ones(count), np.ones(count),
+        np.full(count, PRIOR), np.zeros(count, np.int64), np.full((count, 3, joints, 3), np.nan),
+        np.zeros((count, bones)), np.zeros((count, bones)),
+    )  # fmt: skip
+
+
+def of_all(function: Callable[..., Array], record: Record, *others: Record) -> Record:
+    """The record with a function applied to each of its arrays, and the same ones of others."""
+
+    def one(value: Any, *more: Any) -> Any:
+        if isinstance(value, tuple):
+            return of_all(function, value, *more)
+        return function(value, *more) if isinstance(value, np.ndarray) else value
+
+    return type(record)(*map(one, record, *others))
+
+
+def selected(record: Record, rows: Array) -> Record:
+    """Some of the people."""
+    return of_all(lambda array: array[rows], record)
+
+
+def joined(record: Record, more: Record) -> Record:
+    """The people of both, those of the first record first."""
+    return of_all(lambda *arrays: np.concatenate(arrays), record, more)

@@ -1,0 +1,66 @@
+"""Cholesky factors of small positive matrices, 3x3 of positions and 6x6 of motions; compiled."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.kernels import njit
+
+LEAST_PIVOT = 1e-16  # floor, for matrices that are singular but for rounding
+
+
+@njit(cache=True, error_model="numpy")
+def cholesky(matrix, lower, inverted):
+    """lower lower^T = matrix (S, S); nothing is written above the diagonal.
+
+    inverted: the diagonal of lower is, for those who divide by it many times.
+    """
+    for i in range(len(matrix)):
+        for k in range(i + 1):
+            value = matrix[i, k]
+            for m in range(k):
+                value -= lower[i, m] * lower[k, m]
+            if k < i:
+                lower[i, k] = value * lower[k, k] if inverted else value / lower[k, k]
+            else:
+                pivot = np.sqrt(max(value, LEAST_PIVOT))
+                lower[i, i] = 1.0 / pivot if inverted else pivot
+
+
+@njit(cache=True, error_model="numpy")
+def whiten(lower, vector, result):
+    """result = lower^-1 vector (S,)."""
+    for i in range(len(vector)):
+        value = vector[i]
+        for m in range(i):
+            value -= lower[i, m] * result[m]
+        result[i] = value / lower[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def whitened_row(lower, k, row):
+    """row (S,) = row k of lower^-1, the solution r of lower^T r = e_k."""
+    for i in range(len(row)):
+        row[i] = 1.0 if i == k else 0.0
+    for i in range(k, -1, -1):
+        value = row[i]
+        for m in range(i + 1, k + 1):
+            value -= lower[m, i] * row[m]
+        row[i] = value / lower[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def solve(matrix, columns, lower):
+    """columns (6, 6) become matrix^-1 columns; lower is scratch."""
+    cholesky(matrix, lower, True)
+    for i in range(6):
+        for m in range(i):
+            for c in range(6):
+                columns[i, c] -= lower[i, m] * columns[m, c]
+        for c in range(6):
+            columns[i, c] *= lower[i, i]
+    for i in range(5, -1, -1):
+        for m in range(i + 1, 6):
+            for c in range(6):
+                columns[i, c] -= lower[m, i] * columns[m, c]
+        for c in range(6):
+            columns[i, c] *= lower[i, i]
