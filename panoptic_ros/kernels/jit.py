@@ -25,3 +25,8 @@ def njit(**options: Any) -> Callable[[Function], Function]:
         return kernel
 
     return compiled
+
+
+# For parts of kernels: inlined, and without counts of references, which cost more than many a part does. So a
+# record of many arrays is as cheap an argument as one number; but a part neither makes nor returns arrays.
+inlined = njit(cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False)

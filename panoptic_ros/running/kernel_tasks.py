@@ -58,7 +58,6 @@ TASKS: dict[str, Callable[[], None]] = {
     "tracking": partial(_stage, "tracking"),
     "all votes": partial(_stage, "voting", explain_away=False),
     "exact votes": partial(_stage, "voting", method="exact", parts=True),
-    "dense votes": partial(_stage, "voting", method="dense"),
 }
 
 

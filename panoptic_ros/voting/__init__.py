@@ -10,18 +10,18 @@ are no nodes: they would tell no more than the 2D people. `without_maps` asks fo
 without maps then has a Gaussian round its place in 2D.
 
 `seeds` (the default) looks for maxima only where viewing rays of 2D peaks meet, `exact` searches a working
-volume coarse to fine with a true bound, `dense` visits each of its voxels and finds the same, `off` votes for
+volume coarse to fine with a true bound, `off` votes for
 nothing. Positions are refined below the voxel by a soft vote.
 
 With `explain_away` (the default) `seeds` starts from people: the 2D people of all views, guided by the
 instant before, are solved roughly; each joint moves to the centre of the votes about it and is a node. 2D
 peaks that such a node explains, in views that agree with it, give no seeds; what is left finds people whom
 the lists of 2D people lack, and joints on which the views disagree. So voting costs little where
-all is known. `exact` and `dense` never explain anything away: they are the reference. Stages of one method:
+all is known. `exact` never explains anything away. Stages of one method:
 
     VotingStage(VotingConfig(), context)                                        # explaining away
     VotingStage(VotingConfig(method="seeds", explain_away=False), context)      # seeds alone
-    VotingStage(VotingConfig(method="exact", threshold=0.1, min_views=3), context)    # or "dense"
+    VotingStage(VotingConfig(method="exact", threshold=0.1, min_views=3), context)
 
 Limits: `seeds` finds no joint without a 2D peak in two of the views that are paired; a view sees its field
 of view as far as depth maps and known occluders let it, people do not hide each other.

@@ -6,18 +6,19 @@ all of it, plus that of max(0, m_c - t) over the views that see a part of it. Bo
 centres of their voxels.
 
 The eight halves of a box are handled side by side, and so are its 32 joints: loops over them have no
-branches, so that compilers make vector instructions of them. Arrays as in `BoxScene`. Locked reference
-counts would cost more than all the rest, so inner functions take arrays one by one, return at one place
-only, and use no array for the last time within a branch.
+branches, so that compilers make vector instructions of them.
 """
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.kernels import njit
+from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.voting.lanes import GAUSSIAN_END
 from panoptic_ros.voting.limit_kernels import hide
+from panoptic_ros.voting.pyramid_kernels import GROUP
 from panoptic_ros.voting.rectangle_kernels import (
     ALL,
     PART,
@@ -31,88 +32,124 @@ from panoptic_ros.voting.rectangle_kernels import (
     X1,
     Y0,
     Y1,
+    Box,
     rectangles,
 )
-from panoptic_ros.voting.score_field import GAUSSIAN_END
 
+Array = np.ndarray
 SLACK = 1e-3  # of a bound per view, in units of map values: more than float32 can lose
-GROUP = 32  # joints of a search
 LOW = (1 << GROUP) - 1
 SOME, SIGHT, CELL, RIGHT, BELOW = range(5)  # mask of what is there, what is seen, cells of a pyramid
 
-_jit = njit(cache=True, error_model="numpy", nogil=True)
-_inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+
+class Boxes(NamedTuple):
+    """Boxes of a level.
+
+    places: (N, 5) place, in boxes of their level from the lower corner of the volume; mask of joints; how
+        many views see all of the box and have nothing there.
+    start, lists: (N + 1) and (K, 2) int32 the other views that see something of each box, and masks of the
+        joints of which they have something there.
+    """
+
+    places: Array
+    start: Array
+    lists: Array
 
 
-@_jit
-def split(scene, boxes, start, lists, level, lower, shape, side, threshold, supporting, least):
-    """The halves of boxes that may hold votes above the threshold with `least` supporting views.
+class _Scratch(NamedTuple):
+    """What is found of the eight halves of a box.
+
+    lanes: see `rectangles`. table: (V, 5, 8) SOME to BELOW of each view. drawn: (8, 32) sums of what
+    keypoints show; sums: (32,) of all. planes: (9, 8) binary digits of counts, what overflows, what is
+    carried. digits: how many digits. limit: the threshold as a value of a map.
+    """
+
+    lanes: Array
+    table: Array
+    drawn: Array
+    sums: Array
+    planes: Array
+    digits: int
+    limit: float
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def split(scene, boxes, level, volume, wanted):
+    """The halves of boxes that may hold votes above the threshold with enough supporting views.
 
     Args:
-        scene: `BoxScene`; lower, shape (3,): first voxel and numbers of voxels.
-        boxes: (N, 5) place, in boxes of their level from `lower`; mask of joints; how many views see all of
-            the box and have nothing there.
-        start, lists: (N + 1) and (K, 2) int32 the other views that see something of each box, and masks
-            of the joints of which they have something there.
+        scene: `BoxScene`; boxes: `Boxes`; volume: `Volume`; wanted: `Demands`.
         level: that of the halves, of 2^level voxels a side, 1 or more.
-        supporting: smallest value of a map that supports.
-
-    Returns:
-        boxes, start and lists of the halves.
     """
-    views, layers, spread, masks, people, reach, pointed, _, _, limits, limit_layers, limit_reach = scene
-    count, total, free = people.shape[0], 0, 0
-    lanes, table = np.zeros((10, 8)), np.zeros((count, 5, 8), np.int64)  # of views and halves: SOME to BELOW
-    drawn, sums = np.zeros((8, GROUP), np.float32), np.zeros(GROUP, np.float32)  # of keypoints, of all
-    planes = np.zeros((9, 8), np.int64)  # binary digits of counts, what overflows, what is carried
+    places, start, lists = boxes
+    count, total, free = len(scene.cameras), 0, 0
     digits = 1
-    while least >> digits and digits < 7:
+    while wanted.min_views >> digits and digits < 7:
         digits += 1
-    found, begin = np.zeros((8 * len(boxes), 5), np.int64), np.zeros(8 * len(boxes) + 1, np.int64)
-    kept = np.empty((8 * start[len(boxes)] + count, 2), np.int32)
-    limit = 255.0 * threshold * (1.0 - 1e-6)
-    step, h = side * (1 << (level - 1)), side * ((1 << (level - 1)) - 0.5)
-    for n in range(len(boxes)):
-        mask, listed = boxes[n, 3], start[n + 1] - start[n]
-        drawn[:], planes[:] = 0.0, 0
-        i, j, k = 2 * boxes[n, 0] + 1, 2 * boxes[n, 1] + 1, 2 * boxes[n, 2] + 1
-        x, y = (lower[0] + (i << level)) * side, (lower[1] + (j << level)) * side
-        z = (lower[2] + (k << level)) * side
-        for m in range(listed):
-            v = lists[start[n] + m, 0]
-            layer = rectangles(views, v, x, y, z, step, h, lanes)
-            if limits[3 * v] > 0.0:
-                hide(views, limits, limit_layers, limit_reach, v, x, y, z, step, h, lanes)
-            _find(layers, masks, v, layer, lanes, table, m)
-            for c in range(8):
-                table[m, SOME, c] &= mask | mask << GROUP
-            if pointed[v] & mask:
-                _point(people, reach, v, pointed[v] & mask, lanes, limit, supporting, drawn, table, m)
-            _count(planes, digits, table, m)
+    limit = 255.0 * wanted.threshold * (1.0 - 1e-6)
+    scratch = _Scratch(
+        np.zeros((10, 8)), np.zeros((count, 5, 8), np.int64), np.zeros((8, GROUP), np.float32),
+        np.zeros(GROUP, np.float32), np.zeros((9, 8), np.int64), digits, limit,
+    )  # fmt: skip
+    found, begin = np.zeros((8 * len(places), 5), np.int64), np.zeros(8 * len(places) + 1, np.int64)
+    kept = np.empty((8 * start[len(places)] + count, 2), np.int32)
+    (x0, y0, z0), (x1, y1, z1), side = volume
+    step, half = side * (1 << (level - 1)), side * ((1 << (level - 1)) - 0.5)
+    for n in range(len(places)):
+        mask, listed = places[n, 3], start[n + 1] - start[n]
+        i, j, k = 2 * places[n, 0] + 1, 2 * places[n, 1] + 1, 2 * places[n, 2] + 1
+        x, y, z = (x0 + (i << level)) * side, (y0 + (j << level)) * side, (z0 + (k << level)) * side
+        _look_at_halves(scene, lists[start[n] : start[n + 1], 0], mask, Box(x, y, z, step, half), scratch)
         for c in range(8):
             a, b, d = i - 1 + (c >> 2), j - 1 + (c >> 1 & 1), k - 1 + (c & 1)
-            if (a << level) >= shape[0] or (b << level) >= shape[1] or (d << level) >= shape[2]:
+            if x0 + (a << level) >= x1 or y0 + (b << level) >= y1 or z0 + (d << level) >= z1:
                 continue
-            left = mask & _at_least(planes, c, digits, least)
+            left = mask & _at_least(scratch, c, wanted.min_views)
             if left == 0:
                 continue
-            whole = boxes[n, 4] + _sum(spread, table, listed, c, left, limit, drawn, sums)
-            left &= _above(sums, limit * whole - SLACK * (count + 1))
+            whole = places[n, 4] + _sum(scene.pyramids.spread, listed, c, left, scratch)
+            left &= _above(scratch.sums, limit * whole - SLACK * (count + 1))
             if left == 0:
                 continue
             found[total, 0], found[total, 1], found[total, 2], found[total, 3] = a, b, d, left
-            found[total, 4], free = _keep(lists, start[n], listed, table, c, left, boxes[n, 4], kept, free)
+            found[total, 4] = places[n, 4]
+            for m in range(listed):
+                sees, some = scratch.table[m, SIGHT, c], scratch.table[m, SOME, c] & left
+                kept[free, 0], kept[free, 1] = lists[start[n] + m, 0], some
+                found[total, 4] += (sees == ALL) & (some == 0)
+                free += (sees == PART) | (some != 0)
             total += 1
             begin[total] = free
-    return found[:total], begin[: total + 1], kept
+    return Boxes(found[:total], begin[: total + 1], kept)
 
 
-@_inline
-def _find(layers, masks, v, layer, lanes, table, m):
+@inlined
+def _look_at_halves(scene, views, mask, box, scratch):
+    """Fill the table, the sums of keypoints and the counts for a box whose joints are those of a mask."""
+    drawn, planes, table = scratch.drawn, scratch.planes, scratch.table
+    drawn[:], planes[:] = 0.0, 0
+    for m in range(len(views)):
+        v = views[m]
+        layer = rectangles(scene, v, box, scratch.lanes)
+        if scene.limits[3 * v] > 0.0:
+            hide(scene, v, box, scratch.lanes)
+        _find(scene.pyramids, v, layer, scratch, m)
+        for c in range(8):
+            table[m, SOME, c] &= mask | mask << GROUP
+        if scene.pointed[v] & mask:
+            for c in range(8):
+                if scratch.lanes[SEES, c] > 0.0:
+                    table[m, SOME, c] |= _add_keypoints(scene, v, scene.pointed[v] & mask, c, scratch)
+        _count(scratch, m)
+
+
+@inlined
+def _find(pyramids, v, layer, scratch, m):
     """Write row m of the table: what is in the rectangles of the halves, and where they are in the pyramid.
 
     Looks in a layer or, where a rectangle spans few cells there, in the one below it.
     """
+    layers, masks, lanes, table = pyramids.layers, pyramids.masks, scratch.lanes, scratch.table
     nothing = len(masks) - 1
     finer = max(layer - 1, 0)
     scale, step = 0.5**finer, layer - finer
@@ -136,21 +173,10 @@ def _find(layers, masks, v, layer, lanes, table, m):
         table[m, SOME, c] = masks[at] | masks[at + right] | masks[at + below] | masks[at + below + right]
 
 
-@_inline
-def _point(people, reach, v, wanted, lanes, limit, supporting, drawn, table, m):
-    """Add what keypoints of a view show in the halves to row m of the table and to their sums (8, 32)."""
-    for c in range(8):
-        if lanes[SEES, c] > 0.0:
-            less = 0.0 if lanes[SEES, c] == ALL else limit
-            table[m, SOME, c] |= _add_keypoints(
-                people, reach, v, wanted, lanes[U0, c], lanes[U1, c], lanes[W0, c], lanes[W1, c],
-                less, supporting, drawn, c,
-            )  # fmt: skip
-
-
-@_inline
-def _sum(spread, table, listed, c, left, limit, drawn, sums):
-    """Set the sums (32,) to the largest values in a half over its views; returns how many see all of it."""
+@inlined
+def _sum(spread, listed, c, left, scratch):
+    """Set the sums to the largest values in a half over its views; returns how many see all of it."""
+    table, drawn, sums = scratch.table, scratch.drawn, scratch.sums
     whole = 0
     for j in range(GROUP):
         sums[j] = drawn[c, j]
@@ -158,31 +184,18 @@ def _sum(spread, table, listed, c, left, limit, drawn, sums):
         sees = table[m, SIGHT, c]
         whole += sees == ALL
         if table[m, SOME, c] & left:
-            less = 0.0 if sees == ALL else limit
+            less = 0.0 if sees == ALL else scratch.limit
             _look(spread, table[m, CELL, c], table[m, RIGHT, c], table[m, BELOW, c], less, sums)
     return whole
 
 
-@_inline
-def _keep(lists, first, listed, table, c, left, free_views, kept, free):
-    """Write the views that see something of a half.
-
-    Returns how many see all of it and have nothing there, and where to go on.
-    """
-    for m in range(listed):
-        sees, some = table[m, SIGHT, c], table[m, SOME, c] & left
-        kept[free, 0], kept[free, 1] = lists[first + m, 0], some
-        free_views += (sees == ALL) & (some == 0)
-        free += (sees == PART) | (some != 0)
-    return free_views, free
-
-
-@_inline
-def _count(planes, digits, table, m):
-    """Add the support in row m of the table to the counts of each joint, planes (9, 8) of binary digits."""
+@inlined
+def _count(scratch, m):
+    """Add the support in row m of the table to the counts of each joint."""
+    table, planes = scratch.table, scratch.planes
     for c in range(8):
         planes[8, c] = table[m, SOME, c] >> GROUP & LOW
-    for digit in range(digits):
+    for digit in range(scratch.digits):
         for c in range(8):
             carry = planes[digit, c] & planes[8, c]
             planes[digit, c] ^= planes[8, c]
@@ -191,12 +204,13 @@ def _count(planes, digits, table, m):
         planes[7, c] |= planes[8, c]
 
 
-@_inline
-def _at_least(planes, c, digits, least):
-    """Mask of the bits that have been counted at least so often, with so many digits."""
+@inlined
+def _at_least(scratch, c, least):
+    """Mask of the joints that have been counted at least so often in half c."""
+    planes = scratch.planes
     more, same = planes[7, c], -1
-    for back in range(digits):
-        digit = digits - 1 - back
+    for back in range(scratch.digits):
+        digit = scratch.digits - 1 - back
         if least >> digit & 1:
             same &= planes[digit, c]
         else:
@@ -205,7 +219,7 @@ def _at_least(planes, c, digits, least):
     return more | same
 
 
-@_inline
+@inlined
 def _above(sums, bound):
     """Mask of the sums (32,) that are above a bound."""
     mask = 0
@@ -214,7 +228,7 @@ def _above(sums, bound):
     return mask
 
 
-@_inline
+@inlined
 def _look(spread, at, right, below, less, sums):
     """Add the largest values of joints in a rectangle, as far as above `less`, to the sums (32,).
 
@@ -227,30 +241,27 @@ def _look(spread, at, right, below, less, sums):
         sums[j] += max(np.float32(max(upper, lower)) - low, zero)
 
 
-@_inline
-def _add_keypoints(people, reach, v, wanted, u0, u1, w0, w1, less, enough, sums, c):
-    """As `_look`, for keypoints of the joints of a mask in pixels u0..u1, w0..w1; sums (8, 32) of all boxes.
+@inlined
+def _add_keypoints(scene, v, wanted, c, scratch):
+    """As `_look`, for keypoints of the joints of a mask in the pixels of half c.
 
     Returns masks as those of a pyramid.
     """
+    people, reach, lanes = scene.people, scene.reach, scratch.lanes
+    u0, u1, w0, w1 = lanes[U0, c], lanes[U1, c], lanes[W0, c], lanes[W1, c]
+    less = 0.0 if lanes[SEES, c] == ALL else scratch.limit
     found = 0
     for j in range(people.shape[1]):
         value = 0
         for i in range(people.shape[2] if wanted >> j & 1 else 0):
             near_u = u1 >= reach[v, i, 0] and u0 <= reach[v, i, 1]
             if near_u and w1 >= reach[v, i, 2] and w0 <= reach[v, i, 3]:
-                exponent = _exponent(people, v, j, i, u0, u1, w0, w1)
+                u, w = people[v, j, i, 0], people[v, j, i, 1]
+                dx, dy = u - min(max(u, u0), u1), w - min(max(w, w0), w1)  # NaN if it is missing
+                exponent = (dx * dx + dy * dy) * people[v, j, i, 2]
                 if exponent < GAUSSIAN_END:
                     value = max(value, min(int(255.0 * people[v, j, i, 3] * math.exp(-exponent)) + 1, 255))
         if value > 0:
-            found |= 1 << j | np.int64(value >= enough) << (GROUP + j)
-            sums[c, j] += np.float32(max(value - less, 0.0))
+            found |= 1 << j | np.int64(value >= scene.supporting) << (GROUP + j)
+            scratch.drawn[c, j] += np.float32(max(value - less, 0.0))
     return found
-
-
-@_inline
-def _exponent(people, v, j, i, u0, u1, w0, w1):
-    """Of the Gaussian of a joint where it is highest in a rectangle; NaN if it is missing."""
-    u, w = people[v, j, i, 0], people[v, j, i, 1]
-    dx, dy = u - min(max(u, u0), u1), w - min(max(w, w0), w1)
-    return (dx * dx + dy * dy) * people[v, j, i, 2]

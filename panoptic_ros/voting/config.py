@@ -12,9 +12,9 @@ class VotingConfig(Config):
 
     method: str = param(
         "seeds",
-        choices=("seeds", "exact", "dense", "off"),
+        choices=("seeds", "exact", "off"),
         doc="How to look for node proposals: where rays of 2D peaks meet; in all of the volume, coarse to "
-        "fine; in all of it, voxel by voxel, with the same result; not at all.",
+        "fine; not at all.",
     )
     without_maps: bool = param(
         False,
@@ -24,7 +24,7 @@ class VotingConfig(Config):
     explain_away: bool = param(
         True,
         doc="With seeds: first solve people roughly from the 2D people, give each of their joints a node, "
-        "and look for further nodes only in what these joints leave unexplained. Exact and dense search all.",
+        "and look for further nodes only in what these joints leave unexplained. Exact searches all.",
     )
     voxel: float = param(0.04, unit="m", ge=0.005, le=0.5, doc="Side of a voxel.")
     threshold: float = param(
@@ -45,8 +45,8 @@ class VotingConfig(Config):
     volume: tuple[float, ...] = param(
         (),
         unit="m",
-        doc="Working volume: least x, y, z and largest x, y, z; empty = derived from the rig if exact or "
-        "dense, everywhere if seeds.",
+        doc="Working volume: least x, y, z and largest x, y, z; empty = derived from the rig if "
+        "exact, everywhere if seeds.",
         when="all of it is searched (`voting.method=exact`): the box that people use.",
     )
     ray_gap: float = param(

@@ -5,67 +5,50 @@ import math
 
 import numpy as np
 
-from panoptic_ros.kernels import njit
-from panoptic_ros.voting.kernels import hidden, project
+from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.voting.lanes import COVERED, DEPTH, LANES, SIZE, U, W, X, Y, Z, place, see
 
 CELLS = 2.0  # of a score map, within which a joint explains a peak
 REACH = 0.06  # m, the same where a person is large in the image
 WIDTHS = 1.5  # the same for keypoints, in standard deviations of their Gaussians
 
-_jit = njit(cache=True, error_model="numpy", nogil=True)
 
-
-@_jit
-def unexplained_peaks(scene, start, pixels, joints, points, shifts, delays):
-    """Which peaks (K,) are not near to where a joint of their kind is seen.
-
-    Args:
-        start, pixels: of `find_peaks`.
-        joints: (N,); points: (N, 3) m at the instant, shifts: (N, 3) m/s. delays: (V,) s.
-    """
-    cameras, people, map_start = scene.cameras, scene.people, scene.map_start
-    left = np.ones(len(pixels), np.bool_)
-    for v in range(len(cameras)):
-        camera = cameras[v]
-        focal = max(camera.fx, camera.fy)
-        cell = 1.0 / math.hypot(camera.a0, camera.a1) if camera.columns > 0.0 else 0.0
-        for n in range(len(points)):
-            j = joints[n]
-            first, last = start[v * map_start.shape[1] + j], start[v * map_start.shape[1] + j + 1]
-            if first == last:
-                continue
-            x = points[n, 0] + shifts[n, 0] * delays[v]
-            y = points[n, 1] + shifts[n, 1] * delays[v]
-            z = points[n, 2] + shifts[n, 2] * delays[v]
-            u, w, _, _, covered = project(cameras, v, x, y, z)
-            far = _distance(camera, x, y, z)
-            if not covered or hidden(cameras, scene.limits, v, x, y, z, u, w):
-                continue
-            for k in range(first, last):
-                near = max(REACH * focal / far, CELLS * cell)
-                if map_start[v, j] < 0:
-                    near = max(REACH * focal / far, WIDTHS * _width(people[v, j], pixels[k]))
-                dx, dy = pixels[k, 0] - u, pixels[k, 1] - w
-                if dx * dx + dy * dy <= near * near:
-                    left[k] = False
+@njit(cache=True, error_model="numpy", nogil=True)
+def unexplained_peaks(scene, peaks, known):
+    """Which `ImagePeaks` (K,) are not near to where a joint of their kind is seen; known: `Explainer`."""
+    start, pixels = peaks
+    joints, points, moves = known.nodes.joints, known.nodes.points, known.velocities
+    joint_count = scene.map_start.shape[1]
+    left, lanes = np.ones(len(pixels), np.bool_), np.zeros(SIZE)
+    for v in range(len(scene.cameras)):
+        for first in range(0, len(points), LANES):
+            count, late = min(LANES, len(points) - first), known.delays[v]
+            for c in range(count):
+                n = first + c
+                place(lanes, c, points[n, 0] + moves[n, 0] * late, points[n, 1] + moves[n, 1] * late,
+                      points[n, 2] + moves[n, 2] * late)  # fmt: skip
+            see(scene.cameras, scene.limits, v, lanes)
+            for c in range(count):
+                key = v * joint_count + joints[first + c]
+                for k in range(start[key], start[key + 1] if lanes[COVERED + c] > 0.0 else start[key]):
+                    near = _near(scene, v, joints[first + c], pixels, k, lanes, c)
+                    if (pixels[k, 0] - lanes[U + c]) ** 2 + (pixels[k, 1] - lanes[W + c]) ** 2 <= near * near:
+                        left[k] = False
     return left
 
 
-@_jit
-def _distance(camera, x, y, z):
-    """How far away a world point is for the size that a thing there has in the image, m."""
-    depth = camera.r20 * x + camera.r21 * y + camera.r22 * z + camera.tz
+@inlined
+def _near(scene, v, joint, pixels, k, lanes, c):
+    """How near, px, point c must be seen to explain peak k of a joint in view v."""
+    camera = scene.cameras[v]
+    far = lanes[DEPTH + c]
     if camera.fisheye > 0.0:  # sizes go by angles
-        across = camera.r00 * x + camera.r01 * y + camera.r02 * z + camera.tx
-        down = camera.r10 * x + camera.r11 * y + camera.r12 * z + camera.ty
-        return math.sqrt(across * across + down * down + depth * depth)
-    return depth
-
-
-@_jit
-def _width(people, pixel):
-    """Standard deviation of the keypoint (P, 4) at a pixel."""
-    for i in range(len(people)):
-        if people[i, 0] == pixel[0] and people[i, 1] == pixel[1]:
-            return math.sqrt(0.5 / people[i, 2])
-    return 0.0
+        x, y, z = lanes[X + c] - camera.ox, lanes[Y + c] - camera.oy, lanes[Z + c] - camera.oz
+        far = math.sqrt(x * x + y * y + z * z)
+    reach = REACH * max(camera.fx, camera.fy) / far
+    if scene.map_start[v, joint] >= 0:
+        return max(reach, CELLS / math.hypot(camera.a0, camera.a1))
+    for i in range(scene.people.shape[2]):
+        if scene.people[v, joint, i, 0] == pixels[k, 0] and scene.people[v, joint, i, 1] == pixels[k, 1]:
+            return max(reach, WIDTHS * math.sqrt(0.5 / scene.people[v, joint, i, 2]))
+    return reach

@@ -7,6 +7,7 @@ import numpy as np
 
 from panoptic_ros.solving.rough_joints import RoughPeople
 from panoptic_ros.voting import explain_kernels, kernels, soft_vote
+from panoptic_ros.voting.image_peaks import ImagePeaks
 from panoptic_ros.voting.proposals import Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene
 
@@ -52,9 +53,7 @@ class Explainer(NamedTuple):
     velocities: Array
     delays: Array
 
-    def unexplained(self, scene: VoteScene, start: Array, pixels: Array) -> tuple[Array, Array]:
-        """The 2D peaks of `find_peaks` without those near to where a node of their kind is seen."""
-        left = explain_kernels.unexplained_peaks(
-            scene, start, pixels, self.nodes.joints, self.nodes.points, self.velocities, self.delays
-        )
-        return np.concatenate([[0], np.cumsum(left)])[start], pixels[left]
+    def unexplained(self, scene: VoteScene, peaks: ImagePeaks) -> ImagePeaks:
+        """The 2D peaks without those near to where a node of their kind is seen."""
+        left = explain_kernels.unexplained_peaks(scene, peaks, self)
+        return ImagePeaks(np.concatenate([[0], np.cumsum(left)])[peaks.start], peaks.pixels[left])

@@ -5,14 +5,11 @@ is nearer than the nearest is not hidden, what is farther than the farthest is.
 """
 from __future__ import annotations
 
-from panoptic_ros.kernels import njit
-from panoptic_ros.voting.rectangle_kernels import NONE, PART, SEES, TINY, U0, U1, W0, W1
-
-_jit = njit(cache=True, error_model="numpy", nogil=True)
-_inline = njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.voting.rectangle_kernels import NONE, PART, SEES, TINY, U0, U1, W0, W1, corner
 
 
-@_jit
+@njit(cache=True, error_model="numpy", nogil=True)
 def build_limits(layers, reach, limits):
     """Fill the pyramids `reach` (N, 2) of the nearest and farthest limits; layers (V, L, 3) as of maps."""
     for v in range(len(layers)):
@@ -37,11 +34,11 @@ def build_limits(layers, reach, limits):
             columns, rows = (columns + 1) // 2, (rows + 1) // 2
 
 
-@_inline
-def hide(views, limits, layers, reach, v, x, y, z, step, h, lanes):
-    """Of what view v sees of the halves of a box, take away what is hidden; arguments as of `rectangles`."""
-    view = views[v]
-    deep = (h * (1.0 + TINY) + TINY) * view.across
+@inlined
+def hide(scene, v, box, lanes):
+    """Of what view v of a `BoxScene` sees of the halves of a box, take away what is hidden."""
+    view, limits, layers, reach = scene.cameras[v], scene.limits, scene.limit_layers, scene.limit_reach
+    deep = (box.half * (1.0 + TINY) + TINY) * scene.bounds[v].across
     columns, rows = int(limits[3 * v + 1]), int(limits[3 * v + 2])
     across, down = columns / view.width, rows / view.height
     for c in range(8):
@@ -59,9 +56,8 @@ def hide(views, limits, layers, reach, v, x, y, z, step, h, lanes):
         b = a + ((k1 >> layer) - (k0 >> layer)) * layers[v, layer, 1]
         nearest = min(min(reach[a, 0], reach[a + right, 0]), min(reach[b, 0], reach[b + right, 0]))
         farthest = max(max(reach[a, 1], reach[a + right, 1]), max(reach[b, 1], reach[b + right, 1]))
-        ax, ay = x + (step if c & 4 else -step), y + (step if c & 2 else -step)
-        az = z + (step if c & 1 else -step)
-        depth = view.r20 * ax + view.r21 * ay + view.r22 * az + view.tz
+        x, y, z = corner(box, c)
+        depth = view.r20 * x + view.r21 * y + view.r22 * z + view.tz
         if depth - deep > farthest:
             lanes[SEES, c] = NONE
         elif depth + deep > nearest:

@@ -6,8 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.kernels import njit
-from panoptic_ros.voting import kernels
+from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.voting.lanes import (
+    BELOW,
+    CELL,
+    COVERED,
+    LANES,
+    RIGHT,
+    SIZE,
+    U,
+    W,
+    gaussian,
+    place,
+    see,
+    strides,
+)
 from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
@@ -63,7 +76,7 @@ def score_parts(
     lengths = np.array([kind.length for kind in kinds], np.float64)
     joints = np.ascontiguousarray(joints, np.int64)
     parts, bones = _near_pairs(nodes, joints, table, lengths)
-    scores, seen = kernels.person_scores(scene, joints, nodes)
+    scores, seen = person_scores(scene, joints, nodes)
     phi = connectivity(scores, seen, parts, threshold)
     connected = phi > 0.0
     return Parts(parts[connected], bones[connected], phi[connected])
@@ -89,6 +102,64 @@ def _near_pairs(nodes, joints, kinds, lengths):
                 pairs[count, 0], pairs[count, 1], bones[count] = a, b, kinds[k, 2]
                 count += 1
     return pairs[:count], bones[:count]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def person_scores(scene, joints, points):
+    """Scores h_ij (N, V, P) of points (N, 3) for the joints (N,), and which views see them (N, V)."""
+    views, most = len(scene.cameras), scene.people.shape[2]
+    scores, seen = np.zeros((len(points), views, most)), np.zeros((len(points), views), np.bool_)
+    corners, lanes = np.zeros((most + 1, 4)), np.zeros(SIZE)
+    for first in range(0, len(points), LANES):
+        count = min(LANES, len(points) - first)
+        for c in range(count):
+            place(lanes, c, points[first + c, 0], points[first + c, 1], points[first + c, 2])
+        for v in range(views):
+            see(scene.cameras, scene.limits, v, lanes)
+            for c in range(count):
+                n, j = first + c, joints[first + c]
+                seen[n, v] = lanes[COVERED + c] > 0.0
+                if seen[n, v] and scene.map_start[v, j] < 0:
+                    for i in range(most):
+                        scores[n, v, i] = gaussian(scene.people, v, j, i, lanes[U + c], lanes[W + c])
+                elif seen[n, v] and _look_at_patches(scene, v, j, lanes, c, corners):
+                    for i in range(most):
+                        scores[n, v, i] = _score_of_person(scene, v, j, i, lanes, c, corners)
+    return scores, seen
+
+
+@inlined
+def _look_at_patches(scene, v, j, lanes, c, corners):
+    """Write what the patches hold in the four cells about point c (P + 1, 4), for each person and for all.
+
+    Returns whether there is anything.
+    """
+    table, key = scene.patch_table, v * scene.map_start.shape[1] + j
+    columns, (right, below) = int(scene.cameras[v].columns), strides(scene.cameras[v])
+    x0, y0 = int(lanes[CELL + c]) % columns, int(lanes[CELL + c]) // columns
+    corners[:] = 0.0
+    some = False
+    for k in range(scene.patch_start[key], scene.patch_start[key + 1]):
+        person, width, height = table[k, 0], table[k, 3], table[k, 4]
+        for corner in range(4):
+            x = x0 + (right if corner & 1 else 0) - table[k, 1]
+            y = y0 + (1 if corner & 2 and below > 0 else 0) - table[k, 2]
+            if 0 <= x < width and 0 <= y < height:
+                value = float(scene.patch_data[table[k, 5] + y * width + x])
+                corners[person, corner] = max(corners[person, corner], value)  # the last row for -1, all
+                some = True
+    return some
+
+
+@inlined
+def _score_of_person(scene, v, j, i, lanes, c, corners):
+    """h_ij at point c: merged maps count for a person whose joint is within the gate."""
+    dx, dy = scene.people[v, j, i, 0] - lanes[U + c], scene.people[v, j, i, 1] - lanes[W + c]
+    also = len(corners) - 1 if dx * dx + dy * dy <= scene.gates[v, i] else i
+    x, y = lanes[RIGHT + c], lanes[BELOW + c]
+    a, b = max(corners[i, 0], corners[also, 0]), max(corners[i, 1], corners[also, 1])
+    p, q = max(corners[i, 2], corners[also, 2]), max(corners[i, 3], corners[also, 3])
+    return ((a * (1.0 - x) + b * x) * (1.0 - y) + (p * (1.0 - x) + q * x) * y) / 255.0
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -4,62 +4,73 @@ Each cell of the lowest layer holds what the maps hold there, right, below, and 
 sample between these four can be. Cells of the next layer stand for 2 x 2 cells and hold what four by four
 cells of the maps hold, and so on. The joints of a cell lie next to each other, 32 at a time. `masks` has two
 bits for each joint of a cell: whether there is anything (from bit 0 on), and whether enough to support (from
-bit 32 on). These kernels call nothing outside of this file.
+bit 32 on).
 """
 from __future__ import annotations
 
-from panoptic_ros.kernels import njit
+from typing import NamedTuple
 
+import numpy as np
+
+from panoptic_ros.kernels import inlined, njit
+
+Array = np.ndarray
 GROUP = 32  # joints in a pyramid
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
-@_jit
-def build_pyramids(layers, spread, masks, grid, map_start, map_data, patch_start, patch_table, first, enough):
-    """Fill empty pyramids with the merged maps of the joints first, first + 1, ...
+class Pyramids(NamedTuple):
+    """The pyramids of all views.
 
-    Args:
-        layers: (V, L, 3) first cell, width and height of each layer of each view; width 0 = no more.
-        spread: (N, 32) uint8; masks: (N,) int64; grid: (V, 2) width and height of maps in cells.
-        map_start, map_data, patch_start, patch_table: as in `VoteScene`.
-        enough: smallest value that supports.
+    layers: (V, L, 3) first cell, width and height of each layer of each view; width 0 = no more.
+    spread: (N, 32) uint8, what a cell holds of each joint. masks: (N,) int64.
     """
-    joints = map_start.shape[1]
+
+    layers: Array
+    spread: Array
+    masks: Array
+
+
+@_jit
+def build_pyramids(scene, pyramids, first, supporting):
+    """Fill empty pyramids with the merged maps of the joints first, first + 1, ... of a `VoteScene`.
+
+    supporting: smallest value that supports.
+    """
+    layers, joints = pyramids.layers, scene.map_start.shape[1]
     for v in range(len(layers)):
-        start, width = layers[v, 0, 0], layers[v, 0, 1]
-        for j in range(first, min(first + GROUP, joints)):
-            for k in range(patch_start[v * joints + j], patch_start[v * joints + j + 1]):
-                _paint(
-                    spread, masks, start, width, j - first, map_data, map_start[v, j], grid[v, 0], grid[v, 1],
-                    patch_table[k, 1], patch_table[k, 2], patch_table[k, 3], patch_table[k, 4], enough,
-                )  # fmt: skip
+        for joint in range(first, min(first + GROUP, joints)):
+            for k in range(scene.patch_start[v * joints + joint], scene.patch_start[v * joints + joint + 1]):
+                _paint(scene, pyramids, v, joint, k, 1 << (joint - first), supporting)
         for layer in range(1, layers.shape[1]):
             if layers[v, layer, 1] > 0:
-                _halve(layers, spread, masks, v, layer)
+                _halve(pyramids, v, layer)
 
 
-@_jit
-def _paint(
-    spread, masks, start, width, joint, data, begin, columns, rows, column, row, wide, high, enough
-):
-    """The cells that a patch of a joint reaches, from its map of so many columns and rows."""
-    here, enough_too = 1 << joint, (1 << joint) | (1 << (32 + joint))
-    for y in range(max(row - 1, 0), row + high):
+@inlined
+def _paint(scene, pyramids, v, joint, k, bit, supporting):
+    """The cells that patch k of a joint reaches, from its map; bit: of the joint."""
+    data, table, spread, masks = scene.map_data, scene.patch_table, pyramids.spread, pyramids.masks
+    columns, rows = int(scene.cameras[v].columns), int(scene.cameras[v].rows)
+    begin, start, width = scene.map_start[v, joint], pyramids.layers[v, 0, 0], pyramids.layers[v, 0, 1]
+    row = table[k, 2]
+    for y in range(max(row - 1, 0), row + table[k, 4]):
         above, below = begin + y * columns, begin + min(y + 1, rows - 1) * columns
-        for x in range(max(column - 1, 0), column + wide):
+        for x in range(max(table[k, 1] - 1, 0), table[k, 1] + table[k, 3]):
             right = min(x + 1, columns - 1)
             value = max(max(data[above + x], data[above + right]), max(data[below + x], data[below + right]))
             if value > 0:
-                spread[start + y * width + x, joint] = value
-                masks[start + y * width + x] |= enough_too if value >= enough else here
+                spread[start + y * width + x, joint % GROUP] = value
+                masks[start + y * width + x] |= bit | bit << GROUP if value >= supporting else bit
 
 
-@_jit
-def _halve(layers, spread, masks, v, layer):
+@inlined
+def _halve(pyramids, v, layer):
     """A layer from the one below it."""
-    source, wide, high = layers[v, layer - 1]
-    start, width, height = layers[v, layer]
+    layers, spread, masks = pyramids
+    source, wide, high = layers[v, layer - 1, 0], layers[v, layer - 1, 1], layers[v, layer - 1, 2]
+    start, width, height = layers[v, layer, 0], layers[v, layer, 1], layers[v, layer, 2]
     for y in range(height):
         above = source + 2 * y * wide
         below = source + min(2 * y + 2, high - 1) * wide

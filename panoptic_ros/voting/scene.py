@@ -7,29 +7,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, ScoreMaps, ViewDetections, VisibilityLimit
+from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
 from panoptic_ros.geometry import Lens
-from panoptic_ros.voting import map_kernels
-from panoptic_ros.voting.score_field import keypoint_widths
+from panoptic_ros.solving.undistortion import FARTHEST
+from panoptic_ros.voting.scene_kernels import Patches, Widths, merged_maps, people_of_views
 
 Array = np.ndarray
+MIN_WIDTH = 0.002  # least standard deviation of a 2D joint, as a fraction of the image's diagonal
 _NUMBERS = (
-    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz fx skew cx fy cy k1 k2 p1 p2 k3 k4 fisheye fold "
-    "width height columns rows a0 a1 a2 b0 b1 b2"
+    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 fisheye fold "
+    "limit width height columns rows a0 a1 a2 b0 b1 b2"
 ).split()
 CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # the record of a view, see `VoteScene`
-LENS_FIELDS = _NUMBERS[_NUMBERS.index("fx") : _NUMBERS.index("columns")]  # of the lens and of the image
 OF_CAMERA = _NUMBERS.index("columns")  # so many numbers are those of the camera, the others of its maps
+LENS_FIELDS = _NUMBERS[_NUMBERS.index("fx") : OF_CAMERA]  # of the lens and of the image
 
 
 class VoteScene(NamedTuple):
     """V views of an instant, J joints, at most P people in a view; what `ViewField` says, as arrays.
 
-    cameras: (V,) records `CAMERA`: rotation r00 to r22 and translation tx ty tz; matrix fx skew cx fy cy;
-        terms of the lens k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; fold, the largest squared
-        undistorted radius; width and height of the image, px; columns and rows of the maps, cells (0 without
-        maps); cells from pixels a0 a1 a2, b0 b1 b2. Few arrays, because kernels are inlined only if they
-        take few.
+    cameras: (V,) records `CAMERA`: rotation r00 to r22 and translation tx ty tz; centre ox oy oz; matrix
+        fx skew cx fy cy; terms of the lens k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; the
+        largest undistorted radius, squared (fold) and for `undistort_points` (limit); width and height of
+        the image, px; columns and rows of the maps, cells (0 without maps); cells from pixels a0 a1 a2,
+        b0 b1 b2.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN pixels and score 0 where missing.
     gates: (V, P) squared px.
     map_start: (V, J) first value of the merged map in `map_data` (B,) uint8, -1 where keypoints count.
@@ -57,35 +58,67 @@ def build_scene(
     relative_width: float = 0.03,
     gate: float = 4.0,
 ) -> VoteScene:
-    """The scene of V views and their cameras; see `ViewField` for the two numbers."""
-    counts = np.array([len(view.points) for view in views], np.int64)
-    most = int(counts.max(initial=0))
-    of = np.repeat(np.arange(len(views)), counts)  # view and row of each person
-    row = np.arange(len(of)) - (np.cumsum(counts) - counts)[of]
+    """The scene of V views and their cameras.
+
+    Args:
+        relative_width: standard deviation of a 2D joint's Gaussian, a fraction of the square root of the
+            area of the box round the person's joints; not below `MIN_WIDTH` of the image's diagonal.
+        gate: in standard deviations, within which maps of all people count for a person.
+    """
+    sizes = np.array([view.image_size for view in views], np.float64).reshape(-1, 2)
+    widths = Widths(relative_width, gate, MIN_WIDTH * np.hypot(*sizes.T))
     points = np.concatenate([np.zeros((0, joint_count, 2)), *(view.points for view in views)])
     scores = np.concatenate([np.zeros((0, joint_count)), *(view.scores for view in views)])
-    sizes = np.array([view.image_size for view in views], np.float64).reshape(-1, 2)[of]
-    widths = keypoint_widths(points, (sizes[:, 0], sizes[:, 1]), relative_width)
-    rates = np.broadcast_to((0.5 / widths**2)[:, None, None], (*scores.shape, 1))
-    people = np.full((len(views), most, joint_count, 4), np.nan)
-    people[..., 2:] = 0.0
-    people[of, row] = np.concatenate([points, rates, scores[..., None]], axis=-1)
-    gates = np.zeros((len(views), most))
-    gates[of, row] = (gate * widths) ** 2
-    table = _view_numbers(cameras, views)
-    people = np.ascontiguousarray(people.swapaxes(1, 2))
-    return VoteScene(table, people, gates, *_map_arrays(views, joint_count), limits=_limits(views))
+    counts = np.array([len(view.points) for view in views], np.int64)
+    people, gates = people_of_views(points, scores, counts, widths)
+    patches = _patches(views)
+    table = _view_numbers(tuple(cameras), views, patches.grids)
+    map_start, map_data, patch_start, patch_table = merged_maps(patches, joint_count)
+    return VoteScene(
+        table, people, gates, map_start, map_data, patch_start, patch_table, patches.data, _limits(views)
+    )
 
 
-def _view_numbers(cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Array:
+def _view_numbers(cameras: tuple[Camera, ...], views: Sequence[ViewDetections], grids: Array) -> Array:
     table = np.zeros((len(views), len(_NUMBERS)))
-    if len(views):
-        table[:, :OF_CAMERA] = [_camera_numbers(camera) for camera in cameras]
-    mapped, maps = _maps_of(views)
-    if mapped:
-        table[mapped, OF_CAMERA : OF_CAMERA + 2] = [each.grid_size for each in maps]
-        table[mapped, OF_CAMERA + 2 :] = np.array([each.grid_from_image for each in maps]).reshape(-1, 6)
+    table[:, :OF_CAMERA] = _camera_numbers(cameras)
+    table[:, OF_CAMERA : OF_CAMERA + 2] = grids
+    for v, view in enumerate(views):
+        if view.maps is not None:
+            table[v, OF_CAMERA + 2 :] = view.maps.grid_from_image.ravel()
     return table.view(CAMERA).reshape(-1)
+
+
+@lru_cache(maxsize=256)
+def _camera_numbers(cameras: tuple[Camera, ...]) -> Array:
+    """The numbers (V, OF_CAMERA) of views that are those of their cameras."""
+    rows = []
+    for camera in cameras:
+        lens, pose = camera.intrinsics, camera.cam_from_world
+        if lens.lens == "fisheye":
+            k1, k2, k3, k4 = lens.distortion
+            terms = (k1, k2, 0.0, 0.0, k3, k4, 1.0)
+        else:
+            terms = (*lens.distortion, 0.0, 0.0)
+        ends = (lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size)
+        matrix = lens.matrix.ravel()[[0, 1, 2, 4, 5]]
+        rows.append((*pose.rotation.ravel(), *pose.translation, *camera.centre, *matrix, *terms, *ends))
+    return np.array(rows, np.float64).reshape(-1, OF_CAMERA)
+
+
+def _patches(views: Sequence[ViewDetections]) -> Patches:
+    """The score maps of the views; those without have a grid of 0 cells."""
+    maps = [view.maps for view in views if view.maps is not None]
+    grids = [(0, 0) if view.maps is None else view.maps.grid_size for view in views]
+    return Patches(
+        np.array(grids, np.int64).reshape(-1, 2),
+        np.array([0 if view.maps is None else len(view.maps.joints) for view in views], np.int64),
+        np.concatenate([np.zeros(0, np.int32), *(each.joints for each in maps)]),
+        np.concatenate([np.zeros(0, np.int32), *(each.persons for each in maps)]),
+        np.concatenate([np.zeros((0, 2), np.int32), *(each.corners for each in maps)]),
+        np.concatenate([np.zeros((0, 2), np.int32), *(each.sizes for each in maps)]),
+        np.concatenate([np.zeros(0, np.uint8), *(each.data for each in maps)]),
+    )
 
 
 def map_sizes(cameras: Array) -> Array:
@@ -113,55 +146,3 @@ def _limits(views: Sequence[ViewDetections]) -> Array:
 @lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
 def _limit_metres(limit: VisibilityLimit) -> Array:
     return limit.metres.ravel()
-
-
-@lru_cache(maxsize=4096)
-def _camera_numbers(camera: Camera) -> tuple[float, ...]:
-    """The numbers of a view that are those of its camera."""
-    lens, pose = camera.intrinsics, camera.cam_from_world
-    matrix = lens.matrix.ravel()[[0, 1, 2, 4, 5]]
-    if lens.lens == "fisheye":
-        k1, k2, k3, k4 = lens.distortion
-        terms = (k1, k2, 0.0, 0.0, k3, k4, 1.0)
-    else:
-        terms = (*lens.distortion, 0.0, 0.0)
-    rest = (*matrix, *terms, lens.radius_limit**2, *camera.image_size)
-    return tuple(float(x) for x in (*pose.rotation.ravel(), *pose.translation, *rest))
-
-
-def _maps_of(views: Sequence[ViewDetections]) -> tuple[list[int], list[ScoreMaps]]:
-    """Which views have score maps, and these."""
-    found = [(v, view.maps) for v, view in enumerate(views) if view.maps is not None]
-    return [v for v, _ in found], [maps for _, maps in found]
-
-
-def _map_arrays(
-    views: Sequence[ViewDetections], joint_count: int
-) -> tuple[Array, Array, Array, Array, Array]:
-    count = len(views)
-    grid = np.zeros((count, 2), np.int64)
-    mapped, maps = _maps_of(views)
-    if maps:
-        grid[mapped] = [each.grid_size for each in maps]
-    of = np.repeat(np.array(mapped, np.int64), [len(each.joints) for each in maps])
-    table = np.zeros((len(of), 6), np.int64)
-    key = of * joint_count
-    if len(of):
-        key += np.concatenate([each.joints for each in maps])
-        table[:, 0] = np.concatenate([each.persons for each in maps])
-        table[:, 1:3] = np.concatenate([each.corners for each in maps])
-        table[:, 3:5] = np.concatenate([each.sizes for each in maps])
-        lengths = table[:, 3] * table[:, 4]
-        table[:, 5] = np.cumsum(lengths) - lengths
-    patch_data = np.concatenate([np.zeros(0, np.uint8), *(each.data for each in maps)])
-    order = np.argsort(key, kind="stable")
-    table = table[order]
-    patch_start = np.searchsorted(key[order], np.arange(count * joint_count + 1)).astype(np.int64)
-    map_start: Array = np.full(count * joint_count, -1, np.int64)
-    drawn = np.flatnonzero(np.diff(patch_start))
-    cells = grid.prod(1)[drawn // max(joint_count, 1)]
-    map_start[drawn] = np.cumsum(cells) - cells
-    map_data = np.zeros(int(cells.sum()), np.uint8)
-    map_start = map_start.reshape(count, joint_count)
-    map_kernels.paint_maps(map_start, map_data, grid, patch_start, table, patch_data)
-    return map_start, map_data, patch_start, table, patch_data

@@ -1,17 +1,15 @@
 """The sparse search: local maxima of eq. 1, looked for only where viewing rays of 2D peaks meet."""
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 
-from panoptic_ros.domain import Camera
 from panoptic_ros.voting import kernels, ray_kernels
 from panoptic_ros.voting.explaining import Explainer
 from panoptic_ros.voting.image_peaks import find_peaks
+from panoptic_ros.voting.peaks import Demands, Peaks, no_peaks, order_keys, sorted_peaks
 from panoptic_ros.voting.scene import VoteScene
-from panoptic_ros.voting.score_volume import Peaks, no_peaks, order_keys, sorted_peaks
 from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
@@ -30,69 +28,47 @@ class SeedSearch:
 
     def __init__(self, gap: float, pair_views: int, max_depth: float):
         self.gap, self.pair_views, self.max_depth = gap, pair_views, max_depth
-        slots = MEMORY_SLOTS
-        self._memory = (np.zeros(slots, np.int64), np.zeros(slots, np.int64), np.zeros(slots))
+        keys, epochs = np.zeros((2, MEMORY_SLOTS), np.int64)
+        self._memory = kernels.VoteMemory(keys, epochs, np.zeros(MEMORY_SLOTS))
 
-    def peaks(
-        self,
-        scene: VoteScene,
-        cameras: Sequence[Camera],
-        volume: Volume,
-        threshold: float,
-        view_threshold: float,
-        enough: int,
-        min_views: int,
-    ) -> Peaks:
-        """Local maxima as `dense_peaks` would find them, those that a seed of `min_views` rays leads to."""
-        joints, points = self.seeds(scene, cameras, view_threshold, min_views)
+    def peaks(self, scene: VoteScene, volume: Volume, wanted: Demands) -> Peaks:
+        """Local maxima as `BoxSearch` would find them, those that a seed of enough rays leads to."""
+        joints, points = self.seeds(scene, wanted)
         if not len(joints):
             return no_peaks()
-        joints, voxels = _promising(scene, joints, points, volume, PROMISE * threshold)
-        self._memory[1][:] = 0
-        tops, ranks = kernels.climb(
-            scene, joints, voxels, np.array(volume.lower), np.array(volume.upper),
-            volume.side, view_threshold, enough, *self._memory,
-        )  # fmt: skip
+        joints, voxels = _promising(scene, joints, points, volume, PROMISE * wanted.threshold)
+        self._memory.epochs[:] = 0
+        tops, ranks = kernels.climb(scene, joints, voxels, volume, wanted, self._memory)
         climbed = ranks > 0.0
         top = sorted_peaks(Peaks(joints[climbed], tops[climbed], ranks[climbed], joints[climbed]))
-        votes, support = kernels.vote_points(scene, top.joints, volume.centres(top.voxels), view_threshold)
-        good = (votes > threshold) & (support >= enough)
-        return Peaks(*(values[good] for values in (top.joints, top.voxels, votes, support)))
+        votes, support = kernels.vote_points(
+            scene, top.joints, volume.centres(top.voxels), wanted.view_threshold
+        )
+        good = (votes > wanted.threshold) & (support >= wanted.enough)
+        return top._replace(votes=votes, support=support).rows(good)
 
     def seeds(
-        self,
-        scene: VoteScene,
-        cameras: Sequence[Camera],
-        view_threshold: float,
-        min_views: int = 2,
-        known: Explainer | None = None,
+        self, scene: VoteScene, wanted: Demands, known: Explainer | None = None
     ) -> tuple[Array, Array]:
-        """Joints (S,) and points (S, 3) m where rays of `min_views` (two or more) views meet.
+        """Joints (S,) and points (S, 3) m where rays of `wanted.min_views` (two or more) views meet.
 
         Args:
             known: what explains peaks that then give no seeds.
         """
-        start, pixels = find_peaks(scene, view_threshold)
+        peaks = find_peaks(scene, wanted.view_threshold)
         if known is not None:
-            start, pixels = known.unexplained(scene, start, pixels)
-        joint_count = scene.map_start.shape[1]
-        views, joints = np.divmod(np.repeat(np.arange(len(start) - 1), np.diff(start)), max(joint_count, 1))
-        order = np.argsort(joints, kind="stable")
-        joints, views = joints[order], views[order]
-        rays = ray_kernels.pixel_rays(scene.cameras, views, pixels[order])
-        starts = np.searchsorted(joints, np.arange(joint_count + 1))
-        centres, paired = _places(tuple(cameras), self.pair_views)
-        found: tuple[Array, Array] = ray_kernels.pair_seeds(
-            centres, rays, views, starts, paired, self.gap, self.max_depth, max(min_views, 2)
-        )
+            peaks = known.unexplained(scene, peaks)
+        centres = np.stack([scene.cameras["ox"], scene.cameras["oy"], scene.cameras["oz"]], axis=-1)
+        paired = _paired(centres.tobytes(), self.pair_views)
+        meeting = ray_kernels.Meeting(self.gap, self.max_depth, max(wanted.min_views, 2), paired)
+        found: tuple[Array, Array] = ray_kernels.pair_seeds(scene, peaks, meeting)
         return found
 
 
 @lru_cache(maxsize=256)
-def _places(cameras: tuple[Camera, ...], count: int) -> tuple[Array, Array]:
-    """Where cameras are (V, 3), and which `count` of them are far from each other (V,)."""
-    centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
-    return centres, spread(centres, count)
+def _paired(centres: bytes, count: int) -> Array:
+    """Which `count` views are far from each other (V,), of the centres (V, 3) m of all."""
+    return spread(np.frombuffer(centres).reshape(-1, 3), count)
 
 
 def _promising(

@@ -8,7 +8,7 @@ from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
 SOFTNESS = 0.05  # vote difference that counts 1/e
-RADII = np.array([0.12, 0.08, 0.04, 0.03])  # m, of the balls of points looked at
+RADII = np.array([0.12, 0.08, 0.03])  # m, of the balls of points looked at
 ROUNDS = 6  # steps at most for each ball until a proposal stays, wherever its voxel was
 
 
@@ -26,7 +26,7 @@ def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array
     """Move points (N, 3) m for the joints (N,) to where the votes about them hold them.
 
     Steps go to the mean of the votes S of the points of a ball, weighted by exp((S - S_max) / 0.05):
-    balls of 12 (where fewer than ten views see the point), 8, 4 and 3 cm, each until the point stays.
+    balls of 12 (where fewer than ten views see the point), 8 and 3 cm, each until the point stays.
     Points without any vote near them stay where they are.
 
     Returns:
@@ -40,5 +40,6 @@ def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array
 def move(points: Array, joints: Array, scene: VoteScene, rounds: int = 1) -> Array:
     """The points (N, 3) m of `refine`; one round per ball does where points are close to joints."""
     starts, which = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(joints, np.int64)
-    moved: Array = soft_kernels.move_to_votes(scene, which, starts, BALL, RADII, rounds, SOFTNESS)
+    ball = soft_kernels.Ball(BALL, RADII, rounds, SOFTNESS)
+    moved: Array = soft_kernels.move_to_votes(scene, which, starts, ball)
     return moved

@@ -1,11 +1,9 @@
 """The voting stage."""
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from panoptic_ros.domain import AssociationSet, Camera, ProposalSet, ViewDetections
+from panoptic_ros.domain import AssociationSet, ProposalSet, ViewDetections
 from panoptic_ros.solving.evidence import RigArrays, check_association
 from panoptic_ros.solving.example import easy_associations
 from panoptic_ros.solving.rough_joints import RoughPeople, rough_people
@@ -16,21 +14,14 @@ from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.explaining import Explainer, nodes_of_people, nodes_of_seeds
 from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
+from panoptic_ros.voting.peaks import Demands
 from panoptic_ros.voting.proposals import Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
-from panoptic_ros.voting.score_volume import Peaks, dense_peaks
 from panoptic_ros.voting.seeds import SeedSearch
 from panoptic_ros.voting.volume import Volume, volume_of_rig
 
 Array = np.ndarray
 SURE_VIEWS = 3  # that support a node which explains away
-
-
-class Demands(NamedTuple):
-    """What a node proposal needs: votes above `threshold`, and so many supporting views."""
-
-    threshold: float
-    min_views: int
 
 
 def demands(config: VotingConfig, view_count: int) -> Demands:
@@ -41,7 +32,8 @@ def demands(config: VotingConfig, view_count: int) -> Demands:
         threshold, min_views = 0.1, 3
     else:
         threshold, min_views = 0.05, 3
-    return Demands(config.threshold or threshold, config.min_views or min_views)
+    min_views = config.min_views or min_views
+    return Demands(config.threshold or threshold, min_views, config.view_threshold, min(2, min_views))
 
 
 class VotingStage(Stateful):
@@ -62,7 +54,7 @@ class VotingStage(Stateful):
         self._hash = context.skeleton.hash  # computed at each call
         if config.volume:
             self.volume = Volume.between(config.volume, config.voxel)
-        elif config.method in ("exact", "dense"):
+        elif config.method == "exact":
             self.volume = volume_of_rig(context.rig, config.voxel)
         else:
             self.volume = Volume.everywhere(config.voxel)
@@ -101,11 +93,11 @@ class VotingStage(Stateful):
         scene = build_scene(cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate)
         wanted = demands(config, sum(has_anything(view) for view in views))
         if config.method != "seeds" or not config.explain_away:
-            nodes = self._search_all(scene, cameras, wanted)
+            nodes = self._search_all(scene, wanted)
         else:
             people = rough_people(association, self._arrays, self.skeleton)
             delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
-            nodes = self._explain_away(scene, cameras, wanted, people, delays)
+            nodes = self._explain_away(scene, wanted, people, delays)
         parts = NO_PARTS
         if config.parts:
             parts = score_parts(scene, nodes.points, nodes.joints, self._kinds, config.part_threshold)
@@ -120,24 +112,20 @@ class VotingStage(Stateful):
         """Nothing is remembered."""
 
     def _explain_away(
-        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, people: RoughPeople, delays: Array
+        self, scene: VoteScene, wanted: Demands, people: RoughPeople, delays: Array
     ) -> Nodes:
         """Nodes at the joints of people, and at what they leave unexplained."""
-        config = self.config
-        known = nodes_of_people(scene, people, config.view_threshold)
+        known = nodes_of_people(scene, people, wanted.view_threshold)
         velocities = people.velocities[np.isfinite(people.positions[..., 0])]
         good = self._good(known, wanted)
         sure = good & (known.support >= SURE_VIEWS)
         explainer = Explainer(known.rows(sure), velocities[sure], delays)
-        return self._distinct(known.rows(good).joined(self.unexplained(scene, cameras, wanted, explainer)))
+        return self._distinct(known.rows(good).joined(self.unexplained(scene, wanted, explainer)))
 
-    def unexplained(
-        self, scene: VoteScene, cameras: list[Camera], wanted: Demands, explainer: Explainer
-    ) -> Nodes:
+    def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:
         """Nodes at what known joints leave of a scene."""
-        threshold = self.config.view_threshold
-        seeds = self._search.seeds(scene, cameras, threshold, wanted.min_views, explainer)
-        found = nodes_of_seeds(scene, *seeds, wanted.threshold, threshold)
+        seeds = self._search.seeds(scene, wanted, explainer)
+        found = nodes_of_seeds(scene, *seeds, wanted.threshold, wanted.view_threshold)
         return found.rows(self._good(found, wanted))
 
     def _good(self, nodes: Nodes, wanted: Demands) -> Array:
@@ -146,10 +134,11 @@ class VotingStage(Stateful):
         inside: Array = good & self.volume.contains(self.volume.voxels(nodes.points))
         return inside
 
-    def _search_all(self, scene: VoteScene, cameras: list[Camera], wanted: Demands) -> Nodes:
+    def _search_all(self, scene: VoteScene, wanted: Demands) -> Nodes:
         """Nodes at the peaks of a scene."""
-        peaks = self._peaks(scene, cameras, wanted)
-        peaks = Peaks(*(values[peaks.support >= wanted.min_views] for values in peaks))
+        search = self._boxes if self.config.method == "exact" else self._search
+        peaks = search.peaks(scene, self.volume, wanted)
+        peaks = peaks.rows(peaks.support >= wanted.min_views)
         nodes = Nodes(self.volume.centres(peaks.voxels), peaks.joints, peaks.votes, peaks.support)
         if not self.config.refine_nodes:
             return nodes
@@ -158,21 +147,6 @@ class VotingStage(Stateful):
 
     def _distinct(self, nodes: Nodes) -> Nodes:
         return nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, self.config.merge_distance))
-
-    def _peaks(self, scene: VoteScene, cameras: list[Camera], wanted: Demands) -> Peaks:
-        config = self.config
-        enough = min(2, wanted.min_views)
-        if config.method == "dense":
-            return dense_peaks(
-                scene, self.volume, wanted.threshold, config.view_threshold, enough
-            )
-        if config.method == "exact":
-            return self._boxes.peaks(
-                scene, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
-            )
-        return self._search.peaks(
-            scene, cameras, self.volume, wanted.threshold, config.view_threshold, enough, wanted.min_views
-        )
 
 
 def has_anything(view: ViewDetections) -> bool:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ Array = np.ndarray
 EVERYWHERE = 1 << 19  # voxels from the origin along each axis
 
 
-@dataclass(frozen=True, slots=True)
-class Volume:
+class Volume(NamedTuple):
     """Voxels lower <= index < upper; the centre of voxel i is at (i + 0.5) * side, m, in the world."""
 
     lower: tuple[int, int, int]

@@ -4,7 +4,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 
-COMPILERS = frozenset({"njit"})
+COMPILERS = frozenset({"inlined", "njit"})
 
 
 def unannotated(source: str) -> Iterator[tuple[str, bool]]:

@@ -7,13 +7,15 @@ from fed_stages import FedVoting
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from panoptic_ros.bench.stage1.dense import dense_peaks
 from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.box_search import BoxSearch, pyramid_layers
 from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.peaks import Demands
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.score_volume import dense_peaks
+from panoptic_ros.voting.stage import demands
 from panoptic_ros.voting.volume import Volume
 
 LENSES = [
@@ -28,12 +30,12 @@ NUMBERS = [  # threshold, view threshold, enough, least
 
 def compared(scene, volume, threshold, view_threshold, enough, least):
     """Peaks of both searches; asserts that they are the same, bit for bit."""
-    dense = dense_peaks(scene, volume, threshold, view_threshold, enough)
-    wanted = dense.support >= least
-    found = BoxSearch().peaks(scene, volume, threshold, view_threshold, enough, least)
-    for name, a, b in zip(dense._fields, dense, found):
-        assert np.array_equal(a[wanted], b), name
-    return int(wanted.sum())
+    wanted = Demands(threshold, least, view_threshold, enough)
+    dense = dense_peaks(scene, volume, wanted)
+    supported = dense.rows(dense.support >= least)
+    for name, a, b in zip(dense._fields, supported, BoxSearch().peaks(scene, volume, wanted)):
+        assert np.array_equal(a, b), name
+    return len(supported.joints)
 
 
 def lens_of(lens, matrix):
@@ -144,14 +146,16 @@ def test_a_wall_before_some_cameras(scenes, lens):
 def test_proposals_of_the_stage_are_those_of_dense(scenes, maps, lens):
     rig = scenes.ring(4, lens)
     item = scenes.detect(rig, [scenes.person(0.3, 0.2)], maps)
-    volume = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
-    outputs = []
-    for method in ("dense", "exact"):
-        config = VotingConfig(method=method, volume=volume, without_maps=True, parts=True)
-        outputs += FedVoting(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
-    for name in ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_scores"):
-        assert np.array_equal(getattr(outputs[0], name), getattr(outputs[1], name)), name
-    assert len(outputs[0].nodes) >= 19
+    bounds = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
+    config = VotingConfig(method="exact", volume=bounds, without_maps=True, refine_nodes=False)
+    (found,) = FedVoting(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
+    volume = Volume.between(bounds, config.voxel)
+    expected = dense_peaks(build_scene(rig.cameras, item.views, 19), volume, demands(config, 4))
+    assert np.array_equal(found.nodes, volume.centres(expected.voxels))
+    assert np.array_equal(found.node_joints, expected.joints)
+    assert np.array_equal(found.node_scores, expected.votes)
+    assert np.array_equal(found.node_views, expected.support)
+    assert len(found.nodes) >= 19
 
 
 def test_a_camera_that_sees_nothing_changes_nothing(scenes):
@@ -165,7 +169,7 @@ def test_a_camera_that_sees_nothing_changes_nothing(scenes):
     )
     volume = Volume.between((-0.6, -0.6, 0.0, 0.6, 0.6, 1.8), 0.05)
     one, two = (
-        BoxSearch().peaks(build_scene(cameras, seen, 19), volume, 0.1, 0.1, 2, 3)
+        BoxSearch().peaks(build_scene(cameras, seen, 19), volume, Demands(0.1, 3, 0.1, 2))
         for cameras, seen in ((rig.cameras, views), ((blind, *rig.cameras), (view, *views)))
     )
     for a, b in zip(one, two):

@@ -104,15 +104,15 @@ def test_explained_peaks_give_no_seeds_and_others_stay(scenes):
     people = [scenes.person(0.5, 0.3), scenes.person(-0.6, -0.5, 2.0)]
     for maps in ("none", "merged"):
         scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
-        start, pixels = find_peaks(scene, 0.1)
+        peaks = find_peaks(scene, 0.1)
         one = np.ones(19)
         nodes = Nodes(people[0], np.arange(19), one, one)
         moving = np.tile([3.0, 0.0, 0.0], (19, 1))
-        left_start, left = Explainer(nodes, 0.0 * moving, np.zeros(4)).unexplained(scene, start, pixels)
-        assert len(pixels) == 4 * 19 * 2 and len(left) == 4 * 19
+        left_start, left = Explainer(nodes, 0.0 * moving, np.zeros(4)).unexplained(scene, peaks)
+        assert len(peaks.pixels) == 4 * 19 * 2 and len(left) == 4 * 19
         assert left_start.tolist() == list(range(4 * 19 + 1))
         late = Explainer(nodes, moving, np.array([0.0, 0.0, 0.0, 0.1]))  # there 30 cm farther on
-        assert len(late.unexplained(scene, start, pixels)[1]) == 5 * 19
+        assert len(late.unexplained(scene, peaks).pixels) == 5 * 19
 
 
 def test_the_same_after_reset_and_flush_and_whatever_the_order_of_views(scenes):

@@ -3,13 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from score_fields import ViewField, vote_reference
 
 from panoptic_ros.domain import VisibilityLimit
 from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.voting import kernels, soft_vote
+from panoptic_ros.voting.parts import person_scores
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.score_field import ViewField
-from panoptic_ros.voting.score_volume import vote_reference
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
@@ -55,7 +55,7 @@ def test_scores_of_persons_are_those_of_numpy(scenes, maps):
     rig, people, scene, fields = setting(scenes, maps, LENS, limits=True)
     points = points_about(people, np.random.default_rng(1))
     joints = np.arange(len(points)) % 19
-    scores, seeing = kernels.person_scores(scene, joints, points)
+    scores, seeing = person_scores(scene, joints, points)
     assert scores.max() > 0.5
     for v, (field, camera) in enumerate(zip(fields, rig.cameras)):
         pixels, seen = camera.project(points)
@@ -65,19 +65,6 @@ def test_scores_of_persons_are_those_of_numpy(scenes, maps):
             for i in range(2):
                 expected = field.sample_person(i, int(joints[n]), pixels[n : n + 1])
                 assert scores[n, v, i] == pytest.approx(expected[0], abs=1e-12)
-
-
-def test_a_block_of_voxels_holds_the_votes_of_its_centres(scenes):
-    _, _, scene, _ = setting(scenes, "merged", LENS, limits=True)
-    first = np.array([3, 2, 20])
-    votes, support = kernels.vote_block(scene, first, (5, 4, 6), 0.04, 0.1)
-    grid = np.stack(np.meshgrid(*(np.arange(n) for n in (5, 4, 6)), indexing="ij"), -1).reshape(-1, 3)
-    for joint in (2, 6):
-        one, views = kernels.vote_points(
-            scene, np.full(len(grid), joint), (grid + first + 0.5) * 0.04, 0.1
-        )
-        assert (votes[joint].ravel() == one).all()
-        assert (support[joint].ravel() == views).all()
 
 
 def test_eq_1_divides_by_the_views_that_see_the_point(scenes):
@@ -109,7 +96,7 @@ def test_a_view_behind_a_wall_neither_counts_nor_adds(scenes):
     }.items():  # fmt: skip
         scene = build_scene(rig.cameras, (first, *item.views[1:]), 19)
         votes[name] = tuple(float(x[0]) for x in kernels.vote_points(scene, joint, head, 0.1))
-        _, seen = kernels.person_scores(scene, joint, head)
+        _, seen = person_scores(scene, joint, head)
         assert seen[0].tolist() == [first.limit is None, True, True, True]
         assert soft_vote.move(head, joint, scene) == pytest.approx(head, abs=0.01)
     assert votes == {

@@ -24,7 +24,7 @@ def test_limits_of_depth_maps_and_of_occluders_both_count(scenes):
     assert KnownOccluders(rig).limit(item) is item
 
 
-@pytest.mark.parametrize("method", ["seeds", "dense"])
+@pytest.mark.parametrize("method", ["seeds", "exact"])
 def test_a_joint_keeps_its_vote_though_a_wall_hides_it_from_half_of_the_views(scenes, method):
     rig = scenes.ring(4)
     person = scenes.person(-0.8, -0.8)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from score_fields import ViewField
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.voting.parts import Bone, bones_and_skips, score_parts
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.score_field import ViewField
 
 MODEL = SkeletonModel("s", ("root", "left", "right", "hand"), 0, ((0, 1), (0, 2), (1, 3)), 1)
 

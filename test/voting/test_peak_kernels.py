@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from panoptic_ros.bench.stage1.dense import is_maximum
 from panoptic_ros.voting.peak_kernels import highest
-from panoptic_ros.voting.score_volume import _is_maximum
 
 
 @given(seed=st.integers(0, 10**6), share=st.floats(0.0, 1.0), levels=st.integers(1, 20))
@@ -13,7 +13,7 @@ def test_the_highest_of_scattered_voxels(seed, share, levels):
     at = np.argwhere(rank >= 0.0)
     at = at[rng.permutation(len(at))]
     top, unknown = highest(at[:, 0], at[:, 1:] + 1, rank[tuple(at.T)], np.ones(len(at), np.int64))
-    assert top.tolist() == _is_maximum(rank, at).tolist()
+    assert top.tolist() == is_maximum(rank, at).tolist()
     steps = np.array(list(np.ndindex(3, 3, 3))) - 1
     there = {tuple(row) for row in at}
     expected = [[(j, *(np.array(v) + step)) not in there for step in steps] for j, *v in at[top]]

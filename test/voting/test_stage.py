@@ -34,22 +34,22 @@ def missed(proposals, people, distance):
 
 @pytest.mark.parametrize("distortion", [(), (-0.15, 0.03, 0.001, -0.001)])
 @pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
-def test_seeds_find_what_dense_finds_at_the_true_joints(scenes, maps, distortion):
+def test_seeds_find_what_exact_finds_at_the_true_joints(scenes, maps, distortion):
     rig = scenes.ring(4, distortion)
     people = [scenes.person(0.4, 0.3), scenes.person(-0.3, -0.4, 2.0)]
     item = scenes.detect(rig, people, maps)
     options = {"volume": BOX, "refine_nodes": False, "skip_parts": False}
     seeds = propose(scenes, rig, item, method="seeds", explain_away=False, **options)
-    dense = propose(scenes, rig, item, method="dense", **options)
+    exact = propose(scenes, rig, item, method="exact", **options)
     assert not missed(seeds, people, 0.05)
     rows = {(j, *np.round(p, 6)): (s, v) for j, p, s, v in zip(
-        dense.node_joints, dense.nodes, dense.node_scores, dense.node_views)}  # fmt: skip
+        exact.node_joints, exact.nodes, exact.node_scores, exact.node_views)}  # fmt: skip
     for j, p, s, v in zip(seeds.node_joints, seeds.nodes, seeds.node_scores, seeds.node_views):
-        assert rows[(j, *np.round(p, 6))] == (s, v)  # every seed leads to a peak of the dense volume
-    true = np.stack(people)[:, dense.node_joints].swapaxes(0, 1)
-    near = (np.linalg.norm(dense.nodes[:, None] - true, axis=-1) < 0.05).any(1)
+        assert rows[(j, *np.round(p, 6))] == (s, v)  # every seed leads to a peak of the volume
+    true = np.stack(people)[:, exact.node_joints].swapaxes(0, 1)
+    near = (np.linalg.norm(exact.nodes[:, None] - true, axis=-1) < 0.05).any(1)
     found = {(j, *np.round(p, 6)) for j, p in zip(seeds.node_joints, seeds.nodes)}
-    assert {(j, *np.round(p, 6)) for j, p in zip(dense.node_joints[near], dense.nodes[near])} <= found
+    assert {(j, *np.round(p, 6)) for j, p in zip(exact.node_joints[near], exact.nodes[near])} <= found
 
 
 @pytest.mark.parametrize("maps", ["none", "merged"])
@@ -86,7 +86,7 @@ def test_off_carries_the_detections_along(scenes):
     assert len(proposals.nodes) == len(proposals.parts) == 0
 
 
-@pytest.mark.parametrize("method", ["seeds", "exact", "dense"])
+@pytest.mark.parametrize("method", ["seeds", "exact"])
 def test_votes_only_where_a_view_has_maps_and_parts_only_where_they_are_read(scenes, method):
     rig = scenes.ring(4)
     people = [scenes.person(0.0, 0.0)]
@@ -103,7 +103,7 @@ def test_votes_only_where_a_view_has_maps_and_parts_only_where_they_are_read(sce
             assert np.array_equal(asked.nodes, found.nodes)
 
 
-@pytest.mark.parametrize("method", ["seeds", "exact", "dense"])
+@pytest.mark.parametrize("method", ["seeds", "exact"])
 @pytest.mark.parametrize("maps", ["none", "merged"])
 def test_nothing_to_vote_on(scenes, maps, method):
     rig = scenes.ring(3)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.bench.stage1.dense import dense_peaks
 from panoptic_ros.bench.stage1.rows import Rows, Settings, of_poses, only
 from panoptic_ros.domain import AssociationSet, DetectionSet, PoseSet, ProposalSet
 from panoptic_ros.graph.build import configure
@@ -13,13 +14,13 @@ from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.peaks import Demands, Peaks
 from panoptic_ros.voting.proposals import Nodes
 from panoptic_ros.voting.scene import VoteScene, build_scene
-from panoptic_ros.voting.score_volume import Peaks, dense_peaks
 from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
-THRESHOLD, VIEW_THRESHOLD, ENOUGH, MIN_VIEWS = 0.1, 0.1, 2, 3  # of the searches of the whole volume
+WANTED = Demands(0.1, 3, 0.1, 2)  # of the searches of the whole volume
 VOXEL = 0.04  # m
 
 
@@ -34,16 +35,16 @@ def voting_rows(rows: Rows, dense: bool) -> None:
         return build_scene(cameras, item.views, len(world.skeleton))
 
     def exact(item: DetectionSet) -> Peaks:
-        return boxes.peaks(scene(item), volume, THRESHOLD, VIEW_THRESHOLD, ENOUGH, MIN_VIEWS)
+        return boxes.peaks(scene(item), volume, WANTED)
 
     def every_voxel(item: DetectionSet) -> Peaks:
-        return dense_peaks(scene(item), volume, THRESHOLD, VIEW_THRESHOLD, ENOUGH)
+        return dense_peaks(scene(item), volume, WANTED)
 
-    note = f"threshold {THRESHOLD}, {MIN_VIEWS} views"
+    note = f"threshold {WANTED.threshold}, {WANTED.min_views} views"
     found = rows.run("voting", "exact, coarse to fine", exact, world.sets, note=note)
     if dense:
         little = Volume.between((0, 0, 0, 1, 1, 1), 0.25)
-        dense_peaks(scene(world.sets[0]), little, 0.9, 0.9, ENOUGH)  # compiles
+        dense_peaks(scene(world.sets[0]), little, WANTED)  # compiles
         expected = rows.run(
             "voting", "dense (baseline)", every_voxel, world.sets, note=note, warmed=True
         )
@@ -83,7 +84,7 @@ class WatchedVoting(VotingStage):
 
 def _equal(dense: Peaks, exact: Peaks) -> bool:
     """Whether the searches found the same joints, voxels, votes and support."""
-    kept = dense.support >= MIN_VIEWS
+    kept = dense.support >= WANTED.min_views
     return all(np.array_equal(a[kept], b) for a, b in zip(dense, exact))
 
 

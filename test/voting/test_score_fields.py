@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from score_fields import KeypointField, ViewField, keypoint_widths
 
 from panoptic_ros.domain import ScoreMaps, ViewDetections
-from panoptic_ros.voting.score_field import KeypointField, ViewField, keypoint_widths
 
 SIZE = (100, 80)
 

@@ -1,16 +1,17 @@
-"""Score fields: how likely a joint of a kind lies at a pixel, from score maps or from keypoints.
+"""What votes mean, in numpy: the oracle of the kernels of voting.
 
-h_j(z) = max_i h_ij(z) in Joo et al. 2017, 5.1. These classes say what is meant, in numpy; `scene`
-and `kernels` do the same for all views at once.
+A score field tells how likely a joint of a kind lies at a pixel, from score maps or from keypoints: h_j(z) =
+max_i h_ij(z) in Joo et al. 2017, 5.1. `vote_reference` is their eq. 1.
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from panoptic_ros.domain import ScoreMaps, ViewDetections
+from panoptic_ros.domain import Camera, ScoreMaps, ViewDetections
 
 Array = np.ndarray
 GAUSSIAN_END = 6.0  # half of the squared distance in standard deviations beyond which a Gaussian is 0
@@ -178,3 +179,28 @@ class ViewField:
 
     def _field(self, joint: int) -> ScoreField:
         return self.maps if self.maps is not None and joint in self.mapped else self.keypoints
+
+
+def vote_reference(
+    fields: Sequence[ViewField],
+    cameras: Sequence[Camera],
+    joint: int,
+    points: Array,
+    view_threshold: float = 0.1,
+) -> tuple[Array, Array]:
+    """Eq. 1 in numpy: votes (N,) of a joint at points (N, 3) m, and numbers of supporting views (N,).
+
+    The mean over the views that see the point: in front of the camera, inside of the image and of the maps,
+    and not beyond the view's limit (see `VisibilityLimit`); 0 where no view does. A view supports a point
+    if its score is above `view_threshold`.
+    """
+    total, seeing = np.zeros(len(points)), np.zeros(len(points), np.int64)
+    support = np.zeros(len(points), np.int64)
+    for field, camera in zip(fields, cameras):
+        pixels, ahead = camera.project(points)
+        seen = ahead & field.sees(pixels, camera.cam_from_world.apply(points)[:, 2])
+        scores = np.where(seen, field.sample(joint, np.where(seen[:, None], pixels, 0.0)), 0.0)
+        total += scores
+        seeing += seen
+        support += scores > view_threshold
+    return total / np.maximum(seeing, 1), support

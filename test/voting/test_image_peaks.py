@@ -24,20 +24,6 @@ def scene_of(maps, joints=3):
     return build_scene([camera, camera], [view, view], joints)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_patches_are_merged_to_the_dense_maps(seed):
-    maps = random_maps(np.random.default_rng(seed))
-    scene = scene_of(maps)
-    dense = maps.dense(3)
-    for v in range(2):
-        for j in range(3):
-            start = scene.map_start[v, j]
-            if not (maps.joints == j).any():
-                assert start == -1
-            else:
-                assert np.array_equal(scene.map_data[start : start + 154].reshape(11, 14), dense[j])
-
-
 def brute_force_peaks(image, threshold):
     """Cells above the threshold that are larger than those before them and not smaller than those after."""
     found = []

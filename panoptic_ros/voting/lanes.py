@@ -1,0 +1,151 @@
+"""Eight points side by side: where a view sees them, and what its maps hold there.
+
+`lanes` is a flat array of rows of eight numbers, one number for each point. Loops over the points have no
+branches, so that compilers make vector instructions of them. All votes and searches project with `see`.
+"""
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from panoptic_ros.geometry.pinhole import MIN_DEPTH
+from panoptic_ros.kernels import inlined
+from panoptic_ros.solving.lens_kernels import fisheye_factor
+
+GAUSSIAN_END = 6.0  # half of the squared distance in standard deviations beyond which a Gaussian is 0
+LANES = 8
+X, Y, Z, DEPTH, U, W, A, B, COVERED, CELL, RIGHT, BELOW, VOTE, SEEING, SUPPORT = range(0, 120, LANES)
+SIZE = 120  # of an array of lanes
+
+
+@inlined
+def place(lanes, c, x, y, z):
+    """Set point c, m in the world."""
+    lanes[X + c], lanes[Y + c], lanes[Z + c] = x, y, z
+
+
+@inlined
+def see(cameras, limits, v, lanes):
+    """Where view v sees the points.
+
+    Writes their DEPTH; pixels U, W; cells A, B of the map; COVERED, 1 where the view sees them, else 0; and
+    for `sample` the CELL on their upper left and how far they are to the RIGHT of and BELOW it, 0..1.
+    `cameras` and `limits` as in `VoteScene`.
+    """
+    if cameras[v].fisheye > 0.0:
+        _project(cameras[v], True, lanes)
+    else:
+        _project(cameras[v], False, lanes)
+    if limits[3 * v] > 0.0:
+        _hide(cameras[v], limits, v, lanes)
+
+
+@inlined
+def _project(camera, fisheye, lanes):
+    """The kind of the lens is an argument so that each has a loop without branches."""
+    r00, r01, r02, tx = camera.r00, camera.r01, camera.r02, camera.tx
+    r10, r11, r12, ty = camera.r10, camera.r11, camera.r12, camera.ty
+    r20, r21, r22, tz = camera.r20, camera.r21, camera.r22, camera.tz
+    fx, skew, cx, fy, cy, fold = camera.fx, camera.skew, camera.cx, camera.fy, camera.cy, camera.fold
+    terms = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.k4)
+    a0, a1, a2, b0, b1, b2 = camera.a0, camera.a1, camera.a2, camera.b0, camera.b1, camera.b2
+    last_u, last_w, columns, rows = camera.width - 0.5, camera.height - 0.5, camera.columns, camera.rows
+    for c in range(LANES):
+        x, y, z = lanes[X + c], lanes[Y + c], lanes[Z + c]
+        depth = r20 * x + r21 * y + r22 * z + tz
+        px, py = (r00 * x + r01 * y + r02 * z + tx) / depth, (r10 * x + r11 * y + r12 * z + ty) / depth
+        dx, dy, r2 = bent(terms, fisheye, px, py)
+        u, w = fx * dx + skew * dy + cx, fy * dy + cy
+        a, b = a0 * u + a1 * w + a2, b0 * u + b1 * w + b2
+        seen = (depth > MIN_DEPTH) & (r2 < fold) & (-0.5 <= u) & (u <= last_u) & (-0.5 <= w) & (w <= last_w)
+        mapped = (-0.5 <= a) & (a <= columns - 0.5) & (-0.5 <= b) & (b <= rows - 0.5)
+        lanes[DEPTH + c], lanes[U + c], lanes[W + c], lanes[A + c], lanes[B + c] = depth, u, w, a, b
+        lanes[COVERED + c] = 1.0 if seen & (mapped | (columns == 0.0)) else 0.0
+        cell, right, below = locate(columns, rows, a if seen else 0.0, b if seen else 0.0)
+        lanes[CELL + c], lanes[RIGHT + c], lanes[BELOW + c] = cell, right, below
+
+
+@inlined
+def locate(columns, rows, a, b):
+    """The cell on the upper left of a place on a map; how far the place is to the right and below, 0..1."""
+    a, b = min(max(a, 0.0), max(columns - 1.0, 0.0)), min(max(b, 0.0), max(rows - 1.0, 0.0))
+    left, top = np.floor(min(a, max(columns - 2.0, 0.0))), np.floor(min(b, max(rows - 2.0, 0.0)))
+    return top * columns + left, a - left, b - top
+
+
+@inlined
+def bent(terms, fisheye, x, y):
+    """Where a lens of terms k1 k2 p1 p2 k3 k4 bends a point of the plane at 1 m; its distance squared."""
+    k1, k2, p1, p2, k3, k4 = terms
+    r2 = x * x + y * y
+    radial = fisheye_factor(k1, k2, k3, k4, r2) if fisheye else 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    dx = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    dy = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return dx, dy, r2
+
+
+@inlined
+def _hide(camera, limits, v, lanes):
+    """Take from COVERED the points beyond the view's limit."""
+    start, columns, rows = int(limits[3 * v]), int(limits[3 * v + 1]), int(limits[3 * v + 2])
+    for c in range(LANES):
+        if lanes[COVERED + c] > 0.0:
+            i = min(int((lanes[U + c] + 0.5) * (columns / camera.width)), columns - 1)
+            k = min(int((lanes[W + c] + 0.5) * (rows / camera.height)), rows - 1)
+            if lanes[DEPTH + c] > limits[start + k * columns + i]:
+                lanes[COVERED + c] = 0.0
+
+
+@inlined
+def strides(camera):
+    """How much farther in a map the cells to the right and below are; 0 if it has one column or row."""
+    return int(camera.columns > 1.0), int(camera.columns) if camera.rows > 1.0 else 0
+
+
+@inlined
+def sample(data, first, strides, cell, x, y):
+    """Bilinear sample, 0..1, of the map that begins at data[first], x to the right of a cell, y below."""
+    right, below = strides
+    at = first + int(cell)
+    top = data[at] * (1.0 - x) + data[at + right] * x
+    bottom = data[at + below] * (1.0 - x) + data[at + below + right] * x
+    return (top * (1.0 - y) + bottom * y) / 255.0
+
+
+@inlined
+def gaussian(people, v, j, i, u, w):
+    """Gaussian of joint j of 2D person i in view v at a pixel; 0 if it is missing. See `VoteScene.people`."""
+    dx, dy = people[v, j, i, 0] - u, people[v, j, i, 1] - w
+    exponent = (dx * dx + dy * dy) * people[v, j, i, 2]
+    return people[v, j, i, 3] * math.exp(-exponent) if exponent < GAUSSIAN_END else 0.0
+
+
+@inlined
+def score(scene, v, joint, strides, lanes, c):
+    """h_j of view v at point c, which it sees: of its map, or else of its 2D joints."""
+    first = scene.map_start[v, joint]
+    if first >= 0:
+        return sample(scene.map_data, first, strides, lanes[CELL + c], lanes[RIGHT + c], lanes[BELOW + c])
+    best = 0.0
+    for i in range(scene.people.shape[2]):
+        best = max(best, gaussian(scene.people, v, joint, i, lanes[U + c], lanes[W + c]))
+    return best
+
+
+@inlined
+def vote(scene, joints, view_threshold, lanes):
+    """Eq. 1 at the points for the joints (8,): VOTE, the mean over the views that see them, and SUPPORT."""
+    for c in range(LANES):
+        lanes[VOTE + c] = lanes[SEEING + c] = lanes[SUPPORT + c] = 0.0
+    for v in range(len(scene.cameras)):
+        see(scene.cameras, scene.limits, v, lanes)
+        around = strides(scene.cameras[v])
+        for c in range(LANES):
+            if lanes[COVERED + c] > 0.0:
+                value = score(scene, v, joints[c], around, lanes, c)
+                lanes[VOTE + c] += value
+                lanes[SEEING + c] += 1.0
+                lanes[SUPPORT + c] += value > view_threshold
+    for c in range(LANES):
+        lanes[VOTE + c] /= max(lanes[SEEING + c], 1.0)
