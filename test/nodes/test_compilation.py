@@ -1,7 +1,7 @@
 """A node says once that it must compile."""
+import numba
 import numpy as np
 
-from panoptic_ros.kernels import njit
 from panoptic_ros.nodes.compilation import TEXT, compilation_told
 
 
@@ -14,13 +14,13 @@ class Log:
 
 
 def fresh_kernel(name):
-    """A kernel of this package that no cache knows."""
+    """A kernel, as if it were of this package, that no cache keeps."""
 
     def kernel(x):
         return x + 1.0
 
     kernel.__module__, kernel.__qualname__ = "panoptic_ros.nodes.compilation", name
-    return njit()(kernel)
+    return numba.njit(kernel)
 
 
 def test_compilation_is_told_once_and_ready_kernels_are_not():
