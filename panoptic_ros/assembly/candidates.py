@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import AssociationSet, Groups
-from panoptic_ros.solving.joints import Guides, guides_of, sources
+from panoptic_ros.solving.joint_records import Guides, guides_of, sources
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray

@@ -19,7 +19,7 @@ from panoptic_ros.assembly.map_votes import chosen_nodes
 from panoptic_ros.assembly.nodes import has_maps, node_doubts, take_nodes
 from panoptic_ros.assembly.view_sources import view_sources
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
-from panoptic_ros.solving.joints import SolvedJoints
+from panoptic_ros.solving.joint_records import SolvedJoints
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
@@ -32,8 +32,8 @@ class People:
     """Skeletons of one instant: P people of the K solved.
 
     kept: (P,) which of the solved. positions (P, J, 3), covariances (P, J, 3, 3), scores (P, J),
-    views (P, J). doubts: (P, J) m^2, additional variance because a node may be the wrong one; guidance
-    does not use it, as it should follow what was chosen. sources: their 2D people.
+    views (P, J). doubts: (P, J) m^2, additional variance because a node may be the wrong one. sources:
+    their 2D people.
     """
 
     kept: Array

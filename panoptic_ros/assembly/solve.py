@@ -8,7 +8,8 @@ from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.agreement import limb_costs
 from panoptic_ros.solving.gauss_newton import SolverRules
-from panoptic_ros.solving.joints import Claims, Guides, SolvedJoints, solve_again, solve_joints
+from panoptic_ros.solving.joint_records import Claims, Guides, SolvedJoints
+from panoptic_ros.solving.joints import solve_again, solve_joints
 from panoptic_ros.solving.limbs import Limbs
 from panoptic_ros.solving.scene import Scene
 

@@ -23,7 +23,7 @@ from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
 from panoptic_ros.solving.evidence import RigArrays, check_association
-from panoptic_ros.solving.joints import SolvedJoints
+from panoptic_ros.solving.joint_records import SolvedJoints
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, scene_of
 from panoptic_ros.stage import StageContext, StepResult
@@ -80,17 +80,17 @@ class AssemblyStage(Stateful):
         Raises:
             DataError: if the people are of another skeleton, or of cameras that the rig lacks.
         """
-        check_association(item.association, self._rig, self._hash)
+        check_association(item.association, self._rig, self._skeleton, self._hash)
         if self._config.method == "dynamic_programming":
             people = people_from_parts(item, self._context.rig, self._skeleton, self._config)
-            return StepResult((self._without_biases(people).pose_set(item),))
+            return StepResult((self._without_biases(people.pose_set(item)),))
         if self._config.learn_noise and not self._noise.learnt:
             self._solve(item)  # the first people are solved with their learnt noise
         people, found, observed, motion = self._solve(item)
         votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
         votes -= ANATOMY_VOTES * self._sides.right_way(people.positions, people.views)
         shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
-        return StepResult((self._without_biases(people).pose_set(item, votes, shift),))
+        return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
     def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
         """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
@@ -116,11 +116,12 @@ class AssemblyStage(Stateful):
             self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept)
         return people, found, observed, motion
 
-    def _without_biases(self, people: People) -> People:
-        """The people without known biases of the detector; guidance keeps these, as images show them."""
+    def _without_biases(self, poses: PoseSet) -> PoseSet:
+        """The skeletons without known biases of the detector; the record tells what was taken out."""
         if self._biases is None:
-            return people
-        return replace(people, positions=self._biases.corrected(people.positions))
+            return poses
+        corrections = self._biases.corrections(poses.positions)
+        return replace(poses, positions=poses.positions + corrections, corrections=corrections)
 
     def _scene(self, item: ProposalSet, sizes: Array) -> Scene:
         """The evidence with the noise learnt so far, as if all joints were visible."""

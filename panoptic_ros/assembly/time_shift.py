@@ -20,7 +20,7 @@ from panoptic_ros.assembly.solve import Solver
 from panoptic_ros.domain import Prediction, SkeletonModel, TimeShift
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.gauss_newton import MIN_DEPTH
-from panoptic_ros.solving.joints import SolvedJoints
+from panoptic_ros.solving.joint_records import SolvedJoints
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray

@@ -6,7 +6,7 @@ import numpy as np
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.domain import DetectionSet, Evidence, ViewSources
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.joints import SolvedJoints
+from panoptic_ros.solving.joint_records import SolvedJoints
 
 Array = np.ndarray
 

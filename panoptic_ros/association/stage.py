@@ -64,8 +64,11 @@ class AssociationStage(Stateful):
             DataError: if the detections do not fit the rig or the skeleton.
         """
         if isinstance(item, TrackSet):
-            if item.skeleton_hash != self._hash:
-                raise DataError(f"tracks of skeleton {item.skeleton_hash}, association works on {self._hash}")
+            if item.skeleton_hash != self._hash or item.ages.shape[1] != len(self._mirror):
+                raise DataError(
+                    f"tracks of skeleton {item.skeleton_hash} with {item.ages.shape[1]} joints, but "
+                    f"association works on {self._skeleton.name} ({self._hash}) with {len(self._mirror)}"
+                )
             self._tracks = item
             return StepResult()
         item = self._occluders.limit(item)

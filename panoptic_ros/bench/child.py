@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,15 @@ def run_child(module: str, request: dict[str, Any]) -> dict[str, Any]:
     if "error" in answer:
         raise UserError(answer["error"])
     return answer
+
+
+def answer_request(measure: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Answer the request on standard input; what the user can mend is part of the answer."""
+    try:
+        answer = measure(json.load(sys.stdin))
+    except UserError as error:
+        answer = {"error": str(error)}
+    print(json.dumps(answer))
 
 
 def answer_of(done: subprocess.CompletedProcess[str], name: str) -> str:

@@ -156,7 +156,13 @@ class AssociationSet:
                 f"AssociationSet.groups has shape {self.groups.member.shape}, expected people and views "
                 f"{(people, self.evidence.views)}"
             )
-        _fit(self, "places", (people, *self.prediction.positions.shape[1:]))
+        joints = self.evidence.scores.shape[1]
+        _fit(self, "places", (people, joints, 3))
+        if self.prediction.ages.shape[1] != joints:
+            raise DataError(
+                f"an AssociationSet of people of {joints} joints with predictions of "
+                f"{self.prediction.ages.shape[1]}"
+            )
 
     @property
     def index(self) -> int:

@@ -38,10 +38,15 @@ class BiasTable:
             raise ConfigError(f"bias table {self.name}: an offset is not below one torso length")
 
     def corrected(self, positions: Array) -> Array:
-        """Joints (P, J, 3) m with the offsets added.
+        """Joints (P, J, 3) m with the offsets added. Missing joints stay so."""
+        corrected: Array = positions + self.corrections(positions)
+        return corrected
 
-        Unchanged are people whose torso is not whole: their frame is not known. Missing joints stay so.
+    def corrections(self, positions: Array) -> Array:
+        """The offsets (P, J, 3) m of joints (P, J, 3) m.
+
+        They are 0 for people whose torso is not whole: their frame is not known.
         """
         axes, lengths = torso_frames(positions[:, list(self.torso)])
         shifts = np.einsum("pik,jk->pji", axes, self.offsets) * lengths[:, None, None]
-        return positions + np.where(np.isfinite(shifts), shifts, 0.0)
+        return np.where(np.isfinite(shifts), shifts, 0.0)

@@ -45,6 +45,8 @@ class PoseSet:
         sources: the views of the instant and the 2D people in them; None where they are not known.
         side_votes: (P, G) views that see each of the skeleton's G limbs with its sides exchanged, minus those
             that do not (see `solving.limbs`); None where nobody counted.
+        corrections: (P, J, 3) m that were added because the detector is known to err, 0 where nothing was;
+            None = nowhere. What is compared with images, as predictions are, must do without.
     """
 
     index: int
@@ -60,6 +62,7 @@ class PoseSet:
     time_shift: TimeShift | None = None
     sources: ViewSources | None = None
     side_votes: Array | None = None
+    corrections: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
@@ -94,6 +97,10 @@ class PoseSet:
             self._check_sources(self.sources)
         if self.side_votes is not None:
             shapes.store("side_votes", np.float64, "P G")
+        if self.corrections is not None and not np.isfinite(
+            shapes.store("corrections", np.float64, "P J 3")
+        ).all():
+            raise DataError("PoseSet.corrections is not finite")
 
     def _check_sources(self, sources: ViewSources) -> None:
         """The sources are those of these people; without a view they say nothing."""

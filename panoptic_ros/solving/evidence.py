@@ -129,12 +129,15 @@ def _check(
             )
 
 
-def check_association(item: AssociationSet, arrays: RigArrays, skeleton_hash: str) -> None:
+def check_association(
+    item: AssociationSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str
+) -> None:
     """Raise DataError unless associated people fit the rig and the skeleton of a later stage."""
-    if item.detections.skeleton_hash != skeleton_hash:
+    found, joints = item.detections.skeleton_hash, item.evidence.scores.shape[1]
+    if found != skeleton_hash or joints != len(skeleton):
         raise DataError(
-            f"people of skeleton {item.detections.skeleton_hash} in a stage that works on {skeleton_hash}; "
-            "configure one skeleton for all"
+            f"people of skeleton {found} with {joints} joints in a stage that works on {skeleton.name} "
+            f"({skeleton_hash}) with {len(skeleton)}; configure one skeleton for all"
         )
     for view in item.detections.views:
         if view.camera not in arrays.index:

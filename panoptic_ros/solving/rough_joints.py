@@ -8,7 +8,8 @@ import numpy as np
 from panoptic_ros.domain import AssociationSet, SkeletonModel
 from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.solving.gauss_newton import SolverRules
-from panoptic_ros.solving.joints import Claims, guides_of, solve_joints, sources
+from panoptic_ros.solving.joint_records import Claims, guides_of, sources
+from panoptic_ros.solving.joints import solve_joints
 from panoptic_ros.solving.scene import even_precision, scene_of
 
 Array = np.ndarray

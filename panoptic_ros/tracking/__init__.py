@@ -5,9 +5,10 @@ distance of the head node, and look further back where it is missing. Made robus
 that two skeletons share take part, each against a constant-velocity prediction and its uncertainty;
 the assignment is optimal per frame (Hungarian) instead of nearest; after a gap the middle of the
 body and the lengths of the bones decide; and a skeleton of few views must be seen repeatedly
-before it gets an identity.
+before it gets an identity. `tracking.method=head` is the paper's way.
 
 In: `PoseSet`. Out: one `TrackedPoseSet` for each, measured skeletons only, ids counting from 0 in
-the order of appearance and never used twice. Limits: no appearance, so people who change places
-unseen may change ids when their bodies have the same size.
+the order of appearance and never used twice; and one `TrackSet`, all who are followed with the motion of
+their joints as images show them, which goes back to association. Limits: no appearance, so people who
+change places unseen may change ids when their bodies have the same size.
 """

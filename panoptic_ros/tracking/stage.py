@@ -1,6 +1,8 @@
 """The tracking stage."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -55,13 +57,19 @@ class TrackingStage(Stateful):
                 f"poses of skeleton {item.skeleton_hash}, but tracking works on "
                 f"{self._skeleton.name} ({self._hash})"
             )
+        if item.side_votes is not None and item.side_votes.shape[1] != self._limbs.number:
+            raise DataError(
+                f"poses with votes about {item.side_votes.shape[1]} limbs, but {self._skeleton.name} has "
+                f"{self._limbs.number}"
+            )
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
             return StepResult(notices=(Notice("tracking.old_stamp", "warning", text),))
         self._advance(item.stamp_ns)
-        owners = self._with_new(item, self._assign(item))
-        self._tracks.update(owners, item, self._bones, self._skeleton.head)
-        notices = self._confirm(item, owners)
+        shown = _as_images_show(item)
+        owners = self._with_new(shown, self._assign(shown))
+        self._tracks.update(owners, shown, self._bones, self._skeleton.head)
+        notices = self._confirm(shown, owners)
         ids = np.where(owners >= 0, self._tracks.ids[owners], -1) if len(owners) else owners
         self._tracks.exchange_sides(self._limbs)
         rows = np.flatnonzero(ids >= 0)
@@ -165,17 +173,23 @@ def _match(owners: Array, rows: Array, cost: Array) -> None:
             owners[k] = rows[i]
 
 
+def _as_images_show(item: PoseSet) -> PoseSet:
+    """The skeletons with known biases of the detector: predictions are compared with images."""
+    if item.corrections is None:
+        return item
+    return replace(item, positions=item.positions - item.corrections)
+
+
 def _tracked(item: PoseSet, rows: Array, ids: Array) -> TrackedPoseSet:
     """The chosen skeletons with their ids."""
-    if len(rows) == len(item.positions) and (rows == np.arange(len(rows))).all():
-        return TrackedPoseSet(
-            item.index, item.stamp_ns, item.skeleton_hash, item.positions, item.covariances, item.scores,
-            item.views, item.states, item.person_scores, item.newest_ns, item.time_shift, item.sources,
-            ids=ids,
-        )  # fmt: skip
+    everybody = np.array_equal(rows, np.arange(len(item.positions)))  # no need to copy then
+    names = ("positions", "covariances", "scores", "views", "states", "person_scores")
+    arrays = {name: getattr(item, name) if everybody else getattr(item, name)[rows] for name in names}
+    shift, sources = item.time_shift, item.sources
+    if not everybody:
+        shift = None if shift is None else shift.rows(rows)
+        sources = None if sources is None else sources.rows(rows)
     return TrackedPoseSet(
-        item.index, item.stamp_ns, item.skeleton_hash, item.positions[rows], item.covariances[rows],
-        item.scores[rows], item.views[rows], item.states[rows], item.person_scores[rows],
-        item.newest_ns, None if item.time_shift is None else item.time_shift.rows(rows),
-        None if item.sources is None else item.sources.rows(rows), ids=ids,
+        item.index, item.stamp_ns, item.skeleton_hash, **arrays, newest_ns=item.newest_ns, time_shift=shift,
+        sources=sources, ids=ids,
     )  # fmt: skip

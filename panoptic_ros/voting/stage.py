@@ -78,7 +78,7 @@ class VotingStage(Stateful):
             DataError: if the people are of another skeleton, or of cameras that the rig lacks.
         """
         item = association.detections
-        check_association(association, self._arrays, self._hash)
+        check_association(association, self._arrays, self.skeleton, self._hash)
         mapped = self.config.without_maps or any(view.maps is not None for view in item.views)
         if self.config.method == "off" or not mapped:
             return StepResult((ProposalSet.of_nothing(association),))

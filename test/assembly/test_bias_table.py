@@ -21,6 +21,9 @@ def test_published_joints_are_corrected_in_every_frame(scenes):
         pose = stage.step(scenes.proposals(rig, [person], index=index)).outputs[0]
         assert np.allclose(pose.positions[0], table.corrected(person[None])[0], atol=1e-6)
         assert (pose.views == 4).all()
+        assert np.allclose(pose.positions - pose.corrections, person, atol=1e-6)
+    (followed,) = stage.association.step(scenes.proposals(rig, [person], index=5).detections).outputs
+    assert np.abs(followed.prediction.positions[0] - person).max() < 0.01  # where the images show the hip
 
 
 def test_a_table_that_is_not_there_is_refused(scenes):

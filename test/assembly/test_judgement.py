@@ -11,7 +11,7 @@ from panoptic_ros.assembly.judgement import (
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.solve import settle
 from panoptic_ros.solving.cameras import Cameras, Observations
-from panoptic_ros.solving.joints import Claims, SolvedJoints
+from panoptic_ros.solving.joint_records import Claims, SolvedJoints
 from panoptic_ros.solving.triangulation import triangulate_linear
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9

@@ -175,3 +175,12 @@ def test_no_folder_of_today_is_removed(tmp_path):
         (tmp_path / f"a-{number}").mkdir()
     cache.remove_old(tmp_path / "a-0")
     assert len(list(tmp_path.iterdir())) == 2 * cache.KEPT
+
+
+def test_kernels_whose_records_of_arguments_have_moved_are_compiled_anew(copy):
+    """The kernel's own sources are the same; the module that its argument comes from has another name."""
+    package = copy("a")
+    assert run(package) == ("7.0 1.0", "shifted scaled height")
+    (package / "sample" / "pair.py").rename(package / "sample" / "couple.py")
+    assert run(package, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "height")
+    assert run(package, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "")

@@ -9,7 +9,8 @@ from panoptic_ros.geometry import Intrinsics, Rigid, triangulate_robust
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
 from panoptic_ros.solving.cameras import Cameras, Observations
 from panoptic_ros.solving.gauss_newton import FEW_FACTOR, TABLE, Result, SolverRules, Steps, refine_point
-from panoptic_ros.solving.joints import Claims, Guides, solve_joints
+from panoptic_ros.solving.joint_records import Claims, Guides
+from panoptic_ros.solving.joints import solve_joints
 from panoptic_ros.solving.undistortion import lens_records, undistort_points
 
 

@@ -1,15 +1,13 @@
 """One case in a process of its own: solves it by default and with each mechanism off, prints the figures."""
 from __future__ import annotations
 
-import json
-import sys
 from typing import Any
 
 from panoptic_ros.bench.ablation.figures import figures_of, solve
 from panoptic_ros.bench.ablation.mechanisms import chosen
 from panoptic_ros.bench.ablation.summary import DEFAULT
 from panoptic_ros.bench.ablation.worlds import Case, recorded_case, simulated_case
-from panoptic_ros.errors import UserError
+from panoptic_ros.bench.child import answer_request
 
 
 def measure(request: dict[str, Any]) -> dict[str, Any]:
@@ -38,14 +36,5 @@ def _figures(case: Case, settings: dict[str, dict[str, Any]]) -> list[dict[str, 
     return figures_of(case.world.truth, solve(case.world, settings, case.names), case.stretches)
 
 
-def main() -> None:
-    """Answer the request on standard input; what the user can mend is part of the answer."""
-    try:
-        answer = measure(json.load(sys.stdin))
-    except UserError as error:
-        answer = {"error": str(error)}
-    print(json.dumps(answer))
-
-
 if __name__ == "__main__":
-    main()
+    answer_request(measure)

@@ -1,17 +1,15 @@
 """One case in a process of its own: reads a request as JSON, prints the rows as JSON."""
 from __future__ import annotations
 
-import json
-import sys
 import time
 from typing import Any
 
+from panoptic_ros.bench.child import answer_request
 from panoptic_ros.bench.stage1.any_skeleton import any_skeleton_world, in_joints_of
 from panoptic_ros.bench.stage1.baselines import given_rows, greedy_rows
 from panoptic_ros.bench.stage1.chain import mapped_rows, people_rows, voting_rows
 from panoptic_ros.bench.stage1.rows import Rows
 from panoptic_ros.bench.stage1.world import World, make_world
-from panoptic_ros.errors import UserError
 
 PARTS = ("people", "maps", "voting", "dense", "baselines", "joints")
 
@@ -66,14 +64,5 @@ def _grid(world: World) -> list[int] | None:
     return None
 
 
-def main() -> None:
-    """Answer the request on standard input; what the user can mend is part of the answer."""
-    try:
-        answer = measure(json.load(sys.stdin))
-    except UserError as error:
-        answer = {"error": str(error)}
-    print(json.dumps(answer))
-
-
 if __name__ == "__main__":
-    main()
+    answer_request(measure)

@@ -99,6 +99,10 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
     ids = item.ids if isinstance(item, TrackedPoseSet) else np.full(len(item.positions), -1)
     shift, sources = item.time_shift, item.sources
     nothing = np.zeros((len(ids), 0))
+    persons = nothing if sources is None else sources.persons
+    given = {"side_votes": item.side_votes, "corrections": item.corrections}
+    given |= {field: getattr(shift, name, None) for field, (name, _) in _TIME_SHIFT.items()}
+    optional = {field: nothing if values is None else values for field, values in given.items()}
     skeletons = [
         family.make(
             "Skeleton",
@@ -109,12 +113,8 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
             scores=flat(family, item.scores[k], np.float64),
             views=flat(family, item.views[k], np.int32),
             states=flat(family, item.states[k], np.uint8),
-            view_persons=flat(family, (nothing if sources is None else sources.persons)[k], np.int32),
-            side_votes=flat(family, (nothing if item.side_votes is None else item.side_votes)[k], np.float64),
-            **{
-                field: flat(family, (nothing if shift is None else getattr(shift, name))[k], np.float64)
-                for field, (name, _) in _TIME_SHIFT.items()
-            },
+            view_persons=flat(family, persons[k], np.int32),
+            **{field: flat(family, values[k], np.float64) for field, values in optional.items()},
         )
         for k in range(len(ids))
     ]
@@ -146,7 +146,8 @@ def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
             int(message.index), stamp_of(message.header), str(message.skeleton_hash),
             person_scores=np.array([p.score for p in people], float),
             newest_ns=time_ns(message.newest_stamp), time_shift=_read_time_shift(people, joints),
-            sources=_read_sources(message), side_votes=_read_side_votes(people), **arrays, **ids,
+            sources=_read_sources(message), side_votes=_read_side_votes(people),
+            corrections=_read_corrections(people, joints), **arrays, **ids,
         )  # fmt: skip
 
     return read
@@ -170,6 +171,13 @@ def _read_side_votes(people: Any) -> Array | None:
     if not any(len(each) for each in votes):
         return None
     return np.array([shaped(each, "Skeleton.side_votes", len(votes[0])) for each in votes])
+
+
+def _read_corrections(people: Any, joints: int) -> Array | None:
+    """None where no skeleton has any."""
+    if not any(len(p.corrections) for p in people):
+        return None
+    return np.array([shaped(p.corrections, "Skeleton.corrections", joints, 3) for p in people])
 
 
 def _read_sources(message: Any) -> ViewSources | None:

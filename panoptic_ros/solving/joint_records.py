@@ -1,0 +1,91 @@
+"""What the solver of joints is given and what it gives, as kernels take it."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import AssociationSet
+
+Array = np.ndarray
+
+CHOICE_SPREAD = 0.03  # m, standard deviation of a prediction of a joint that was just measured
+CHOICE_SPEED = 0.6  # m/s, its growth with the time since the measurement
+
+
+class Claims(NamedTuple):
+    """Which observations are whose: P people, V views.
+
+    member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) its joint that stands for joint j.
+    owner: (D, J) person that has claimed an observation, -1 = free; others may not use it.
+    """
+
+    member: Array
+    source: Array
+    owner: Array
+
+
+class Guides(NamedTuple):
+    """Predictions of P people's J joints, which are used in choices and never in positions.
+
+    positions: (P, J, 3) m, NaN = none. spreads: (P, J) m, standard deviations. shifts: (P, J, 3) m/s,
+    velocities. firm: (P, J) whether the position is certain enough to reject what two views say.
+    """
+
+    positions: Array
+    spreads: Array
+    shifts: Array
+    firm: Array
+
+    @classmethod
+    def of_nobody_known(cls, people: int, joints: int, spread: float) -> Guides:
+        """People without predictions."""
+        shape = (people, joints, 3)
+        return cls(
+            np.full(shape, np.nan), np.full(shape[:2], spread), np.zeros(shape), np.zeros(shape[:2], bool)
+        )
+
+
+class SolvedJoints(NamedTuple):
+    """Joints of P people in V views.
+
+    positions (P, J, 3) m, NaN where fewer than two views agree. normals (P, J, 3, 3) 1/m^2, lower triangles.
+    residuals (P, J, V) in standard deviations, -1 = unused. picks (P, J, V, 2) 2D person and joint of it,
+    -1 = none.
+    """
+
+    positions: Array
+    normals: Array
+    residuals: Array
+    picks: Array
+
+    @classmethod
+    def nothing(cls, people: int, joints: int, views: int) -> SolvedJoints:
+        """Before anything is solved."""
+        shape = (people, joints, views)
+        return cls(
+            np.full((people, joints, 3), np.nan), np.zeros((people, joints, 3, 3)), np.full(shape, -1.0),
+            np.full((*shape, 2), -1, np.int64),
+        )  # fmt: skip
+
+    @property
+    def views(self) -> Array:
+        """Number of views (P, J) behind each joint."""
+        counts: Array = (self.residuals >= 0.0).sum(axis=-1)
+        return counts
+
+
+def sources(mirrored: Array, mirror: Array) -> Array:
+    """(P, V, J) which joint of each 2D person stands for joint j, from mirrored (P, V)."""
+    return np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
+
+
+def guides_of(item: AssociationSet) -> Guides:
+    """The predictions of the people of an association; new ones have none."""
+    known = item.who >= 0
+    guides = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
+    rows, prediction = item.who[known], item.prediction
+    guides.positions[known], guides.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
+    guides.spreads[known] += CHOICE_SPEED * prediction.ages[rows]
+    guides.firm[known] = prediction.firm[rows]
+    return guides
