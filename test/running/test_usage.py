@@ -19,7 +19,10 @@ def test_of_this_process_it_is_what_python_knows():
 
 
 def test_several_processes_are_added_up():
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+    command = [sys.executable, "-c", "print('here', flush=True); input()"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"here\n"  # a process that only begins has no memory yet
         alone, both = usage_of([os.getpid()]), usage_of([os.getpid(), child.pid])
         child.communicate(b"\n")
     assert both.resident_mb > alone.resident_mb and both.cpu_s >= alone.cpu_s
