@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.voting import box_kernels, kernels, limit_kernels, peak_kernels, voxel_kernels
+from panoptic_ros.voting import box_kernels, limit_kernels, voxel_kernels
 from panoptic_ros.voting.lanes import GAUSSIAN_END
 from panoptic_ros.voting.lens_bounds import BINS, seen_radius, slope_bounds
-from panoptic_ros.voting.peaks import Demands, Peaks, no_peaks, sorted_peaks
+from panoptic_ros.voting.peak_kernels import highest
+from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.pyramid_kernels import GROUP, Pyramids, build_pyramids, clear_pyramids
 from panoptic_ros.voting.scene import LENS_FIELDS, VoteScene, lens_of, map_sizes
 from panoptic_ros.voting.volume import Volume
@@ -57,15 +58,15 @@ class BoxSearch:
         self._lenses: dict[bytes, tuple[Array, float, float]] = {}
         self._memory = new_pyramids(0)
 
-    def peaks(self, scene: VoteScene, volume: Volume, wanted: Demands) -> Peaks:
-        """The local maxima that at least `min_views` (not below `enough`) views support.
+    def nodes(self, scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
+        """Nodes at the centres of all local maxima, in the order of joint and voxel.
 
-        A voxel is one if its vote is above the threshold and none of its 26 neighbours has more votes (nor
+        These are voxels that satisfy the demands, and none of whose 26 neighbours that do has more votes (nor
         equally many and comes before it).
         """
         bounds, count = self._bounds(scene), len(scene.cameras)
         every = np.column_stack([np.arange(count), np.full(count, -1)]).astype(np.int32)
-        found = [(*no_peaks(), np.zeros(0, np.int64))]
+        found = [(np.zeros((0, 6), np.int64), np.zeros(0))]
         for first in range(0, scene.map_start.shape[1], GROUP):
             boxes = box_scene(scene, bounds, first, wanted.view_threshold, self._pyramids(scene))
             joints = (1 << boxes.map_start.shape[1]) - 1
@@ -73,14 +74,12 @@ class BoxSearch:
             for level in range(max(max(volume.shape) - 1, 1).bit_length() - 1, 0, -1):
                 small = box_kernels.split(boxes, small, level, volume, wanted)
             rows, votes = voxel_kernels.visit(boxes, small, volume, wanted)
-            found.append((rows[:, 0] + first, rows[:, 1:4], votes, rows[:, 4], rows[:, 5]))
-        columns = [np.concatenate(parts) for parts in zip(*found)]
-        joints, voxels, votes, _, likely = columns
-        top, unknown = peak_kernels.highest(joints, voxels - volume.lower + 1, votes, likely)
-        peaks = Peaks(*(values[top] for values in columns[:4]))
-        if wanted.enough < wanted.min_views:
-            peaks = peaks.rows(self._unbeaten(scene, volume, peaks, unknown, wanted))
-        return sorted_peaks(peaks)
+            found.append((rows + [first, 0, 0, 0, 0, 0], votes))
+        rows, votes = (np.concatenate(parts) for parts in zip(*found))
+        joints, voxels = rows[:, 0], rows[:, 1:4]
+        top = highest(joints, voxels - volume.lower + 1, votes, rows[:, 5])
+        order = np.flatnonzero(top)[np.lexsort([*voxels[top].T[::-1], joints[top]])]
+        return Nodes(volume.centres(voxels), joints, votes, rows[:, 4]).rows(order)
 
     def _pyramids(self, scene: VoteScene) -> Pyramids:
         """Empty pyramids, large enough for the maps."""
@@ -108,22 +107,6 @@ class BoxSearch:
             mine["bends"], mine["bend_end"], mine["far_x"] = self._lenses[key]
             mine["far_y"] = mine["far_x"]
         return bounds
-
-    @staticmethod
-    def _unbeaten(
-        scene: VoteScene, volume: Volume, peaks: Peaks, unknown: Array, wanted: Demands
-    ) -> Array:
-        """Whether peaks are also above those unknown neighbours (K, 27) that enough views support."""
-        of, step = np.nonzero(unknown)
-        near = peaks.voxels[of] + np.stack([step // 9, step // 3 % 3, step % 3], axis=-1) - 1
-        votes, support = kernels.vote_points(
-            scene, peaks.joints[of], volume.centres(near), wanted.view_threshold
-        )
-        rival = (support >= wanted.enough) & volume.contains(near)
-        votes, own = votes + 2.0, peaks.votes[of] + 2.0  # rounded as in `climb` and `dense_peaks`
-        beaten = rival & ((votes > own) | ((votes == own) & (step < 13)))
-        unbeaten: Array = np.bincount(of[beaten], minlength=len(unknown)) == 0
-        return unbeaten
 
 
 def box_scene(

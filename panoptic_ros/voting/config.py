@@ -80,7 +80,9 @@ class VotingConfig(Config):
         1.1, unit="m", ge=0.01, doc="Longest part across a missing joint, e.g. from hip to ankle."
     )
     skip_parts: bool = param(True, doc="Also score parts across one missing joint.")
-    refine_nodes: bool = param(True, doc="Refine node proposals below the voxel by a soft vote.")
+    refine_nodes: bool = param(
+        True, doc="With exact: refine node proposals below the voxel by a soft vote, as seeds always are."
+    )
     merge_distance: float = param(
         0.03, unit="m", ge=0.0, doc="Refined proposals of one joint that are closer become one."
     )

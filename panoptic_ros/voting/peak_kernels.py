@@ -20,9 +20,6 @@ def highest(joints, voxels, votes, likely):
     Args:
         voxels: (N, 3), each 0 < index < 2^19 - 1.
         likely: (N,) 0 where a neighbour is known to beat.
-
-    Returns:
-        which (N,), and which of the 27 neighbours of each of these (K, 27) are not among the voxels.
     """
     size = 16
     while size < 4 * len(votes):
@@ -38,23 +35,16 @@ def highest(joints, voxels, votes, likely):
             if (step // 9 != 1) + (step // 3 % 3 != 1) + (step % 3 != 1) == axes:
                 steps[count] = step
                 count += 1
-    top, unknown, tops = np.ones(len(votes), np.bool_), np.zeros((64, 27), np.bool_), 0
+    top = np.ones(len(votes), np.bool_)
     for n in range(len(votes)):
-        if tops == len(unknown):
-            unknown = np.concatenate((unknown, np.zeros_like(unknown)))
-        if likely[n] == 0:
-            top[n] = False
-            continue
-        unknown[tops] = False
-        for step in steps:
+        for step in steps[: 26 if likely[n] else 0]:
             move = ((step // 9 - 1) * (1 << BITS) + step // 3 % 3 - 1) * (1 << BITS) + step % 3 - 1
             other = slots[_slot(keys[n] + move, keys, slots)]
-            unknown[tops, step] = other < 0
             if other >= 0 and (votes[other] > votes[n] or (votes[other] == votes[n] and move < 0)):
                 top[n] = False
                 break
-        tops += top[n]
-    return top, unknown[:tops]
+        top[n] &= likely[n] > 0
+    return top
 
 
 @_jit

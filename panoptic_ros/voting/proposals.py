@@ -1,4 +1,4 @@
-"""Node proposals as arrays, and which of them are near duplicates."""
+"""Node proposals as arrays, what they must satisfy, and which of them are near duplicates."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -8,6 +8,14 @@ import numpy as np
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
+
+
+class Demands(NamedTuple):
+    """What a node needs: a vote above `threshold`, and `min_views` views with more than `view_threshold`."""
+
+    threshold: float
+    min_views: int
+    view_threshold: float
 
 
 class Nodes(NamedTuple):
@@ -25,6 +33,12 @@ class Nodes(NamedTuple):
     def joined(self, other: Nodes) -> Nodes:
         """These and the others."""
         return Nodes(*(np.concatenate(pair) for pair in zip(self, other)))
+
+
+def no_nodes() -> Nodes:
+    """Nothing."""
+    nothing = np.zeros(0, np.int64)
+    return Nodes(np.zeros((0, 3)), nothing, np.zeros(0), nothing)
 
 
 def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Array:

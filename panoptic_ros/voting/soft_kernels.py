@@ -164,7 +164,7 @@ def _near_patch(scene, v, joint, lanes):
 def _add_map(scene, v, joint, count, scratch):
     """Add bilinear samples of a view's map to the votes of so many points."""
     lanes, rows, camera = scratch.lanes, scratch.rows, scene.cameras[v]
-    depth, a, b = _depth(lanes), _times_depth(lanes, A), _times_depth(lanes, B)
+    depth, a, b = _line(lanes, DEPTH), _per_depth(lanes, A), _per_depth(lanes, B)
     columns, height, around, first = camera.columns, camera.rows, strides(camera), scene.map_start[v, joint]
     for g in range(POINTS):
         x, y, z = rows[BALL_X + g], rows[BALL_Y + g], rows[BALL_Z + g]
@@ -181,14 +181,14 @@ def _add_map(scene, v, joint, count, scratch):
 def _add_keypoints(scene, v, joint, scratch):
     """Add the largest Gaussian of a view's 2D joints to the votes."""
     lanes, rows = scratch.lanes, scratch.rows
-    depth, u, w = _depth(lanes), _times_depth(lanes, U), _times_depth(lanes, W)
-    reach = 0.0
+    reach, middle_u, middle_w = 0.0, lanes[U], lanes[W]
     for c in range(1, 7):
-        reach = max(reach, math.hypot(lanes[U + c] - lanes[U], lanes[W + c] - lanes[W]))
+        reach = max(reach, math.hypot(lanes[U + c] - middle_u, lanes[W + c] - middle_w))
+    depth, u, w = _line(lanes, DEPTH), _per_depth(lanes, U), _per_depth(lanes, W)
     for g in range(POINTS):
         rows[SCORES + g] = 0.0
     for i in range(scene.people.shape[2]):
-        away = math.hypot(scene.people[v, joint, i, 0] - lanes[U], scene.people[v, joint, i, 1] - lanes[W])
+        away = math.hypot(scene.people[v, joint, i, 0] - middle_u, scene.people[v, joint, i, 1] - middle_w)
         if away < WIDEST * reach + math.sqrt(GAUSSIAN_END / scene.people[v, joint, i, 2]):  # not if missing
             for g in range(POINTS):
                 x, y, z = rows[BALL_X + g], rows[BALL_Y + g], rows[BALL_Z + g]
@@ -200,25 +200,20 @@ def _add_keypoints(scene, v, joint, scratch):
 
 
 @inlined
-def _depth(lanes):
-    """The depth of a ball."""
-    d = DEPTH
+def _line(lanes, row):
+    """How a row of the lanes changes in the ball."""
     return _Line(
-        lanes[d], 0.5 * (lanes[d + 1] - lanes[d + 2]), 0.5 * (lanes[d + 3] - lanes[d + 4]),
-        0.5 * (lanes[d + 5] - lanes[d + 6]),
+        lanes[row], 0.5 * (lanes[row + 1] - lanes[row + 2]), 0.5 * (lanes[row + 3] - lanes[row + 4]),
+        0.5 * (lanes[row + 5] - lanes[row + 6]),
     )  # fmt: skip
 
 
 @inlined
-def _times_depth(lanes, row):
-    """A row of the lanes times depth, which without a lens is linear."""
-    d, r = DEPTH, row
-    return _Line(
-        lanes[r] * lanes[d],
-        0.5 * (lanes[r + 1] * lanes[d + 1] - lanes[r + 2] * lanes[d + 2]),
-        0.5 * (lanes[r + 3] * lanes[d + 3] - lanes[r + 4] * lanes[d + 4]),
-        0.5 * (lanes[r + 5] * lanes[d + 5] - lanes[r + 6] * lanes[d + 6]),
-    )
+def _per_depth(lanes, row):
+    """How a row times depth, which would be linear without a lens, changes in the ball; changes the row."""
+    for c in range(LANES):
+        lanes[row + c] *= lanes[DEPTH + c]
+    return _line(lanes, row)
 
 
 @inlined

@@ -6,16 +6,15 @@ import numpy as np
 from panoptic_ros.domain import AssociationSet, ProposalSet, ViewDetections
 from panoptic_ros.solving.evidence import RigArrays, check_association
 from panoptic_ros.solving.example import easy_associations
-from panoptic_ros.solving.rough_joints import RoughPeople, rough_people
+from panoptic_ros.solving.rough_joints import rough_people
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting import soft_vote
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.explaining import Explainer, nodes_of_people, nodes_of_seeds
+from panoptic_ros.voting.explaining import Explainer, moved
 from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
-from panoptic_ros.voting.peaks import Demands
-from panoptic_ros.voting.proposals import Nodes, distinct
+from panoptic_ros.voting.proposals import Demands, Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.seeds import SeedSearch
 from panoptic_ros.voting.volume import Volume, volume_of_rig
@@ -32,8 +31,7 @@ def demands(config: VotingConfig, view_count: int) -> Demands:
         threshold, min_views = 0.1, 3
     else:
         threshold, min_views = 0.05, 3
-    min_views = config.min_views or min_views
-    return Demands(config.threshold or threshold, min_views, config.view_threshold, min(2, min_views))
+    return Demands(config.threshold or threshold, config.min_views or min_views, config.view_threshold)
 
 
 class VotingStage(Stateful):
@@ -92,12 +90,15 @@ class VotingStage(Stateful):
         config = self.config
         scene = build_scene(cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate)
         wanted = demands(config, sum(has_anything(view) for view in views))
-        if config.method != "seeds" or not config.explain_away:
-            nodes = self._search_all(scene, wanted)
+        if config.method == "exact":
+            nodes = self._exact(scene, wanted)
         else:
-            people = rough_people(association, self._arrays, self.skeleton)
             delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
-            nodes = self._explain_away(scene, wanted, people, delays)
+            known = Explainer.of_nobody(delays)
+            if config.explain_away:
+                known = self._known(scene, wanted, association, delays)
+            sure = known.rows(known.nodes.support >= SURE_VIEWS)
+            nodes = self._distinct(known.nodes.joined(self.unexplained(scene, wanted, sure)))
         parts = NO_PARTS
         if config.parts:
             parts = score_parts(scene, nodes.points, nodes.joints, self._kinds, config.part_threshold)
@@ -111,21 +112,19 @@ class VotingStage(Stateful):
     def reset(self) -> None:
         """Nothing is remembered."""
 
-    def _explain_away(
-        self, scene: VoteScene, wanted: Demands, people: RoughPeople, delays: Array
-    ) -> Nodes:
-        """Nodes at the joints of people, and at what they leave unexplained."""
-        known = nodes_of_people(scene, people, wanted.view_threshold)
-        velocities = people.velocities[np.isfinite(people.positions[..., 0])]
-        good = self._good(known, wanted)
-        sure = good & (known.support >= SURE_VIEWS)
-        explainer = Explainer(known.rows(sure), velocities[sure], delays)
-        return self._distinct(known.rows(good).joined(self.unexplained(scene, wanted, explainer)))
+    def _known(
+        self, scene: VoteScene, wanted: Demands, association: AssociationSet, delays: Array
+    ) -> Explainer:
+        """Nodes at the joints of people, each moved to the centre of the votes about it."""
+        people = rough_people(association, self._arrays, self.skeleton)
+        there = np.isfinite(people.positions[..., 0])
+        joints = np.nonzero(there)[1]
+        nodes = moved(scene, joints, people.positions[there], wanted.view_threshold)
+        return Explainer(nodes, people.velocities[there], delays).rows(self._good(nodes, wanted))
 
     def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:
         """Nodes at what known joints leave of a scene."""
-        seeds = self._search.seeds(scene, wanted, explainer)
-        found = nodes_of_seeds(scene, *seeds, wanted.threshold, wanted.view_threshold)
+        found = self._search.nodes(scene, wanted, explainer)
         return found.rows(self._good(found, wanted))
 
     def _good(self, nodes: Nodes, wanted: Demands) -> Array:
@@ -134,12 +133,9 @@ class VotingStage(Stateful):
         inside: Array = good & self.volume.contains(self.volume.voxels(nodes.points))
         return inside
 
-    def _search_all(self, scene: VoteScene, wanted: Demands) -> Nodes:
-        """Nodes at the peaks of a scene."""
-        search = self._boxes if self.config.method == "exact" else self._search
-        peaks = search.peaks(scene, self.volume, wanted)
-        peaks = peaks.rows(peaks.support >= wanted.min_views)
-        nodes = Nodes(self.volume.centres(peaks.voxels), peaks.joints, peaks.votes, peaks.support)
+    def _exact(self, scene: VoteScene, wanted: Demands) -> Nodes:
+        """Nodes at all peaks of a scene."""
+        nodes = self._boxes.nodes(scene, self.volume, wanted)
         if not self.config.refine_nodes:
             return nodes
         points, votes = soft_vote.refine(nodes.points, nodes.joints, scene)

@@ -34,7 +34,7 @@ from panoptic_ros.timecode.signal.buffer import Buffer
 SECOND = 10**9
 RNG = np.random.default_rng(5)
 VALUES: dict[str, dict[str, Any]] = {"voting": {"without_maps": True, "parts": True}}  # all that it can do
-MEMORY_TO_WORK_IN = {("voting", "_search"), ("voting", "_boxes")}  # is emptied, or holds what any stage would
+MEMORY_TO_WORK_IN = {("voting", "_boxes")}  # is emptied, or holds what any stage would
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from fed_stages import FedVoting
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.bench.stage1.dense import dense_peaks
+from panoptic_ros.bench.stage1.dense import dense_nodes
 from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.box_search import BoxSearch, pyramid_layers
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.peaks import Demands
+from panoptic_ros.voting.proposals import Demands
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.stage import demands
 from panoptic_ros.voting.volume import Volume
@@ -22,21 +22,19 @@ LENSES = [
     (), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), (0.0, 0.0, 0.03, -0.02),
     Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye"), Intrinsics(np.eye(3), (-0.3,), "fisheye"),
 ]  # fmt: skip
-NUMBERS = [  # threshold, view threshold, enough, least
-    (0.05, 0.1, 2, 2), (0.2, 0.1, 2, 3), (0.0, 0.0, 0, 0),
-    (0.3, 0.3, 1, 4), (0.4, 0.1, 2, 2), (0.5, 0.1, 1, 1),
+NUMBERS = [  # threshold, view threshold, least
+    (0.05, 0.1, 2), (0.2, 0.1, 3), (0.0, 0.0, 0), (0.3, 0.3, 4), (0.4, 0.1, 2), (0.5, 0.1, 1),
 ]  # fmt: skip
 
 
 def searched(scene, volume, wanted):
-    """Peaks of the dense search that enough views support, and of the exact one."""
-    dense = dense_peaks(scene, volume, wanted)
-    return dense.rows(dense.support >= wanted.min_views), BoxSearch().peaks(scene, volume, wanted)
+    """Nodes of the dense search, and of the exact one."""
+    return dense_nodes(scene, volume, wanted), BoxSearch().nodes(scene, volume, wanted)
 
 
-def compared(scene, volume, threshold, view_threshold, enough, least):
-    """The number of peaks; asserts that both searches find the same, bit for bit."""
-    dense, exact = searched(scene, volume, Demands(threshold, least, view_threshold, enough))
+def compared(scene, volume, threshold, view_threshold, least):
+    """The number of nodes; asserts that both searches find the same, bit for bit."""
+    dense, exact = searched(scene, volume, Demands(threshold, least, view_threshold))
     assert all(map(np.array_equal, dense, exact))
     return len(dense.joints)
 
@@ -116,10 +114,9 @@ def test_finds_what_the_dense_search_finds(
     ]
     scene = build_scene(cameras, seen, joints)
     lower = -np.array(shape) // 2
-    threshold, view_threshold, enough, least = numbers
+    threshold, view_threshold, least = numbers
     volume = Volume(tuple(lower.tolist()), tuple((lower + shape).tolist()), 0.1)
-    wanted = Demands(threshold, least, view_threshold, min(enough, least))
-    dense, exact = searched(scene, volume, wanted)
+    dense, exact = searched(scene, volume, Demands(threshold, least, view_threshold))
     for name, a, b in zip(dense._fields, dense, exact):
         assert np.array_equal(a, b), name
 
@@ -131,8 +128,8 @@ def test_people_in_a_ring_of_cameras(scenes, maps, lens):
     people = [scenes.person(0.3, 0.2), scenes.person(-0.2, -0.4, 2.0)]
     scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
     volume = Volume.between((-0.8, -0.8, 0.0, 0.8, 0.8, 1.8), 0.05)
-    assert compared(scene, volume, 0.1, 0.1, 2, 3) > 10
-    assert compared(scene, volume, 0.05, 0.1, 2, 2) > 30
+    assert compared(scene, volume, 0.1, 0.1, 3) > 10
+    assert compared(scene, volume, 0.05, 0.1, 2) > 30
 
 
 @pytest.mark.parametrize("lens", LENSES[:2])
@@ -144,7 +141,7 @@ def test_a_wall_before_some_cameras(scenes, lens):
     hidden = [replace(view, limit=VisibilityLimit(wall) if v % 2 else None) for v, view in enumerate(views)]
     volume = Volume.between((-0.8, -0.8, 0.0, 0.8, 0.8, 1.8), 0.05)
     free, walled = (build_scene(rig.cameras, seen, 19) for seen in (views, hidden))
-    assert 10 < compared(walled, volume, 0.3, 0.1, 2, 4) < compared(free, volume, 0.3, 0.1, 2, 4)
+    assert 10 < compared(walled, volume, 0.3, 0.1, 4) < compared(free, volume, 0.3, 0.1, 4)
 
 
 @pytest.mark.parametrize("lens", [(-0.1, 0.02), LENSES[-2]])
@@ -156,8 +153,8 @@ def test_proposals_of_the_stage_are_those_of_dense(scenes, maps, lens):
     config = VotingConfig(method="exact", volume=bounds, without_maps=True, refine_nodes=False)
     (found,) = FedVoting(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
     volume = Volume.between(bounds, config.voxel)
-    expected = dense_peaks(build_scene(rig.cameras, item.views, 19), volume, demands(config, 4))
-    assert np.array_equal(found.nodes, volume.centres(expected.voxels))
+    expected = dense_nodes(build_scene(rig.cameras, item.views, 19), volume, demands(config, 4))
+    assert np.array_equal(found.nodes, expected.points)
     assert np.array_equal(found.node_joints, expected.joints)
     assert np.array_equal(found.node_scores, expected.votes)
     assert np.array_equal(found.node_views, expected.support)
@@ -175,7 +172,7 @@ def test_a_camera_that_sees_nothing_changes_nothing(scenes):
     )
     volume = Volume.between((-0.6, -0.6, 0.0, 0.6, 0.6, 1.8), 0.05)
     one, two = (
-        BoxSearch().peaks(build_scene(cameras, seen, 19), volume, Demands(0.1, 3, 0.1, 2))
+        BoxSearch().nodes(build_scene(cameras, seen, 19), volume, Demands(0.1, 3, 0.1))
         for cameras, seen in ((rig.cameras, views), ((blind, *rig.cameras), (view, *views)))
     )
     for a, b in zip(one, two):

@@ -38,18 +38,15 @@ def test_seeds_find_what_exact_finds_at_the_true_joints(scenes, maps, distortion
     rig = scenes.ring(4, distortion)
     people = [scenes.person(0.4, 0.3), scenes.person(-0.3, -0.4, 2.0)]
     item = scenes.detect(rig, people, maps)
-    options = {"volume": BOX, "refine_nodes": False, "skip_parts": False}
-    seeds = propose(scenes, rig, item, method="seeds", explain_away=False, **options)
-    exact = propose(scenes, rig, item, method="exact", **options)
-    assert not missed(seeds, people, 0.05)
-    rows = {(j, *np.round(p, 6)): (s, v) for j, p, s, v in zip(
-        exact.node_joints, exact.nodes, exact.node_scores, exact.node_views)}  # fmt: skip
-    for j, p, s, v in zip(seeds.node_joints, seeds.nodes, seeds.node_scores, seeds.node_views):
-        assert rows[(j, *np.round(p, 6))] == (s, v)  # every seed leads to a peak of the volume
+    seeds = propose(scenes, rig, item, method="seeds", explain_away=False, volume=BOX)
+    exact = propose(scenes, rig, item, method="exact", volume=BOX)
+    assert not missed(seeds, people, 0.015) and not missed(exact, people, 0.015)
     true = np.stack(people)[:, exact.node_joints].swapaxes(0, 1)
-    near = (np.linalg.norm(exact.nodes[:, None] - true, axis=-1) < 0.05).any(1)
-    found = {(j, *np.round(p, 6)) for j, p in zip(seeds.node_joints, seeds.nodes)}
-    assert {(j, *np.round(p, 6)) for j, p in zip(exact.node_joints[near], exact.nodes[near])} <= found
+    for k in np.flatnonzero((np.linalg.norm(exact.nodes[:, None] - true, axis=-1) < 0.015).any(1)):
+        same = np.flatnonzero(seeds.node_joints == exact.node_joints[k])
+        nearest = same[np.argmin(np.linalg.norm(seeds.nodes[same] - exact.nodes[k], axis=1))]
+        assert seeds.nodes[nearest] == pytest.approx(exact.nodes[k], abs=0.01)
+        assert seeds.node_scores[nearest] == pytest.approx(exact.node_scores[k], abs=0.05)
 
 
 @pytest.mark.parametrize("maps", ["none", "merged"])

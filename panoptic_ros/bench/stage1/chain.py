@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.bench.stage1.dense import dense_peaks
+from panoptic_ros.bench.stage1.dense import dense_nodes
 from panoptic_ros.bench.stage1.rows import Rows, Settings, of_poses, only
 from panoptic_ros.domain import AssociationSet, DetectionSet, PoseSet, ProposalSet
 from panoptic_ros.graph.build import configure
@@ -14,13 +14,12 @@ from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.box_search import BoxSearch
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.peaks import Demands, Peaks
-from panoptic_ros.voting.proposals import Nodes
+from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
-WANTED = Demands(0.1, 3, 0.1, 2)  # of the searches of the whole volume
+WANTED = Demands(0.1, 3, 0.1)  # of the searches of the whole volume
 VOXEL = 0.04  # m
 
 
@@ -34,22 +33,22 @@ def voting_rows(rows: Rows, dense: bool) -> None:
         cameras = [world.rig.camera(view.camera) for view in item.views]
         return build_scene(cameras, item.views, len(world.skeleton))
 
-    def exact(item: DetectionSet) -> Peaks:
-        return boxes.peaks(scene(item), volume, WANTED)
+    def exact(item: DetectionSet) -> Nodes:
+        return boxes.nodes(scene(item), volume, WANTED)
 
-    def every_voxel(item: DetectionSet) -> Peaks:
-        return dense_peaks(scene(item), volume, WANTED)
+    def every_voxel(item: DetectionSet) -> Nodes:
+        return dense_nodes(scene(item), volume, WANTED)
 
     note = f"threshold {WANTED.threshold}, {WANTED.min_views} views"
     found = rows.run("voting", "exact, coarse to fine", exact, world.sets, note=note)
     if dense:
         little = Volume.between((0, 0, 0, 1, 1, 1), 0.25)
-        dense_peaks(scene(world.sets[0]), little, WANTED)  # compiles
+        dense_nodes(scene(world.sets[0]), little, WANTED)  # compiles
         expected = rows.run(
             "voting", "dense (baseline)", every_voxel, world.sets, note=note, warmed=True
         )
-        same = all(_equal(a, b) for a, b in zip(expected, found))
-        rows.rows[-1]["equal_to_exact"] = same
+        same = (np.array_equal(a, b) for pair in zip(expected, found) for a, b in zip(*pair))
+        rows.rows[-1]["equal_to_exact"] = all(same)
     associations = _associations(rows)
     for method, more in (("seeds", False), ("seeds, explain away", True)):
         stage = rows.stage("voting", {"voting": {"method": "seeds", "explain_away": more}})
@@ -80,12 +79,6 @@ class WatchedVoting(VotingStage):
     def again(self, given: tuple[Any, ...]) -> Nodes:
         """The search of what was left, alone."""
         return super().unexplained(*given)
-
-
-def _equal(dense: Peaks, exact: Peaks) -> bool:
-    """Whether the searches found the same joints, voxels, votes and support."""
-    kept = dense.support >= WANTED.min_views
-    return all(np.array_equal(a[kept], b) for a, b in zip(dense, exact))
 
 
 class Fed:

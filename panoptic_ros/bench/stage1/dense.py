@@ -5,40 +5,34 @@ import numpy as np
 
 from panoptic_ros.kernels import njit
 from panoptic_ros.voting.lanes import COVERED, LANES, SIZE, place, score, see, strides
-from panoptic_ros.voting.peaks import Demands, Peaks, no_peaks, sorted_peaks
+from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.volume import Volume
 
 Array = np.ndarray
 BLOCK_VALUES = 4_000_000  # votes that are held in memory at a time
-ENOUGH = 2.0  # added to the vote of voxels that enough views support, so that others never suppress them
 
 
-def dense_peaks(scene: VoteScene, volume: Volume, wanted: Demands) -> Peaks:
-    """All local maxima above the threshold in the volume, whatever views support them.
-
-    A voxel is one if none of its 26 neighbours has more votes (nor equally many and comes before it);
-    voxels with fewer than `wanted.enough` supporting views neither count nor suppress. Works slab by slab,
-    so memory stays bounded.
-    """
+def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
+    """What `BoxSearch.nodes` finds. Works slab by slab, so memory stays bounded."""
     nx, ny, nz = volume.shape
     joint_count = scene.map_start.shape[1]
     thick = max(1, BLOCK_VALUES // max(joint_count * ny * nz, 1))
-    found = [no_peaks()]
+    found = [(np.zeros((0, 4), np.int64), np.zeros(0), np.zeros(0, np.int64))]
     for begin in range(0, nx, thick):
         low, high = max(begin - 1, 0), min(begin + thick + 1, nx)
         first = np.array(volume.lower) + (low, 0, 0)
         slab = Volume(tuple(first), tuple(first + (high - low, ny, nz)), volume.side)
         votes, support = vote_block(scene, slab, wanted.view_threshold)
-        rank = votes + ENOUGH * (support >= wanted.enough)
-        mine = slice(begin - low, min(begin + thick, nx) - low)
-        good = np.zeros(votes.shape, bool)
-        good[:, mine] = (votes[:, mine] > wanted.threshold) & (support[:, mine] >= wanted.enough)
-        at = np.argwhere(good)
+        rank = np.where(support >= wanted.min_views, votes, -1.0)
+        mine = np.zeros(votes.shape, bool)
+        mine[:, begin - low : min(begin + thick, nx) - low] = True
+        at = np.argwhere(mine & (rank > wanted.threshold))
         at = at[is_maximum(rank, at)]
-        index = tuple(at.T)
-        found.append(Peaks(at[:, 0], at[:, 1:] + first, votes[index], support[index]))
-    return sorted_peaks(Peaks(*(np.concatenate(parts) for parts in zip(*found))))
+        found.append((at + (0, *first), votes[tuple(at.T)], support[tuple(at.T)]))
+    at, votes, support = (np.concatenate(parts) for parts in zip(*found))
+    order = np.lexsort(at.T[::-1])
+    return Nodes(volume.centres(at[:, 1:]), at[:, 0], votes, support).rows(order)
 
 
 def is_maximum(rank: Array, at: Array) -> Array:

@@ -5,11 +5,11 @@ import pytest
 from panoptic_ros.bench.stage1 import dense
 from panoptic_ros.bench.stage1.world import make_world
 from panoptic_ros.voting import kernels
-from panoptic_ros.voting.peaks import Demands
+from panoptic_ros.voting.proposals import Demands
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.volume import Volume
 
-WANTED = Demands(0.1, 2, 0.1, 2)
+WANTED = Demands(0.1, 2, 0.1)
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +46,8 @@ def test_a_block_of_voxels_holds_the_votes_of_its_centres(scene, box):
     assert votes.max() > 0.3
 
 
-def test_peaks_are_the_voxels_that_beat_their_neighbours(scene, box):
-    peaks = dense.dense_peaks(scene, box, WANTED)
+def test_nodes_are_the_voxels_that_beat_their_neighbours(scene, box):
+    nodes = dense.dense_nodes(scene, box, WANTED)
     votes, support = dense.vote_block(scene, box, 0.1)
     expected = set()
     eligible = np.where(support >= 2, votes, -1.0)
@@ -55,15 +55,15 @@ def test_peaks_are_the_voxels_that_beat_their_neighbours(scene, box):
         window = eligible[j, max(x - 1, 0) : x + 2, max(y - 1, 0) : y + 2, max(z - 1, 0) : z + 2]
         if eligible[j, x, y, z] >= window.max():
             expected.add((j, *(np.array([x, y, z]) + box.lower).tolist()))
-    found = {(j, *voxel) for j, voxel in zip(peaks.joints.tolist(), peaks.voxels.tolist())}
+    found = {(j, *voxel) for j, voxel in zip(nodes.joints.tolist(), box.voxels(nodes.points).tolist())}
     assert found == expected
     assert len(found) > 3
 
 
 def test_slabs_make_no_difference(scene, box, monkeypatch):
-    whole = dense.dense_peaks(scene, box, WANTED)
+    whole = dense.dense_nodes(scene, box, WANTED)
     monkeypatch.setattr(dense, "BLOCK_VALUES", 19 * box.shape[1] * box.shape[2] * 3)
-    for a, b in zip(whole, dense.dense_peaks(scene, box, WANTED)):
+    for a, b in zip(whole, dense.dense_nodes(scene, box, WANTED)):
         assert np.array_equal(a, b)
 
 
