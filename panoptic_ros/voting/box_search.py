@@ -76,10 +76,11 @@ class BoxSearch:
             rows, votes = voxel_kernels.visit(boxes, small, volume, wanted)
             found.append((rows + [first, 0, 0, 0, 0, 0], votes))
         rows, votes = (np.concatenate(parts) for parts in zip(*found))
-        joints, voxels = rows[:, 0], rows[:, 1:4]
-        top = highest(joints, voxels - volume.lower + 1, votes, rows[:, 5])
-        order = np.flatnonzero(top)[np.lexsort([*voxels[top].T[::-1], joints[top]])]
-        return Nodes(volume.centres(voxels), joints, votes, rows[:, 4]).rows(order)
+        joints, x, y, z, support, likely = np.ascontiguousarray(rows.T)
+        voxels = np.stack([x, y, z], axis=-1)
+        top = np.flatnonzero(highest(joints, voxels - volume.lower + 1, votes, likely))
+        order = top[np.lexsort([z[top], y[top], x[top], joints[top]])]
+        return Nodes(volume.centres(voxels), joints, votes, support).rows(order)
 
     def _pyramids(self, scene: VoteScene) -> Pyramids:
         """Empty pyramids, large enough for the maps."""
