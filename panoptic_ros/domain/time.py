@@ -88,13 +88,16 @@ class Timecode:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AudioBlock:
-    """Consecutive samples of one channel.
+    """Consecutive samples of a device, of all of its channels.
 
     Args:
         stamp_ns: instant of the first sample, on the device's clock.
-        first_sample: index of the first sample since the device started; gaps are visible.
+        first_sample: index of the first sample since the device started; gaps are visible. A sample is an
+            instant: one value of each channel.
         sample_rate: Hz.
-        samples: (N,) float32 in -1..1.
+        samples: (N, C) float32 in -1..1; (N,) is one channel.
+        clocks: names of the clocks whose timecode the channels carry, one for each; "" = none. Empty: nobody
+            says. A channel that is named as its device hears timecode on the device's own clock.
     """
 
     device: str
@@ -102,14 +105,30 @@ class AudioBlock:
     first_sample: int
     sample_rate: int
     samples: Array
+    clocks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
-        samples = Shapes(self).store("samples", np.float32, "N")
+        given = np.asarray(self.samples)
+        object.__setattr__(self, "samples", given[:, None] if given.ndim == 1 else given)
+        samples = Shapes(self).store("samples", np.float32, "N C")
+        object.__setattr__(self, "clocks", tuple(self.clocks))
         if not np.isfinite(samples).all():
             raise DataError(f"audio of {self.device} has samples that are not finite")
         if not 1000 <= self.sample_rate <= 400_000:
             raise DataError(f"audio of {self.device} has a sample rate of {self.sample_rate} Hz")
+        if not samples.shape[1]:
+            raise DataError(f"audio of {self.device} has no channels")
+        if self.clocks and len(self.clocks) != samples.shape[1]:
+            raise DataError(
+                f"audio of {self.device} has {samples.shape[1]} channels, but {len(self.clocks)} clocks are "
+                f"named: {', '.join(self.clocks)}"
+            )
+
+    @property
+    def end_ns(self) -> int:
+        """Where the next sample is, by the sample rate."""
+        return self.stamp_ns + len(self.samples) * 1_000_000_000 // self.sample_rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +141,8 @@ class TimecodeReading:
         std_samples: standard deviation of start_sample.
         reverse: the tape ran backwards; the first edge of bit 0 then lies at the word's end.
         user_bits: 32 bits.
+        clock: whose timecode it is; "": that of the master, which nobody needs to name.
+        sample_rate: Hz, as the device says; 0: not known.
     """
 
     device: str
@@ -131,6 +152,8 @@ class TimecodeReading:
     std_samples: float
     reverse: bool = False
     user_bits: int = 0
+    clock: str = ""
+    sample_rate: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +163,7 @@ class ClockModel:
     master = device + offset_ns + residual_ns + drift * (device - reference_ns)
 
     Args:
-        device: a camera's name, or that of the device whose clock stamps its frames.
+        device: a camera's name, or that of the clock or device that stamps its frames.
         reference_ns: device time about which the line is stated.
         offset_ns: at the reference, whole ns; stamps since 1970 need more digits than a float has. A float
             is split into whole and rest.

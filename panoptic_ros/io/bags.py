@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +13,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer, WriterError
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.messages.earlier import bringing_up
 from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
 
 
@@ -136,24 +137,32 @@ class BagReader:
         chosen = [c for c in self._reader.connections if not topics or c.topic in topics]
         if not chosen:
             return
-        for connection in chosen:
-            self._check_version(connection.topic, connection.msgtype, connection.digest)
+        up = {c.topic: self._brought_up(c.topic, c.msgtype, c.digest) for c in chosen}
         try:
             for connection, stamp, data in self._reader.messages(chosen):
-                yield connection.topic, stamp, data, connection.msgtype
+                bring = up[connection.topic]
+                yield connection.topic, stamp, bring(data) if bring else data, connection.msgtype
+        except DataError:
+            raise
         except Exception as error:  # as above
             raise DataError(f"{self.path} is damaged: {_one_line(error)}") from None
 
-    def _check_version(self, topic: str, kind: str, digest: str) -> None:
-        """Messages of this project must be defined as they are here; a bag holds the hash."""
+    def _brought_up(self, topic: str, kind: str, digest: str) -> Callable[[bytes], bytes] | None:
+        """What brings messages up to now. Those of this project must be defined as they are here, or as
+        they were before fields were added; a bag holds the hash.
+        """
         store = bag_typestore()
         ours = kind.startswith(f"{PACKAGE}/")
-        if ours and kind in store.types and digest and digest != store.hash_rihs01(kind):
+        if not (ours and kind in store.types and digest and digest != store.hash_rihs01(kind)):
+            return None
+        bring = bringing_up(kind, digest)
+        if bring is None:
             raise DataError(
                 f"{self.path} was recorded by another version of this program, whose {kind.split('/')[-1]} "
                 f"(topic {topic}) had other fields; read it with that version, or make the bag anew from the "
                 "capture with `panoptic run`"
             )
+        return bring
 
     def _decode(self, topic: str, data: bytes, kind: str) -> Any:
         try:

@@ -25,6 +25,24 @@ def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
         DataError: if it is no WAV file, or an empty one.
         UsageError: if there is no such channel.
     """
+    sample_rate, samples = _read(path)
+    if not 0 <= channel < samples.shape[1]:
+        raise UsageError(f"{path} has {samples.shape[1]} channels, counted from 0; there is no {channel}")
+    return sample_rate, _as_float(path, samples[:, channel])
+
+
+def read_wav_channels(path: Path) -> tuple[int, Array]:
+    """Sample rate, Hz, and the samples (N, C) float32 in -1..1 of all channels.
+
+    Raises:
+        DataError: if it is no WAV file, or an empty one.
+    """
+    sample_rate, samples = _read(path)
+    return sample_rate, _as_float(path, samples)
+
+
+def _read(path: Path) -> tuple[int, Array]:
+    """Sample rate and samples (N, C) as they are stored."""
     data = read_bytes(path)
     try:
         with warnings.catch_warnings():
@@ -34,12 +52,9 @@ def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
         raise DataError(f"{path} is no WAV file that can be read: {error}") from None
     except NameError:  # the reader's own, where a file has no data chunk
         raise DataError(f"{path} is no WAV file that can be read: it has no samples") from None
-    table = samples[:, None] if samples.ndim == 1 else samples
-    if not 0 <= channel < table.shape[1]:
-        raise UsageError(f"{path} has {table.shape[1]} channels, counted from 0; there is no {channel}")
-    if not len(table):
+    if not len(samples):
         raise DataError(f"{path} has no samples")
-    return int(sample_rate), _as_float(path, table[:, channel])
+    return int(sample_rate), samples[:, None] if samples.ndim == 1 else samples
 
 
 def _as_float(path: Path, samples: Array) -> Array:

@@ -38,7 +38,7 @@ class AudioDataReader:
         self._expected_ns: int | None = None
 
     def block(self, message: Any) -> AudioBlock:
-        """The first channel of a message.
+        """The block of a message, with all channels.
 
         Raises:
             DataError: if its length is no whole number of samples.
@@ -51,7 +51,7 @@ class AudioDataReader:
                 f"{self._channels} channels; set audio_channels"
             )
         stamp = stamp_of(message.header)
-        samples = np.frombuffer(data, "<i2").reshape(-1, self._channels)[:, 0].astype(np.float32) / 32768.0
+        samples = np.frombuffer(data, "<i2").reshape(-1, self._channels).astype(np.float32) / 32768.0
         if self._expected_ns is not None and stamp - self._expected_ns > GAP_S * SECOND:
             self._next += round((stamp - self._expected_ns) / SECOND * self._rate)
         block = AudioBlock(self._device, stamp, self._next, self._rate, samples)

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, param
+from panoptic_ros.params import Config, named_words, param
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,3 +24,14 @@ class TimecodeConfig(Config):
     lost_words: int = param(
         4, ge=1, le=50, doc="Consecutive unreadable words after which the signal is searched for anew."
     )
+    channels: tuple[str, ...] = param(
+        (),
+        doc='Whose timecode the channels of a device carry, as "device=clock,clock", one for each channel, '
+        "empty for one that carries none; in place of what its sound says. A device that nobody names is "
+        "searched on all channels.",
+        when="a sound card hears the timecodes of several clocks, and no sound.yaml says which.",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        Config.__post_init__(self)
+        named_words("TimecodeConfig.channels", self.channels)

@@ -29,23 +29,46 @@ from panoptic_ros.timecode.word.levels import WordLevels
 
 
 @dataclass
+class Channel:
+    """One channel of a device that is searched for timecode.
+
+    Args:
+        number: of the channel, counted from 0.
+        clock: whose timecode it carries; None: nobody says.
+    """
+
+    number: int
+    clock: str | None
+    decoder: LtcDecoder
+    last: Heard | None = None
+
+
+@dataclass
 class Device:
-    """One uninterrupted stream of a device."""
+    """One uninterrupted stream of a device.
+
+    Args:
+        clocks: of its channels, as they are named.
+        main: of channels that nobody named, the one whose timecode the device's clock is held against.
+        several: whether timecode was heard on others, too.
+    """
 
     name: str
     sample_rate: int
     first_sample: int
-    decoder: LtcDecoder
+    clocks: tuple[str, ...]
+    channels: list[Channel]
     stamps: deque[tuple[int, int]] = field(default_factory=deque)  # first sample and stamp of blocks
     next_sample: int = 0
-    last: Heard | None = None
+    main: int | None = None
+    several: bool = False
 
 
 LAYOUT = StateLayout(
     "timecode",
     ("_devices",),
     (
-        ClickLimits, Counting, Device, FrameRate, Grid, Heard, Solution, Timecode, Verdict,
+        Channel, ClickLimits, Counting, Device, FrameRate, Grid, Heard, Solution, Timecode, Verdict,
         Samples, Word, WordFit, WordLevels,
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
         Fields.named(LtcDecoder, "_config _hop _hops _stream _follow _held _read_until _searches"),

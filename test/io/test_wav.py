@@ -39,7 +39,7 @@ def test_channels_and_blocks(tmp_path: Path) -> None:
     assert [block.first_sample for block in blocks] == [0, 1500, 3000]
     assert [block.stamp_ns for block in blocks] == [7, 7 + 31_250_000, 7 + 62_500_000]
     np.testing.assert_array_equal(
-        np.concatenate([block.samples for block in blocks]), read_wav(tmp_path / "a.wav")[1]
+        np.concatenate([block.samples[:, 0] for block in blocks]), read_wav(tmp_path / "a.wav")[1]
     )
 
 

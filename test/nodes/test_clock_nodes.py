@@ -92,7 +92,8 @@ def test_sound_without_a_count_becomes_blocks_with_gaps():
     reader = AudioDataReader("mic", 16_000, 2)
     stereo = np.stack([np.arange(1600), -np.arange(1600)], axis=1)
     first = reader.block(sound(stereo, EPOCH))
-    assert first.samples[3] == pytest.approx(3 / 32768) and (first.first_sample, first.stamp_ns) == (0, EPOCH)
+    assert first.samples[3].tolist() == [3 / 32768, -3 / 32768]
+    assert (first.first_sample, first.stamp_ns) == (0, EPOCH)
     late = reader.block(sound(stereo, EPOCH + 120_000_000))  # a busy machine, nothing is lost
     assert late.first_sample == 1600
     lost = reader.block(sound(stereo, EPOCH + 120_000_000 + 1_100_000_000))

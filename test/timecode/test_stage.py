@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.domain import AudioBlock, Timecode, TimecodeReading
+from panoptic_ros.errors import DataError
 from panoptic_ros.simulation.ltc_signal import (
     AudioFaults,
     LtcSignal,
@@ -288,3 +289,57 @@ def test_reset_and_flush_leave_a_new_stage() -> None:
     stage.step(items[0])
     stage.reset()
     assert play() == first
+
+
+# ---------------------------------------------------------------- several channels
+
+
+def stereo(left: LtcSignal, right: LtcSignal, clocks: tuple[str, ...] = ()) -> list[AudioBlock]:
+    """Two signals side by side in blocks of one device."""
+    count = min(len(left.samples), len(right.samples))
+    both = np.stack([left.samples[:count], right.samples[:count]], axis=1)
+    items = blocks(both, left.sample_rate)
+    return [replace(item, clocks=clocks) for item in items]
+
+
+def by_clock(readings: Sequence[TimecodeReading]) -> dict[str, list[TimecodeReading]]:
+    return {clock: [r for r in readings if r.clock == clock] for clock in {r.clock for r in readings}}
+
+
+def test_each_channel_that_is_named_is_read_for_its_clock() -> None:
+    left, right = make("25", 60, 48000), make("29.97", 72, 48000, 40_000, lead=333.3)
+    alone = [decode(blocks(signal.samples, 48000)) for signal in (left, right)]
+    found = by_clock(decode(stereo(left, right, ("A", "B"))))
+    assert set(found) == {"A", "B"}
+    check(left, found["A"], 1)
+    check(right, found["B"], 1)
+    for clock, own in zip("AB", alone):
+        assert [r.start_sample for r in found[clock]] == [r.start_sample for r in own][: len(found[clock])]
+        assert {r.sample_rate for r in found[clock]} == {48000}
+
+
+def test_a_channel_without_a_clock_is_not_read_and_the_parameter_goes_before_the_sound() -> None:
+    left, right = make("25", 40, 48000), make("29.97", 48, 48000, 40_000)
+    assert set(by_clock(decode(stereo(left, right, ("", "B"))))) == {"B"}
+    stage = TimecodeStage(TimecodeConfig(channels=("mic=X,",)))
+    readings = [r for item in stereo(left, right, ("A", "B")) for r in stage.step(item).outputs]
+    assert set(by_clock(readings)) == {"X"}
+    with pytest.raises(DataError, match=r"names 2 channels of mic \(X, \), but its sound has 1"):
+        stage.step(blocks(left.samples, 48000)[0])
+
+
+def test_where_nobody_names_channels_one_counts_and_others_are_told_once() -> None:
+    left, right = make("25", 40, 48000, lead=9000.0), make("29.97", 48, 48000, 40_000)
+    stage = TimecodeStage(TimecodeConfig())
+    results = [stage.step(item) for item in stereo(left, right)]
+    readings = [r for result in results for r in result.outputs]
+    assert {(r.clock, r.timecode.rate.nominal) for r in readings} == {("", 30)}  # the first that is heard
+    told = [n for result in results for n in result.notices]
+    assert [n.code for n in told] == ["timecode.several"]
+    assert "channels 1 and 0; that of 1 counts" in told[0].text
+
+
+def test_a_channel_named_as_its_device_tells_of_the_clock_of_the_device() -> None:
+    signal = make("25", 40, 48000)
+    items = [replace(item, clocks=("mic",)) for item in blocks(signal.samples, 48000)]
+    assert set(by_clock(decode(items))) == {""}

@@ -65,16 +65,19 @@ def bag_typestore() -> Typestore:
     return store
 
 
-def decode_cdr(data: bytes, kind: str) -> Any:
+def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
     """A message of `bag_messages()` from CDR bytes.
 
     Bytes beyond the message are ignored: Fast DDS, which `ros2 bag record` stores as it is, leaves some
     after empty sequences of doubles, and rosbags' own function refuses them.
 
+    Args:
+        types: in place of those of now.
+
     Raises:
         DataError: if the type is not known or the bytes are no message of it.
     """
-    store = bag_typestore()
+    store = types or bag_typestore()
     if kind not in store.types:
         raise DataError(f"messages of type {kind} are not known here")
     definition = store.get_msgdef(kind)

@@ -155,13 +155,20 @@ def write_audio(block: AudioBlock, family: Messages, frame_id: str) -> Any:
         first_sample=block.first_sample,
         sample_rate=block.sample_rate,
         samples=flat(family, block.samples, np.float32),
+        channels=block.samples.shape[1],
+        clocks=list(block.clocks),
     )
 
 
 def read_audio(message: Any) -> AudioBlock:
+    channels = int(getattr(message, "channels", 0)) or 1  # bags of old have one, and do not say so
+    samples = np.asarray(message.samples)
+    if len(samples) % channels:
+        raise DataError(f"AudioBlock.samples has {len(samples)} values for {channels} channels")
     return AudioBlock(
         str(message.header.frame_id), stamp_of(message.header), int(message.first_sample),
-        int(message.sample_rate), np.asarray(message.samples),
+        int(message.sample_rate), samples.reshape(-1, channels),
+        tuple(str(name) for name in getattr(message, "clocks", ())),
     )  # fmt: skip
 
 
@@ -181,6 +188,8 @@ def write_timecode(reading: TimecodeReading, family: Messages, frame_id: str) ->
         std_samples=reading.std_samples,
         reverse=reading.reverse,
         user_bits=reading.user_bits,
+        clock=reading.clock,
+        sample_rate=reading.sample_rate,
     )
 
 
@@ -196,6 +205,7 @@ def read_timecode(message: Any) -> TimecodeReading:
     return TimecodeReading(
         str(message.header.frame_id), stamp_of(message.header), label, float(message.start_sample),
         float(message.std_samples), bool(message.reverse), int(message.user_bits),
+        str(getattr(message, "clock", "")), int(getattr(message, "sample_rate", 0)),  # bags of old lack both
     )  # fmt: skip
 
 

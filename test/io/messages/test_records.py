@@ -151,7 +151,9 @@ RECORDS = [
     SkeletonModel("s", ("a", "b", "c"), 0, ((0, 1), (0, 2)), 1, ((1, 2),), ((0, (1, 2)),)),
     Rig((CAMERA,), "map"), Rig((CAMERA,), "map", Occluders.box((4.0, 0.1, 2.5), np.eye(3), (0.0, 2.0, 1.25))),
     AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, 50)),
+    AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, (50, 3)), ("A", "", "B")),
     TimecodeReading("mic", 17, Timecode(1, 2, 3, 4, RATE), 12.25, 0.5, True, 0xDEADBEEF),
+    TimecodeReading("mic", 17, Timecode(1, 2, 3, 4, RATE), 12.25, 0.5, clock="A", sample_rate=48000),
     ClockModel("mic", 17, 0.25, 1e-6, np.eye(2)),
     ClockModel("b", 17, -(2**62) - 1, 1e-6, np.eye(2), 0.25, 5, 10**18 + 1, 1e-7, 3),
 ]  # fmt: skip
