@@ -57,13 +57,9 @@ class AssemblyConfig(Config):
     max_pairs: int = param(
         45, ge=1, le=1000, doc="Pairs of views whose intersection is tried as the start of a joint."
     )
-    node_distance: float = param(
-        0.1, unit="m", ge=0.0, le=1.0,
-        doc="How near a voted node must be to stand for a joint that 2D people show poorly; 0 = never.",
-    )
     node_sigma: float = param(
         0.03, unit="m", ge=0.001, le=1.0,
-        doc="Standard deviation of voted nodes; they serve joints that are missing or less certain.",
+        doc="Standard deviation of voted nodes, which stand for joints that are missing or placed elsewhere.",
     )
     vote_distance: float = param(
         0.1, unit="m", ge=0.0, le=1.0,

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain import Groups, SkeletonModel
+from panoptic_ros.assembly.candidates import Candidates
+from panoptic_ros.assembly.joints import Joints
+from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.solving.scene import Scene, seeing_views
 
 Array = np.ndarray
@@ -36,30 +38,24 @@ class Ray:
     score: float
 
 
-def place_disputed(
-    scene: Scene, grouping: Groups, source: Array, expected: Array, positions: Array, covariances: Array,
-    scores: Array, views: Array, skeleton: SkeletonModel,
-) -> None:  # fmt: skip
-    """Fill missing joints of people of few views, in place: positions (P, J, 3) and what belongs to them.
-
-    Args:
-        source: (P, V, J) which joint of its 2D person stands for joint j.
-        expected: (P, J, 3) m, predictions, NaN = none.
-    """
-    supporting = (grouping.member >= 0).sum(axis=1)
+def place_disputed(scene: Scene, found: Candidates, joints: Joints, skeleton: SkeletonModel) -> None:
+    """Fill missing joints of people of few views, in place, with what belongs to them."""
+    member, expected = found.grouping.member, found.guide.positions
+    supporting = (member >= 0).sum(axis=1)
     few = np.flatnonzero((supporting >= 1) & (supporting <= FEW_VIEWS))
-    few = few[seeing_views(scene, positions[few]).sum(axis=1) <= FEW_SEEING]
+    few = few[seeing_views(scene, joints.positions[few]).sum(axis=1) <= FEW_SEEING]
     for p in few:
-        missing = np.flatnonzero(np.isnan(positions[p, :, 0])).tolist()
-        rays = {j: _rays(scene, grouping.member[p], source[p], j) for j in missing}
+        positions = joints.positions[p]
+        missing = np.flatnonzero(np.isnan(positions[:, 0])).tolist()
+        rays = {j: _rays(scene, member[p], found.source[p], j) for j in missing}
         for joint, seen in rays.items():
             if len(seen) >= 2:
-                _put(p, joint, between(seen[0], seen[1]), seen, positions, covariances, scores, views)
+                _put(joints, p, joint, between(seen[0], seen[1]), seen)
         for _ in range(OUTWARDS):  # from known joints to those that are linked to them
             for joint, seen in rays.items():
-                if len(seen) == 1 and np.isnan(positions[p, joint, 0]):
-                    found = along_bone(seen[0], joint, expected[p, joint], positions[p], skeleton)
-                    _put(p, joint, found, seen, positions, covariances, scores, views)
+                if len(seen) == 1 and np.isnan(positions[joint, 0]):
+                    place = along_bone(seen[0], joint, expected[p, joint], positions, skeleton)
+                    _put(joints, p, joint, place, seen)
 
 
 def between(first: Ray, second: Ray) -> tuple[Array, Array] | None:
@@ -146,11 +142,9 @@ def _rays(scene: Scene, member: Array, source: Array, joint: int) -> list[Ray]:
     return rays
 
 
-def _put(
-    p: int, joint: int, found: tuple[Array, Array] | None, seen: list[Ray], positions: Array,
-    covariances: Array, scores: Array, views: Array,
-) -> None:  # fmt: skip
-    if found is not None:
-        positions[p, joint], covariances[p, joint] = found
-        scores[p, joint] = float(np.mean([ray.score for ray in seen]))
-        views[p, joint] = len(seen)
+def _put(joints: Joints, p: int, joint: int, place: tuple[Array, Array] | None, seen: list[Ray]) -> None:
+    """Write a joint of person p with the scores of its rays; nothing where no place was found."""
+    if place is not None:
+        joints.positions[p, joint], joints.covariances[p, joint] = place
+        joints.scores[p, joint] = float(np.mean([ray.score for ray in seen]))
+        joints.views[p, joint] = len(seen)

@@ -9,10 +9,12 @@ triangulated position.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from panoptic_ros.assembly.joints import Joints
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
 
@@ -26,7 +28,57 @@ OWN_VOTE = 0.1  # of a triangulated joint without a node
 NODE_VIEWS = 2  # that support a node
 BONE_SIGMA, BONE_SHARE = 0.03, 0.1  # m and share of the length, by which the sides differ
 WORST_BONE = 36.0  # truncation of the squared deviation of a bone
+CHANCE = 0.2  # of votes, over which the share of wrong nodes falls by a factor of e
+WRONG_SIGMA = 0.16  # m, of a wrong node, which is a joint of another limb, or of a neighbour
 _NEVER = 1e3
+
+
+class _Choice(NamedTuple):
+    """What there is to choose from: P people with J joints, N nodes.
+
+    positions: (P, J, 3) m, as triangulated; NaN = missing. expected: (P, J, 3) m, predictions, NaN = none.
+    nodes: (N, 3) m. joints, votes, views: (N,). gate: m, nodes so near to the triangulated joint need no
+    second view.
+    """
+
+    positions: Array
+    expected: Array
+    nodes: Array
+    joints: Array
+    votes: Array
+    views: Array
+    gate: float
+
+
+def has_maps(item: ProposalSet) -> bool:
+    """Whether the nodes say more than the 2D people that they came with."""
+    return len(item.nodes) > 0 and any(view.maps is not None for view in item.detections.views)
+
+
+def node_doubts(votes: Array) -> Array:
+    """Variances (N,) m^2 of joints at nodes of these votes (N,) because a node may be the wrong one."""
+    variances: Array = np.exp(-votes / CHANCE) * WRONG_SIGMA**2
+    return variances
+
+
+def move_to_votes(
+    joints: Joints, expected: Array, item: ProposalSet, skeleton: SkeletonModel, gate: float, sigma: float
+) -> None:
+    """Move joints to the votes of the maps, in place; a joint that moves far takes all values of the node.
+
+    Args:
+        expected: (P, J, 3) m, predictions, NaN = none. gate: m, a move beyond it is far.
+        sigma: m, standard deviation of nodes.
+    """
+    chosen = chosen_nodes(joints.positions, expected, item, gate, skeleton)
+    p, j = np.nonzero(chosen >= 0)
+    nodes = chosen[p, j]
+    far = ~(np.linalg.norm(item.nodes[nodes] - joints.positions[p, j], axis=-1) <= gate)
+    joints.positions[p, j] = item.nodes[nodes]
+    p, j, nodes = p[far], j[far], nodes[far]
+    joints.covariances[p, j] = sigma**2 * np.eye(3)
+    joints.scores[p, j], joints.views[p, j] = item.node_scores[nodes], item.node_views[nodes]
+    joints.doubts[p, j] = node_doubts(item.node_scores[nodes])
 
 
 def chosen_nodes(
@@ -46,11 +98,11 @@ def chosen_nodes(
     chosen = np.full(positions.shape[:2], -1, np.int64)
     if not len(item.nodes) or not len(positions):
         return chosen
-    given = (
+    choice = _Choice(
         positions, expected, item.nodes, item.node_joints, item.node_scores, item.node_views, float(gate)
-    )  # fmt: skip
-    for joint in choose_clear(*given, _mapped_joints(item, len(skeleton)), chosen):
-        nodes, cost = choice_costs(*given, joint, *_neighbours(skeleton, joint))
+    )
+    for joint in choose_clear(choice, _mapped_joints(item, len(skeleton)), chosen):
+        nodes, cost = choice_costs(choice, joint, *_neighbours(skeleton, joint))
         people, columns = linear_sum_assignment(cost)
         taken = (columns < len(nodes)) & (cost[people, columns] < _NEVER)
         chosen[people[taken], joint] = nodes[columns[taken]]
@@ -58,13 +110,13 @@ def chosen_nodes(
 
 
 @njit(cache=True, error_model="numpy")
-def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, mapped,
-                 chosen):  # fmt: skip
+def choose_clear(choice, mapped, chosen):
     """Choose, in place, where everybody has one allowed node, at hand, with votes, and nobody else's.
 
     Returns:
         the other joints that maps show (`mapped`, (J,)) and that have nodes.
     """
+    positions, expected, nodes, node_joints, votes, views, gate = choice
     left = np.empty(len(mapped), np.int64)
     count = 0
     own, taken = np.empty(len(positions), np.int64), np.zeros(len(nodes), np.bool_)
@@ -95,9 +147,9 @@ def choose_clear(positions, expected, nodes, node_joints, votes, views, gate, ma
 
 
 @njit(cache=True, error_model="numpy")
-def choice_costs(positions, expected, nodes, node_joints, votes, views, gate, joint, ends,
-                 mirror):  # fmt: skip
+def choice_costs(choice, joint, ends, mirror):
     """The nodes (N,) of a joint, and what they cost everybody, and staying, (P, N + P)."""
+    positions, expected, nodes, node_joints, votes, views, gate = choice
     which, count = np.empty(len(nodes), np.int64), 0
     for n in range(len(nodes)):
         if node_joints[n] == joint and votes[n] > 0.0:

@@ -15,8 +15,8 @@ from panoptic_ros.assembly.judgement import (
     possible_people,
     second_skeletons,
 )
-from panoptic_ros.assembly.map_votes import chosen_nodes
-from panoptic_ros.assembly.nodes import has_maps, node_doubts, take_nodes
+from panoptic_ros.assembly.joints import Joints
+from panoptic_ros.assembly.map_votes import has_maps, move_to_votes
 from panoptic_ros.assembly.view_sources import view_sources
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
 from panoptic_ros.solving.joint_records import SolvedJoints
@@ -31,79 +31,86 @@ MEASURED, MISSING = int(JointState.MEASURED), int(JointState.MISSING)  # members
 class People:
     """Skeletons of one instant: P people of the K solved.
 
-    kept: (P,) which of the solved. positions (P, J, 3), covariances (P, J, 3, 3), scores (P, J),
-    views (P, J). doubts: (P, J) m^2, additional variance because a node may be the wrong one. sources:
-    their 2D people.
+    kept: (P,) which of the solved. joints: theirs. sources: their 2D people.
     """
 
     kept: Array
-    positions: Array
-    covariances: Array
-    scores: Array
-    views: Array
-    doubts: Array
+    joints: Joints
     sources: ViewSources
 
     def rows(self, which: Array) -> People:
         """Some of the people, by a mask (P,)."""
         return People(
-            self.kept[which], self.positions[which], self.covariances[which], self.scores[which],
-            self.views[which], self.doubts[which], self.sources.rows(np.flatnonzero(which)),
-        )  # fmt: skip
+            self.kept[which], self.joints.rows(which), self.sources.rows(np.flatnonzero(which))
+        )
 
     def pose_set(
         self, item: ProposalSet, votes: Array | None = None, shift: TimeShift | None = None
     ) -> PoseSet:
         """The record, with votes (P, G) about the sides of limbs."""
-        measured = np.isfinite(self.positions[..., 0])
+        joints = self.joints
+        measured = np.isfinite(joints.positions[..., 0])
         states = np.where(measured, MEASURED, MISSING)
         newest = max((view.stamp_ns for view in item.detections.views), default=-1)
-        person = self.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
-        covariances = self.covariances + self.doubts[..., None, None] * np.eye(3)
+        person = joints.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
+        covariances = joints.covariances + joints.doubts[..., None, None] * np.eye(3)
         return PoseSet(
-            item.index, item.stamp_ns, item.detections.skeleton_hash, self.positions, covariances,
-            self.scores, self.views, states, person, max(newest, item.stamp_ns), shift, self.sources, votes,
+            item.index, item.stamp_ns, item.detections.skeleton_hash, joints.positions, covariances,
+            joints.scores, joints.views, states, person, max(newest, item.stamp_ns), shift, self.sources,
+            votes,
         )  # fmt: skip
 
 
-def finish(
-    scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array, shares: Array,
-    skeleton: SkeletonModel, config: AssemblyConfig,
-) -> People:  # fmt: skip
-    """Covariances and scores, derived joints, and only those skeletons that can be people.
+class Finisher:
+    """Completes solved joints, and keeps the skeletons that can be people."""
 
-    Args:
-        found: the people that were solved; where they expect joints, nodes are looked for.
-        observed: (P, J) number of views whose 2D person shows each joint. shares: (P,) of the joints seen in
-            two or more views, on which these must agree.
-    """
-    expected = found.guide.positions
-    covariances, worst, scores, views = judge_joints(
-        solved, scene.evidence.scores, observed, cauchy_correction(config.cauchy),
-        config.covariance_inflation,
-    )  # fmt: skip
-    good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
-    drop_long_bones(solved.positions, worst, good, _bones(skeleton.bones), config.max_bone)
-    positions = np.where(good[..., None], solved.positions, np.nan)
-    covariances = np.where(good[..., None, None], covariances, np.nan)
-    views, scores, doubts = np.where(good, views, 0), np.where(good, scores, 0.0), np.zeros(good.shape)
-    if config.node_distance > 0.0 and has_maps(item):
-        _use_nodes(item, expected, positions, covariances, scores, views, doubts, config)
-    if config.vote_distance > 0.0 and len(item.nodes):
-        _move_to_votes(item, expected, positions, covariances, scores, views, doubts, skeleton, config)
-    place_disputed(
-        scene, found.grouping, found.source, expected, positions, covariances, scores, views, skeleton
-    )
-    _derive(positions, covariances, scores, views, doubts, skeleton)
-    lost = np.all(found.grouping.member < 0, axis=1)  # they have nodes and nothing else
-    good |= lost[:, None] & np.isfinite(positions[..., 0])
-    possible = possible_people(
-        positions, good, observed, shares, config.min_person_joints, config.lowest
-    )
-    kept = np.flatnonzero(possible)
-    kept = kept[~second_skeletons(positions[kept], views[kept])]
-    sources = view_sources(item.detections, scene.evidence, found, solved, kept)
-    return People(kept, positions[kept], covariances[kept], scores[kept], views[kept], doubts[kept], sources)
+    def __init__(self, config: AssemblyConfig, skeleton: SkeletonModel):
+        self._config, self._skeleton = config, skeleton
+        self._bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
+        self._inflation = cauchy_correction(config.cauchy)
+
+    def finish(
+        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
+        shares: Array,
+    ) -> People:  # fmt: skip
+        """Covariances and scores, joints that the maps or few views tell, derived joints; only possible people.
+
+        Args:
+            found: the people that were solved; where they expect joints, nodes are looked for.
+            observed: (P, J) number of views whose 2D person shows each joint. shares: (P,) of the joints seen
+                in two or more views, on which these must agree.
+        """
+        config = self._config
+        joints, good = self._judged(scene, solved, observed)
+        if config.vote_distance > 0.0 and has_maps(item):
+            expected = found.guide.positions
+            move_to_votes(joints, expected, item, self._skeleton, config.vote_distance, config.node_sigma)
+        place_disputed(scene, found, joints, self._skeleton)
+        joints.derive(self._skeleton)
+        lost = np.all(found.grouping.member < 0, axis=1)  # they have nodes and nothing else
+        good |= lost[:, None] & np.isfinite(joints.positions[..., 0])
+        possible = possible_people(
+            joints.positions, good, observed, shares, config.min_person_joints, config.lowest
+        )
+        kept = np.flatnonzero(possible)
+        kept = kept[~second_skeletons(joints.positions[kept], joints.views[kept])]
+        sources = view_sources(item.detections, scene.evidence, found, solved, kept)
+        return People(kept, joints.rows(kept), sources)
+
+    def _judged(self, scene: Scene, solved: SolvedJoints, observed: Array) -> tuple[Joints, Array]:
+        """The joints that are certain enough, and which (P, J) are."""
+        config = self._config
+        covariances, worst, scores, views = judge_joints(
+            solved, scene.evidence.scores, observed, self._inflation, config.covariance_inflation
+        )
+        good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
+        drop_long_bones(solved.positions, worst, good, self._bones, config.max_bone)
+        joints = Joints(
+            np.where(good[..., None], solved.positions, np.nan),
+            np.where(good[..., None, None], covariances, np.nan),
+            np.where(good, scores, 0.0), np.where(good, views, 0), np.zeros(good.shape),
+        )  # fmt: skip
+        return joints, good
 
 
 @cache
@@ -119,57 +126,3 @@ def cauchy_correction(scale: float) -> float:
     slope = weight - squares / scale**2 * weight**2  # mean over the axes of d psi / d r
     variance = (0.5 * squares * weight**2 * density).sum() / (slope * density).sum() ** 2
     return float(variance * (weight * density).sum())
-
-
-@cache
-def _bones(bones: tuple[tuple[int, int], ...]) -> Array:
-    """Bones (B, 2) as an array."""
-    return np.array(bones, np.int64).reshape(-1, 2)
-
-
-def _use_nodes(
-    item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
-    doubts: Array, config: AssemblyConfig,
-) -> None:  # fmt: skip
-    """Replace joints that are missing, or less certain than nodes, by voted nodes, in place."""
-    missing = np.isnan(positions[..., 0])
-    variance = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
-    with np.errstate(invalid="ignore"):
-        weak = missing | ((views <= 2) & (variance > config.node_sigma**2))
-    chosen = take_nodes(item, np.where(missing[..., None], expected, positions), weak, config.node_distance)
-    p, j = np.nonzero(chosen >= 0)
-    nodes = chosen[p, j]
-    positions[p, j], covariances[p, j] = item.nodes[nodes], config.node_sigma**2 * np.eye(3)
-    scores[p, j], views[p, j] = item.node_scores[nodes], item.node_views[nodes]
-    doubts[p, j] = node_doubts(item.node_scores[nodes])
-
-
-def _move_to_votes(
-    item: ProposalSet, expected: Array, positions: Array, covariances: Array, scores: Array, views: Array,
-    doubts: Array, skeleton: SkeletonModel, config: AssemblyConfig,
-) -> None:  # fmt: skip
-    """Move joints to the votes of the maps, in place; a joint that moves far takes all values of the node."""
-    chosen = chosen_nodes(positions, expected, item, config.vote_distance, skeleton)
-    p, j = np.nonzero(chosen >= 0)
-    nodes = chosen[p, j]
-    far = ~(np.linalg.norm(item.nodes[nodes] - positions[p, j], axis=-1) <= config.vote_distance)
-    positions[p, j] = item.nodes[nodes]
-    p, j, nodes = p[far], j[far], nodes[far]
-    covariances[p, j] = config.node_sigma**2 * np.eye(3)
-    scores[p, j], views[p, j] = item.node_scores[nodes], item.node_views[nodes]
-    doubts[p, j] = node_doubts(item.node_scores[nodes])
-
-
-def _derive(
-    positions: Array, covariances: Array, scores: Array, views: Array, doubts: Array,
-    skeleton: SkeletonModel,
-) -> None:  # fmt: skip
-    """Fill joints that are means of others, in place, with the covariance of the mean."""
-    for joint, others in skeleton.derived:
-        parts = list(others)
-        positions[:, joint] = positions[:, parts].mean(axis=1)
-        covariances[:, joint] = covariances[:, parts].sum(axis=1) / len(parts) ** 2
-        doubts[:, joint] = doubts[:, parts].sum(axis=1) / len(parts) ** 2
-        there = np.isfinite(positions[:, joint, 0])
-        scores[:, joint] = np.where(there, scores[:, parts].min(axis=1), 0.0)
-        views[:, joint] = np.where(there, views[:, parts].min(axis=1), 0)

@@ -12,6 +12,7 @@ import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.dynamic_programming import assemble
+from panoptic_ros.assembly.joints import Joints
 from panoptic_ros.assembly.people import People
 from panoptic_ros.domain import DetectionSet, ProposalSet, Rig, SkeletonModel, ViewSources
 from panoptic_ros.geometry import ProjectionStack, Triangulated, triangulate_robust
@@ -32,15 +33,14 @@ def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, conf
     refined = _refined(item.detections, rig, claims, start, config.initial_noise)
     solved = np.isfinite(refined.points[:, 0]).reshape(nodes.shape)
     at_node = config.node_sigma**2 * np.where(there, 1.0, np.nan)[..., None, None] * np.eye(3)
-    return People(
-        np.arange(len(nodes)),
+    joints = Joints(
         np.where(solved[..., None], refined.points.reshape(start.shape), start),
         np.where(solved[..., None, None], refined.covariances.reshape(at_node.shape), at_node),
         np.where(there, _taken(item.node_scores, nodes), 0.0),
         np.where(solved, (claims >= 0).sum(axis=-1), np.where(there, _taken(item.node_views, nodes), 0)),
         np.zeros(nodes.shape),
-        _sources(item.detections, claims),
     )
+    return People(np.arange(len(nodes)), joints, _sources(item.detections, claims))
 
 
 def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, noise: float) -> Triangulated:

@@ -9,12 +9,12 @@ from panoptic_ros.assembly.candidates import Candidates, associated_people
 from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.lost_people import with_lost_people
-from panoptic_ros.assembly.nodes import has_maps
+from panoptic_ros.assembly.map_votes import has_maps
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.noise_growth import NoiseGrowth, box_diagonals
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
-from panoptic_ros.assembly.people import People, finish
+from panoptic_ros.assembly.people import Finisher, People
 from panoptic_ros.assembly.phantoms import agreed_shares
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.solve import Solver, observed_views
@@ -30,6 +30,7 @@ from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
+
 
 class AssemblyStage(Stateful):
     """Skeletons of one instant, without identity, from a `ProposalSet`.
@@ -57,6 +58,7 @@ class AssemblyStage(Stateful):
         self._limbs = limbs_of(context.skeleton)
         self._needed_views = needed_views(config.capture_views, context.rig.cameras)
         self._solver = Solver(config, self._limbs)
+        self._finisher = Finisher(config, self._skeleton)
         self._sides = Sides(context.skeleton, self._limbs.groups)
         self._bones = body_bones(context.skeleton, self._sides.torso)
         self.reset()
@@ -88,7 +90,7 @@ class AssemblyStage(Stateful):
             self._solve(item)  # the first people are solved with their learnt noise
         people, found, observed, motion = self._solve(item)
         votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
-        votes -= ANATOMY_VOTES * self._sides.right_way(people.positions, people.views)
+        votes -= ANATOMY_VOTES * self._sides.right_way(people.joints.positions, people.joints.views)
         shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
         return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
@@ -105,12 +107,10 @@ class AssemblyStage(Stateful):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(scene, found.grouping, found.source)
         shares = agreed_shares(scene, found, prediction, solved.positions, self._config.min_agreed_share)
-        people = finish(
-            scene, item, solved, found, observed.sum(axis=1), shares, self._skeleton, self._config
-        )
+        people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), shares)
         supporting = (found.grouping.member[people.kept] >= 0).sum(axis=1)
         people = people.rows(
-            in_capture_space(people.positions, supporting, self._context.rig.cameras, self._needed_views)
+            in_capture_space(people.joints.positions, supporting, self._context.rig.cameras, self._needed_views)
         )
         if self._config.learn_noise:
             self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept)
@@ -150,7 +150,6 @@ class AssemblyStage(Stateful):
         hidden = hidden_joints(places, found.guide.shifts, *self._bones, scene.cams)
         kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
         return kinds
-
 
     def _with_lost(
         self, scene: Scene, item: ProposalSet, people: tuple[Candidates, SolvedJoints, Motion | None],

@@ -111,7 +111,7 @@ def time_shift(
             array[:, joint] = array[:, list(parts)].mean(axis=1)
         arrays[3][:, joint] = 0.0  # no view shows them
     for array in arrays:
-        array[np.isnan(people.positions[..., 0])] = 0.0
+        array[np.isnan(people.joints.positions[..., 0])] = 0.0
     return TimeShift(*arrays)
 
 

@@ -107,7 +107,7 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
             n22 += weight * (g2 * g2 + h2 * h2)
         if step == steps or count < 2:
             break
-        good, s0, s1, s2 = newton_step(n00, n10, n11, n20, n21, n22, b0, b1, b2)
+        good, s0, s1, s2 = newton_step((n00, n10, n11, n20, n21, n22), (b0, b1, b2))
         if not good:
             count = 0
             break
@@ -155,20 +155,30 @@ def _take_roots(residuals, views):
 
 
 @njit(cache=True, error_model="numpy")
-def newton_step(n00, n10, n11, n20, n21, n22, b0, b1, b2):
-    """Whether normal^-1 b exists, and its three components, damped and at most MAX_STEP long."""
+def newton_step(lower, right):
+    """Whether the solution exists, and its three components, damped and at most MAX_STEP long.
+
+    Args:
+        lower, right: see `solve_symmetric`.
+    """
+    n00, n10, n11, n20, n21, n22 = lower
     damping = 1e-9 * (n00 + n11 + n22)
-    good, s0, s1, s2 = solve_symmetric(
-        n00 + damping, n10, n11 + damping, n20, n21, n22 + damping, b0, b1, b2
-    )
+    damped = (n00 + damping, n10, n11 + damping, n20, n21, n22 + damping)
+    good, s0, s1, s2 = solve_symmetric(damped, right)
     length = np.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
     scale = 1.0 if length < MAX_STEP else MAX_STEP / length
     return good, scale * s0, scale * s1, scale * s2
 
 
 @njit(cache=True, error_model="numpy")
-def solve_symmetric(n00, n10, n11, n20, n21, n22, b0, b1, b2):
-    """Whether the 3x3 matrix of this lower triangle is positive definite, and the solution (by L D L^T)."""
+def solve_symmetric(lower, right):
+    """Whether a symmetric 3x3 matrix is positive definite, and the solution (by L D L^T).
+
+    Args:
+        lower: its lower triangle, row by row, six numbers. right: three numbers.
+    """
+    n00, n10, n11, n20, n21, n22 = lower
+    b0, b1, b2 = right
     if n00 <= 0.0:
         return False, 0.0, 0.0, 0.0
     i0 = 1.0 / n00

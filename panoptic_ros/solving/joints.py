@@ -40,8 +40,14 @@ class _Joint(NamedTuple):
 
 
 class _Room(NamedTuple):
-    """Arrays to work in: own (V, 2) picks of the own 2D people, have (V,) views that have one, trial (3,)."""
+    """Arrays to work in.
 
+    x: (3,) m, the joint. picks: (V, 2) its observations. own: (V, 2) those of the own 2D people.
+    have: (V,) views that have one. trial: (3,) m.
+    """
+
+    x: Array
+    picks: Array
     own: Array
     have: Array
     trial: Array
@@ -132,8 +138,9 @@ def intersect(first, second, own, seen, x):
 
 
 @njit(cache=True, error_model="numpy")
-def start_from_prediction(joint, claims, seen, rules, x, picks, result):
-    """Refine the predicted place into x and pick observations there; the cost, infinite if too few views."""
+def start_from_prediction(joint, claims, seen, rules, room, result):
+    """Refine the predicted place and pick observations there; the cost, infinite if too few views."""
+    x, picks = room.x, room.picks
     for i in range(3):
         x[i] = joint.expected[i]
     pick_observations(x, joint, claims, seen, rules, picks)
@@ -144,8 +151,8 @@ def start_from_prediction(joint, claims, seen, rules, x, picks, result):
 
 
 @njit(cache=True, error_model="numpy")
-def start_from_pairs(joint, claims, seen, rules, x, room, picks, best):
-    """The intersection of two of the views of `room.own` that costs less than `best`, into x; the least cost.
+def start_from_pairs(joint, claims, seen, rules, room, best):
+    """The intersection of two of the own views that costs less than `best`, into `room.x`; the least cost.
 
     Pairs are taken from all over the rig, at most `rules.max_pairs` of them.
     """
@@ -159,13 +166,13 @@ def start_from_pairs(joint, claims, seen, rules, x, room, picks, best):
             tried += 1
             if not intersect(room.have[i], room.have[k], room.own, seen, room.trial):
                 continue
-            cost = pick_observations(room.trial, joint, claims, seen, rules, picks)
+            cost = pick_observations(room.trial, joint, claims, seen, rules, room.picks)
             if np.isfinite(joint.expected[0]):
                 cost += _prior_cost(room.trial, joint, rules.truncation**2)
             if cost < best:
                 best = cost
                 for i in range(3):
-                    x[i] = room.trial[i]
+                    room.x[i] = room.trial[i]
         step -= 1
     return best
 
@@ -206,18 +213,19 @@ def solve_joints(guides: Guides, claims: Claims, seen: Observations, rules: Solv
 def solve_again(todo, guides, claims, seen, rules, solved):
     """Replace, in place, the results of the joints `todo` (P, J)."""
     views = len(seen.starts) - 1
-    x, table = np.empty(3), np.empty((views, TABLE))
-    room = _Room(np.empty((views, 2), np.int64), np.empty(views, np.int64), np.empty(3))
+    x, trial, table = np.empty(3), np.empty(3), np.empty((views, TABLE))
+    own, have = np.empty((views, 2), np.int64), np.empty(views, np.int64)
     for p in range(todo.shape[0]):
         for j in range(todo.shape[1]):
             if not todo[p, j]:
                 continue
             joint = _Joint(p, j, guides.positions[p, j], guides.spreads[p, j], guides.shifts[p, j])
             pick = solved.picks[p, j]
+            room = _Room(x, pick, own, have, trial)
             result = Result(solved.normals[p, j], solved.residuals[p, j], table)
             for i in range(3):
                 solved.positions[p, j, i] = np.nan
-            if _start(joint, claims, seen, rules, x, room, pick, result) == np.inf:
+            if _start(joint, claims, seen, rules, room, result) == np.inf:
                 _forget(pick, result)
                 continue
             count = refine_point(x, joint.shift, pick, seen, rules, Steps(LAST_STEPS, True), result)
@@ -230,20 +238,20 @@ def solve_again(todo, guides, claims, seen, rules, solved):
 
 
 @njit(cache=True, error_model="numpy")
-def _start(joint, claims, seen, rules, x, room, picks, result):
-    """Choose the starting point of a joint into x, its observations into picks; the cost, inf if none.
+def _start(joint, claims, seen, rules, room, result):
+    """Choose the starting point and the observations of a joint, into the room; the cost, inf if none.
 
     Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views, of which
     the best one is refined, too. The cost is truncated over the views, plus the truncated distance to the
     prediction.
     """
-    best = np.inf
+    x, picks, best = room.x, room.picks, np.inf
     if np.isfinite(joint.expected[0]):
-        best = start_from_prediction(joint, claims, seen, rules, x, picks, result)
+        best = start_from_prediction(joint, claims, seen, rules, room, result)
         count = _own_views(joint, claims, seen, room)
         if best < (GOOD_COST if count < MANY_VIEWS else 2.0 * GOOD_COST) * count:
             return best
-    best = start_from_pairs(joint, claims, seen, rules, x, room, picks, best)
+    best = start_from_pairs(joint, claims, seen, rules, room, best)
     if best < np.inf:
         pick_observations(x, joint, claims, seen, rules, picks)
         refine_point(x, joint.shift, picks, seen, rules, Steps(ROUGH_STEPS, False), result)

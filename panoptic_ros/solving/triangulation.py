@@ -60,10 +60,11 @@ def triangulate_linear(member, mirrored, seen, mirror):
         if count < 2:
             continue
         damping = 1e-9 * max(normal[0, 0] + normal[1, 1] + normal[2, 2], 1e-9)
-        good, a, b, c = solve_symmetric(
+        lower = (
             normal[0, 0] + damping, normal[1, 0], normal[1, 1] + damping, normal[2, 0], normal[2, 1],
-            normal[2, 2] + damping, right[0], right[1], right[2],
+            normal[2, 2] + damping,
         )  # fmt: skip
+        good, a, b, c = solve_symmetric(lower, (right[0], right[1], right[2]))
         if good:
             points[j, 0], points[j, 1], points[j, 2] = a + middle[0], b + middle[1], c + middle[2]
     return points

@@ -13,12 +13,12 @@ def test_symmetric_solution_equals_numpy(seed):
     rng = np.random.default_rng(seed)
     root, right = rng.normal(size=(3, 3)), rng.normal(size=3)
     a = root @ root.T + 0.05 * np.eye(3)
-    good, *x = solve_symmetric(a[0, 0], a[1, 0], a[1, 1], a[2, 0], a[2, 1], a[2, 2], *right)
+    good, *x = solve_symmetric((a[0, 0], a[1, 0], a[1, 1], a[2, 0], a[2, 1], a[2, 2]), tuple(right))
     assert good and np.allclose(x, np.linalg.solve(a, right), rtol=1e-8, atol=1e-10)
 
 
 def test_no_solution_where_the_matrix_is_not_positive():
-    assert not solve_symmetric(1.0, 2.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0)[0]
+    assert not solve_symmetric((1.0, 2.0, 1.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0))[0]
 
 
 def eyes(count, rng):

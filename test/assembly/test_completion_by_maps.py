@@ -1,20 +1,19 @@
-"""Voted nodes stand in for joints that the 2D people lack."""
+"""Voted nodes stand for joints that the 2D people lack."""
 from dataclasses import replace
 
 import numpy as np
 from fed_stages import FedAssembly, seen_by
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.nodes import node_doubts, take_nodes
+from panoptic_ros.assembly.map_votes import node_doubts
 from panoptic_ros.domain import ScoreMaps
 
-NOTHING, NO_PAIRS = np.empty(0, int), np.empty((0, 2), int)
-MAPS = ScoreMaps((4, 4), np.eye(2, 3), NOTHING, NOTHING, NO_PAIRS, NO_PAIRS, np.empty(0, np.uint8))
 
 
 def with_nodes(item, nodes, joint):
     """The set with nodes of one joint, from a detector with score maps."""
-    views = tuple(replace(view, maps=MAPS) for view in item.detections.views)
+    maps = ScoreMaps((4, 4), np.eye(2, 3), [joint], [-1], np.zeros((1, 2)), np.ones((1, 2)), [200])
+    views = tuple(replace(view, maps=maps) for view in item.detections.views)
     count = len(nodes)
     return replace(
         seen_by(item, views), nodes=nodes, node_joints=[joint] * count,
@@ -39,17 +38,9 @@ def test_a_lost_joint_comes_from_its_node(scenes):
     assert pose.views[0, wrist] == 2 and pose.scores[0, wrist] == 0.5
     variance = AssemblyConfig().node_sigma ** 2 + node_doubts(np.array([0.5]))
     assert np.allclose(pose.covariances[0, wrist], variance * np.eye(3))
-    off = FedAssembly(scenes.context(rig), node_distance=0.0)
+    off = FedAssembly(scenes.context(rig), vote_distance=0.0)
     off.step(first)
     assert np.isnan(off.step(second).outputs[0].positions[0, wrist]).all()
-
-
-def test_nodes_serve_once_and_the_nearest_first(scenes):
-    item = with_nodes(scenes.proposals(scenes.ring(3), []), [[0, 0, 0.0], [0.2, 0, 0]], 0)
-    expected = np.full((3, 19, 3), np.nan)
-    expected[:, 0] = [[0.06, 0, 0], [0.02, 0, 0], [0.21, 0, 0]]
-    chosen = take_nodes(item, expected, np.ones((3, 19), bool), 0.1)
-    assert chosen[:, 0].tolist() == [-1, 0, 1] and (chosen[:, 1:] == -1).all()
 
 
 def test_nodes_with_few_votes_are_doubted_more():
