@@ -9,13 +9,13 @@ import numpy as np
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.disputed import place_disputed
+from panoptic_ros.assembly.joints import Joints
 from panoptic_ros.assembly.judgement import (
     drop_long_bones,
     judge_joints,
     possible_people,
     second_skeletons,
 )
-from panoptic_ros.assembly.joints import Joints
 from panoptic_ros.assembly.map_votes import has_maps, move_to_votes
 from panoptic_ros.assembly.view_sources import view_sources
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
@@ -73,7 +73,7 @@ class Finisher:
         self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
         shares: Array,
     ) -> People:  # fmt: skip
-        """Covariances and scores, joints that the maps or few views tell, derived joints; only possible people.
+        """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
 
         Args:
             found: the people that were solved; where they expect joints, nodes are looked for.

@@ -108,10 +108,9 @@ class AssemblyStage(Stateful):
         observed = observed_views(scene, found.grouping, found.source)
         shares = agreed_shares(scene, found, prediction, solved.positions, self._config.min_agreed_share)
         people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), shares)
-        supporting = (found.grouping.member[people.kept] >= 0).sum(axis=1)
-        people = people.rows(
-            in_capture_space(people.joints.positions, supporting, self._context.rig.cameras, self._needed_views)
-        )
+        supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
+        inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
+        people = people.rows(inside)
         if self._config.learn_noise:
             self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept)
         return people, found, observed, motion

@@ -9,7 +9,6 @@ from panoptic_ros.assembly.map_votes import node_doubts
 from panoptic_ros.domain import ScoreMaps
 
 
-
 def with_nodes(item, nodes, joint):
     """The set with nodes of one joint, from a detector with score maps."""
     maps = ScoreMaps((4, 4), np.eye(2, 3), [joint], [-1], np.zeros((1, 2)), np.ones((1, 2)), [200])
