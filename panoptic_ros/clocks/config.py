@@ -42,6 +42,12 @@ class ClocksConfig(Config):
         doc="How far the rate of a device may wander while nothing is heard; its uncertainty grows by that.",
     )  # fmt: skip
 
+    master_clock: str = param(
+        "",
+        doc="Of clocks that are named for their timecode, the one whose time the master time is; empty: the "
+        "first that is heard. Unless given, that of sync.",
+    )  # fmt: skip
+
     def __post_init__(self) -> None:
         Config.__post_init__(self)
         named_numbers("ClocksConfig.delays_ms", self.delays_ms)

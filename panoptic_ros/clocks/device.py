@@ -22,6 +22,9 @@ UNKNOWN_DRIFT = 3e-4  # of a clock that nobody has measured
 FRAME_SHARE = 0.1  # of a frame, at most, between a jump and whole frames
 MORE_WORDS = 6  # to wait where samples tell nothing, as another device may report a jump of the timecode
 FEW_POINTS = 20  # fewer do not tell how much stamps scatter
+SURE_RATE = 4e-4  # 29.97 and 30 differ by 1e-3, and crystals by 1e-4
+LARGEST_RATE = 0.01  # of a generator that is set to another rate
+LONG_NS = 3 * SECOND  # of readings, after which tapes and generators are told apart
 NOISY_WORDS = 12  # consecutive readings off the line, on no line of their own
 Cause = Literal["clock", "timecode"]
 
@@ -40,14 +43,17 @@ class DeviceClock:
     Three things tell time: the label, the stamp and the count of samples. A reading that is off the line is
     an outlier and is kept aside. When several outliers agree, that one of the three has jumped which
     disagrees with the other two.
+
+    Args:
+        delayed: whose delay of the configuration counts; "" = that of the name.
     """
 
-    def __init__(self, name: str, config: ClocksConfig, timeline: Timeline):
+    def __init__(self, name: str, config: ClocksConfig, timeline: Timeline, delayed: str = ""):
         self._name = name
         self._config = config
         self._timeline = timeline
         delays = named_numbers("ClocksConfig.delays_ms", config.delays_ms)
-        self._delay_ns = round(1e6 * of_name(delays, name))
+        self._delay_ns = round(1e6 * of_name(delays, delayed or name))
         self._segment = -1
         self._model: ClockModel | None = None
         self._prior: ClockModel | None = None  # a model of other readings than the line's
@@ -72,6 +78,33 @@ class DeviceClock:
     def newest_ns(self) -> int | None:
         """Device time of the newest point on the line."""
         return self._points[-1].device_ns if self._points else None
+
+    @property
+    def settled(self) -> bool:
+        """Whether the newest reading is on the line."""
+        return not self._strays
+
+    @property
+    def line(self) -> ClockModel | None:
+        """The newest line, once it is sure whose rate the labels have; None: there is none yet.
+
+        29.97 and 30 words a second, and 23.976 and 24, count alike. A tape that flutters, or sound of another
+        rate than it says, makes one look like the other, and then all times are off by seconds.
+        """
+        model, rate = self._model, self._rate
+        if model is None or rate is None or model.segment != self._segment:
+            return None
+        alone = rate.nominal == 25 or rate.drop_frame
+        sure = abs(model.drift) < SURE_RATE or (self.drift is not None and abs(self.drift) < LARGEST_RATE)
+        return model if alone or sure else None
+
+    @property
+    def drift(self) -> float | None:
+        """How fast the timecode runs on the line less 1, once it was heard for some seconds."""
+        model = self._model
+        if model is None or model.segment != self._segment or model.until_ns - model.from_ns < LONG_NS:
+            return None
+        return model.drift
 
     def take(self, reading: TimecodeReading) -> tuple[Notice, ...]:
         """Add a reading."""

@@ -1,6 +1,7 @@
 """The clocks stage: timecode readings of any number of devices to clock models."""
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.clocks.device import DeviceClock, Samples
 from panoptic_ros.clocks.estimate import Point
+from panoptic_ros.clocks.named import NamedClocks
 from panoptic_ros.clocks.timeline import SECOND, SILENT_NS, Place, Timeline
 from panoptic_ros.domain import ClockModel, FrameRate, TimecodeReading
 from panoptic_ros.errors import DataError
@@ -19,10 +21,14 @@ NO_CLOCK = 0.01  # timecode so far off its rate is no clock
 
 
 class ClocksStage(Stateful):
-    """See the package. Devices share the master time line and nothing else."""
+    """See the package. Devices share the master time line and nothing else.
+
+    Readings that name the clock behind the timecode are for `NamedClocks`; the master among these has the
+    time line of the others.
+    """
 
     LAYOUT = StateLayout(
-        "clocks", ("_timeline", "_devices", "_silent", "_rate_off"),
+        "clocks", ("_timeline", "_devices", "_silent", "_rate_off", "_named"),
         (
             ClockModel, FrameRate, Point, Place, Samples,
             Fields.named(Fraction, "_numerator _denominator", is_value=True),
@@ -32,13 +38,18 @@ class ClocksStage(Stateful):
                 "_name _config _timeline _delay_ns _segment _model _prior _noise _usual_noise _one_way _rate "
                 "_points _strays _samples urgent given_ns",
             ),
+            Fields.named(
+                NamedClocks,
+                "_config _by_samples _master _timelines _lines _own _given _given_at _begun _rates _rate_off",
+            ),
         ),
-        shared=("_config",),
+        shared=("_config", "_by_samples"),
         same={"configuration": "_config"},
     )  # fmt: skip
 
     def __init__(self, config: ClocksConfig, context: StageContext | None = None):
         self._config = config
+        self._by_samples = replace(config, stamps="symmetric")
         self.reset()
 
     def reset(self) -> None:
@@ -47,6 +58,7 @@ class ClocksStage(Stateful):
         self._devices: dict[str, DeviceClock] = {}
         self._silent: set[str] = set()
         self._rate_off: set[str] = set()
+        self._named: NamedClocks | None = None
 
     def step(self, item: TimecodeReading) -> StepResult[ClockModel]:
         """Take a reading; return the model of its device every `period_s`, and at once after a jump.
@@ -59,6 +71,8 @@ class ClocksStage(Stateful):
         if item.reverse:
             text = f"the timecode of {item.device} runs backwards and is no clock"
             return StepResult((), (Notice("clocks.reverse", "warning", text, {"device": item.device}),))
+        if item.clock:
+            return self._step_named(item)
         device = self._devices.get(item.device)
         if device is None:
             device = self._devices[item.device] = DeviceClock(item.device, self._config, self._timeline)
@@ -76,6 +90,14 @@ class ClocksStage(Stateful):
             return StepResult((), notices)
         return StepResult((model,), notices)
 
+    def _step_named(self, item: TimecodeReading) -> StepResult[ClockModel]:
+        """Take a reading of a named clock; return models of all clocks that its recorder hears."""
+        if self._named is None:
+            master = self._config.master_clock or item.clock
+            self._named = NamedClocks(self._config, self._by_samples, master, self._timeline)
+        models, notices = self._named.take(item)
+        return StepResult(tuple(model for model in models if _usable(model)), notices)
+
     def flush(self) -> StepResult[ClockModel]:
         """The last model of every device that has readings newer than its last one."""
         models = [
@@ -83,6 +105,7 @@ class ClocksStage(Stateful):
         ]
         known = [model for model in models if model is not None]
         notices = tuple(notice for model in known for notice in self._check_rate(model))
+        known += self._named.flush() if self._named is not None else []
         self.reset()
         return StepResult(tuple(model for model in known if _usable(model)), notices)
 

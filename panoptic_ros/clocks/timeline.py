@@ -109,6 +109,11 @@ class Timeline:
             own.jumps = jumps
         return change
 
+    def shift_of(self, device: str) -> int:
+        """What is added to the times of a device's labels, as they jumped, ns."""
+        place = self._places.get(device)
+        return self._shifts[place.jumps] if place is not None else 0
+
     def forget(self, device: str) -> None:
         """Let the device begin anew, like one that joins."""
         self._places.pop(device, None)

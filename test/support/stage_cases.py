@@ -167,6 +167,19 @@ def readings(first=1000, devices=("left", "right"), words=44):
     return items
 
 
+def named_readings(first=1000, clocks=("A", "B"), words=44):
+    """Two timecodes that one recorder hears and one of them another; one jumps, and sound is lost."""
+    items = []
+    for k in range(words):
+        for d, (clock, recorder) in enumerate(((clocks[0], "tc"), (clocks[1], "tc"), (clocks[1], "far"))):
+            rate = timecode_rate("25" if clock == "A" else "29.97df")
+            sample = 48_000 * (k / float(rate.exact) + 0.3 * d) - (4800 if k > 20 else 0)
+            label = Timecode.from_frame_count(first + k + (75 if d and k > 34 else 0), rate)
+            stamp = SECOND + round(SECOND * k / rate.exact) + int(20_000 * RNG.standard_normal())
+            items.append(TimecodeReading(recorder, stamp, label, sample, 0.01, False, 0, clock, 48_000))
+    return items
+
+
 def audio(device, words, seed, rate=16_000, block=720, faults=None):
     """Blocks that end inside of words, with noise, and a gap."""
     start = Timecode.from_frame_count(107_880 + seed, timecode_rate("29.97df"))
@@ -231,6 +244,10 @@ def cases():
         "clocks": Case(
             "clocks", {"window_s": 2.0, "period_s": 0.1}, readings(), readings(5000, ("up", "left"))
         ),
+        "clocks-named": Case(
+            "clocks", {"window_s": 2.0, "period_s": 0.1, "least_span_s": 0.4}, named_readings(),
+            named_readings(5000, ("B", "A")),
+        ),
         "detection": Case("detection", sizes, frames(), frames("right", "third", 12)[::-1], detector()),
         "offsets": Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
@@ -245,7 +262,7 @@ def cases():
 
 
 NAMES = (
-    "timecode", "clocks", "detection", "offsets",
+    "timecode", "clocks", "clocks-named", "detection", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
     *FUSION, "refinement-lag",
 )  # fmt: skip
