@@ -11,7 +11,10 @@ from panoptic_ros.params import Config, from_text, load
 from panoptic_ros.stage import Stage, StageContext
 
 # What counts unless a parameter is given: that of another stage, or what a choice of another stage reads.
-SHARED = {("offsets", "delays_ms"): ("sync", "delays_ms")}
+SHARED = {
+    ("offsets", "delays_ms"): ("sync", "delays_ms"),
+    ("clocks", "master_clock"): ("sync", "master_clock"),
+}
 NEEDED = {
     ("assembly", "method", "dynamic_programming"): {"voting": {"parts": True, "without_maps": True}}
 }

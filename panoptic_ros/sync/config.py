@@ -50,8 +50,14 @@ class SyncConfig(Config):
     clocks: tuple[str, ...] = param(
         (),
         doc='Whose clock stamps a camera\'s frames, as "camera=device"; "*=host": all others. Frames '
-        "of these cameras wait for the model of that clock; others use a model of their own name, if any.",
-        when="timecode comes on the sound of another device than the camera.",
+        "of these cameras wait for the model of that clock; others use a model of the clock that the rig "
+        "names, or of their own name, if any.",
+        when="timecode comes on the sound of another device than the camera, and the rig does not say so.",
+    )  # fmt: skip
+    master_clock: str = param(
+        "",
+        doc="Of clocks that are named for their timecode, the one whose time the master time is; empty: the "
+        "first that sound.yaml names.",
     )  # fmt: skip
     delays_ms: tuple[str, ...] = param(
         (), unit="ms",

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -16,7 +16,10 @@ from panoptic_ros.sync.config import SyncConfig
 
 SECOND = 1_000_000_000
 FOREVER = 2**63 - 1  # a model that needs no observations to stay true
-HELD = 64  # frames of a camera that wait for a clock
+HELD = 64  # live: frames of a camera that wait for a clock
+UNHEARD_S = 2.0  # of frames that wait for a clock of which nothing was heard
+SILENT_S = 3.0  # from the last observation of a clock to a frame
+FAR_S = 600.0  # from all observations of a clock to the first frame of a camera, which cannot be of it
 GAP_S = 0.3  # a longer step between frames may hide a jump of the clock
 ODD_STEP = 0.2  # of a period, from whole periods
 MOST_PERIODS = 2  # now and then one frame is lost; more may be a jump by whole periods
@@ -48,25 +51,42 @@ class StampCorrection:
     A camera whose clock is observed (a model with `until_ns`) can jump. Its own frames show that at once:
     they go back, or their step is no whole number of periods, or more than two periods. From there on its
     frames wait for a model with readings after the step. So no frame is given a wrong time.
+
+    Args:
+        clocks: of each camera, the clock that the rig names, "" = none.
     """
 
-    def __init__(self, cameras: Sequence[str], config: SyncConfig):
+    def __init__(self, clocks: Mapping[str, str], config: SyncConfig):
         self._device = named_words("SyncConfig.clocks", config.clocks)
         self._delays = named_numbers("SyncConfig.delays_ms", config.delays_ms)
-        self._cameras = {name: CameraClock() for name in cameras}
+        self._clocks = dict(clocks)
+        self._cameras = {name: CameraClock() for name in clocks}
+        self._most_held = HELD if config.deadline_s else max(HELD, config.queue_limit)
+        self._heard: dict[str, bool] = {}  # clocks that have models: whether they are told to be silent
+        self._told: set[str] = set()  # clocks that are told to be unheard, or far from frames
 
-    def device_of(self, camera: str) -> str:
-        """Whose clock stamps the frames of a camera."""
-        return self._device.get(camera, self._device.get(ALL, camera))
+    def _required(self, camera: str) -> str | None:
+        """The clock whose model the frames of a camera wait for, if any."""
+        return self._device.get(camera, self._device.get(ALL))
+
+    def _is_for(self, model: ClockModel, name: str) -> bool:
+        """Whether a model is of the clock that stamps a camera: that of a name goes before one of its own."""
+        required, known = self._required(name), self._cameras[name].model
+        if required is not None:
+            return model.device == required
+        named = bool(self._clocks[name]) and model.device == self._clocks[name]
+        return named or (model.device == name and (known is None or known.device == name))
 
     def clock(self, model: ClockModel) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
         """Take a model; return the frames that waited for it, in master time."""
         released: list[ViewDetections] = []
         notices: list[Notice] = []
+        self._heard[model.device] = False
         for name, camera in self._cameras.items():
-            if self.device_of(name) != model.device:
+            if not self._is_for(model, name):
                 continue
-            if camera.model is None or camera.model.segment == model.segment:
+            known = camera.model
+            if known is None or known.device != model.device or known.segment == model.segment:
                 camera.model = model
             else:
                 camera.following = model
@@ -77,23 +97,77 @@ class StampCorrection:
         """Take a frame; return the frames that are on the master time line now."""
         notices: list[Notice] = []
         camera = self._cameras[view.camera]
-        required = view.camera in self._device or ALL in self._device
-        if camera.model is None and not required:
+        if camera.model is None and self._required(view.camera) is None:
             return self._moved([view], None, notices), tuple(notices)
         if camera.held or camera.model is None or self._odd(camera, view.stamp_ns):
             notices += self._hold(camera, view)
             return self._release(camera, notices), tuple(notices)
         self._switch(camera, view.stamp_ns)
         self._follow(camera, view.stamp_ns)
+        notices += self._silent(camera.model, view.stamp_ns)
         return self._moved([view], camera.model, notices), tuple(notices)
+
+    def end(self, name: str) -> tuple[Notice, ...]:
+        """A camera gives no more: the time of frames that still wait is never known."""
+        held = self._cameras[name].held
+        lost = [_lost(view, "its clock was not heard") for view in held]
+        held.clear()
+        return tuple(lost)
+
+    # ------------------------------------------------------------------ clocks that are not heard
+
+    def _unheard(self, camera: CameraClock, name: str) -> tuple[Notice, ...]:
+        """Tell once that frames wait for a clock that nobody hears."""
+        clock = self._required(name)
+        if camera.model is not None or clock is None or clock in self._told:
+            return ()
+        steps = [later.stamp_ns - view.stamp_ns for view, later in pairwise(camera.held)]
+        if sum(step for step in steps if 0 < step <= GAP_S * SECOND) < UNHEARD_S * SECOND:
+            return ()
+        self._told.add(clock)
+        heard = ", ".join(sorted(self._heard)) or "none"
+        text = (
+            f"nothing tells of clock {clock}: frames of camera {name} wait for it, and are dropped at last; "
+            f"clocks that are heard: {heard}"
+        )
+        return (Notice("sync.clock_unheard", "warning", text, {"device": clock}),)
+
+    def _silent(self, model: ClockModel, stamp_ns: int) -> tuple[Notice, ...]:
+        """Tell once that a clock has not been heard for some time."""
+        if model.until_ns == FOREVER or stamp_ns - model.until_ns < SILENT_S * SECOND:
+            return ()
+        if self._heard.get(model.device, True):
+            return ()
+        self._heard[model.device] = True
+        text = f"clock {model.device} was not heard for {SILENT_S:g} s of frames; its line is held over"
+        return (Notice("sync.clock_silent", "warning", text, {"device": model.device}),)
+
+    def _is_far(self, camera: CameraClock, notices: list[Notice]) -> bool:
+        """Whether the first frames of a camera cannot be stamped by the clock that was heard; told once."""
+        model, first = camera.model, camera.held[0]
+        if camera.newest is not None or model is None or model.until_ns == FOREVER:
+            return False
+        away = _away_s(model, first.stamp_ns)
+        if away <= FAR_S:
+            return False
+        if model.device not in self._told:
+            self._told.add(model.device)
+            text = (
+                f"camera {first.camera} is stamped {away:.0f} s from all times at which clock {model.device} "
+                "was heard, and waits: are channels swapped, or is it the clock of others?"
+            )
+            notices.append(Notice("sync.clock_far", "warning", text, {"device": model.device}))
+        return True
 
     # ------------------------------------------------------------------ irregular steps
 
     def _odd(self, camera: CameraClock, stamp_ns: int) -> bool:
         """Whether the clock may have jumped since the camera's last frame."""
         assert camera.model is not None
-        if camera.model.until_ns == FOREVER or camera.newest is None:
+        if camera.model.until_ns == FOREVER:
             return False
+        if camera.newest is None:
+            return _away_s(camera.model, stamp_ns) > FAR_S
         step = stamp_ns - camera.newest
         if step <= 0 or step > GAP_S * SECOND:
             return True
@@ -110,7 +184,8 @@ class StampCorrection:
             notices.append(Notice("sync.clock_odd", "info", text, {"camera": view.camera}))
             camera.told = True
         camera.held.append(view)
-        if len(camera.held) > HELD:
+        notices += self._unheard(camera, view.camera)
+        if len(camera.held) > self._most_held:
             notices.append(_lost(camera.held.popleft(), "no clock model covers its time"))
         return tuple(notices)
 
@@ -118,7 +193,7 @@ class StampCorrection:
         """The held frames, if a model knows their time."""
         if camera.newest is None:
             self._drop_unknown(camera, notices)
-        if not camera.held or camera.model is None:
+        if not camera.held or camera.model is None or self._is_far(camera, notices):
             return []
         first, last = camera.held[0].stamp_ns, camera.held[-1].stamp_ns
         forward = camera.newest is None or first > camera.newest
@@ -180,6 +255,11 @@ class StampCorrection:
                 same = stamp + delay == view.stamp_ns
                 moved.append(view if same else replace(view, stamp_ns=stamp + delay))
         return moved
+
+
+def _away_s(model: ClockModel, stamp_ns: int) -> float:
+    """How far a stamp is from all observations of a clock."""
+    return max(stamp_ns - model.until_ns, model.from_ns - stamp_ns) / SECOND
 
 
 def _lost(view: ViewDetections, why: str) -> Notice:

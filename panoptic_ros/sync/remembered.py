@@ -21,7 +21,7 @@ LAYOUT = StateLayout(
         ClockModel, ScoreMaps, ViewDetections, VisibilityLimit,
         CameraClock, GuardedCamera, StampLine, Waiting,
         Fields.named(StampOutliers, "_cameras"),
-        Fields.named(StampCorrection, "_device _delays _cameras"),
+        Fields.named(StampCorrection, "_device _delays _clocks _cameras _most_held _heard _told"),
         Fields.named(JumpGuard, "_cameras _live _shift _anybody_early _refused"),
         Fields.named(CameraQueue, "frames pace ended last_given _keeps_last"),
         Fields.named(Pace, "_steps newest"),

@@ -51,7 +51,7 @@ class SyncStage(Stateful):
     def reset(self) -> None:
         """Forget all frames and clocks; the next set has index 0."""
         self._outliers = StampOutliers(self._rig.names)
-        self._correction = StampCorrection(self._rig.names, self._config)
+        self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
         self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
         self._queues = {name: CameraQueue(self._interpolates) for name in self._rig.names}
         self._in_order = list(self._queues.values())
@@ -108,6 +108,7 @@ class SyncStage(Stateful):
         views, told = self._outliers.end(camera)
         notices += told
         self._correct(views, notices)
+        notices += self._correction.end(camera)
         self._queues[camera].ended = True
 
     def _correct(self, views: Iterable[ViewDetections], notices: list[Notice]) -> None:
