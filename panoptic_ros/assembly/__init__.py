@@ -11,8 +11,7 @@ are refined by minimising the reprojection error. There are two methods:
 The final solve chooses the observations of each joint by truncated cost, exchanges left and right of
 whole limbs where the images ask for it, refines with Cauchy weights, and states a covariance. The
 noise of 2D joints is learnt online from residuals. Guidance enters choices only; positions are functions
-of this instant's images. Where rays of two views may have met by chance, as others show nobody there, these
-two must agree on most of what they show (`phantoms`).
+of this instant's images.
 
 In: `ProposalSet` (its `detections` suffice). Out: one `PoseSet` for each. Limits: people need two
 views; biases of a detector are not seen by residuals (a `bias_table` takes known ones out, and

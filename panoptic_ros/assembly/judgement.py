@@ -96,12 +96,12 @@ def drop_long_bones(positions, worst, good, bones, longest):
 
 
 @njit(cache=True, error_model="numpy")
-def possible_people(positions, good, observed, min_shares, min_joints, lowest):
+def possible_people(positions, good, observed, min_share, min_joints, lowest):
     """Which skeletons (P,) have enough joints, at a possible height, with views that agree on most.
 
     Args:
         observed: (P, J) number of views whose 2D person shows each joint.
-        min_shares: (P,) of the joints seen in two or more views. lowest: m, of the median height.
+        min_share: of the joints seen in two or more views. lowest: m, of the median height.
     """
     people, joints = good.shape
     possible = np.zeros(people, np.bool_)
@@ -116,7 +116,7 @@ def possible_people(positions, good, observed, min_shares, min_joints, lowest):
             if np.isfinite(positions[p, j, 2]):
                 heights[known] = positions[p, j, 2]
                 known += 1
-        if known and count >= min_joints and agreed >= min_shares[p] * shown:
+        if known and count >= min_joints and agreed >= min_share * shown:
             possible[p] = median(heights[:known]) > lowest
     return possible
 

@@ -70,15 +70,13 @@ class Finisher:
         self._inflation = cauchy_correction(config.cauchy)
 
     def finish(
-        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
-        shares: Array,
-    ) -> People:  # fmt: skip
+        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array
+    ) -> People:
         """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
 
         Args:
             found: the people that were solved; where they expect joints, nodes are looked for.
-            observed: (P, J) number of views whose 2D person shows each joint. shares: (P,) of the joints seen
-                in two or more views, on which these must agree.
+            observed: (P, J) number of views whose 2D person shows each joint.
         """
         config = self._config
         joints, good = self._judged(scene, solved, observed)
@@ -90,7 +88,7 @@ class Finisher:
         lost = np.all(found.grouping.member < 0, axis=1)  # they have nodes and nothing else
         good |= lost[:, None] & np.isfinite(joints.positions[..., 0])
         possible = possible_people(
-            joints.positions, good, observed, shares, config.min_person_joints, config.lowest
+            joints.positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest
         )
         kept = np.flatnonzero(possible)
         kept = kept[~second_skeletons(joints.positions[kept], joints.views[kept])]

@@ -15,7 +15,6 @@ from panoptic_ros.assembly.noise_growth import NoiseGrowth, box_diagonals
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import Finisher, People
-from panoptic_ros.assembly.phantoms import agreed_shares
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.solve import Solver, observed_views
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
@@ -106,8 +105,7 @@ class AssemblyStage(Stateful):
         if has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(scene, found.grouping, found.source)
-        shares = agreed_shares(scene, found, prediction, solved.positions, self._config.min_agreed_share)
-        people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), shares)
+        people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1))
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
         people = people.rows(inside)

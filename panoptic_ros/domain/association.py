@@ -69,7 +69,6 @@ class Prediction:
         positions: (K, J, 3) m, NaN = unknown. velocities: (K, J, 3) m/s, 0 where unknown.
         ages: (K, J) s since measured. variances: (K, J, 3), see `geometry.motion`.
         firm: (K, J) whether three or more views agreed on the joint a moment ago.
-        established: (K,) whether three or more views ever agreed on some joints.
 
     Raises:
         DataError: if the arrays do not fit each other.
@@ -80,19 +79,17 @@ class Prediction:
     ages: Array
     variances: Array
     firm: Array
-    established: Array
 
     def __post_init__(self) -> None:
         shape = self.ages.shape
         _fit(self, "positions velocities variances", (*shape, 3))
         _fit(self, "ages firm", shape)
-        _fit(self, "established", shape[:1])
 
     @classmethod
     def of_nobody(cls, joints: int) -> Prediction:
         """Nobody is followed."""
         places, numbers = np.zeros((0, joints, 3)), np.zeros((0, joints))
-        return cls(places, places, numbers, places, numbers > 0.0, np.zeros(0, bool))
+        return cls(places, places, numbers, places, numbers > 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,7 +20,6 @@ FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fade
 LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten
 FIRM_VIEWS = 3  # views that must agree on a joint to make its position firm
 FIRM_TIME = 0.08  # s, how long it stays firm
-ESTABLISHED_JOINTS = 4  # joints that were ever firm make a person established
 
 
 class JointMotion(NamedTuple):
@@ -60,11 +59,10 @@ def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
     predict(motion, dt)
     known = np.isfinite(motion.states[..., 0])
     rows = np.flatnonzero(known.any(axis=1) & (tracks.unseen + dt <= memory))
-    states, unagreed = motion.states[rows], motion.unagreed[rows]
+    states = motion.states[rows]
     return Prediction(
         states[..., :3].copy(), np.where(known[rows][..., None], states[..., 3:], 0.0), motion.ages[rows],
-        motion.variances[rows], unagreed <= FIRM_TIME,
-        np.isfinite(unagreed).sum(axis=1) >= ESTABLISHED_JOINTS,
+        motion.variances[rows], motion.unagreed[rows] <= FIRM_TIME,
     )  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def easy_associations(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> I
         rows = [int(start + counts[start:end].argmax()) for start, end in pairwise(evidence.starts)]
         groups = Groups(np.array(rows, np.int64)[None], np.zeros((1, len(rows)), bool))
         known = item.index > 0
-        prediction = Prediction(cloud, still, ages, 1e-3 + still, ages < 0.0, ages[:, 0] < 0.0)
+        prediction = Prediction(cloud, still, ages, 1e-3 + still, ages < 0.0)
         yield AssociationSet(
             item, evidence, groups, np.array([0 if known else -1]), cloud,
             prediction if known else Prediction.of_nobody(len(skeleton)),

@@ -84,9 +84,8 @@ def test_people_need_joints_agreement_and_height():
     good[2, :1] = False
     positions[~good] = np.nan
     observed = np.full((4, 6), 3)
-    half, most = np.full(4, 0.5), np.full(4, 0.9)
-    assert possible_people(positions, good, observed, half, 5, -2.0).tolist() == [True, False, True, False]
-    assert not possible_people(positions, good, observed, most, 5, -2.0)[2]
+    assert possible_people(positions, good, observed, 0.5, 5, -2.0).tolist() == [True, False, True, False]
+    assert not possible_people(positions, good, observed, 0.9, 5, -2.0)[2]
 
 
 def test_of_two_skeletons_in_one_place_that_of_more_views_stays():

@@ -42,7 +42,6 @@ def write(item: AssociationSet, family: Messages, frame_id: str) -> Any:
         mirrored=flat(family, groups.mirrored, np.uint8),
         continues=flat(family, item.who, np.int32),
         places=flat(family, item.places, np.float64),
-        established=flat(family, item.prediction.established, np.uint8),
         **{
             field: flat(family, getattr(item.prediction, name), np.uint8 if dtype == np.bool_ else dtype)
             for field, (name, _, dtype) in _PREDICTION.items()
@@ -58,13 +57,12 @@ def read(message: Any) -> AssociationSet:
     """
     evidence = _read_evidence(message)
     joints, views, people = evidence.scores.shape[1], evidence.views, len(message.continues)
-    followed = len(message.established)
+    followed = len(message.ages) // max(joints, 1)
     prediction = Prediction(
         **{
             name: _array(message, field, dtype, followed, joints, *tail)
             for field, (name, tail, dtype) in _PREDICTION.items()
-        },
-        established=_array(message, "established", np.bool_, followed),
+        }
     )
     groups = Groups(
         _array(message, "members", np.int64, people, views),

@@ -104,7 +104,6 @@ def association(people=2, followed=3):
     prediction = Prediction(
         rng.normal(size=(*shape, 3)), rng.normal(size=(*shape, 3)), rng.uniform(size=shape),
         rng.uniform(size=(*shape, 3)), rng.uniform(size=shape) < 0.5,
-        np.array([True, False, True])[:followed],
     )  # fmt: skip
     member = np.array([[-1, 1, 2], [-1, 0, -1]])[:people]
     return AssociationSet(
