@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from panoptic_ros.assembly.judgement import (
 from panoptic_ros.assembly.map_votes import has_maps, move_to_votes
 from panoptic_ros.assembly.view_sources import view_sources
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
+from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.solving.joint_records import SolvedJoints
 from panoptic_ros.solving.scene import Scene
 
@@ -67,7 +67,7 @@ class Finisher:
     def __init__(self, config: AssemblyConfig, skeleton: SkeletonModel):
         self._config, self._skeleton = config, skeleton
         self._bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
-        self._inflation = cauchy_correction(config.cauchy)
+        self._inflation = covariance_correction(config.cauchy)
 
     def finish(
         self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array
@@ -109,18 +109,3 @@ class Finisher:
             np.where(good, scores, 0.0), np.where(good, views, 0), np.zeros(good.shape),
         )  # fmt: skip
         return joints, good
-
-
-@cache
-def cauchy_correction(scale: float) -> float:
-    """Variance of the Cauchy estimate of a 2D Gaussian over the inverse of its mean weight.
-
-    For psi(r) = r w(r), w = 1 / (1 + r^2 / scale^2), the variance is E[psi^2] / E[psi']^2 (Huber 1964),
-    here per axis with r^2 chi-squared of two degrees of freedom.
-    """
-    squares = np.linspace(0.0, 60.0, 6001)[1:] - 0.005
-    density = 0.5 * np.exp(-0.5 * squares) * 0.01
-    weight = 1.0 / (1.0 + squares / scale**2)
-    slope = weight - squares / scale**2 * weight**2  # mean over the axes of d psi / d r
-    variance = (0.5 * squares * weight**2 * density).sum() / (slope * density).sum() ** 2
-    return float(variance * (weight * density).sum())

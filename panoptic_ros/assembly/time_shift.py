@@ -18,6 +18,7 @@ from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.people import People
 from panoptic_ros.assembly.solve import Solver
 from panoptic_ros.domain import Prediction, SkeletonModel, TimeShift
+from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.gauss_newton import MIN_DEPTH
 from panoptic_ros.solving.joint_records import SolvedJoints
@@ -131,6 +132,7 @@ def stamp_sums(solved, shifts, seen, cauchy):
     first, second = np.zeros((people, joints, 3, 3)), np.zeros((people, joints, 3, 3))
     slopes = np.zeros((people, joints, 3))
     local, row, column = np.empty(3), np.empty(3), np.empty(3)
+    softness = 1.0 / (cauchy * cauchy)
     for p in range(people):
         for j in range(joints):
             if not np.isfinite(positions[p, j, 0]):
@@ -149,7 +151,7 @@ def stamp_sums(solved, shifts, seen, cauchy):
                 for k in range(3):
                     row[k] = (rotations[v, 0, k] - u * rotations[v, 2, k]) / z
                     column[k] = (rotations[v, 1, k] - w * rotations[v, 2, k]) / z
-                weight = precision[d, s] ** 2 / (1.0 + (residuals[p, j, v] / cauchy) ** 2)
+                weight = precision[d, s] ** 2 / noise_growth(residuals[p, j, v] ** 2, softness)
                 du, dw = plane[d, s, 0] - u, plane[d, s, 1] - w
                 for i in range(3):
                     slopes[p, j, i] += weight * t * (row[i] * du + column[i] * dw)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import relative_growth
 from panoptic_ros.kernels import njit
 from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whitened_row
 
@@ -37,9 +38,8 @@ def update(motion, rows, points, noises, cauchy, innovations):
 
     Points that are NaN, and joints whose motion is unknown, change nothing.
 
-    An innovation of m sigmas multiplies the noise by 1 + (m / cauchy)^2 (the weight of a Cauchy
-    likelihood), divided by what that is on average, so that covariances stay honest. The three
-    coordinates are taken one after another after whitening the noise.
+    Large innovations multiply the noise (`geometry.robust`). The three coordinates are taken one after
+    another after whitening the noise.
 
     Args:
         noises: (P, J, 3, 3) m^2, covariances of the points. innovations: (P, J, 3) becomes the whitened
@@ -61,10 +61,10 @@ def update(motion, rows, points, noises, cauchy, innovations):
         squared = 0.0
         for i in range(3):
             squared += whitened[i] ** 2 / 3.0
-        weight = (1.0 + squared * softness) / (1.0 + softness)
+        growth = relative_growth(squared, softness)
         for i in range(3):
             for k in range(3):
-                total[i, k] = noise[i, k] * weight
+                total[i, k] = noise[i, k] * growth
         cholesky(total, lower, False)
         for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
             whitened_row(lower, k, row)
@@ -84,7 +84,7 @@ def update_row(state, covariance, row, innovation, cauchy, gain):
             gain[i] += covariance[i, k] * row[k]
     for k in range(6):
         spread += row[k] * gain[k]
-    spread += (1.0 + softness * innovation**2 / (spread + 1.0)) / (1.0 + softness)
+    spread += relative_growth(innovation**2 / (spread + 1.0), softness)
     scaled = innovation / spread
     for i in range(6):
         state[i] += gain[i] * scaled

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import relative_growth
 from panoptic_ros.kernels import njit
 from panoptic_ros.refinement.kalman import update_row
 from panoptic_ros.refinement.records import Motion
@@ -37,6 +38,7 @@ def update_moving(motion, rows, points, noises, delays, cauchy, innovations):
     """
     row, ahead, gain = np.empty(6), np.empty((3, 6)), np.empty(6)
     total, lower, innovation = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    softness = 1.0 / (cauchy * cauchy)
     for r, j in np.ndindex(points.shape[:2]):
         state, cov = motion.states[rows[r], j], motion.covariances[rows[r], j]
         noise, whitened, delay = noises[rows[r], j], innovations[rows[r], j], delays[r, j]
@@ -59,10 +61,10 @@ def update_moving(motion, rows, points, noises, delays, cauchy, innovations):
         squared = 0.0
         for i in range(3):
             squared += whitened[i] ** 2
-        more, less = 1.0 + squared / 3.0 / (cauchy * cauchy), 1.0 + 1.0 / (cauchy * cauchy)
+        growth = relative_growth(squared / 3.0, softness)
         for i in range(3):
             for k in range(3):
-                total[i, k] = noise[i, k] * more / less
+                total[i, k] = noise[i, k] * growth
         cholesky(total, lower, False)
         for k in range(3):
             whitened_row(lower, k, row)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
@@ -92,7 +93,7 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
                 continue
             residuals[view] = squared
             count += 1
-            weight = row[INFORMATION] / (1.0 + squared * softness) * inverse
+            weight = row[INFORMATION] / noise_growth(squared, softness) * inverse
             g0, g1, g2 = row[0] - u * row[6], row[1] - u * row[7], row[2] - u * row[8]
             h0, h1, h2 = row[3] - w * row[6], row[4] - w * row[7], row[5] - w * row[8]
             b0 += weight * (g0 * du + h0 * dw)

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import truncated
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.cameras import Observations
 from panoptic_ros.solving.gauss_newton import MIN_DEPTH, TABLE, Result, SolverRules, Steps, refine_point
 from panoptic_ros.solving.joint_records import Claims, Guides, SolvedJoints
-from panoptic_ros.solving.truncation import truncated
 
 Array = np.ndarray
 

@@ -1,0 +1,58 @@
+"""What large residuals count, wherever something is estimated: the likelihood of a Cauchy distribution."""
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.kernels import inlined
+
+TIE_BREAK = 1e-6  # share of the limit
+
+
+def growth(squared: Any, softness: float) -> Any:
+    """By what a residual multiplies the variance of its measurement: the inverse of its weight.
+
+    Args:
+        squared: residual, in variances; a number or an array.
+        softness: 1 / scale^2, the scale in standard deviations.
+    """
+    return 1.0 + squared * softness
+
+
+noise_growth = inlined(growth)  # for kernels
+
+
+@inlined
+def relative_growth(squared, softness):
+    """The same divided by that of a residual of one standard deviation, so that covariances stay honest."""
+    return noise_growth(squared, softness) / noise_growth(1.0, softness)
+
+
+@cache
+def covariance_correction(scale: float) -> float:
+    """Variance of the robust estimate of a 2D Gaussian over the inverse of its mean weight.
+
+    For psi(r) = r w(r^2) the variance is E[psi^2] / E[psi']^2 (Huber 1964), here per axis with r^2
+    chi-squared of two degrees of freedom.
+
+    Args:
+        scale: of the weight w = 1 / `growth`, in standard deviations.
+    """
+    squares = np.linspace(0.0, 60.0, 6001)[1:] - 0.005
+    density = 0.5 * np.exp(-0.5 * squares) * 0.01
+    weight = 1.0 / growth(squares, 1.0 / scale**2)
+    slope = weight + squares * np.gradient(weight, squares)  # mean over the axes of d psi / d r
+    variance = (0.5 * squares * weight**2 * density).sum() / (slope * density).sum() ** 2
+    return float(variance * (weight * density).sum())
+
+
+@inlined
+def truncated(cost, limit):
+    """The truncated value of a cost (>= 0): beyond the limit it grows by at most a share of TIE_BREAK.
+
+    Without that slope all places at which every view is an outlier would cost the same. Which of them is
+    taken would then depend on the order of the cameras.
+    """
+    return cost if cost < limit else limit * (1.0 + TIE_BREAK * (1.0 - limit / cost))
