@@ -65,6 +65,13 @@ class AssemblyConfig(Config):
         0.1, unit="m", ge=0.0, le=1.0,
         doc="Joints that score maps show move to the soft vote of the maps if it is this near; 0 = never.",
     )
+    two_view_joints: bool = param(
+        True, doc="Place joints of people whom two views show also where these disagree or one lacks the "
+        "joint; their covariances are large.",
+    )
+    lost_people: bool = param(
+        True, doc="Add people whom score maps show and no list of 2D people has, from voted nodes."
+    )
     max_joint_sigma: float = param(
         0.3, unit="m", ge=0.01, le=10.0, doc="Joints that are less certain than this are missing."
     )

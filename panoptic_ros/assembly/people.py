@@ -83,7 +83,8 @@ class Finisher:
         if config.vote_distance > 0.0 and has_maps(item):
             expected = found.guide.positions
             move_to_votes(joints, expected, item, self._skeleton, config.vote_distance, config.node_sigma)
-        place_disputed(scene, found, joints, self._skeleton)
+        if config.two_view_joints:
+            place_disputed(scene, found, joints, self._skeleton)
         joints.derive(self._skeleton)
         lost = np.all(found.grouping.member < 0, axis=1)  # they have nodes and nothing else
         good |= lost[:, None] & np.isfinite(joints.positions[..., 0])

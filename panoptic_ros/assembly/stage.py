@@ -102,7 +102,7 @@ class AssemblyStage(Stateful):
         kinds = self._kinds(scene, found)
         scene = replace(scene, precision=self._precision(evidence, kinds, sizes))
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
-        if has_maps(item):
+        if self._config.lost_people and has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(scene, found.grouping, found.source)
         people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1))

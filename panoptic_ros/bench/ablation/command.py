@@ -9,10 +9,10 @@ from typing import Any
 
 from panoptic_ros.bench.ablation.mechanisms import chosen
 from panoptic_ros.bench.ablation.summary import Samples, summary
-from panoptic_ros.bench.ablation.worlds import MAPS, QUICK, SIMULATED, check_scene, frames_of
+from panoptic_ros.bench.ablation.variants import VARIANTS, split
+from panoptic_ros.bench.ablation.worlds import QUICK, SIMULATED, frames_of
 from panoptic_ros.bench.child import run_child
 from panoptic_ros.errors import UsageError
-from panoptic_ros.simulation import SCENES
 from panoptic_ros.stage import Progress, untold
 
 CASE = "panoptic_ros.bench.ablation.case"
@@ -36,8 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--first-seed", type=int, default=0, metavar="N", help="default 0")
     parser.add_argument(
         "--scenes", default=",".join(SIMULATED), metavar="NAME,NAME",
-        help=f"of `panoptic simulate`, with {MAPS} behind the name also drawn score maps; empty = none; "
-        f"default {','.join(SIMULATED)}",
+        help="of `panoptic simulate`; behind the name of one that is not rendered "
+        f"{', '.join('+' + word for word in VARIANTS)} (drawn score maps; somebody whom these alone show; "
+        f"two cameras only); empty = none; default {','.join(SIMULATED)}",
     )  # fmt: skip
     parser.add_argument(
         "--capture", nargs="+", action="append", default=[], metavar="PATH", dest="captures",
@@ -79,8 +80,6 @@ def _jobs(args: argparse.Namespace, only: list[str]) -> list[_Job]:
     scenes = _words(args.scenes)
     if args.quick and args.scenes == ",".join(SIMULATED):
         scenes = list(QUICK)
-    for name in scenes:
-        check_scene(name)
     if not scenes and not args.captures:
         raise UsageError("there is nothing to solve: give --scenes or --capture")
     jobs = [_scene_job(name, seed, args, only) for name in scenes for seed in _seeds(args)]
@@ -100,7 +99,7 @@ def _check_numbers(args: argparse.Namespace) -> None:
 
 
 def _scene_job(name: str, seed: int, args: argparse.Namespace, only: list[str]) -> _Job:
-    scene = SCENES[name.removesuffix(MAPS)]
+    scene, _ = split(name)
     most = QUICK_FRAMES if args.quick and args.frames is None else args.frames
     frames = frames_of(name, most)
     request = {"scene": name, "seed": seed, "frames": frames, "model": args.model, "only": only}

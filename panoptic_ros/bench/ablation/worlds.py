@@ -5,23 +5,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from panoptic_ros.bench.ablation.variants import split, varied
 from panoptic_ros.bench.rendered import rendered_world
 from panoptic_ros.bench.stage1.recorded import recorded_world
-from panoptic_ros.bench.stage1.world import HD_MAPS, World, truth_of
+from panoptic_ros.bench.stage1.world import World, truth_of
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.compared_skeletons import read_sequence
 from panoptic_ros.io.recorded_people import read_people
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.simulation import SCENES, SKELETON, simulate
-from panoptic_ros.simulation.drawn_maps import with_drawn_maps
+from panoptic_ros.simulation import SKELETON, simulate
 
-MAPS = "+maps"  # after the name of a scene: with score maps, drawn from the 2D people
 SIMULATED = (
-    "clean-4p5v", "noisy-4p5v" + MAPS, "noisy-8p5v", "noisy-8p10v", "noisy-8p31v", "three-views-2p",
-    "sitting-group-6p5v", "sitting-group-6p5v" + MAPS, "crossing", "occluded", "bystanders", "enter-leave",
-    "unsync-5v", "mixed-rates", "rendered-4p6v", "rendered-3p8v", "rendered-table-4p8v",
+    "clean-4p5v", "noisy-4p5v+2views", "noisy-4p5v+maps", "noisy-4p5v+unlisted", "noisy-8p5v", "noisy-8p10v",
+    "noisy-8p31v", "three-views-2p", "sitting-group-6p5v", "sitting-group-6p5v+maps", "crossing", "occluded",
+    "bystanders", "enter-leave", "unsync-5v", "mixed-rates", "rendered-4p6v", "rendered-3p8v",
+    "rendered-table-4p8v",
 )  # fmt: skip
-QUICK = ("noisy-4p5v" + MAPS, "three-views-2p", "noisy-8p5v")
+QUICK = ("noisy-4p5v+maps", "three-views-2p", "noisy-8p5v")
 RENDERED_FRAMES = 25  # at most: images take most of the time
 STRETCHES = 8  # into which a recording is cut, to know what is chance
 SHORTEST = 4  # frames of a stretch
@@ -43,32 +43,26 @@ class Case:
     stretches: int = 1
 
 
-def check_scene(name: str) -> None:
-    """Raises a UsageError if there is no such scene."""
-    if name.removesuffix(MAPS) not in SCENES:
-        raise UsageError(
-            f"there is no scene {name!r}; there are {', '.join(SCENES)}, and each of them that is not "
-            f"rendered with {MAPS} behind it"
-        )
-
-
 def frames_of(name: str, most: int | None) -> int:
-    """How many frames of a scene are taken."""
-    scene = SCENES[name.removesuffix(MAPS)]
+    """How many frames of a scene are taken.
+
+    Raises:
+        UsageError: if there is no such scene.
+    """
+    scene, _ = split(name)
     own = min(scene.frames, RENDERED_FRAMES) if scene.rendered else scene.frames
     return own if most is None else min(own, most)
 
 
 def simulated_case(name: str, seed: int, frames: int, model: str) -> Case:
-    """A take of a scene; the images of a rendered one through the detector `model`."""
-    take = simulate(SCENES[name.removesuffix(MAPS)], seed, frames)
-    if take.scene.rendered:
+    """A take of a scene with its variants; the images of a rendered one through the detector `model`."""
+    scene, variants = split(name)
+    take = simulate(scene, seed, frames)
+    if scene.rendered:
         world = rendered_world(take, model)
         return Case(world, world.skeleton.joint_names)
-    sets = tuple(take.detection_sets())
-    if name.endswith(MAPS):
-        sets = tuple(with_drawn_maps(item, HD_MAPS) for item in sets)
-    return Case(World(take.rig, SKELETON, sets, (), truth_of(take)), SKELETON.joint_names)
+    rig, sets = varied(take, variants)
+    return Case(World(rig, SKELETON, sets, (), truth_of(take)), SKELETON.joint_names)
 
 
 def recorded_case(paths: Sequence[str]) -> Case:

@@ -106,6 +106,27 @@ def test_votes_take_part_where_there_are_maps():
     assert runs["votes"][0]["mpjpe_mm"] != runs[DEFAULT][0]["mpjpe_mm"]
 
 
+def test_variants_of_a_scene():
+    plain, few, unlisted = (
+        simulated_case(f"noisy-4p5v{variant}", 3, 4, "").world for variant in ("", "+2views", "+unlisted")
+    )
+    assert plain.rig.names[:2] == few.rig.names and not plain.mapped and not few.mapped
+    for whole, part in zip(plain.sets, few.sets):
+        assert [v.points.tobytes() for v in whole.views[:2]] == [v.points.tobytes() for v in part.views]
+    views = [(a, b) for p, u in zip(plain.sets, unlisted.sets) for a, b in zip(p.views, u.views)]
+    fewer = [len(whole.points) - len(part.points) for whole, part in views]
+    assert set(fewer) == {0, 1} and np.mean(fewer) > 0.8
+    for missing, (_, part) in zip(fewer, views):
+        shown = part.maps.persons
+        assert set(shown.tolist()) <= {-1, *range(len(part.points))} and missing == (shown == -1).any()
+
+
+def test_who_is_in_the_maps_alone_is_found():
+    request = TINY | {"scene": "noisy-4p5v+unlisted", "frames": 8, "only": ["lost-people"]}
+    runs = case.measure(request)["runs"]
+    assert runs[DEFAULT][0]["recall"] > 95.0 and runs["lost-people"][0]["recall"] < 80.0
+
+
 def test_people_who_are_to_be_ignored_do_not_count():
     found = simulated_case("occluded", 0, 45, "")
     hidden = [frame.ignored.any() for frame in found.world.truth.frames]
@@ -145,6 +166,8 @@ def test_the_bench_runs_in_processes_and_prints_json(capsys):
     [
         (["--only", "luck"], "--only luck"),
         (["--scenes", "moon"], "no scene 'moon'"),
+        (["--scenes", "noisy-8p5v+moon"], "no scene 'noisy-8p5v+moon'"),
+        (["--scenes", "rendered-3p8v+maps"], "no scene 'rendered-3p8v+maps'"),
         (["--scenes", ""], "nothing to solve"),
         (["--seeds", "0"], "--seeds 0"),
         (["--capture", "a", "b", "c", "d"], "--capture a b c d"),
