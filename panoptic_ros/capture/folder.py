@@ -2,13 +2,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
 from panoptic_ros.capture.image_size import SizePolicy, fit_camera
+from panoptic_ros.capture.sound import folder_sounds, sound_files
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.capture.timestamps import read_timestamps
 from panoptic_ros.capture.video import VideoSource
@@ -31,6 +33,8 @@ class CaptureFolder:
         sources: one per camera, in the order of the rig.
         notices: one line each about what was adapted or left out.
         depth_sensors: one per depth sensor of the rig that has maps, in the order of the rig.
+        sounds: descriptions of what devices heard beside the cameras, for `capture.sound.open_sound`.
+        stamps: ns by camera, where the folder has stamps of its own.
     """
 
     path: Path
@@ -38,6 +42,8 @@ class CaptureFolder:
     sources: tuple[FrameSource, ...]
     notices: tuple[str, ...] = ()
     depth_sensors: tuple[DepthSensorSource, ...] = ()
+    sounds: tuple[Mapping[str, Any], ...] = ()
+    stamps: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     @property
     def depth_cameras(self) -> tuple[str, ...]:
@@ -76,8 +82,8 @@ def open_capture_folder(
     Args:
         path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
             and optionally `<camera>_depth/*.png` (see `DepthSource`), `<sensor>_depth/*.png` of the rig's
-            depth sensors (see `DepthSensorSource`), occluders.json and timestamps.csv. Other files and
-            folders are left alone.
+            depth sensors (see `DepthSensorSource`), `<device>.wav` with sound.yaml (see `folder_sounds`),
+            occluders.json and timestamps.csv. Other files and folders are left alone.
         rig: in place of the rig file and occluders.json.
         cameras: use these only.
         size_policy: see `fit_camera`.
@@ -117,10 +123,15 @@ def open_capture_folder(
                 "add them or choose cameras that are there"
             )
         files[name] = videos.get(name) or folders[name]
-    stamps = read_timestamps(path / "timestamps.csv") if (path / "timestamps.csv").exists() else {}
-    return open_files(
+    table = path / "timestamps.csv"
+    heard = {file.stem for file in sound_files(path)} - set(rig.names)
+    stamps = read_timestamps(table, heard) if table.exists() else {}
+    begins = {name: stamps[name][0] if name in stamps else start_ns for name in rig.names}
+    sounds = folder_sounds(path, begins)
+    opened = open_files(
         rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps
     )
+    return replace(opened, sounds=sounds, stamps=stamps)
 
 
 def open_files(

@@ -8,7 +8,7 @@ what it gives.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from heapq import heappop, heappush
 from typing import Any
 
@@ -114,11 +114,14 @@ class _Group:
         if any(stream.first_stamp is None and not stream.empty for stream in self.stamped.values()):
             return None
         firsts: dict[str, int] = {}
+        shifted: list[int] = []
         for stream in self.stamped.values():
-            if stream.first_stamp is not None:
-                clock = stream.lane.clock
-                firsts[clock] = min(stream.first_stamp, firsts.get(clock, stream.first_stamp))
-        return Origins.of(firsts)
+            first, clock, shift = stream.first_stamp, stream.lane.clock, stream.lane.shift_ns
+            if first is not None and shift is not None:
+                shifted.append(first + shift)
+            elif first is not None:
+                firsts[clock] = min(first, firsts.get(clock, first))
+        return Origins.of(firsts, shifted)
 
 
 class Host:
@@ -277,7 +280,7 @@ class Host:
 
 def lanes_of(
     topics: Sequence[str], owners: Callable[[str], Sequence[str]], pipeline: Pipeline,
-    clocks: Callable[[str], str] = lambda owner: "",
+    clocks: Callable[[str], str] = lambda owner: "", shifts: Mapping[str, int] = {},
 ) -> list[Lane]:  # fmt: skip
     """Lanes of topics from outside.
 
@@ -286,10 +289,11 @@ def lanes_of(
         owners: of a topic: the cameras or devices that give it, in the order of the rig; ("",) for the
             graph's.
         clocks: of an owner: whose clock its stamps are on.
+        shifts: by owner: what is added to its stamps, where that is known; see `Lane`.
     """
     ports = {port.topic: port for port in pipeline.wiring.inputs}
     return [
         Lane(topic, owner, (order, number_of(topic)), TOPICS[topic].by_stamp, ports[topic].ahead_ns,
-             clocks(owner))
+             clocks(owner), shifts.get(owner))
         for topic in topics for order, owner in enumerate(owners(topic))
     ]  # fmt: skip

@@ -2,8 +2,8 @@
 
 Records of sources, and those that follow them one by one, have the place (time, owner, topic). The time is
 their stamp; of a clock of its own, it is counted from the first stamp and begins where the common clock
-does. The places of other records are told by markers: "the newest record is at p" and "all that is still to
-come is not before p".
+does, unless it is known by how much the clocks differ (`shift_ns`). The places of other records are told by
+markers: "the newest record is at p" and "all that is still to come is not before p".
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ class Lane(NamedTuple):
         by_stamp: places come from stamps, otherwise from markers.
         ahead_ns: see `graph.nodes.Port`.
         clock: whose clock the stamps are on.
+        shift_ns: what is added to stamps for a time that all such lanes share; None: not known.
     """
 
     topic: str
@@ -36,6 +37,7 @@ class Lane(NamedTuple):
     by_stamp: bool
     ahead_ns: int = 0
     clock: str = ""
+    shift_ns: int | None = None
 
 
 class Origins(NamedTuple):
@@ -50,9 +52,14 @@ class Origins(NamedTuple):
     begin: int
 
     @classmethod
-    def of(cls, firsts: Mapping[str, int]) -> Origins:
-        """Origins by the first stamps of the clocks: all begin with the common one ("")."""
-        begin = firsts.get("", 0)
+    def of(cls, firsts: Mapping[str, int], shifted: Sequence[int] = ()) -> Origins:
+        """Origins by the first stamps of the clocks: all begin with the common one ("").
+
+        Args:
+            shifted: first times of lanes whose clocks are known; the first of all is the beginning.
+        """
+        common = [firsts[""]] if "" in firsts else []
+        begin = min([*common, *shifted], default=0)
         return cls({clock: first - begin for clock, first in firsts.items() if clock}, begin)
 
 
@@ -201,7 +208,8 @@ class StampedStream:
 
     def _time_of(self, stamp: int, origins: Origins) -> int:
         if self._last is None:
-            self._shift = -origins.shifts.get(self.lane.clock, 0)
+            known = self.lane.shift_ns
+            self._shift = -origins.shifts.get(self.lane.clock, 0) if known is None else known
             self._early = EARLY if stamp + self._shift - origins.begin > PAUSE_NS else 0
             self._time = origins.begin - 1
         else:

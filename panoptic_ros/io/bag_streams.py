@@ -3,9 +3,9 @@ from __future__ import annotations
 
 import heapq
 import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,16 +19,20 @@ SECOND = 1_000_000_000
 JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recording's have jumped
 TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
 DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the last is read
+SOUND_KEY = "audio"
 LOOKED_AT = 20  # messages that tell the rate
 
 
 @dataclass(frozen=True)
 class BagStream:
-    """One camera's topic in a bag.
+    """One camera's topic in a bag, or that of a device with sound.
 
     Args:
+        camera: or device.
         key: of `graph.topics.TOPICS`: what the messages are.
         arrival_stamps: take the times of recording for the stamps in the headers.
+        shift_ns: what is added to stamps to tell which messages of several topics belong side by side.
+        from_sample: of sound: blocks that end before it are left out.
     """
 
     bag: Path
@@ -36,6 +40,8 @@ class BagStream:
     camera: str
     key: str
     arrival_stamps: bool = False
+    shift_ns: int = 0
+    from_sample: int = 0
 
     def messages(self, bag: BagReader) -> Iterator[BagMessage | DataError]:
         """All messages, and an error in the place of each that cannot be decoded."""
@@ -46,7 +52,15 @@ class BagStream:
             except DataError as error:
                 yield self._named(error)
                 continue
-            yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
+            if not self._is_early(message):
+                yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
+
+    def _is_early(self, message: Any) -> bool:
+        """Whether it is sound of before what is needed."""
+        if self.key != SOUND_KEY or not self.from_sample:
+            return False
+        count = len(message.samples) // max(1, message.channels)
+        return bool(message.first_sample + count <= self.from_sample)
 
     def record(self, message: Any, number: int) -> Any:
         """The `ViewDetections`, or the `ViewFrame` or `DepthFrame` of that number, in a message.
@@ -57,6 +71,8 @@ class BagStream:
         try:
             if self.key == "detections":
                 return from_message(message, "ViewDetections")
+            if self.key == SOUND_KEY:
+                return from_message(message, "AudioBlock")
             if self.key in DEPTH_KEYS:
                 return depth_frame_from_message(message, self.camera, number)
             return frame_from_message(message, self.camera, number)
@@ -90,17 +106,32 @@ class BagStream:
 
 @dataclass(frozen=True)
 class BagMessage:
-    """A message of a stream: when it was recorded, its stamp, the CDR bytes, and what they say."""
+    """A message of a stream: when it was recorded, its stamp, the CDR bytes, and what they say.
+
+    Args:
+        place_ns: its stamp, shifted, and running on where stamps jump.
+    """
 
     stream: BagStream
     arrival_ns: int
     stamp_ns: int
     data: bytes
     message: Any
+    place_ns: int = 0
 
 
-def merged(streams: Sequence[BagStream], on_bad: Callable[[DataError], None]) -> Iterator[BagMessage]:
-    """The messages of all streams by their stamps.
+@dataclass(frozen=True)
+class StreamEnd:
+    """A stream has no more messages."""
+
+    stream: BagStream
+    place_ns: int
+
+
+def merged(
+    streams: Sequence[BagStream], on_bad: Callable[[DataError], None]
+) -> Iterator[BagMessage | StreamEnd]:
+    """The messages of all streams by their stamps, and the end of each.
 
     Where the stamps of a camera jump, its place among the others runs on with the times of recording, so
     that one clock's jump does not put a camera hours before or behind the others.
@@ -110,7 +141,7 @@ def merged(streams: Sequence[BagStream], on_bad: Callable[[DataError], None]) ->
     """
     with ExitStack() as stack:
         placed = [
-            _placed(order, stream.messages(bag), on_bad)
+            _placed(order, stream, bag, on_bad)
             for order, (stream, bag) in enumerate(_bags(streams, stack))
         ]
         for _, _, item in heapq.merge(*placed, key=lambda row: row[:2]):
@@ -154,20 +185,21 @@ def _records(stream: BagStream, bag: BagReader, on_bad: Callable[[DataError], No
 
 
 def _placed(
-    order: int, items: Iterable[BagMessage | DataError], on_bad: Callable[[DataError], None]
-) -> Iterator[tuple[int, int, BagMessage]]:
+    order: int, stream: BagStream, bag: BagReader, on_bad: Callable[[DataError], None]
+) -> Iterator[tuple[int, int, BagMessage | StreamEnd]]:
     place, last = 0, None
-    for item in items:
+    for item in stream.messages(bag):
         if isinstance(item, DataError):
             on_bad(item)
             continue
         if last is None:
-            place = item.stamp_ns
+            place = item.stamp_ns + item.stream.shift_ns
         else:
             step, recorded = item.stamp_ns - last.stamp_ns, max(0, item.arrival_ns - last.arrival_ns)
             place += step if 0 < step <= recorded + JUMP_NS else recorded
         last = item
-        yield place, order, item
+        yield place, order, replace(item, place_ns=place)
+    yield place, order, StreamEnd(stream, place)
 
 
 def _with_stamp(data: bytes, stamp_ns: int) -> bytes:

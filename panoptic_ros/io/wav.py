@@ -12,7 +12,7 @@ from scipy.io import wavfile
 
 from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.io.files import read_bytes, write_bytes
+from panoptic_ros.io.files import file_errors, read_bytes, write_bytes
 
 Array = np.ndarray
 BLOCK_SAMPLES = 4096
@@ -31,24 +31,44 @@ def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
     return sample_rate, _as_float(path, samples[:, channel])
 
 
-def read_wav_channels(path: Path) -> tuple[int, Array]:
-    """Sample rate, Hz, and the samples (N, C) float32 in -1..1 of all channels.
+class WavFile:
+    """A file of any length, whose samples are read as they are asked for.
 
     Raises:
         DataError: if it is no WAV file, or an empty one.
     """
-    sample_rate, samples = _read(path)
-    return sample_rate, _as_float(path, samples)
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.sample_rate, self._stored = _read(path, mapped=True)
+
+    @property
+    def channels(self) -> int:
+        """How many there are."""
+        return int(self._stored.shape[1])
+
+    def __len__(self) -> int:
+        return len(self._stored)
+
+    def samples(self, first: int, end: int) -> Array:
+        """Samples (N, C) float32 in -1..1 from `first` to before `end`.
+
+        Raises:
+            DataError: if some are not finite.
+        """
+        return _as_float(self.path, np.asarray(self._stored[first:end]))
 
 
-def _read(path: Path) -> tuple[int, Array]:
-    """Sample rate and samples (N, C) as they are stored."""
-    data = read_bytes(path)
+def _read(path: Path, mapped: bool = False) -> tuple[int, Array]:
+    """Sample rate and samples (N, C) as they are stored; mapped: in the file, where its format allows."""
+    data = None if mapped else read_bytes(path)
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), file_errors(path, "read"):
             warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not audio
-            sample_rate, samples = wavfile.read(io.BytesIO(data))
+            sample_rate, samples = wavfile.read(path if data is None else io.BytesIO(data), mmap=mapped)
     except (ValueError, EOFError, LookupError, TypeError, ArithmeticError, struct.error) as error:
+        if mapped:  # 24 bits cannot be
+            return _read(path)
         raise DataError(f"{path} is no WAV file that can be read: {error}") from None
     except NameError:  # the reader's own, where a file has no data chunk
         raise DataError(f"{path} is no WAV file that can be read: it has no samples") from None

@@ -19,11 +19,14 @@ class CollectorNode(Node):
     """Hands every record of some topics to a function, and keeps the last diagnostics of every node.
 
     Args:
-        cameras: whose detections are taken.
+        cameras: whose detections are taken. devices: whose sound.
         on_record: called with (key of the topic, record), and with ("diagnostics", those of all nodes).
     """
 
-    def __init__(self, flow: Flow, cameras: Iterable[str], on_record: Callable[[str, Any], None]):
+    def __init__(
+        self, flow: Flow, cameras: Iterable[str], on_record: Callable[[str, Any], None],
+        devices: Iterable[str] = (),
+    ):  # fmt: skip
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
         self._bad_messages = 0
@@ -32,6 +35,7 @@ class CollectorNode(Node):
         self._quality = collecting_quality(flow)
         self._ends = StreamEnds(self, self._end)
         self._kept = [self._subscribe("detections", camera) for camera in cameras]
+        self._kept += [self._subscribe("audio", device) for device in devices]
         self._kept.append(self._subscribe("skeletons", ""))
         for subscription in self._kept:
             self._open.add(subscription.topic_name)

@@ -22,7 +22,7 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.markers_node import MarkersNode
 from panoptic_ros.nodes.runtime import leave, run_nodes
-from panoptic_ros.nodes.sources import make_bag_node, make_camera_node
+from panoptic_ros.nodes.sources import make_bag_node, make_camera_node, make_sound_node
 from panoptic_ros.nodes.stage_node import StageNode
 from panoptic_ros.nodes.statics_node import StaticsNode
 
@@ -130,6 +130,8 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
     if entry["kind"] == "camera":
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
+    if entry["kind"] == "sound":
+        return make_sound_node(entry["sound"], rig_of_run.names, overrides)
     if entry["kind"] == "bag":
         streams = [BagStream(**{**stream, "bag": Path(stream["bag"])}) for stream in entry["streams"]]
         return make_bag_node(streams, overrides)

@@ -31,6 +31,7 @@ PROGRESS = QoSProfile(  # longer than what can be under way; readers may be matc
 )
 
 PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
+AHEAD = 1024  # replay: blocks of sound, which is ahead of images
 
 
 def data_quality(flow: Flow, images: bool = False, sound: bool = False) -> QoSProfile:
@@ -41,10 +42,14 @@ def data_quality(flow: Flow, images: bool = False, sound: bool = False) -> QoSPr
     late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=max(flow.depth, PATIENT) if sound else flow.image_depth if images else flow.depth,
+        depth=_sound_depth(flow) if sound else flow.image_depth if images else flow.depth,
         reliability=ReliabilityPolicy.RELIABLE,
         durability=late,
     )
+
+
+def _sound_depth(flow: Flow) -> int:
+    return max(flow.depth, AHEAD if flow.keeps_for_late else PATIENT)
 
 
 def collecting_quality(flow: Flow) -> QoSProfile:

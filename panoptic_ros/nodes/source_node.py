@@ -2,15 +2,16 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from panoptic_ros.capture import DepthSource
-from panoptic_ros.domain import Camera
+from panoptic_ros.domain import AudioBlock, Camera
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import WINDOW, make_flow
@@ -20,11 +21,12 @@ from panoptic_ros.io.messages import (
     compressed_image_message,
     depth_message,
     image_message,
+    to_message,
 )
-from panoptic_ros.nodes.credit import Credit
+from panoptic_ros.nodes.credit import Credit, SoundCredit
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
-from panoptic_ros.nodes.quality import data_quality
+from panoptic_ros.nodes.quality import PATIENT, data_quality
 from panoptic_ros.nodes.runtime import quiet_once
 from panoptic_ros.nodes.streams import StreamEnds
 
@@ -33,23 +35,32 @@ STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case 
 
 @dataclass(frozen=True)
 class Outgoing:
-    """Messages to send together: (publisher's key, message); frames that were overtaken before them."""
+    """Messages to send together: (publisher's key, message); frames that were overtaken before them.
+    Or the end of a publisher.
+
+    Args:
+        is_sound: it goes ahead of what it is beside, and waits for nothing of its own.
+        ended: key of a publisher that has no more to send; there are no messages then.
+    """
 
     stamp_ns: int
-    messages: tuple[tuple[str, Any], ...]
+    messages: tuple[tuple[str, Any], ...] = ()
     overtaken: int = 0
+    is_sound: bool = False
+    ended: str = ""
 
 
 class SourceNode(Node):
     """Publishes what an iterator gives, from a thread of its own.
 
-    Parameters: `flow` and `window` as in `StageNode`.
+    Parameters: `flow` and `window` as in `StageNode`; `shift_ns`: what is added to stamps in replay, so that
+    they can be compared with those of skeletons.
 
     Args:
         topics: key -> (topic, message type) of the publishers; the first one is the one that counts.
         detections: for publishers of images, by key: the topic whose messages show that an image has
             been dealt with.
-        messages_per_instant: how many the source sends for one instant (a bag sends for all cameras).
+        sound_beside: of a source of sound: the cameras beside it; None: it sends images or detections.
     """
 
     def __init__(
@@ -58,7 +69,7 @@ class SourceNode(Node):
         topics: Mapping[str, tuple[str, str]],
         overrides: Mapping[str, Any] = {},
         detections: Mapping[str, str] = {},
-        messages_per_instant: int = 1,
+        sound_beside: Sequence[str] | None = None,
     ):
         super().__init__(
             name, parameter_overrides=[Parameter(k, value=value) for k, value in overrides.items()]
@@ -68,20 +79,26 @@ class SourceNode(Node):
         )
         self._publishers_by_key = {
             key: self.create_publisher(
-                message_class(kind), topic, data_quality(self._flow, images=key in detections)
+                message_class(kind), topic,
+                data_quality(self._flow, key in detections, kind == TOPICS["audio"].message),
             )
             for key, (topic, kind) in topics.items()
         }
         self._sent = dict.fromkeys(topics, 0)
+        self._ended: set[str] = set()
         self._statistics = StageStatistics()
         self._diagnostics = Diagnostics(self, {name: self._statistics})
         self._ends = StreamEnds(self, lambda topic: None)
         self._instants: Credit | None = None
         self._images: dict[str, Credit] = {}
-        if self._flow.name == "replay":
-            out, seen = TOPICS["skeletons"], TOPICS["detections"]
-            window = self._flow.window * messages_per_instant
-            self._instants = Credit(self, self._flow, out.name, out.message, window)
+        self._sound: SoundCredit | None = None
+        shift = int(self.declare_parameter("shift_ns", 0).value)
+        out, seen = TOPICS["skeletons"], TOPICS["detections"]
+        if self._flow.name == "replay" and sound_beside is not None:
+            awaited = [seen.of(camera) for camera in sound_beside]
+            self._sound = SoundCredit(self, self._flow, (out.name, out.message), awaited, shift)
+        elif self._flow.name == "replay":
+            self._instants = Credit(self, self._flow, out.name, out.message, self._flow.window, shift)
             self._images = {
                 key: Credit(self, self._flow, topic, seen.message, self._flow.image_window)
                 for key, topic in detections.items()
@@ -124,14 +141,20 @@ class SourceNode(Node):
     def _run(self, outgoing: Iterator[Outgoing]) -> None:
         try:
             for item in outgoing:
+                if item.ended:
+                    self._end(item.ended)
+                    continue
+                stream = item.messages[0][0]
                 credits = [self._images[key] for key, _ in item.messages if key in self._images]
-                credits += [self._instants] if self._instants is not None else []
+                credits += [self._instants] if self._instants is not None and not item.is_sound else []
                 for credit in credits:
-                    self._wait(credit)
+                    self._wait(credit, stream)
+                if self._sound is not None:
+                    self._wait_with_sound(self._sound, item.stamp_ns)
                 if self._stopping.is_set():
                     return
                 for credit in credits:
-                    credit.sent(item.stamp_ns)
+                    credit.sent(stream, item.stamp_ns)
                 for key, message in item.messages:
                     self._publishers_by_key[key].publish(message)
                     self._sent[key] += 1
@@ -141,14 +164,27 @@ class SourceNode(Node):
         except PanopticError as error:
             self._fault = error
             return
-        for key, publisher in self._publishers_by_key.items():
-            self._ends.announce(publisher.topic_name, self._sent[key])
+        for key in self._publishers_by_key.keys() - self._ended:
+            self._end(key)
         self._diagnostics.finished = True
         self._diagnostics.publish()
 
-    def _wait(self, credit: Credit) -> None:
+    def _end(self, key: str) -> None:
+        """Tell that no more comes of a publisher."""
+        self._ended.add(key)
+        self._ends.announce(self._publishers_by_key[key].topic_name, self._sent[key])
+
+    def _wait_with_sound(self, credit: SoundCredit, stamp_ns: int) -> None:
+        """Wait for the cameras, and for readers that are slower than the file."""
+        while not self._stopping.is_set() and not credit.wait(stamp_ns, 0.5):
+            pass
+        if self._statistics.given % PATIENT == PATIENT - 1:
+            for publisher in self._publishers_by_key.values():
+                publisher.wait_for_all_acked(Duration(seconds=STALL_S))
+
+    def _wait(self, credit: Credit, stream: str) -> None:
         waited = 0.0
-        while not self._stopping.is_set() and not credit.wait(0.5):
+        while not self._stopping.is_set() and not credit.wait(stream, 0.5):
             waited += 0.5
             if waited >= STALL_S:
                 self._statistics.notices["source.stalled"] += 1
@@ -181,3 +217,10 @@ def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) ->
         info = camera_info_message(camera, frame.stamp_ns, family)
         depth = (("depth", depth_message(beside.depth_of(frame), family)),) if beside is not None else ()
         yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info), *depth), overtaken)
+
+
+def sound_messages(blocks: Iterable[AudioBlock]) -> Iterator[Outgoing]:
+    """Every block of a source of sound."""
+    family = ros_messages()
+    for block in blocks:
+        yield Outgoing(block.stamp_ns, (("audio", to_message(block, family)),))

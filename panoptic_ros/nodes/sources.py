@@ -5,10 +5,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from panoptic_ros.capture import DepthSource, open_source
+from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.domain import Rig
 from panoptic_ros.graph.topics import TOPICS, ros_name
-from panoptic_ros.io.bag_streams import BagStream, merged
-from panoptic_ros.nodes.source_node import Outgoing, SourceNode, camera_messages, camera_topics
+from panoptic_ros.io.bag_streams import SOUND_KEY, BagMessage, BagStream, StreamEnd, merged
+from panoptic_ros.nodes.source_node import (
+    Outgoing,
+    SourceNode,
+    camera_messages,
+    camera_topics,
+    sound_messages,
+)
 
 
 def make_camera_node(
@@ -31,6 +38,25 @@ def make_camera_node(
     return node
 
 
+def make_sound_node(
+    sound: Mapping[str, Any], cameras: Sequence[str], overrides: Mapping[str, Any]
+) -> SourceNode:
+    """A node that publishes what a device heard.
+
+    Args:
+        sound: see `capture.sound.open_sound`.
+        cameras: beside it.
+
+    Raises:
+        UserError: as the source's opening.
+    """
+    source, topic = open_sound(sound), TOPICS["audio"]
+    topics = {"audio": (topic.of(source.device), topic.message)}
+    node = SourceNode(f"sound_{ros_name(source.device)}", topics, overrides, sound_beside=cameras)
+    node.start(sound_messages(source))
+    return node
+
+
 def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) -> SourceNode:
     """A node that publishes cameras' topics of bags, merged by their stamps, under the graph's names.
 
@@ -40,8 +66,12 @@ def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) ->
     topics = {name: (name, TOPICS[stream.key].message) for stream, name in names.items()}
     images = [stream for stream in streams if stream.key in ("image", "compressed_image")]
     detections = {names[stream]: TOPICS["detections"].of(stream.camera) for stream in images}
-    node = SourceNode("bag", topics, overrides, detections, max(1, len(streams)))
-    node.start(
-        Outgoing(item.stamp_ns, ((names[item.stream], item.data),)) for item in merged(streams, node.refuse)
-    )
+    node = SourceNode("bag", topics, overrides, detections)
+    node.start(_outgoing(item, names[item.stream]) for item in merged(streams, node.refuse))
     return node
+
+
+def _outgoing(item: BagMessage | StreamEnd, key: str) -> Outgoing:
+    if isinstance(item, StreamEnd):
+        return Outgoing(item.place_ns, ended=key)
+    return Outgoing(item.place_ns, ((key, item.data),), is_sound=item.stream.key == SOUND_KEY)

@@ -35,6 +35,7 @@ from panoptic_ros.nodes.quality import PATIENT
 from panoptic_ros.nodes.reports import reports_of
 from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.worker import Worker
+from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice, StageContext
 
 Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages need beyond the context
@@ -51,7 +52,8 @@ class StageNode(Node):
     Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
     replay), `window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all stages
     that run in the graph (empty: those that this node needs); `marked`: whether nodes tell each other
-    places (replay, see `graph.host`); inputs as in `nodes.inputs.InputChoice`.
+    places (replay, see `graph.host`); `shifts`: "camera or device=ns", see `graph.lanes.Lane` (replay);
+    inputs as in `nodes.inputs.InputChoice`.
 
     Args:
         stages: names.
@@ -76,6 +78,7 @@ class StageNode(Node):
         )
         self._cameras = self._names("cameras")
         self._graph = self._names("graph")
+        self._shifts = {name: int(ns) for name, ns in named_words("shifts", self._names("shifts")).items()}
         self._marked = bool(self.declare_parameter("marked", False).value)
         self.prefixes = {stage: f"{stage}." if len(names) > 1 else "" for stage in names}
         self._configs = {
@@ -160,7 +163,7 @@ class StageNode(Node):
         if replay:
             there = [topic for topic in owners if self._is_waited_for(topic)]
             self._host = Host(
-                pipeline, lanes_of(there, lambda topic: owners[topic], pipeline, rig.clock_of),
+                pipeline, lanes_of(there, lambda topic: owners[topic], pipeline, rig.clock_of, self._shifts),
                 marked=self._marked, on_marker=self._outputs.mark, on_end=self._outputs.end,
             )  # fmt: skip
         else:

@@ -11,6 +11,7 @@ from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.quality import END_OF_STREAM
 
 TOPIC = "end_of_stream"
+END_KIND = "panoptic_msgs/msg/EndOfStream"
 
 
 class StreamEnds:
@@ -21,7 +22,7 @@ class StreamEnds:
     """
 
     def __init__(self, node: Node, on_end: Callable[[str], None]):
-        self._message = message_class("panoptic_msgs/msg/EndOfStream")
+        self._message = message_class(END_KIND)
         self._publisher = node.create_publisher(self._message, TOPIC, END_OF_STREAM)
         self._subscription = node.create_subscription(self._message, TOPIC, self._ended, END_OF_STREAM)
         self._on_end = on_end

@@ -31,8 +31,11 @@ def check_contents(bag_of: Mapping[BagStream, BagReader], rig: Rig, skeleton: Sk
             raise DataError(f"{place}: joints of another skeleton than {skeleton.name}")
 
 
-def check_stamps(bag_of: Mapping[BagStream, BagReader]) -> float:
+def check_stamps(bag_of: Mapping[BagStream, BagReader], shifts: Mapping[str, int]) -> float:
     """Frames per second, if the stamps tell of instants that several cameras share.
+
+    Args:
+        shifts: by camera: what is added to its stamps, as its clock is known.
 
     Raises:
         DataError: if they do not.
@@ -44,7 +47,7 @@ def check_stamps(bag_of: Mapping[BagStream, BagReader]) -> float:
             raise DataError(
                 f"{stream.bag}, topic {stream.topic}: all stamps are {own[0] * 1e-9:g} s; {remedy}"
             )
-    begins = {stream: own[0] * 1e-9 for stream, own in stamps.items()}
+    begins = {stream: (own[0] + shifts.get(stream.camera, 0)) * 1e-9 for stream, own in stamps.items()}
     first, last = min(begins, key=lambda s: begins[s]), max(begins, key=lambda s: begins[s])
     apart = begins[last] - begins[first]
     length_s = max(bag.length_s for bag in bag_of.values())

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import load_skeleton, map_joints
 from panoptic_ros.params import config_of
 from panoptic_ros.running.bag_checks import check_contents, check_stamps
+from panoptic_ros.running.bag_sound import recorder_of, sound_streams
 from panoptic_ros.running.bag_topics import BagChoice, depth_streams, image_streams, names_of
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plan import Plan, require_two
+from panoptic_ros.running.sound import plan_clocks
 
 ANY = BagChoice()
 
@@ -61,13 +64,26 @@ def plan_bags(
         else:
             skeleton, extras = options.detector()
         check_contents(bag_of, found, skeleton)
-        rate = check_stamps(bag_of)
+        heard = sound_streams(bags, choice.arrival_stamps)
+        stamps = {stream.camera: stream.first_stamps(bag) for stream, bag in bag_of.items()}
+        configs = configure(options.all_parameters())
+        clocks = plan_clocks(found, configs, [recorder_of(stream) for stream in heard], stamps)
+        rate = check_stamps(bag_of, clocks.shifts)
+    every = [*streams, *depths, *(_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)]
     return options.complete(Plan(
-        f"bag {names_of(bags)}", found, skeleton, configure(options.all_parameters()),
-        streams=streams + depths, stage=stage, depth_cameras=tuple(s.camera for s in depths), extras=extras,
+        f"bag {names_of(bags)}", found, skeleton, clocks.configs,
+        streams=tuple(replace(s, shift_ns=clocks.shifts.get(s.camera, 0)) for s in every),
+        shifts=clocks.shifts, stage=stage, depth_cameras=tuple(s.camera for s in depths), extras=extras,
         frame_count=sum(counts.values()), instants=max(counts.values()), frame_rate=rate,
-        notices=(*(f"camera {name} of the rig is not in the bag" for name in absent), *unreadable),
+        notices=(
+            *(f"camera {name} of the rig is not in the bag" for name in absent), *unreadable, *clocks.notices
+        ),
     ))  # fmt: skip
+
+
+def _begun(stream: BagStream, begins: Mapping[str, int]) -> BagStream:
+    """The sound of a device, from where it is needed."""
+    return replace(stream, from_sample=begins[stream.camera])
 
 
 def _recorded_skeleton(

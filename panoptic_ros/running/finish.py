@@ -7,13 +7,13 @@ from contextlib import ExitStack
 from panoptic_ros.capture import open_source
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.evaluation.capture_report import summarise_capture
-from panoptic_ros.graph.build import make_stage
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.regrouping import regrouped
 from panoptic_ros.running.results import MARK, Results
-from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.stage import Notice
 from panoptic_ros.view.overlay_run import write_overlays
 from panoptic_ros.view.plot3d import plot_capture
 from panoptic_ros.view.report import Latency, RunReport
@@ -37,7 +37,8 @@ def finish(
         elapsed_s: how long the run took, without this.
         on_picture: called with the number of pictures of the video that are done, and of all.
     """
-    sets = _sets(plan, results)
+    views = [view for own in results.views.values() for view in own]
+    sets = regrouped(plan, results.clocks.values(), views)
     summary = summarise_capture(plan.rig, plan.skeleton, results.poses, sets)
     report = RunReport(
         summary,
@@ -51,14 +52,6 @@ def finish(
         _pictures(plan, results, sets, on_picture)
     report.write(results.folder / MARK)
     return report
-
-
-def _sets(plan: Plan, results: Results) -> list[DetectionSet]:
-    """The detection sets of the run, made once more from its views, by the last clocks that it found."""
-    stage = make_stage("sync", plan.configs["sync"], StageContext(plan.rig, plan.skeleton))
-    views = sorted((v for views in results.views.values() for v in views), key=lambda v: v.stamp_ns)
-    steps = [stage.step(item) for item in (*results.clocks.values(), *views)]
-    return [item for result in (*steps, stage.flush()) for item in result.outputs]
 
 
 def _pictures(
@@ -110,8 +103,8 @@ def _clock_notices(plan: Plan, results: Results) -> list[Notice]:
         return []
     found = [
         f"{name} {1e-6 * model.offset_ns:+.2f} ms +- {1e3 * model.covariance[0, 0] ** 0.5:.2f}"
-        for name, model in sorted(results.clocks.items())
-    ]
+        for name, model in sorted(results.clocks.items()) if name in plan.rig.names
+    ]  # fmt: skip
     kept = [name for name in plan.rig.names if name not in results.clocks]
     words = (", ".join(names) or "none" for names in (found, kept))
     return [Notice("offsets.found", "info", "stamps corrected from motion: {}; kept: {}".format(*words))]

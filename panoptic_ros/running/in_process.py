@@ -9,6 +9,7 @@ from itertools import tee
 from typing import Any
 
 from panoptic_ros.capture import DepthSource, open_source
+from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import switched_on
 from panoptic_ros.graph.counters import StageStatistics
@@ -16,12 +17,13 @@ from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import opened_streams
+from panoptic_ros.io.bag_streams import SOUND_KEY, opened_streams
 from panoptic_ros.running.newest_frames import newest_frames
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.results import Results
 from panoptic_ros.stage import Notice, StageContext
 
+TAKEN = ("detections", SOUND_KEY)  # what results keep of what comes from outside
 Records = dict[Key, Iterator[Any]]  # of each topic of each camera
 
 
@@ -38,7 +40,7 @@ class _Counted:
             on_record=self._record, on_notice=self._note, on_refused=self._refuse, on_step=self._step,
             clock=time.perf_counter_ns,
         )  # fmt: skip
-        self.first = names[0]
+        self.first = plan.stage
 
     def _note(self, stage: str, notice: Notice) -> None:
         self.statistics[stage].take(notice)
@@ -74,6 +76,9 @@ def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> di
         return counted.statistics
     with ExitStack() as stack:
         records = _recorded(plan, stack, counted.refuse) if plan.streams else _filmed(plan, stack)
+        for sound in plan.sounds:
+            source = stack.enter_context(open_sound(sound))
+            records[SOUND_KEY, source.device] = iter(source)
         _replay(plan, counted.pipeline, records, results, stop)
     return counted.statistics
 
@@ -83,7 +88,7 @@ def _replay(
 ) -> None:
     """Hand over the records of all cameras, always the one that the stages wait for."""
     owners = {topic: [camera for key, camera in records if key == topic] for topic, _ in records}
-    lanes = lanes_of(list(owners), lambda topic: owners[topic], pipeline, plan.clock_of)
+    lanes = lanes_of(list(owners), lambda topic: owners[topic], pipeline, plan.clock_of, plan.shifts)
     host = Host(pipeline, lanes)
     while (key := host.waiting_for()) is not None:
         if stop():
@@ -94,7 +99,7 @@ def _replay(
         if record is None:
             host.end(topic, owner)
         else:
-            if topic == "detections":
+            if topic in TAKEN:
                 results.take(topic, record)
             host.put(topic, owner, record.stamp_ns, record)
         host.advance()

@@ -7,7 +7,7 @@ from typing import Any
 
 from panoptic_ros.graph.build import switched_on
 from panoptic_ros.graph.flow import live_defaults
-from panoptic_ros.graph.nodes import SLOW
+from panoptic_ros.graph.nodes import SLOW, SOUND
 from panoptic_ros.graph.topics import given_inputs, ros_name
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.io.files import write_json
@@ -40,10 +40,14 @@ def write_launch_file(
         processes["source"] = [bag]
     for i, (camera, source) in enumerate(plan.sources.items()):
         node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
-                "parameters": plan_of_nodes.common}  # fmt: skip
+                "parameters": plan_of_nodes.source(camera)}  # fmt: skip
         few = len(plan.sources) <= CAMERA_PROCESSES
         name = f"camera-{ros_name(camera)}" if few else f"cameras-{i % CAMERA_PROCESSES}"
         processes.setdefault(name, []).append(node)
+    for sound in plan.sounds:
+        device = str(sound["device"])
+        node = {"kind": "sound", "sound": dict(sound), "parameters": plan_of_nodes.source(device)}
+        processes[f"sound-{ros_name(device)}"] = [node]
     if plan.stage == "detection":
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
             inputs = _inputs_of_detection(plan, cameras, bool(jpeg_quality))
@@ -52,9 +56,9 @@ def write_launch_file(
             ]
     apart = [name for name in plan_of_nodes.stages if plan.live and name in SLOW]
     together = [name for name in plan_of_nodes.stages if name not in ("detection", *apart)]
-    hosts = [(name,) for name in together] if one_per_stage else [tuple(together)]
+    hosts = _divided(together) if one_per_stage else [tuple(together)]
     for host in (*hosts, *((name,) for name in apart)):
-        name = host[0] if len(host) == 1 else "fusion"
+        name = host[0] if len(host) == 1 else "sync" if one_per_stage else "fusion"
         processes.setdefault("fusion" if host in hosts and not one_per_stage else name, []).append(
             plan_of_nodes.node(host, name)
         )
@@ -65,6 +69,14 @@ def write_launch_file(
     return path
 
 
+def _divided(stages: list[str]) -> list[tuple[str, ...]]:
+    """A host for every stage. Sound is heard where its clocks are used: only there is its place among frames
+    known.
+    """
+    heard = [name for name in stages if name in (*SOUND, "sync")]
+    return [tuple(heard), *((name,) for name in stages if name not in heard)]
+
+
 class _Nodes:
     """Nodes of stages with their parameters."""
 
@@ -73,9 +85,18 @@ class _Nodes:
         self.stages = switched_on(plan.stages, plan.configs)
         self.common = {"flow": flow, "window": window}
 
+    def source(self, owner: str) -> dict[str, Any]:
+        """Parameters of a camera or a device with sound."""
+        shifts = self._plan.shifts
+        return {**self.common, **({"shift_ns": shifts[owner]} if owner in shifts else {})}
+
     def node(self, stages: tuple[str, ...], name: str, **more: Any) -> dict[str, Any]:
         """The node of connected stages."""
         parameters = {**self.common, "graph": list(self.stages), "marked": self._is_marked(stages), **more}
+        if set(SOUND) & set(stages):
+            parameters |= {"devices": list(self._plan.devices)}
+        if self._plan.shifts:
+            parameters |= {"shifts": [f"{owner}={ns}" for owner, ns in self._plan.shifts.items()]}
         for stage in stages:
             prefix = f"{stage}." if len(stages) > 1 else ""
             parameters |= {prefix + key: value for key, value in self._own(stage).items()}

@@ -50,7 +50,7 @@ def _run(
     names = [name for nodes in document["processes"].values() for node in nodes for name in _told_of(node)]
     start_ros([])
     executor = SingleThreadedExecutor()
-    collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take)
+    collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take, plan.devices)
     statics = StaticsNode(plan.rig, plan.skeleton)
     try:
         require_no_other_graph(collector)

@@ -7,8 +7,8 @@ from typing import Any
 
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.graph.nodes import CHAIN
-from panoptic_ros.io.bag_streams import BagStream
+from panoptic_ros.graph.nodes import CHAIN, SOUND
+from panoptic_ros.io.bag_streams import SOUND_KEY, BagStream
 from panoptic_ros.params import Config
 
 
@@ -18,7 +18,10 @@ class Plan:
 
     Args:
         sources: of each camera, as `nodes.sources` takes them; empty for bags.
-        streams: of bags, one per camera, and those of depth maps.
+        streams: of bags, one per camera, and those of depth maps and sound.
+        sounds: of devices that hear the clocks of cameras, as `capture.sound.open_sound` takes them.
+        shifts: by camera or device, ns: what is added to stamps so that all are roughly in master time, and
+            sound goes ahead.
         depth_cameras: whose images come with depth maps.
         stage: the first stage that is needed, detection or sync.
         extras: what detection and assembly need besides; empty if nothing.
@@ -33,6 +36,8 @@ class Plan:
     configs: Mapping[str, Config]
     sources: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     streams: tuple[BagStream, ...] = ()
+    sounds: tuple[Mapping[str, Any], ...] = ()
+    shifts: Mapping[str, int] = field(default_factory=dict)
     depth_cameras: tuple[str, ...] = ()
     stage: str = "detection"
     extras: Mapping[str, Any] = field(default_factory=dict)
@@ -45,7 +50,17 @@ class Plan:
     @property
     def stages(self) -> tuple[str, ...]:
         """All stages from the first on; parameters may switch some of them off."""
-        return CHAIN[CHAIN.index(self.stage) :]
+        return (*(SOUND if self.devices else ()), *CHAIN[CHAIN.index(self.stage) :])
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """Those whose sound is used."""
+        recorded = (stream.camera for stream in self.streams if stream.key == SOUND_KEY)
+        return (*(str(sound["device"]) for sound in self.sounds), *recorded)
+
+    def at(self, owner: str, stamp_ns: int) -> int:
+        """Roughly the master time of a stamp of a camera or device."""
+        return stamp_ns + self.shifts.get(owner, 0)
 
     def clock_of(self, owner: str) -> str:
         """Whose clock stamps the records of a camera or device; "" = the common one."""

@@ -2,18 +2,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import CaptureFolder, demo_capture, open_capture_folder, open_files
+from panoptic_ros.capture.sound import open_sound
+from panoptic_ros.domain import AudioBlock
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.parameters import Parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
+from panoptic_ros.running.sound import Recorder, plan_clocks
 
 
 def plan_capture(
@@ -119,8 +123,38 @@ def _recorded(
     skeleton, extras = options.detector()
     counts = [source.frame_count for source in capture.sources]
     instants = None if None in counts else max(count for count in counts if count is not None)
-    return options.complete(Plan(
+    plan = options.complete(Plan(
         title, capture.rig, skeleton, configure(options.all_parameters()), sources, extras=extras,
         depth_cameras=capture.depth_cameras, frame_count=capture.frame_count, instants=instants,
         frame_rate=max(source.frame_rate for source in capture.sources), notices=capture.notices,
     ))  # fmt: skip
+    return _with_sound(plan, capture)
+
+
+def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
+    """The plan with what devices heard of the clocks of cameras."""
+    recorders = [_recorder(sound) for sound in capture.sounds]
+    stamps = {
+        source.camera: capture.stamps.get(source.camera)
+        or [round(k * 1e9 / source.frame_rate) for k in range(3)]
+        for source in capture.sources
+    }
+    clocks = plan_clocks(plan.rig, plan.configs, recorders, stamps)
+    sounds = [
+        {**sound, "from_sample": clocks.recorders[sound["device"]]}
+        for sound in capture.sounds if sound["device"] in clocks.recorders
+    ]  # fmt: skip
+    return replace(
+        plan, configs=clocks.configs, sounds=tuple(sounds), shifts=clocks.shifts,
+        notices=(*plan.notices, *clocks.notices),
+    )  # fmt: skip
+
+
+def _recorder(sound: Mapping[str, Any]) -> Recorder:
+    """A device that left a file."""
+
+    def blocks() -> Iterator[AudioBlock]:
+        with open_sound(sound) as source:
+            yield from source
+
+    return Recorder(sound["device"], tuple(sound["clocks"]), Path(sound["path"]).name, blocks)

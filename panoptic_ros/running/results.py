@@ -11,6 +11,7 @@ from typing import Any
 from panoptic_ros.domain import ClockModel, RefinedPoseSet, ViewDetections
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_streams import SOUND_KEY
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.clock_offsets import write_models
 from panoptic_ros.io.files import file_errors
@@ -68,7 +69,7 @@ class Results:
         self.folder = folder
         self.poses: list[RefinedPoseSet] = []
         self.views: dict[str, list[ViewDetections]] = {name: [] for name in plan.rig.names}
-        self.clocks: dict[str, ClockModel] = {}  # the newest of every camera whose clock was found
+        self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
         self._on_record = on_record
         self._bag = BagWriter(folder / "bag")
@@ -76,17 +77,21 @@ class Results:
         self._started = False
 
     def take(self, key: str, record: Any) -> None:
-        """A record of the topic of that key; detections, skeletons and clocks are kept."""
+        """A record of the topic of that key; detections, sound, skeletons and clocks are kept."""
         if key == "detections":
-            self._start(record.stamp_ns)
-            self._write(key, record, record.stamp_ns, record.camera)
+            when = self._plan.at(record.camera, record.stamp_ns)
+            self._start(when)
+            self._write(key, record, when, record.camera)
             self.views[record.camera].append(_without_maps(record))
+        elif key == SOUND_KEY:
+            self._start(self._plan.at(record.device, record.stamp_ns))
+            self._write(key, record, self._plan.at(record.device, record.stamp_ns), record.device)
         elif key == "skeletons":
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns)
             self._write_markers(record)
             self.poses.append(record)
-        elif key == "clock_models" and record.device in self.views:
+        elif key == "clock_models":
             self.clocks[record.device] = record
         self._on_record(key, record)
 
@@ -95,10 +100,11 @@ class Results:
         self._start(0)
         self._bag.close()
         write_skeletons(self.folder / "skeletons.json.gz", self._plan.skeleton.joint_names, self.poses)
-        if self.clocks:
+        found = {name: model for name, model in self.clocks.items() if name in self.views}
+        if found:
             given = named_numbers("SyncConfig.delays_ms", config_of(self._plan.configs, SyncConfig).delays_ms)
             delays = {name: of_name(given, name) for name in self.views if of_name(given, name)}
-            write_models(self.folder / "offsets.json", self.clocks, delays)
+            write_models(self.folder / "offsets.json", found, delays)
 
     def __enter__(self) -> Results:
         return self
@@ -116,10 +122,10 @@ class Results:
             self._write("rig", self._plan.rig, stamp_ns)
             self._write("skeleton_model", self._plan.skeleton, stamp_ns)
 
-    def _write(self, key: str, record: Any, stamp_ns: int, camera: str = "") -> None:
-        topic = "/" + TOPICS[key].of(camera)
+    def _write(self, key: str, record: Any, stamp_ns: int, owner: str = "") -> None:
+        topic = "/" + TOPICS[key].of(owner)
         message = to_message(record, bag_messages(), self._plan.rig.frame_id)
-        self._bag.write(topic, stamp_ns, message)
+        self._bag.write(topic, max(0, stamp_ns), message)
 
     def _write_markers(self, record: RefinedPoseSet) -> None:
         there = set(record.ids.tolist())

@@ -13,7 +13,6 @@ from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.motion_jpeg import MotionJpegWriter
 from panoptic_ros.simulation import Simulation
 from panoptic_ros.simulation.rendering import Studio
-from panoptic_ros.simulation.timing import to_stamp
 from panoptic_ros.view.video import write_image
 
 Array = np.ndarray
@@ -58,7 +57,7 @@ def write_capture(folder: Path, take: Simulation, images: bool, depth: bool) -> 
     for index, name in enumerate(take.rig.names):
         exposures, stamps = take.schedule.exposures[:, index], take.schedule.stamps[:, index]
         there = ~np.isnan(exposures)
-        rows += [(name, number, to_stamp(stamp)) for number, stamp in enumerate(stamps[there])]
+        rows += [(name, number, take.stamp_ns(index, stamp)) for number, stamp in enumerate(stamps[there])]
         sink = _sink(folder, name, take, index, images)
         for number, view in enumerate(studio.camera(name).render(exposures[there])):
             sink.write(view.image)
@@ -76,7 +75,9 @@ def write_capture(folder: Path, take: Simulation, images: bool, depth: bool) -> 
 def _sink(folder: Path, name: str, take: Simulation, index: int, images: bool) -> _Sink:
     if images:
         return _ImageFolder(folder / name)
-    rates = take.scene.timing.camera_rates or (take.scene.timing.rate,)
+    timing = take.scene.timing
+    nominal = [float(generator.frame_rate.exact) for generator in timing.generators]
+    rates = nominal or timing.camera_rates or (timing.rate,)
     rate = rates[index % len(rates)]
     return MotionJpegWriter(folder / f"{name}.mp4", take.rig.cameras[index].image_size, rate)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from panoptic_ros.domain import DetectionSet, ViewDetections
+from panoptic_ros.domain import ClockModel, ViewDetections
 from panoptic_ros.evaluation.rig_check import check_rig
-from panoptic_ros.graph.build import make_stage
 from panoptic_ros.running.plan import Plan
-from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.running.regrouping import regrouped
+from panoptic_ros.stage import Notice
 
 INSTANTS = 30  # looked at; a second or so of a capture
 
@@ -24,6 +24,7 @@ class StartupCheck:
         self._plan = plan
         self._on_judged = on_judged
         self._views: list[ViewDetections] = []
+        self._clocks: dict[str, ClockModel] = {}
         self.notices: tuple[Notice, ...] | None = None  # None: not judged yet
 
     def saw(self, key: str, record: Any) -> None:
@@ -32,21 +33,17 @@ class StartupCheck:
             return
         if key == "detections":
             self._views.append(record)
+        if key == "clock_models":
+            self._clocks[record.device] = record
         if key == "skeletons" and len(self._views) >= INSTANTS * len(self._plan.rig):
             self.judge()
 
     def judge(self) -> tuple[Notice, ...]:
         """Judge by what has come, unless that was done."""
         if self.notices is None:
-            report = check_rig(self._plan.rig, self._sets(), self._plan.skeleton)
+            sets = regrouped(self._plan, self._clocks.values(), self._views)
+            report = check_rig(self._plan.rig, sets, self._plan.skeleton)
             self.notices = tuple(report.notices)
             self._views.clear()
             self._on_judged(self.notices)
         return self.notices
-
-    def _sets(self) -> list[DetectionSet]:
-        """The views put together as the graph does."""
-        context = StageContext(self._plan.rig, self._plan.skeleton)
-        stage = make_stage("sync", self._plan.configs["sync"], context)
-        views = sorted(self._views, key=lambda view: view.stamp_ns)
-        return [item for r in (*map(stage.step, views), stage.flush()) for item in r.outputs]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from panoptic_ros.errors import UsageError
 from panoptic_ros.simulation.degradation import CLEAN, MILD, NOISY, Degradation
 from panoptic_ros.simulation.detector import Absence
+from panoptic_ros.simulation.generators import Generator
 from panoptic_ros.simulation.rigs import VGA, Corners, Dome, Lens, PanelDome, RigPlan, Ring
 from panoptic_ros.simulation.stagings import STAGINGS
 from panoptic_ros.simulation.timing import IN_STEP, Timing
@@ -42,6 +43,13 @@ class Scene:
 
 _FOUR = ("walk", "talk", "reach", "turn")
 _EIGHT = ("walk", "walk", "talk", "reach", "turn", "crouch", "wave", "sit-down")
+_TWO_CLOCKS = Timing(
+    29.97,
+    generators=(
+        Generator("A", "25", 10 * 3600 * 25, drift_ppm=-7.0),  # 10:00:00:00
+        Generator("B", "29.97", (11 * 3600 + 17) * 30 + 4, begin_s=0.013, drift_ppm=31.0),  # 11:00:17:04
+    ),
+)
 _VGA_LENS = Lens(VGA, (425.0, 440.0), distorted_every=0)
 _VGA_RING = Ring(6, radius=3.9, heights=(1.2, 2.6), lens=_VGA_LENS)
 _NEAR_RING = Ring(8, radius=3.3, heights=(1.0, 2.8), lens=_VGA_LENS)
@@ -92,6 +100,10 @@ SCENES: dict[str, Scene] = {
         degradation=MILD,
         timing=Timing(29.97, (25.0, 29.97), phase=0.02, drift_ppm=30.0, stamp_jitter=0.001, drop=0.02),
     ),
+    "two-clocks-3p6v": Scene(
+        "cameras locked to timecodes of 25 and 29.97 Hz, and their sound", ("walk", "wave", "run"), Ring(6),
+        degradation=MILD, timing=_TWO_CLOCKS, frames=150,
+    ),
     "sitting-group-6p5v": Scene(
         "round a table, faults that last", ("sit",) * 6, Ring(5, radius=3.2), staging="table",
         table=0.60, timing=Timing(rate=25.0),
@@ -107,6 +119,10 @@ SCENES: dict[str, Scene] = {
     "rendered-2p4v": Scene(
         "images of two people in four VGA views", ("walk", "reach"), replace(_VGA_RING, cameras=4),
         staging="spread", timing=Timing(rate=25.0), frames=75, rendered=True,
+    ),
+    "rendered-clocks-2p4v": Scene(
+        "images of cameras locked to two timecodes, and their sound", ("walk", "wave"),
+        replace(_VGA_RING, cameras=4), staging="spread", timing=_TWO_CLOCKS, frames=75, rendered=True,
     ),
     "rendered-3p8v": Scene(
         "images of three people close together in eight views", ("talk", "wave", "walk"), _NEAR_RING,

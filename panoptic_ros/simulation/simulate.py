@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet, Rig, ViewDetections
 from panoptic_ros.errors import UsageError
 from panoptic_ros.simulation.detector import Sightings, SimulatedDetector
+from panoptic_ros.simulation.generators import Generator
 from panoptic_ros.simulation.people import Person
 from panoptic_ros.simulation.scenes import Scene
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
@@ -48,12 +49,26 @@ class Simulation:
         for index, views in self.sightings():
             stamps = self.schedule.stamps[index]
             seen = [
-                _view(camera.name, camera.image_size, index, stamp, view, skeleton_hash)
-                for camera, stamp, view in zip(self.rig.cameras, stamps, views)
+                _view(camera.name, camera.image_size, index, self.stamp_ns(k, stamp), view, skeleton_hash)
+                for k, (camera, stamp, view) in enumerate(zip(self.rig.cameras, stamps, views))
                 if not np.isnan(stamp)
             ]
-            stamp = to_stamp(self.schedule.ticks[index])
+            stamp = self.master_ns(self.schedule.ticks[index])
             yield DetectionSet(index, stamp, skeleton_hash, tuple(seen))
+
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return float(self.schedule.ticks[-1])
+
+    def master_ns(self, seconds: float) -> int:
+        """Master time of a time of the schedule: that of the first generator, if there are any."""
+        return self.stamp_ns(0, seconds)
+
+    def stamp_ns(self, camera: int, seconds: float) -> int:
+        """What the clock of a camera shows at a time of the schedule."""
+        generators = self.scene.timing.generators
+        return generators[camera % len(generators)].stamp_ns(seconds) if generators else to_stamp(seconds)
 
     def is_ignored(self, person: Person, tick: float) -> bool:
         """Whether a result may have a person or not: bystanders, and people while nobody can detect them."""
@@ -77,7 +92,7 @@ class Simulation:
                 if self.is_ignored(person, tick):
                     entry["ignore"] = True
                 skeletons.append(entry)
-            frames.append({"index": index, "stamp_ns": to_stamp(tick), "skeletons": skeletons})
+            frames.append({"index": index, "stamp_ns": self.master_ns(tick), "skeletons": skeletons})
         return {"format": "panoptic-skeletons-1", "joint_names": list(JOINTS), "frames": frames}
 
 
@@ -98,14 +113,23 @@ def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
     stage = Stage(scene.activities, scene.area, scene.table)
     people = STAGINGS[scene.staging](np.random.default_rng([*root, 2]), stage)
     schedule = make_schedule((*root, 3), scene.timing, count, len(rig))
+    rig = _with_clocks(rig, scene.timing.generators)
     return Simulation(scene, root, rig, tuple(people), schedule)
 
 
+def _with_clocks(rig: Rig, generators: Sequence[Generator]) -> Rig:
+    """The rig whose cameras name the generators that they are locked to."""
+    if not generators:
+        return rig
+    clocks = [generators[k % len(generators)].clock for k in range(len(rig))]
+    return replace(rig, cameras=tuple(replace(c, clock=name) for c, name in zip(rig.cameras, clocks)))
+
+
 def _view(
-    camera: str, image_size: tuple[int, int], index: int, stamp: float, view: Sightings, skeleton_hash: str
+    camera: str, image_size: tuple[int, int], index: int, stamp_ns: int, view: Sightings, skeleton_hash: str
 ) -> ViewDetections:
     found = (view.scores > 0.0).sum(1)
     mean = view.scores.sum(1) / np.maximum(found, 1)
     return ViewDetections(
-        camera, to_stamp(stamp), index, image_size, skeleton_hash, view.points, view.scores, mean
+        camera, stamp_ns, index, image_size, skeleton_hash, view.points, view.scores, mean
     )

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.simulation.generators import Generator
+
 Array = np.ndarray
 EPOCH_NS = 1_000_000_000  # stamp of t = 0
 
@@ -20,6 +22,7 @@ class Timing:
     drift_ppm: float = 0.0  # standard deviation of the cameras' rate errors
     stamp_jitter: float = 0.0  # s, standard deviation of stamp minus exposure
     drop: float = 0.0  # probability that a camera's frame is lost
+    generators: tuple[Generator, ...] = ()  # dealt out in turn, in place of rates, phases and drifts
 
 
 IN_STEP = Timing()
@@ -48,6 +51,10 @@ def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int
     rates = np.resize(timing.camera_rates or (timing.rate,), cameras)
     phases = clocks.uniform(-timing.phase, timing.phase, cameras)
     periods = (1.0 + 1e-6 * timing.drift_ppm * clocks.standard_normal(cameras)) / rates
+    if timing.generators:
+        locked = [timing.generators[k % len(timing.generators)] for k in range(cameras)]
+        rates = np.array([generator.true_rate for generator in locked])
+        phases, periods = np.array([generator.begin_s for generator in locked]), 1.0 / rates
     exposures = np.full((frames, cameras), np.nan)
     for camera in range(cameras):
         numbers = np.arange(-2, int(frames * rates[camera] / timing.rate) + 3)

@@ -1,0 +1,11 @@
+"""Where sound comes from: files, and devices that listen.
+
+Every source is a `SoundSource`: the blocks of one device in order, with the names of the clocks whose
+timecode its channels carry. A new kind is a class of that form, and a row in `described`.
+"""
+from panoptic_ros.capture.sound.described import described_sound, open_sound
+from panoptic_ros.capture.sound.folder import folder_sounds, sound_files
+from panoptic_ros.capture.sound.source import SoundSource
+from panoptic_ros.capture.sound.wav import WavSource
+
+__all__ = ["SoundSource", "WavSource", "described_sound", "folder_sounds", "open_sound", "sound_files"]
