@@ -32,9 +32,6 @@ class AssociationConfig(Config):
     person_agreement: float = param(
         0.25, ge=0.05, le=0.9, doc="Mean agreement from which a 2D person belongs to a skeleton."
     )
-    duplicate_agreement: float = param(
-        0.5, ge=0.1, le=1.0, doc="Mean agreement from which a second 2D person of a view is a duplicate."
-    )
     min_views: int = param(
         3, ge=2, le=100, doc="Views that must support a new person, where enough can see it.",
         when="few cameras overlap and people are found late (2), or posters and mirrors become people (4).",

@@ -19,11 +19,10 @@ MIN_COMMON = 4  # joints that a 2D person shares with a skeleton or with another
 
 
 class AssignmentRules(NamedTuple):
-    """scale (m) of the agreement; least agreement of a member, and of its double."""
+    """scale (m) of the agreement; least agreement of a member."""
 
     scale: float
     least: float
-    double: float
 
 
 def assign(
@@ -36,11 +35,11 @@ def assign(
         free: (D,) bool, which may be assigned. scale: m, of the agreement.
 
     Returns:
-        their 2D people, and free (D,) without those that were assigned and without duplicates of them.
+        their 2D people, and free (D,) without those that were assigned.
     """
     member, mirrored, left, _, _ = assign_greedily(
         positions, shifts, scene.observations, scene.mirror, free,
-        AssignmentRules(scale, config.person_agreement, config.duplicate_agreement),
+        AssignmentRules(scale, config.person_agreement),
     )  # fmt: skip
     return Groups(member, mirrored), left
 
@@ -77,10 +76,6 @@ def assign_greedily(positions, shifts, seen, mirror, free, rules):
         if left[d] and member[p, view[d]] < 0:
             member[p, view[d]], exchanged[p, view[d]] = d, flipped[p, d]
             left[d] = False
-    for p in range(people):
-        for d in range(rows):
-            if member[p, view[d]] >= 0 and value[p, d] >= rules.double:
-                left[d] = False
     for p in range(people):
         for d in range(rows):
             value[p, d] = max(straight[p, d], mirrored[p, d])

@@ -33,7 +33,6 @@ class NewcomerRules(NamedTuple):
 
     agreement: float  # m
     person_agreement: float
-    duplicate_agreement: float
     min_views: float
     view_share: float
     few_views_share: float
@@ -43,8 +42,8 @@ class NewcomerRules(NamedTuple):
     def of(cls, config: AssociationConfig) -> NewcomerRules:
         """Those of a configuration."""
         return cls(
-            config.agreement, config.person_agreement, config.duplicate_agreement, float(config.min_views),
-            config.view_share, config.few_views_share, config.few_views_agreement,
+            config.agreement, config.person_agreement, float(config.min_views), config.view_share,
+            config.few_views_share, config.few_views_agreement,
         )  # fmt: skip
 
 
@@ -178,7 +177,7 @@ def best_pairs(rank, chosen, left):
 def _best_supported(chosen, pairs, free, seen, room, rules):
     """The best supported pair: whether there is one; member and mirrored (V,), place (J, 3) m, free (D,)."""
     views, mirror, view = len(room.centres), room.mirror, seen.views
-    assignment = AssignmentRules(rules.agreement, rules.person_agreement, rules.duplicate_agreement)
+    assignment = AssignmentRules(rules.agreement, rules.person_agreement)
     best_score, good = 0.0, False
     best_member, best_flipped = np.full(views, -1, np.int64), np.zeros(views, np.bool_)
     best_place, best_left = np.empty((len(mirror), 3)), free

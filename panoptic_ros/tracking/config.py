@@ -49,7 +49,3 @@ class TrackingConfig(Config):
     confirm_frames: int = param(
         5, ge=1, le=1000, doc="Otherwise it must be seen so many times without a long gap."
     )
-    duplicate_distance: float = param(
-        0.15, unit="m", ge=0.0, le=1.0,
-        doc="Mean joint distance below which a new skeleton is a second one of somebody known.",
-    )

@@ -12,7 +12,7 @@ from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
-from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances, mean_gaps, return_costs
+from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances, return_costs
 
 Array = np.ndarray
 FORBIDDEN = 1e6  # cost of pairs outside of the gates
@@ -115,17 +115,10 @@ class TrackingStage(Stateful):
         return owners
 
     def _with_new(self, item: PoseSet, owners: Array) -> Array:
-        """The owners, with new tracks for skeletons that are nobody's and no second ones of somebody."""
-        alone = np.flatnonzero(owners < 0)
-        if not len(alone):
-            return owners
-        gaps = mean_gaps(item.positions)
-        np.fill_diagonal(gaps, np.inf)
-        for k in alone:
-            double = (gaps[k, owners >= 0] < self._config.duplicate_distance).any()
-            if not double and np.isfinite(item.positions[k, :, 0]).any():
-                owners[k] = len(self._tracks.ids)
-                self._tracks = self._tracks.joined(self._new(1))
+        """The owners, with new tracks for skeletons that are nobody's."""
+        for k in np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1)):
+            owners[k] = len(self._tracks.ids)
+            self._tracks = self._tracks.joined(self._new(1))
         return owners
 
     def _confirm(self, item: PoseSet, owners: Array) -> tuple[Notice, ...]:

@@ -198,23 +198,6 @@ def joint_distances(states, variances, positions, covariances):
     return distance, cost
 
 
-@njit(cache=True, error_model="numpy")
-def mean_gaps(positions):
-    """Mean distances (P, P) m of the joints that two skeletons (P, J, 3) share; inf with fewer than three."""
-    gaps = np.full((len(positions), len(positions)), np.inf)
-    for i in range(len(positions)):
-        for k in range(len(positions)):
-            total, count = 0.0, 0
-            for j in range(positions.shape[1]):
-                gap = _distance(positions[i, j], positions[k, j])
-                if np.isfinite(gap):
-                    total += gap
-                    count += 1
-            if count >= 3:
-                gaps[i, k] = total / count
-    return gaps
-
-
 def head_distances(heads: Array, positions: Array, head: int) -> Array:
     """Distances (T, P) m of the heads of skeletons (P, J, 3) from the last ones (T, 3); inf where unknown."""
     distances = np.linalg.norm(heads[:, None] - positions[None, :, head], axis=-1)

@@ -85,12 +85,6 @@ def test_a_ghost_gets_no_identity_and_a_weak_person_gets_one_soon():
     assert len(run(steady, confirm_frames=1)[0].ids) == 2
 
 
-def test_a_second_skeleton_on_somebody_is_dropped():
-    double = body(0.0) + 0.03
-    outputs = run([poses(i, [body(0.0), double] if i > 3 else [body(0.0)]) for i in range(20)])
-    assert all(o.ids.tolist() == [0] for o in outputs)
-
-
 def test_measured_skeletons_pass_unchanged():
     item = poses(0, [body(0.3), body(-0.9)])
     output = run([item])[0]

@@ -4,7 +4,7 @@ import pytest
 
 from panoptic_ros.domain import PoseSet
 from panoptic_ros.solving.limbs import Limbs
-from panoptic_ros.tracking.tracks import FLOOR, WORST, Tracks, joint_distances, mean_gaps
+from panoptic_ros.tracking.tracks import FLOOR, WORST, Tracks, joint_distances
 
 JOINTS = 5
 BONES = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
@@ -44,14 +44,6 @@ def test_distances_are_means_over_the_joints_that_both_have(seed):
             assert distance[t, p] == pytest.approx(gaps[t, p][known].mean() if known.any() else np.inf)
             worst = np.minimum(gaps[t, p] / sigmas[t, p], WORST)
             assert cost[t, p] == pytest.approx(worst[known].mean() if known.any() else np.inf)
-
-
-def test_gaps_need_three_joints():
-    positions = np.zeros((3, JOINTS, 3))
-    positions[1] += [0.3, 0.0, 0.4]
-    positions[2, 2:] = np.nan
-    expected = [[0.0, 0.5, np.inf], [0.5, 0.0, np.inf], [np.inf] * 3]
-    assert np.allclose(mean_gaps(positions), expected)
 
 
 def test_bones_are_averaged_and_the_middle_is_the_median():
