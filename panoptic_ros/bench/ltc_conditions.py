@@ -1,12 +1,13 @@
 """The clips of the timecode bench: noise, and everything that lines, tapes and rooms do."""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import Timecode
+from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, LtcSignal, timecode_rate
 
@@ -20,13 +21,19 @@ class Condition:
 
     Args:
         changes: fields of `Channel` and `AudioFaults`.
+        rate: of the frames; clips take turns where several are named.
     """
 
     name: str
     sample_rate: int
     changes: dict[str, Any] = field(default_factory=dict)
-    rate: str = "30"
+    rate: str | tuple[str, ...] = "30"
     reverse: bool = False
+
+    def rate_of(self, seed: int) -> FrameRate:
+        """The rate of the clip with a seed."""
+        names = (self.rate,) if isinstance(self.rate, str) else self.rate
+        return timecode_rate(names[seed % len(names)])
 
 
 def clip(condition: Condition, seed: int, words: int) -> LtcSignal:
@@ -37,7 +44,7 @@ def clip(condition: Condition, seed: int, words: int) -> LtcSignal:
     rest = {key: value for key, value in changes.items() if key not in FAULTS}
     speed = rest.pop("speed", 1.0) * (1.0 + 4e-5 * rng.uniform(-1.0, 1.0))
     channel = Channel(speed=speed, seed=seed, faults=AudioFaults(seed=seed, **faults), **rest)
-    rate = timecode_rate(condition.rate)
+    rate = condition.rate_of(seed)
     start = Timecode.from_frame_count(int(rng.integers(0, 2_000_000)), rate)
     lead = 0.5 + rng.uniform(0.0, 1.0) / condition.sample_rate
     user = int(rng.integers(0, 2**32))
@@ -51,7 +58,7 @@ def noise_bound_us(condition: Condition) -> float:
     if set(condition.changes) != {"snr_db"}:
         return float("nan")
     rate = condition.sample_rate
-    start = Timecode.from_frame_count(1_234_567, timecode_rate(condition.rate))
+    start = Timecode.from_frame_count(1_234_567, condition.rate_of(0))
     step, words = 0.02, 5
     early, late = (
         play_ltc(start, words, rate, Channel(), lead=(9600 + shift) / rate)
@@ -74,10 +81,29 @@ def _table() -> tuple[Condition, ...]:
     names = ("23.976", "24", "25", "29.97", "29.97df")
     counting = [Condition(f"{name} frames/s", 48000, {}, rate=name) for name in names]
     sampling = [Condition(f"{rate} Hz sampling", rate) for rate in (8000, 22050, 44100, 96000)]
-    return (*noise, *counting, *sampling, *(Condition(name, rate, changes, reverse="reverse" in name)
-            for name, rate, changes in IMPAIRMENTS))  # fmt: skip
+    impaired = [
+        Condition(name, rate, changes, reverse="reverse" in name) for name, rate, changes in IMPAIRMENTS
+    ]
+    return (*noise, *counting, *sampling, *impaired, *_fluttering())
 
 
+def _fluttering() -> Iterator[Condition]:
+    """Speeds that swing by 0.5 %, at one rate and at two."""
+    for rate in (48000, 16000):
+        for swings in FLUTTERS:
+            changes = {"snr_db": FLUTTER_DB, "flutter": FLUTTER, "flutter_hz": swings[-1]}
+            if len(swings) > 1:
+                changes |= {"wow": FLUTTER, "wow_hz": swings[0]}
+            name = f"{rate // 1000} kHz, flutter {' + '.join(f'{hz:g}' for hz in swings)} Hz"
+            yield Condition(name, rate, changes, FLUTTER_RATES)
+
+
+FLUTTER, FLUTTER_DB = 0.005, 18.0
+FLUTTERS = (
+    (0.5,), (1.0,), (3.0,), (9.0,), (15.0,), (30.0,),
+    (0.5, 9.0), (0.5, 30.0), (1.0, 15.0), (3.0, 9.0), (3.0, 30.0), (9.0, 30.0),
+)  # fmt: skip
+FLUTTER_RATES = ("24", "25", "29.97df", "30")
 MICROPHONE = {"low_pass_hz": 7000.0, "high_pass_hz": 100.0, "snr_db": 20.0, "echo_s": 0.2, "direct_db": 12.0}
 IMPAIRMENTS: tuple[tuple[str, int, dict[str, Any]], ...] = (
     ("hum 0 dB", 48000, {"hum_db": 0.0}),

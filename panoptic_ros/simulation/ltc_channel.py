@@ -38,6 +38,7 @@ class Channel:
         speed: of the tape.
         ramp: by which the speed changes in `RAMP_SECONDS`, up and then down again.
         wow, wow_hz: depth and rate of a swinging speed.
+        flutter, flutter_hz: the same once more, with a phase by the seed.
         jitter_s: standard deviation of single edges.
         low_pass_hz, high_pass_hz: symmetric; first order, as a coupling capacitor.
         echo_s, direct_db: time in which echoes fall by 60 dB; the direct sound against all echoes.
@@ -51,6 +52,8 @@ class Channel:
     ramp: float = 0.0
     wow: float = 0.0
     wow_hz: float = 0.5
+    flutter: float = 0.0
+    flutter_hz: float = 9.0
     jitter_s: float = 0.0
     low_pass_hz: float = 0.0
     high_pass_hz: float = 0.0
@@ -106,6 +109,10 @@ def _warped(times: Array, channel: Channel) -> Array:
     if channel.wow:
         swing = 2.0 * np.pi * channel.wow_hz
         warped = warped + channel.wow / swing * np.sin(swing * times)
+    if channel.flutter:
+        swing = 2.0 * np.pi * channel.flutter_hz
+        phase = np.random.default_rng([channel.seed, 1]).uniform(0.0, 2.0 * np.pi)
+        warped = warped + channel.flutter / swing * np.sin(swing * times + phase)
     return warped
 
 

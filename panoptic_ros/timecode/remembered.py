@@ -12,6 +12,7 @@ from panoptic_ros.timecode.follow.breaks import Heard
 from panoptic_ros.timecode.follow.following import Follow
 from panoptic_ros.timecode.follow.pace import Pace
 from panoptic_ros.timecode.follow.reading import Word
+from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.counting import Counting
 from panoptic_ros.timecode.label.evidence import Evidence, Verdict
 from panoptic_ros.timecode.label.expected import ExpectedLabels
@@ -24,8 +25,9 @@ from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.signal.wave import Samples
-from panoptic_ros.timecode.word.fit import WordFit
+from panoptic_ros.timecode.word.fit import FreeEdges, WordFit
 from panoptic_ros.timecode.word.levels import WordLevels
+from panoptic_ros.timecode.word.smoothing import Motion
 
 
 @dataclass
@@ -69,7 +71,7 @@ LAYOUT = StateLayout(
     ("_devices",),
     (
         Channel, ClickLimits, Counting, Device, FrameRate, Grid, Heard, Solution, Timecode, Verdict,
-        Samples, Word, WordFit, WordLevels,
+        FreeEdges, Motion, Samples, Word, WordFit, WordLevels,
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
         Fields.named(LtcDecoder, "_config _hop _hops _stream _follow _held _read_until _searches"),
         Fields.named(Hops, "_length _pending _count"),
@@ -78,16 +80,16 @@ LAYOUT = StateLayout(
         Fields.named(
             Conditioner, "up _step _low_pass _between _half _beside reach _piece _clicks _raw _history"
         ),
-        Fields.named(Follow, "grid number labels shape misses read _pace _first"),
+        Fields.named(Follow, "grid number labels shape misses read pace _first"),
         Fields.named(
             ExpectedLabels,
             "user _solution _countings _rates _ahead _evidence _labels _verdicts _last_ahead",
         ),
         Fields.named(
             Pace,
-            "bending reverse _fits _words _on_line _early_line _line _astray _steady _bend _edges _scale "
-            "_turns",
+            "reverse wander _before _words _on_line _early_line _line _astray _wavers _edges _scale",
         ),
+        Fields.named(Wander, "reverse level _place _cell _nats _scales _known"),
         Fields.named(EdgeShape, " ".join(("sample_rate", *EdgeShape.LEARNT)), make=EdgeShape.of),
         Fields.named(UserBits, "_nats certain _other _bits _value"),
         Fields.named(Evidence, "_levels _free _user contradiction same_user"),

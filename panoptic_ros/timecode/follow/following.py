@@ -1,8 +1,11 @@
 """A signal that is followed word by word: where the next begins, and which labels it may have."""
 from __future__ import annotations
 
+import numpy as np
+
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.timecode.follow.pace import Pace
+from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.evidence import CLEAN_SHARE, Verdict
 from panoptic_ros.timecode.label.expected import ExpectedLabels
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
@@ -11,6 +14,7 @@ from panoptic_ros.timecode.word.fit import WordFit
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 from panoptic_ros.timecode.word.levels import WordLevels
 
+Array = np.ndarray
 LEARN_ALL, LEARN_MANY = 16, 50  # words; then every third, then every
 RARELY = 30
 
@@ -21,11 +25,11 @@ class Follow:
     Args:
         grid: of the word with `number`, in recorded samples.
         labels: that the words may have.
-        pace: where words begin.
         shape: of a step.
 
     Attributes:
         grid, number: of the next word.
+        pace: where words begin.
         read: good words.
         misses: words in a row that were not.
     """
@@ -35,13 +39,13 @@ class Follow:
         self.labels = labels
         self.shape = shape
         self.misses = self.read = 0
-        self._pace = pace
+        self.pace = pace
         self._first: tuple[int, float] | None = None  # number and middle of the first word that was read
 
     @property
     def reverse(self) -> bool:
         """Whether the tape runs backwards."""
-        return self._pace.reverse
+        return self.pace.reverse
 
     @property
     def early(self) -> bool:
@@ -49,14 +53,14 @@ class Follow:
         return self.number < self.labels.first
 
     @property
-    def bending(self) -> bool:
-        """Whether the speed changes within words."""
-        return self._pace.bending
+    def wander(self) -> Wander | None:
+        """The motion of the tape if its speed changes within words."""
+        return self.pace.wander
 
     @property
     def straight(self) -> bool:
         """Whether the words so far lie on a line."""
-        return self._pace.straight
+        return self.pace.straight
 
     def judge(self, levels: WordLevels) -> Verdict:
         """The next word against the most likely label."""
@@ -84,34 +88,47 @@ class Follow:
         often = 1 if words < LEARN_ALL else 3 if words < LEARN_MANY else RARELY
         return share > CLEAN_SHARE and self.number % often == 0
 
-    def miss(self) -> None:
+    def miss(self, ticks: Array | None) -> None:
         """The word could not be read; the next is expected where it would be."""
         if self.early:
             self.labels.begin()
             self._first = None
         else:
             self.misses += 1
-        self._advance(moved_grid(self.grid, float(WORD_CELLS)))
+        wander = self.wander
+        if wander is None or ticks is None:
+            self._advance(moved_grid(self.grid, float(WORD_CELLS)))
+            return
+        wander.skip(ticks)
+        self._advance(wander.grid)
 
-    def hit(self, fit: WordFit, good: bool) -> tuple[float, float]:
-        """The word was read: the first edge of its bit 0 and the standard deviation; moves on."""
+    def hit(self, fit: WordFit, good: bool, ticks: Array | None) -> tuple[float, float] | None:
+        """The word was read: the first edge of its bit 0 and the standard deviation; moves on.
+
+        None if the speed has turned out to change: then the word must be tracked.
+
+        Args:
+            ticks: (193,) recorded samples, if it was tracked.
+        """
         if not good:
             self.misses += not self.early
-            edge, std = self._pace.passed(self.grid, fit)
-            self._advance(moved_grid(self.grid, float(WORD_CELLS)))
+            edge, std, grid = self.pace.passed(self.grid, fit, ticks)
+            self._advance(grid)
             return edge, std
+        taken = self.pace.take(self.number, fit, ticks)
+        if taken is None:
+            return None
         self.misses = 0
         self.read += 1
         if self._first is None:
             self._first = self.number, fit.middle
-        edge, std, grid = self._pace.take(self.number, fit)
+        edge, std, grid = taken
         self._advance(grid)
         return edge, std
 
-    def restarted(self, grid: Grid, number: int, labels: ExpectedLabels) -> Follow:
-        """The same signal from an earlier word on, with the speed and the shape that are known by now."""
-        grid, line = self._pace.early(grid, number)
-        return Follow(grid, number, labels, Pace(self.reverse, self._pace.bending, line), self.shape)
+    def wanders(self, wander: Wander | None) -> None:
+        """From the next word on, the speed is taken to change within words, or to be constant if None."""
+        self.pace.wander = wander
 
     def _advance(self, grid: Grid) -> None:
         self.grid = grid

@@ -7,6 +7,7 @@ from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.follow.following import Follow
 from panoptic_ros.timecode.follow.pace import Pace
 from panoptic_ros.timecode.follow.reading import read_word, word_complete
+from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.evidence import judge
 from panoptic_ros.timecode.label.expected import ExpectedLabels
 from panoptic_ros.timecode.label.stretch import solve_labels
@@ -14,13 +15,14 @@ from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.word.acquisition import Found, Search
-from panoptic_ros.timecode.word.bit_clock import drawn_grid, nearby_grid
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, WORD_CELLS
-from panoptic_ros.timecode.word.levels import word_levels
+from panoptic_ros.timecode.word.levels import ticks_levels, word_levels
+from panoptic_ros.timecode.word.tracking import TICKS, word_ticks
 
 Array = np.ndarray
 EARLY = 0.3  # cells that may be missing of the first word of a stream
-FARTHEST = 3  # words before the first that was found, where a changing speed may still be known
+FARTHEST = 3  # unreadable words in a row between readable ones, where the speed changes
+ABOUT = 8  # cells over which the length of one is measured
 PASSES = 2  # over the words heard so far: the first teaches the shape of edges, the other by it the speed
 
 
@@ -33,32 +35,59 @@ def lock(
         search: that it was found by.
         read_until: sample up to which words were read already.
     """
-    bending = bool(search.most_bend)
-    grids = _chain(stream.sums, found) if bending else _row(stream, found, search)
-    words = [word_levels(stream.sums, grid, found.reverse) for grid in grids]
+    chain = _chain(stream.sums, found) if search.tracked else []
+    grids = [] if search.tracked else _row(stream, found, search)
+    words = [ticks_levels(stream.sums, ticks, found.reverse) for ticks in chain]
+    words += [word_levels(stream.sums, grid, found.reverse) for grid in grids]
     solution = solve_labels(words, found.reverse, config.agreeing_words)
     if solution is None:
         return None
-    grid, number = _first_word(stream, stream.in_recorded(grids[0]), bending, read_until)
+    wander = None
+    if search.tracked:
+        wander, number = _first_tracked(stream, chain, found.reverse, read_until)
+        grid = wander.grid
+    else:
+        grid, number = _first_word(stream, stream.in_recorded(grids[0]), read_until)
     shape = EdgeShape(stream.sample_rate)
     for _ in range(PASSES):
         labels = ExpectedLabels(solution)
-        follow = Follow(grid, number, labels, Pace(found.reverse, bending), shape)
+        pace = Pace(found.reverse, None, None if wander is None else wander.again_at(wander))
+        follow = Follow(grid, number, labels, pace, shape)
         while follow.misses < config.lost_words and word_complete(follow, stream):
             read_word(follow, stream)
     if follow.read < config.agreeing_words:
         return None
-    return follow.restarted(grid, number, ExpectedLabels(solution, labels.user))
+    grid, pace = follow.pace.restarted(grid, number, wander)
+    if wander is not None and pace.wander is None:  # the speed is constant after all
+        grid, before = _first_word(stream, grid, read_until)
+        number += before
+    return Follow(grid, number, ExpectedLabels(solution, labels.user), pace, shape)
 
 
-def _first_word(stream: Stream, grid: Grid, bending: bool, read_until: float) -> tuple[Grid, int]:
+def _first_tracked(
+    stream: Stream, chain: list[Array], reverse: bool, read_until: float
+) -> tuple[Wander, int]:
+    """Where the first word that is there begins, and its number, from the ticks of words on the sums."""
+    number = 0
+    wander = Wander(reverse, *_begin(stream, chain[0]))
+    while number + 1 < len(chain) and _begin_of(wander.grid) < read_until - 0.5 * wander.grid.cell:
+        number += 1
+        wander = Wander(reverse, *_begin(stream, chain[number]))
+    wander.level = judge(ticks_levels(stream.sums, chain[number], reverse), SYNC_ONLY).level
+    return wander, number
+
+
+def _begin(stream: Stream, ticks: Array) -> tuple[float, float]:
+    """The recorded place of the first of some ticks, and the length of a cell there."""
+    some = stream.ticks_in_recorded(ticks[: 2 * ABOUT + 1])
+    return float(some[0]), float(some[-1] - some[0]) / ABOUT
+
+
+def _first_word(stream: Stream, grid: Grid, read_until: float) -> tuple[Grid, int]:
     """The grid and number of the first word that is there, from those of word 0."""
     number = 0
     earliest = max(stream.first - EARLY * grid.cell, read_until - 0.5 * grid.cell)
-    while not (bending and number == -FARTHEST):
-        before = moved_grid(grid, -float(WORD_CELLS))
-        if _begin_of(before) < earliest:
-            break
+    while _begin_of(before := moved_grid(grid, -float(WORD_CELLS))) >= earliest:
         grid, number = before, number - 1
     while _begin_of(grid) < earliest:
         grid, number = moved_grid(grid, float(WORD_CELLS)), number + 1
@@ -66,7 +95,7 @@ def _first_word(stream: Stream, grid: Grid, bending: bool, read_until: float) ->
 
 
 def _begin_of(grid: Grid) -> float:
-    """Where a word begins, but for its bend."""
+    """Where a word begins."""
     return grid.middle - 0.5 * WORD_CELLS * grid.cell
 
 
@@ -80,37 +109,20 @@ def _row(stream: Stream, found: Found, search: Search) -> list[Grid]:
     return [moved_grid(found.grid, float(WORD_CELLS * k)) for k in range(first, last + 1)]
 
 
-def _chain(sums: Array, found: Found) -> list[Grid]:
-    """The grids of the words that can be followed from one to the next, backwards and forwards."""
-    middle = _drawn(sums, found.grid, found.reverse)
-    if middle is None:
-        return []
-    before, after = (_neighbours(sums, middle, found.reverse, step) for step in (-1, 1))
-    return [*before[::-1], middle, *after]
+def _chain(sums: Array, found: Found) -> list[Array]:
+    """The ticks of the words that were tracked, from the one that was found to both sides."""
+    assert found.ticks is not None
+    before = _one_side(sums, found.ticks, found.begin - TICKS, -TICKS, found.reverse)
+    return [*before[::-1], *_one_side(sums, found.ticks, found.begin, TICKS, found.reverse)]
 
 
-def _neighbours(sums: Array, grid: Grid, reverse: bool, step: int) -> list[Grid]:
-    """The grids of the words before (-1) or after (1) another, as far as they can be followed."""
-    grids: list[Grid] = []
-    beside = _drawn(sums, moved_grid(grid, step * float(WORD_CELLS)), reverse)
-    while beside is not None:
-        grids.append(beside)
-        beside = _drawn(sums, moved_grid(beside, step * float(WORD_CELLS)), reverse)
-    return grids
-
-
-def _drawn(sums: Array, grid: Grid, reverse: bool) -> Grid | None:
-    """The grid moved to a word's edges, if there is a word."""
-    ends = [moved_grid(grid, side * (0.5 * WORD_CELLS + 0.5)).middle for side in (-1.0, 1.0)]
-    if ends[0] < 0.0 or ends[1] > len(sums) - 1:
-        return None
-    for _ in range(2):
-        verdict = judge(word_levels(sums, grid, reverse), SYNC_ONLY)
-        if not verdict.good:
-            grid = nearby_grid(sums, grid)
-            verdict = judge(word_levels(sums, grid, reverse), SYNC_ONLY)
-        if not verdict.good:
-            return None
-        signs = np.ascontiguousarray(verdict.signs[::-1]) if reverse else verdict.signs
-        grid = drawn_grid(sums, grid, signs, verdict.level, 3)
-    return grid
+def _one_side(sums: Array, ticks: Array, begin: int, step: int, reverse: bool) -> list[Array]:
+    """The ticks of words from one on, up to the last that can be read."""
+    words: list[Array] = []
+    good = 0
+    while len(words) - good < FARTHEST and (word := word_ticks(ticks, begin, reverse)) is not None:
+        words.append(word)
+        if judge(ticks_levels(sums, word, reverse), SYNC_ONLY).good:
+            good = len(words)
+        begin += step
+    return words[:good]

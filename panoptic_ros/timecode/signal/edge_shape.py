@@ -119,7 +119,7 @@ class EdgeShape:
             excess: variance of the edges of the word over that of white noise.
             sudden: share of the edges that jump from plateau to plateau between two samples.
         """
-        train = train_rows(clean, edges, self._guess, 4)
+        train = train_rows(clean, edges, self._guess)
         rows = shape_rows(train, level, clean.first, edges, self._splines, self._knot)
         gram, _ = gram_without(rows, baseline)
         reduced = without_own(gram)

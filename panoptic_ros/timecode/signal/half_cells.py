@@ -39,24 +39,31 @@ def half_levels(sums: Array, grid: Grid, first: float, count: int) -> Array:
 
 
 @_jit
-def energy(sums: Array, start: float, half: float, bend: float, count: int) -> float:
-    """Sum of squared integrals over `count` half cells from a place on, each longer than the last by `bend`.
+def tick_levels(sums: Array, ticks: Array) -> Array:
+    """Mean levels (N,) of the half cells between ticks (N + 1,)."""
+    levels = np.empty(len(ticks) - 1)
+    before = integral(sums, ticks[0])
+    for k in range(len(levels)):
+        now = integral(sums, ticks[k + 1])
+        levels[k] = (now - before) / (ticks[k + 1] - ticks[k])
+        before = now
+    return levels
 
-    All that lies outside counts nothing.
-    """
-    step, total, last = half, 0.0, len(sums) - 1.001
+
+@_jit
+def energy(sums: Array, start: float, half: float, count: int) -> float:
+    """Sum of squared integrals over `count` half cells from a place on; what lies outside counts nothing."""
+    total, last = 0.0, len(sums) - 1.001
     place, k = start + 0.5, 0
     while place < 0.0 and k < count:
-        place += step
-        step += bend
+        place += half
         k += 1
     if not 0.0 <= place <= last:
         return 0.0
     below = int(place)
     value = sums[below] + (sums[below + 1] - sums[below]) * (place - below)
     while k < count:
-        place += step
-        step += bend
+        place += half
         if place > last:
             break
         below = int(place)
@@ -70,7 +77,6 @@ def energy(sums: Array, start: float, half: float, bend: float, count: int) -> f
 @_jit
 def grid_energy(sums: Array, grid: Grid, first: float, count: int) -> float:
     """Mean square of `half_levels`."""
-    _, cell, bend = grid
-    half = cell * (0.5 + bend * (first + 0.25))  # the first one; second differences are constant
-    total = energy(sums, place_of(grid, first), half, 0.5 * bend * cell, 2 * count)
+    cell = grid.cell
+    total = energy(sums, place_of(grid, first), 0.5 * cell, 2 * count)
     return total * 4.0 / (cell * cell * 2.0 * count)

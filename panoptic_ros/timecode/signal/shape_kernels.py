@@ -48,12 +48,12 @@ def shape_rows(
     integral = integrated(rows[whole])
     for i in range(count):
         rows[droop, i] = -integral[i]
-    middle, cell, bend = edges.grid
+    middle, cell = edges.grid
     places = edges.places
     sign = 1.0
     for k in range(len(places)):
         u = places[k]
-        edge = middle + cell * (u + bend * u * u) - first_sample
+        edge = middle + cell * u - first_sample
         after = int(np.ceil(edge))
         place = (after - edge) * phases
         below = min(int(place), phases - 1)

@@ -73,8 +73,21 @@ class Stream:
 
     def in_recorded(self, grid: Grid) -> Grid:
         """A grid on the running sum as one in recorded samples."""
-        return Grid(self.first + grid.middle / self._up, grid.cell / self._up, grid.bend)
+        return Grid(self.first + grid.middle / self._up, grid.cell / self._up)
 
     def in_sums(self, grid: Grid) -> Grid:
         """A grid in recorded samples as one on the running sum."""
-        return Grid((grid.middle - self.first) * self._up, grid.cell * self._up, grid.bend)
+        return Grid((grid.middle - self.first) * self._up, grid.cell * self._up)
+
+    def ticks_in_recorded(self, ticks: Array) -> Array:
+        """Places on the running sum as recorded samples."""
+        return self.first + ticks / self._up
+
+    def place_in_sums(self, place: float) -> float:
+        """A recorded sample as a place on the running sum."""
+        return (place - self.first) * self._up
+
+    @property
+    def up(self) -> int:
+        """Places on the running sum for each recorded sample."""
+        return self._up

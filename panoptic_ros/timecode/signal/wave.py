@@ -47,23 +47,21 @@ def edge_places(bits: Array) -> Array:
 
 
 @_jit
-def train_rows(samples: Samples, edges: Edges, shape: Array, terms: int) -> Array:
-    """A word's wave, that times time, its derivatives by middle, cell and bend, the samples, (terms + 1, N).
+def train_rows(samples: Samples, edges: Edges, shape: Array) -> Array:
+    """A word's wave, that times time, its derivatives by middle and cell, the samples, (5, N).
 
     Args:
         shape: (2, P + 1, 2 R) see above.
-        terms: 5, or 4 without the bend.
     """
     values, places = samples.values, edges.places
     count = len(values)
     phases, reach = shape.shape[1] - 1, shape.shape[2] // 2
-    rows = np.zeros((terms + 1, count))
-    middle, cell, bend = edges.grid
+    rows = np.zeros((5, count))
+    middle, cell = edges.grid
     sign, begin = -1.0, 0
     for k in range(len(places)):
         u = places[k]
-        stretched = u + bend * u * u
-        edge = middle + cell * stretched - samples.first
+        edge = middle + cell * u - samples.first
         after = int(np.ceil(edge))
         end = min(max(after, 0), count)
         for i in range(begin, end):
@@ -79,13 +77,11 @@ def train_rows(samples: Samples, edges: Edges, shape: Array, terms: int) -> Arra
             slope = -sign * (shape[1, below, j] * (1.0 - part) + shape[1, below + 1, j] * part)
             rows[0, i] += sign * more
             rows[2, i] += slope
-            rows[3, i] += slope * stretched
-            if terms == 5:
-                rows[4, i] += slope * cell * u * u
+            rows[3, i] += slope * u
     for i in range(begin, count):
         rows[0, i] += sign
     scale = 2.0 / (count - 1.0)
     for i in range(count):
         rows[1, i] = rows[0, i] * (scale * i - 1.0)
-        rows[terms, i] = values[i]
+        rows[4, i] = values[i]
     return rows

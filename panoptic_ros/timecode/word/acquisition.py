@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
-from panoptic_ros.timecode.signal.half_cells import half_levels
+from panoptic_ros.timecode.signal.half_cells import half_levels, tick_levels
 from panoptic_ros.timecode.word.bit_clock import best_grid
 from panoptic_ros.timecode.word.layout import SYNC, SYNC_BACK, WORD_CELLS
 from panoptic_ros.timecode.word.search_kernels import scan_lengths, sync_means
+from panoptic_ros.timecode.word.tracking import TICKS, track
 from panoptic_ros.timecode.word.viterbi import FREE, best_path
 
 Array = np.ndarray
@@ -23,8 +24,7 @@ PHASES = 8
 CANDIDATES = 3  # by either measure
 APART = 0.03  # relative difference of two candidates' cell lengths
 FASTEST, SLOWEST = 30.0, 24000.0 / 1001.0  # frames/s
-STILL = np.zeros(1)
-SHIFTS, STRETCHES, BENDS = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5)
+SHIFTS, STRETCHES = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Search:
         seconds: newest part of the signal that is searched.
         coarse: s, of the first step; the longest over which the speed may seem constant.
         longer: s, of the refinements.
-        most_bend: relative change of the speed per cell, half of it; 0 looks for constant speeds.
+        tracked: whether the speed may change, so that cells are followed edge by edge.
         least_sync: bits of 16, mean over the words.
         least_share: of the signal's power, in the half cells of the best length.
     """
@@ -43,23 +43,33 @@ class Search:
     seconds: float
     coarse: float
     longer: tuple[float, ...]
-    most_bend: float
+    tracked: bool
     least_sync: float
     least_share: float = 0.0
 
 
-SHORT = Search(0.22, 0.06, (0.12, 0.22), 0.0, 14.5)  # soon after a signal has begun
-LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), 0.0, 12.0)  # through noise
-CHANGING = Search(0.12, 0.03, (0.045, 0.07, 0.1), 2e-4, 15.0, 0.4)  # through wow
+SHORT = Search(0.22, 0.06, (0.12, 0.22), False, 14.5)  # soon after a signal has begun
+LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), False, 12.0)  # through noise
+CHANGING = Search(0.12, 0.03, (), True, 15.0, 0.4)  # through wow and flutter
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A signal: its grid about the middle of a word, samples; direction; mean sync bits."""
+    """A signal.
+
+    Args:
+        grid: about the middle of a word, samples.
+        reverse: whether it runs backwards.
+        sync: mean bits of a sync word that agree, of 16.
+        ticks: of half cells, if it was tracked; all that is kept of the signal.
+        begin: index of the tick where a word begins in the stream.
+    """
 
     grid: Grid
     reverse: bool
     sync: float
+    ticks: Array | None = None
+    begin: int = 0
 
 
 def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -> list[Found]:
@@ -77,6 +87,9 @@ def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -
     begin = length - search.seconds * sample_rate
     found: list[Found] = []
     for half, edge in _coarse(sums, begin, 0.5 * shortest, 0.5 * longest, sample_rate, search):
+        if search.tracked:
+            found += _tracked(sums, begin, half, edge)
+            continue
         grid = _refine(sums, begin, half, edge, sample_rate, search)
         if shortest < grid.cell < longest:
             found += _words(sums, begin, grid)
@@ -115,12 +128,12 @@ def _refine(
 ) -> Grid:
     """The grid about the middle of the stretch, from parts that grow about it."""
     middle = begin + 0.5 * search.seconds * sample_rate
-    grid = Grid(edge + half * round((middle - edge) / half), 2.0 * half, 0.0)
+    grid = Grid(edge + half * round((middle - edge) / half), 2.0 * half)
     for seconds in search.longer:
         each_side = int(0.49 * seconds * sample_rate / grid.cell)
-        stretch, bend = 0.5 / each_side, min(search.most_bend, 0.5 / each_side**2)
+        stretch = 0.5 / each_side
         for scale in (1.0, 0.5, 0.25, 0.125):
-            steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES, scale * bend * BENDS if bend else STILL
+            steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES
             grid = best_grid(sums, grid, -float(each_side), 2 * each_side, *steps)
     return grid
 
@@ -128,22 +141,45 @@ def _refine(
 def _words(sums: Array, begin: float, grid: Grid) -> Iterator[Found]:
     """Where words are, for both directions."""
     before = int((grid.middle - begin) / grid.cell) - 1
-    count = 2 * before
-    halves = half_levels(sums, grid, -float(before), count)
-    first = -float(before)
+    halves = half_levels(sums, grid, -float(before), 2 * before)
+    for half, reverse, mean in _sync_places(halves):
+        u = 0.5 * half - before + 0.5 * WORD_CELLS
+        yield Found(moved_grid(grid, u), reverse, mean)
+
+
+def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Found]:
+    """The same on half cells that are followed from an edge to the end, and back through all that is kept."""
+    end = len(sums) - 1.0
+    level = float(np.sqrt(np.mean(np.diff(sums[int(begin) :]) ** 2)))
+    there = track(sums, edge, 2.0 * half, max(2, int((end - edge) / half) - 2), level)
+    inside = there[there < end]
+    half = (inside[-1] - inside[0]) / (len(inside) - 1)
+    back = track(sums, inside[-1], 2.0 * (inside[-2] - inside[-1]), int(inside[-1] / half), level)
+    ticks = np.ascontiguousarray(back[(back >= 0.0) & (back <= end)][::-1])
+    first = int(np.searchsorted(ticks, begin))
+    for found, reverse, mean in _sync_places(tick_levels(sums, ticks[first:])):
+        at = first + found
+        if at < 0 or at + TICKS >= len(ticks):
+            continue
+        word = ticks[at : at + TICKS + 1]
+        grid = Grid(word[WORD_CELLS], (word[-1] - word[0]) / WORD_CELLS)
+        yield Found(grid, reverse, mean, ticks, at)
+
+
+def _sync_places(halves: Array) -> Iterator[tuple[int, bool, float]]:
+    """The half cell at which a word begins amidst some (N,), for both directions, and mean sync bits."""
+    count, first = len(halves) // 2, 0
     if not _even_parity(halves):
-        first, count = first + 0.5, count - 1
-        halves = halves[1 : 2 * count + 1]
-    bits = best_path(halves, np.full(count, FREE, np.int8), 0.0).bits
-    if count < WORD_CELLS + 16:
+        first, count = 1, (len(halves) - 1) // 2
+    if count < WORD_CELLS + len(SYNC):
         return
+    bits = best_path(halves[first : first + 2 * count], np.full(count, FREE, np.int8), 0.0).bits
     for reverse in (False, True):
         means = sync_means(bits, SYNC_BACK if reverse else SYNC, WORD_CELLS)
         best = int(np.argmax(means))
-        word = best if reverse else best + 16  # the sync word ends a word
+        word = best if reverse else best + len(SYNC)  # the sync word ends a word
         number = round((0.5 * count - word) / WORD_CELLS - 0.5)
-        u = first + word + WORD_CELLS * (number + 0.5)  # middle of a word amidst the stretch
-        yield Found(moved_grid(grid, u), reverse, float(means[best]))
+        yield first + 2 * (word + WORD_CELLS * number), reverse, float(means[best])
 
 
 def _even_parity(halves: Array) -> bool:

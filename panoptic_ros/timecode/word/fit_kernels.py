@@ -50,11 +50,12 @@ class TrainFit(NamedTuple):
         settled: whether the rest holds.
         grid: as fitted.
         level: signed, that before the first edge is -level.
-        white: (3, 3) covariance of the grid, for white noise.
-        observed: (3, 3) the same, from what batches of edges say.
+        white: (2, 2) covariance of the grid, for white noise.
+        observed: (2, 2) the same, from what batches of edges say.
         clean: (N,) samples without clicks.
         clicked: whether there were any.
         misfit: squared samples, see `misfit`.
+        away, noise: (E,) see `edge_errors`.
     """
 
     settled: bool
@@ -65,11 +66,13 @@ class TrainFit(NamedTuple):
     clean: Array
     clicked: bool
     misfit: float
+    away: Array
+    noise: Array
 
 
 @_jit
 def fit_train(
-    samples: Samples, edges: Edges, shape: Array, baseline: Baseline, limits: FitLimits, bending: bool
+    samples: Samples, edges: Edges, shape: Array, baseline: Baseline, limits: FitLimits
 ) -> TrainFit:
     """Fit grid and level of a word with known edges by Gauss-Newton steps; clicks are left out.
 
@@ -77,20 +80,19 @@ def fit_train(
         edges: their grid is a guess.
         shape: see `train_rows`.
     """
-    terms = 5 if bending else 4
     values, places = samples.values, edges.places
     half = 0.5 * (places[-1] - places[0])
     grid, clean, fills, moved, level = edges.grid, values, 0, np.inf, 0.0
-    nothing = np.zeros((3, 3))
+    nothing, nowhere = np.zeros((2, 2)), np.zeros(1)
     rows = np.zeros((1, 1))
     error = values
-    freedom = max(1, len(values) - len(baseline.basis) - terms)
+    freedom = max(1, len(values) - len(baseline.basis) - 4)
     for turn in range(limits.steps + FILLS):
-        rows = train_rows(Samples(samples.first, clean), Edges(grid, places), shape, terms)
+        rows = train_rows(Samples(samples.first, clean), Edges(grid, places), shape)
         solution, inverse, square, weights = fit_step(rows, baseline)
         level = solution[0]
         if abs(level) < 1e-9 or not np.isfinite(solution).all():
-            return TrainFit(False, grid, level, nothing, nothing, clean, False, 0.0)
+            return TrainFit(False, grid, level, nothing, nothing, clean, False, 0.0, nowhere, nowhere)
         change = solution[2:] / level
         grid = _stepped(grid, change)
         noise = np.sqrt(square / freedom)
@@ -112,28 +114,26 @@ def fit_train(
         fills += 1
     white, observed = nothing.copy(), nothing.copy()
     edges = Edges(grid, places)
-    moves = terms - 2
     corner = inverse[2:, 2:].copy()
-    scatter = score_scatter(samples.first, rows, error, edges, moves)
+    scatter = score_scatter(samples.first, rows, error, edges)
     spread = corner @ scatter @ corner
-    for j in range(moves):
-        for i in range(moves):
+    for j in range(2):
+        for i in range(2):
             white[j, i] = corner[j, i] * (square / freedom / level**2)
             observed[j, i] = spread[j, i] / level**2
     unlike = misfit(samples.first, rows, error, edges) / level**2
     settled = moved <= limits.lost * grid.cell
-    return TrainFit(settled, grid, level, white, observed, clean, fills > 0, unlike)
+    away, own = edge_errors(samples.first, error, edges, shape, level, np.sqrt(square / freedom))
+    return TrainFit(settled, grid, level, white, observed, clean, fills > 0, unlike, away, own)
 
 
 @_jit
 def _stepped(grid: Grid, change: Array) -> Grid:
-    """The grid after a step (2,) or, with the bend, (3,), which is limited."""
-    middle, cell, bend = grid
+    """The grid after a step (2,), which is limited."""
+    middle, cell = grid
     middle += min(max(change[0], -0.2 * cell), 0.2 * cell)
     cell += min(max(change[1], -0.002 * cell), 0.002 * cell)
-    if len(change) > 2:
-        bend += min(max(change[2], -2e-4), 2e-4)
-    return Grid(middle, cell, bend)
+    return Grid(middle, cell)
 
 
 @_jit
@@ -180,31 +180,31 @@ def left_over(rows: Array, solution: Array, baseline: Baseline, weights: Array) 
 
 
 @_sum
-def score_scatter(first: int, rows: Array, error: Array, edges: Edges, moves: int) -> Array:
-    """Sum over batches of edges of the outer products of their scores, (moves, moves).
+def score_scatter(first: int, rows: Array, error: Array, edges: Edges) -> Array:
+    """Sum over batches of edges of the outer products of their scores, (2, 2).
 
     Args:
         rows: see `train_rows`; those from the third on are slopes.
         error: (N,) residuals.
     """
-    middle, cell, bend = edges.grid
+    middle, cell = edges.grid
     places = edges.places
-    scatter, score = np.zeros((moves, moves)), np.zeros(moves)
+    scatter, score = np.zeros((2, 2)), np.zeros(2)
     begin, count = 0, len(error)
     for k in range(BATCH, len(places) + BATCH, BATCH):
         end = count
         if k + BATCH // 2 < len(places):
             u = 0.5 * (places[k - 1] + places[k])
-            end = min(max(int(middle + cell * (u + bend * u * u)) - first, begin), count)
+            end = min(max(int(middle + cell * u) - first, begin), count)
         if end <= begin:
             continue
-        for j in range(moves):
+        for j in range(2):
             total = 0.0
             for i in range(begin, end):
                 total += rows[2 + j, i] * error[i]
             score[j] = total
-        for j in range(moves):
-            for i in range(moves):
+        for j in range(2):
+            for i in range(2):
                 scatter[j, i] += score[j] * score[i]
         begin = end
     return scatter
@@ -217,11 +217,11 @@ def misfit(first: int, rows: Array, error: Array, edges: Edges) -> float:
     A fit leaves no residual along the slope. The mean residual across it, sample by sample beside the edges
     and beyond noise, tells how much of a wrong shape there may be along it.
     """
-    middle, cell, bend = edges.grid
+    middle, cell = edges.grid
     mean, inside = np.zeros(2 * BESIDE), 0
     sign = 1.0
     for u in edges.places:
-        begin = int(np.ceil(middle + cell * (u + bend * u * u) - first)) - BESIDE
+        begin = int(np.ceil(middle + cell * u - first)) - BESIDE
         if begin >= 0 and begin + 2 * BESIDE <= len(error):
             for j in range(2 * BESIDE):
                 mean[j] += sign * error[begin + j]
@@ -235,6 +235,41 @@ def misfit(first: int, rows: Array, error: Array, edges: Edges) -> float:
     excess = max(0.0, (mean * mean).sum() - noise) / max(1, inside)
     square: float = excess / (2 * BESIDE - 1) / steep
     return square
+
+
+@_jit
+def edge_errors(
+    first: int, error: Array, edges: Edges, shape: Array, level: float, sigma: float
+) -> tuple[Array, Array]:
+    """How far each edge (N,) is from where it was drawn, and the variance of that by white noise.
+
+    Args:
+        error: (M,) residuals of the samples from `first` on.
+        shape: see `train_rows`; level: of the wave, signed; sigma: of the noise.
+    """
+    middle, cell = edges.grid
+    places = edges.places
+    phases, reach = shape.shape[1] - 1, shape.shape[2] // 2
+    away, noise = np.zeros(len(places)), np.zeros(len(places))
+    sign = 1.0
+    for k in range(len(places)):
+        u = places[k]
+        edge = middle + cell * u - first
+        after = int(np.ceil(edge))
+        place = (after - edge) * phases
+        below = min(max(int(place), 0), phases - 1)
+        part = place - below
+        start = after - reach
+        score, weight = 0.0, 0.0
+        for j in range(max(0, -start), min(2 * reach, len(error) - start)):
+            slope = -sign * (shape[1, below, j] * (1.0 - part) + shape[1, below + 1, j] * part)
+            score += slope * error[start + j]
+            weight += slope * slope
+        weight = max(weight, 1e-12)
+        away[k] = score / (level * weight)
+        noise[k] = sigma * sigma / (level * level * weight)
+        sign = -sign
+    return away, noise
 
 
 @_jit

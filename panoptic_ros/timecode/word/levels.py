@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.timecode.signal.grid import Grid
-from panoptic_ros.timecode.signal.half_cells import half_levels
+from panoptic_ros.timecode.signal.half_cells import half_levels, tick_levels
 from panoptic_ros.timecode.word.layout import SYNC, WORD_CELLS
 
 Array = np.ndarray
@@ -46,7 +46,16 @@ class WordLevels:
 def word_levels(sums: Array, grid: Grid, reverse: bool) -> WordLevels:
     """The levels of the word on a grid; what lies outside of the sums counts as 0."""
     first = -0.5 * WORD_CELLS - (0 if reverse else len(SYNC))
-    levels = half_levels(sums, grid, first, WORD_CELLS + len(SYNC))
+    return _in_order(half_levels(sums, grid, first, WORD_CELLS + len(SYNC)), reverse)
+
+
+def ticks_levels(sums: Array, ticks: Array, reverse: bool) -> WordLevels:
+    """The levels of the word between ticks, see `word_ticks`."""
+    return _in_order(tick_levels(sums, ticks), reverse)
+
+
+def _in_order(levels: Array, reverse: bool) -> WordLevels:
+    """Levels of a word and of the sync word before it as in the stream, in the order of sending."""
     if reverse:
         levels = np.ascontiguousarray(levels[::-1])
     sync, halves = levels[: 2 * len(SYNC)], levels[2 * len(SYNC) :]

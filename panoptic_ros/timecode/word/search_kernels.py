@@ -20,7 +20,7 @@ def scan_lengths(sums: Array, begin: float, span: float, halves: Array, phases: 
         rows[i, 0] = -1.0
         for phase in range(phases):
             start = begin + half * phase / phases
-            total = energy(sums, start, half, 0.0, count) / (half * half * count)
+            total = energy(sums, start, half, count) / (half * half * count)
             if total > rows[i, 0]:
                 rows[i, 0], rows[i, 1] = total, start
     return rows

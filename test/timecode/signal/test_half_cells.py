@@ -51,4 +51,4 @@ def test_cells_of_a_clean_signal() -> None:
     score, bits, _ = best_path(halves, np.full(160, FREE, np.int8), 0.0)
     assert bits.tolist() == [bit for label in signal.labels for bit in word_bits(label)]
     assert score > 0.999 * np.abs(halves).sum()
-    np.testing.assert_allclose(half_levels(sums, Grid(50.5, 20.0, 0.0), 0.0, 160), halves, atol=1e-12)
+    np.testing.assert_allclose(half_levels(sums, Grid(50.5, 20.0), 0.0, 160), halves, atol=1e-12)

@@ -10,15 +10,15 @@ from panoptic_ros.timecode.signal.shape_kernels import OWN, corrected, integrate
 from panoptic_ros.timecode.signal.wave import Edges, Samples, train_rows
 
 RATE, COUNT = 48000, 400
-GRID, PLACES = Grid(200.3, 20.1, 1e-5), np.array([-8.0, -7.0, -6.5, -6.0, -2.0, 0.0, 3.5, 8.0])
+GRID, PLACES = Grid(200.3, 20.1), np.array([-8.0, -7.0, -6.5, -6.0, -2.0, 0.0, 3.5, 8.0])
 EDGES = Edges(GRID, PLACES)
 
 
 def test_rows_are_splines_at_every_edge_with_its_sign() -> None:
     shape, values = EdgeShape(RATE), np.random.default_rng(1).normal(size=COUNT)
-    train = train_rows(Samples(0, values), EDGES, shape.table, 4)
+    train = train_rows(Samples(0, values), EDGES, shape.table)
     rows = shape_rows(train, -2.0, 0, EDGES, shape._splines, shape._knot)
-    edges = GRID[0] + GRID[1] * (PLACES + GRID[2] * PLACES**2)
+    edges = GRID[0] + GRID[1] * PLACES
     knots = np.arange(-shape.reach, shape.reach + 0.5 * shape._knot, shape._knot)
     for s in range(len(shape._splines)):
         spline = BSpline.basis_element(knots[s : s + 5], extrapolate=False)

@@ -25,7 +25,7 @@ def test_fit_of_a_clean_word_is_exact(rate: int) -> None:
     bits = np.array(word_bits(signal.labels[1]))
     cell = rate / 2000
     raw = signal.samples.astype(float)
-    guess = Grid(signal.starts[1] + 40.07 * cell, 1.0003 * cell, 0.0)
+    guess = Grid(signal.starts[1] + 40.07 * cell, 1.0003 * cell)
     fit = fit_word(Samples(0, raw), bits, guess, rate, EdgeShape(rate))
     assert fit is not None
     microseconds = 1e6 * (fit.middle - signal.starts[1] - 40 * cell) / rate
@@ -43,7 +43,7 @@ def test_fit_reaches_the_bound_of_cramer_and_rao() -> None:
     errors, stds = [], []
     for seed in range(60):
         raw = degrade_audio(signal.samples, rate, AudioFaults(snr_db=snr_db, seed=seed)).astype(float)
-        fit = fit_word(Samples(0, raw), bits, Grid(850.4, 20.0, 0.0), rate, EdgeShape(rate))
+        fit = fit_word(Samples(0, raw), bits, Grid(850.4, 20.0), rate, EdgeShape(rate))
         assert fit is not None
         errors.append(fit.middle - 850.0)
         stds.append(np.sqrt(fit.observed[0, 0]))
@@ -57,7 +57,7 @@ def test_clicks_do_not_move_a_word() -> None:
     """They are left out, and what was left out does not hold the fit where it was with them."""
     rate = 48000
     signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("30")), 1, rate, lead=50.0, tail=50.0)
-    bits, guess = np.array(word_bits(signal.labels[0])), Grid(850.4, 20.0, 0.0)
+    bits, guess = np.array(word_bits(signal.labels[0])), Grid(850.4, 20.0)
     errors, ratios = [], []
     for seed in range(60):
         rng = np.random.default_rng(seed)
@@ -87,10 +87,10 @@ def test_widest_gap() -> None:
 
 def test_misfit_is_seen_in_wrong_shapes_only() -> None:
     rng = np.random.default_rng(3)
-    edges = Edges(Grid(400.3, 20.0, 0.0), np.flatnonzero(rng.integers(0, 3, 36)) - 18.0)
+    edges = Edges(Grid(400.3, 20.0), np.flatnonzero(rng.integers(0, 3, 36)) - 18.0)
     at = np.arange(-4, 4) + np.arange(9)[:, None] / 8.0
     steep = np.stack([np.zeros_like(at), np.exp(-(at**2))])
-    rows = train_rows(Samples(0, np.zeros(800)), edges, steep, 4)
+    rows = train_rows(Samples(0, np.zeros(800)), edges, steep)
     noise = 0.1 * rng.standard_normal(800)
     wrong = noise + 0.2 * rows[0] * (np.abs(rows[2]) > 0.5)
     assert misfit(0, rows, noise, edges) < 0.05**2

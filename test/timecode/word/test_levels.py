@@ -21,7 +21,7 @@ def heard(word: int, reverse: bool, cut: bool = False) -> WordLevels:
     if cut:
         samples[slice(int(middle + 40 * CELL), None) if reverse else slice(0, int(middle - 40 * CELL))] = 0.0
     sums = np.concatenate([[0.0], np.cumsum(samples)])
-    return word_levels(sums, Grid(middle, CELL, 0.0), reverse)
+    return word_levels(sums, Grid(middle, CELL), reverse)
 
 
 @pytest.mark.parametrize("reverse", [False, True])

@@ -1,0 +1,67 @@
+"""Following the half cells of a signal edge by edge, forwards or backwards, through changes of the speed.
+
+A phase-locked loop: each tick is where the last one and the length of half a cell put it, and is drawn to the
+edge there, if there is one. Its gains are those of a Kalman filter of constant noise. No bits are decided.
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.kernels import njit
+from panoptic_ros.timecode.signal.half_cells import integral
+from panoptic_ros.timecode.word.layout import SYNC, WORD_CELLS
+
+Array = np.ndarray
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+BANDWIDTH = 0.25  # radians per cell: more than any flutter, less than noise
+EDGES = 0.7  # per tick
+PULL, TURN = 2.0**0.5 * BANDWIDTH * 0.5 / EDGES, 0.25 * BANDWIDTH**2 / EDGES
+FARTHEST = 0.15  # cells, that an edge counts as away from its tick at most
+BEFORE = 2 * len(SYNC)  # ticks of the sync word that was sent before a word
+TICKS = 2 * WORD_CELLS
+
+
+@_jit
+def track(sums: Array, place: float, cell: float, count: int, level: float) -> Array:
+    """Ticks (count + 1,) of half cells from a place on; backwards if the cell is negative.
+
+    Args:
+        sums: running sum of the conditioned signal.
+        place: of an edge, near enough, samples.
+        cell: its length there, samples.
+        level: of the signal; silence moves no ticks.
+    """
+    ticks = np.empty(count + 1)
+    half = 0.5 * cell
+    most = FARTHEST * abs(cell)
+    for k in range(count + 1):
+        reach = abs(0.5 * half)
+        here = integral(sums, place)
+        before = here - integral(sums, place - reach)
+        after = integral(sums, place + reach) - here
+        turn, even = after - before, after + before
+        if abs(turn) > abs(even):  # of an edge in the middle, the two sides make up for each other
+            away = reach * even / max(abs(turn) + abs(even), level * reach)
+            away = min(max(-away if turn > 0.0 else away, -most), most)
+            place += PULL * away
+            half += TURN * away
+        ticks[k] = place
+        place += half
+    return ticks
+
+
+def word_ticks(ticks: Array, begin: int, reverse: bool) -> Array | None:
+    """The ticks (`BEFORE` + `TICKS` + 1,) of a word, and of the sync word that was sent before it.
+
+    None if the word is not wholly inside. What is missing of the sync word goes on evenly.
+
+    Args:
+        ticks: (N,).
+        begin: index of the tick where the word begins in the stream.
+    """
+    if begin < 0 or begin + TICKS >= len(ticks):
+        return None
+    first, last = (begin, begin + TICKS + BEFORE) if reverse else (begin - BEFORE, begin + TICKS)
+    head = ticks[0] - (ticks[1] - ticks[0]) * np.arange(max(0, -first), 0, -1)
+    tail = ticks[-1] + (ticks[-1] - ticks[-2]) * np.arange(1, max(0, last + 1 - len(ticks)) + 1)
+    return np.concatenate([head, ticks[max(0, first) : last + 1], tail])
