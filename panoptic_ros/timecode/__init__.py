@@ -8,10 +8,12 @@ sample at which it starts and a standard deviation.
 * `signal`: clicks are bridged, a linear-phase high pass takes DC and hum away (`conditioning`). The shape
   of an edge and the droop of a coupling capacitor are learnt from the words (`edge_shape`).
 * `word`: cell length and phase are those with the largest energy of half-cell integrals, with no decisions
-  on the way (`acquisition`). Bits come from a two-state Viterbi search over half cells, which is soft and
-  free of polarity (`viterbi`) but for what the sync word before each says of it (`levels`). A word's start
-  is a least-squares fit of its known edges to the samples (`fit`). Its deviation is what the scatter of
-  edges says, and what all edges of a word leave alike.
+  on the way (`acquisition`); where the speed changes, half cells are followed edge by edge (`tracking`).
+  Bits come from a two-state Viterbi search over half cells, which is soft and free of polarity (`viterbi`)
+  but for what the sync word before each says of it (`levels`). A word's start is a least-squares fit of its
+  known edges to the samples (`fit`). Its deviation is what the scatter of edges says, and what all edges of
+  a word leave alike. Where the speed changes, every edge is measured by itself (`edge_kernels`), and the
+  curve through them is as stiff as the innovations of the last words say (`smoothing`).
 * `label`: the words of a stretch are judged together against labels that count on (`stretch`). Echoes of a
   room turn the same bits in all words, so labels must also be explained by a linear channel (`echoes`).
   Later words are judged against the label that must come next, with the user bits of the words before and
@@ -19,13 +21,13 @@ sample at which it starts and a standard deviation.
   that clicks or noise contradict is reported only between others that do not. User bits are the last that
   were certain, 0 before (`user_bits`).
 * `follow`: words are read one by one (`reading`), each where the speed of the last words predicts it
-  (`pace`).
+  (`pace`), or where it is tracked while the speed changes (`wander`).
 
 Loops are compiled (`kernels`).
 
 Limits: 23.976 to 30 fps at 0.78 to 1.27 times their speed, forwards and backwards, 8 to 96 kHz; down to
--6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speed changes of 3 % at 3 Hz need 15 dB
-or so. Where the speed is so far off that the length of a word fits another rate, the rate (not the
+-6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speeds that change need 6 dB at 48 kHz
+and 9 dB at 16 kHz or so. Where the speed is so far off that the length of a word fits another rate, the rate (not the
 label) is a guess until the frame count has wrapped once. A delay that all words share (echoes of a room, a
 lopsided filter) is part of the start and not of its deviation.
 """

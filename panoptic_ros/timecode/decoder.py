@@ -4,7 +4,7 @@
    Every hop is conditioned: clicks are bridged, DC and hum are filtered away (`signal`).
 2. Until there is a signal, the decoder searches for one: the cell length and phase of most energy, the
    direction, and the place of the sync word (`word.acquisition`). It locks to the signal if the labels of its
-   words count on (`follow.lock`, `label.stretch`).
+   words count on (`follow.lock`, `label.stretch`). Where the speed changes it is tracked (`word.tracking`).
 3. Each word of the signal is judged against the label that must come next, where the last words say that it
    begins. Then it is timed by a fit of its edges (`follow.reading`).
 4. Words are handed out as soon as one of them rules out the labels beside theirs.

@@ -17,7 +17,7 @@ from panoptic_ros.timecode.word.bit_clock import best_grid, drawn_grid
 from panoptic_ros.timecode.word.edge_kernels import fit_edges, line_through, waver
 from panoptic_ros.timecode.word.fit_kernels import FitLimits, fit_train, jumps, widest_gap
 from panoptic_ros.timecode.word.search_kernels import scan_lengths, sync_means
-from panoptic_ros.timecode.word.smoothing import BANDWIDTHS, Motion, likelihoods
+from panoptic_ros.timecode.word.smoothing import BANDWIDTHS, Motion, likelihoods, smooth
 from panoptic_ros.timecode.word.tracking import track
 from panoptic_ros.timecode.word.viterbi import FREE, best_path, match, soft_bits
 
@@ -67,6 +67,7 @@ def _compile_fit() -> None:
     fit_train(samples, edges, shape, baseline, limits)
     motion, cells = Motion(-4.0, 120.0, 20.0, 0.0, np.full(6, 0.01)), np.arange(-4.0, 5.0)
     fit_edges(samples, cells, 200.0 + 20.0 * cells, shape, baseline, limits, (motion, 0.5, 0))
+    smooth(cells, cells, np.ones(9), motion, 0.5)
     likelihoods(cells, cells, np.ones(9), motion, BANDWIDTHS)
     line_through(cells, cells, np.ones(9))
     waver(cells, cells, np.ones(9), 2)

@@ -14,7 +14,7 @@ from panoptic_ros.timecode.label.stretch import solve_labels
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
-from panoptic_ros.timecode.word.acquisition import Found, Search
+from panoptic_ros.timecode.word.acquisition import Found, Search, tracked
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, WORD_CELLS
 from panoptic_ros.timecode.word.levels import ticks_levels, word_levels
 from panoptic_ros.timecode.word.tracking import TICKS, word_ticks
@@ -35,15 +35,30 @@ def lock(
         search: that it was found by.
         read_until: sample up to which words were read already.
     """
-    chain = _chain(stream.sums, found) if search.tracked else []
-    grids = [] if search.tracked else _row(stream, found, search)
-    words = [ticks_levels(stream.sums, ticks, found.reverse) for ticks in chain]
-    words += [word_levels(stream.sums, grid, found.reverse) for grid in grids]
+    follow, pace = _follow(stream, found, search, config, read_until)
+    if follow is None or found.ticks is not None or pace.wander is None:
+        return follow
+    # The speed changes: words that lie on no line are better tracked.
+    anew = tracked(stream.sums, len(stream.sums) - 1 - search.seconds * stream.sums_rate, found)
+    other = None if anew is None else _follow(stream, anew, search, config, read_until)[0]
+    return follow if other is None else other
+
+
+def _follow(
+    stream: Stream, found: Found, search: Search, config: TimecodeConfig, read_until: float
+) -> tuple[Follow | None, Pace]:
+    """A signal from its first word on, and its pace up to the newest word; see `lock`."""
+    wander, number, pace = None, 0, Pace(found.reverse)
+    if found.ticks is not None:
+        chain = _chain(stream.sums, found.ticks, found)
+        words = [ticks_levels(stream.sums, ticks, found.reverse) for ticks in chain]
+    else:
+        grids = _row(stream, found, search)
+        words = [word_levels(stream.sums, grid, found.reverse) for grid in grids]
     solution = solve_labels(words, found.reverse, config.agreeing_words)
     if solution is None:
-        return None
-    wander = None
-    if search.tracked:
+        return None, pace
+    if found.ticks is not None:
         wander, number = _first_tracked(stream, chain, found.reverse, read_until)
         grid = wander.grid
     else:
@@ -56,12 +71,12 @@ def lock(
         while follow.misses < config.lost_words and word_complete(follow, stream):
             read_word(follow, stream)
     if follow.read < config.agreeing_words:
-        return None
-    grid, pace = follow.pace.restarted(grid, number, wander)
-    if wander is not None and pace.wander is None:  # the speed is constant after all
+        return None, pace
+    grid, onward = pace.restarted(grid, number, wander)
+    if wander is not None and onward.wander is None:  # the speed is constant after all
         grid, before = _first_word(stream, grid, read_until)
         number += before
-    return Follow(grid, number, ExpectedLabels(solution, labels.user), pace, shape)
+    return Follow(grid, number, ExpectedLabels(solution, labels.user), onward, shape), pace
 
 
 def _first_tracked(
@@ -109,11 +124,10 @@ def _row(stream: Stream, found: Found, search: Search) -> list[Grid]:
     return [moved_grid(found.grid, float(WORD_CELLS * k)) for k in range(first, last + 1)]
 
 
-def _chain(sums: Array, found: Found) -> list[Array]:
+def _chain(sums: Array, ticks: Array, found: Found) -> list[Array]:
     """The ticks of the words that were tracked, from the one that was found to both sides."""
-    assert found.ticks is not None
-    before = _one_side(sums, found.ticks, found.begin - TICKS, -TICKS, found.reverse)
-    return [*before[::-1], *_one_side(sums, found.ticks, found.begin, TICKS, found.reverse)]
+    before = _one_side(sums, ticks, found.begin - TICKS, -TICKS, found.reverse)
+    return [*before[::-1], *_one_side(sums, ticks, found.begin, TICKS, found.reverse)]
 
 
 def _one_side(sums: Array, ticks: Array, begin: int, step: int, reverse: bool) -> list[Array]:

@@ -148,14 +148,8 @@ def _words(sums: Array, begin: float, grid: Grid) -> Iterator[Found]:
 
 
 def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Found]:
-    """The same on half cells that are followed from an edge to the end, and back through all that is kept."""
-    end = len(sums) - 1.0
-    level = float(np.sqrt(np.mean(np.diff(sums[int(begin) :]) ** 2)))
-    there = track(sums, edge, 2.0 * half, max(2, int((end - edge) / half) - 2), level)
-    inside = there[there < end]
-    half = (inside[-1] - inside[0]) / (len(inside) - 1)
-    back = track(sums, inside[-1], 2.0 * (inside[-2] - inside[-1]), int(inside[-1] / half), level)
-    ticks = np.ascontiguousarray(back[(back >= 0.0) & (back <= end)][::-1])
+    """The same on half cells that are tracked from an edge on."""
+    ticks = _all_ticks(sums, begin, edge, half)
     first = int(np.searchsorted(ticks, begin))
     for found, reverse, mean in _sync_places(tick_levels(sums, ticks[first:])):
         at = first + found
@@ -164,6 +158,28 @@ def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Fo
         word = ticks[at : at + TICKS + 1]
         grid = Grid(word[WORD_CELLS], (word[-1] - word[0]) / WORD_CELLS)
         yield Found(grid, reverse, mean, ticks, at)
+
+
+def tracked(sums: Array, begin: float, found: Found) -> Found | None:
+    """A signal that was found at constant speed, tracked from the middle of its word on.
+
+    Args:
+        begin: of the newest part, which tells the level.
+    """
+    ticks = _all_ticks(sums, begin, found.grid.middle, 0.5 * found.grid.cell)
+    at = int(np.argmin(np.abs(ticks - found.grid.middle))) - WORD_CELLS
+    return None if at < 0 else Found(found.grid, found.reverse, found.sync, ticks, at)
+
+
+def _all_ticks(sums: Array, begin: float, edge: float, half: float) -> Array:
+    """Ticks (N,) from an edge to the end, and back through all that is kept."""
+    end = len(sums) - 1.0
+    level = float(np.sqrt(np.mean(np.diff(sums[int(begin) :]) ** 2)))
+    there = track(sums, edge, 2.0 * half, max(2, int((end - edge) / half) - 2), level)
+    inside = there[there < end]
+    half = (inside[-1] - inside[0]) / (len(inside) - 1)
+    back = track(sums, inside[-1], 2.0 * (inside[-2] - inside[-1]), int(inside[-1] / half), level)
+    return np.ascontiguousarray(back[(back >= 0.0) & (back <= end)][::-1])
 
 
 def _sync_places(halves: Array) -> Iterator[tuple[int, bool, float]]:
