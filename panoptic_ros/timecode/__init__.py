@@ -27,9 +27,9 @@ Loops are compiled (`kernels`).
 
 Limits: 23.976 to 30 fps at 0.78 to 1.27 times their speed, forwards and backwards, 8 to 96 kHz; down to
 -6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speeds that change need 6 dB at 48 kHz
-and 9 dB at 16 kHz or so. Where the speed is so far off that the length of a word fits another rate, the rate (not the
-label) is a guess until the frame count has wrapped once. A delay that all words share (echoes of a room, a
-lopsided filter) is part of the start and not of its deviation.
+and 9 dB at 16 kHz or so. Where the speed is so far off that the length of a word fits another rate, the rate
+(not the label) is a guess until the frame count has wrapped once. A delay that all words share (echoes of a
+room, a lopsided filter) is part of the start and not of its deviation.
 """
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.recording import decode_recording
