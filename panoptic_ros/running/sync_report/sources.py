@@ -4,6 +4,7 @@ from __future__ import annotations
 import struct
 from collections import defaultdict
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 from panoptic_ros.domain import TimecodeReading
@@ -12,9 +13,9 @@ from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.stamps import StampTable, read_stamps
 from panoptic_ros.io.synctables import read_synctables
-from panoptic_ros.io.wav import wav_blocks
+from panoptic_ros.io.wav import read_wav
 from panoptic_ros.stage import Notice, StepResult
-from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
+from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
 
 FRAMES = {  # types of messages that stand for frames, the best first
     "panoptic_msgs/msg/ViewDetections": "/detections",
@@ -88,18 +89,15 @@ def _read_wav(path: Path, sources: Sources) -> None:
     """Timecode of each channel; the recorder's clock is its count of samples."""
     channels: list[list[TimecodeReading]] = []
     for channel in range(CHANNELS):
-        stage = TimecodeStage(TimecodeConfig())
-        found: list[TimecodeReading] = []
         try:
-            for block in wav_blocks(path, f"{path.stem} channel {channel}", channel):
-                found += stage.step(block).outputs
+            rate, samples = read_wav(path, channel)
         except UsageError:  # there is no such channel
             if not channel:
                 raise
             break
-        found += stage.flush().outputs
-        sources.readings += found
-        channels.append(found)
+        name = f"{path.stem} channel {channel}"
+        channels.append(decode_recording(TimecodeConfig(), name, rate, samples))
+    sources.readings += sorted(chain(*channels), key=lambda reading: reading.stamp_ns)
     sources.recordings[path.name] = channels
 
 
