@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from itertools import tee
@@ -10,6 +10,7 @@ from typing import Any
 
 from panoptic_ros.capture import DepthSource, open_source
 from panoptic_ros.capture.sound import open_sound
+from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import switched_on
 from panoptic_ros.graph.counters import StageStatistics
@@ -70,8 +71,12 @@ def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> di
     """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
     counted = _Counted(plan, results)
     if plan.live:
-        for frame in newest_frames(plan.rig.names, partial(_live_frames, plan), stop, counted.drop):
-            counted.pipeline.push("image", frame)
+        frames, sounds = partial(_live_frames, plan), [partial(_live_sound, s) for s in plan.sounds]
+        for item in newest_frames(plan.rig.names, frames, stop, counted.drop, sounds):
+            topic = SOUND_KEY if isinstance(item, AudioBlock) else "image"
+            if topic in TAKEN:
+                results.take(topic, item)
+            counted.pipeline.push(topic, item)
         counted.pipeline.flush()
         return counted.statistics
     with ExitStack() as stack:
@@ -120,6 +125,11 @@ def _filmed(plan: Plan, stack: ExitStack) -> Records:
 def _live_frames(plan: Plan, camera: str) -> Iterator[Any]:
     source, _ = open_source(camera, plan.rig, plan.sources[camera])
     with source:
+        yield from source
+
+
+def _live_sound(sound: Mapping[str, Any]) -> Iterator[Any]:
+    with open_sound(sound) as source:
         yield from source
 
 

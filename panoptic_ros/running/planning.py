@@ -9,15 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import CaptureFolder, demo_capture, open_capture_folder, open_files
-from panoptic_ros.capture.sound import open_sound
-from panoptic_ros.domain import AudioBlock
+from panoptic_ros.capture.sound import described_sound, open_sound
+from panoptic_ros.domain import AudioBlock, Rig
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.params import config_of, named_words
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.parameters import Parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
 from panoptic_ros.running.sound import Recorder, plan_clocks
+from panoptic_ros.timecode.config import TimecodeConfig
+
+NOTHING: Mapping[str, str] = {}
 
 
 def plan_capture(
@@ -87,12 +91,15 @@ def plan_devices(
     *,
     frame_rate: float | None = None,
     latency_ms: float = 0.0,
+    microphones: Mapping[str, str] = NOTHING,
 ) -> Plan:
     """The plan of a live run.
 
     Args:
         rig: calibration file.
         devices: V4L2 device or RTSP/HTTP address of each camera.
+        microphones: input as PortAudio calls it, or a WAV file that is played, by name. They and the cameras
+            are stamped by this machine's clock, so the first stands for that of cameras without a clock.
         frame_rate: Hz to ask for, 30 unless given.
         latency_ms: of the devices, from exposure to arrival.
 
@@ -109,11 +116,31 @@ def plan_devices(
         "sync": {"deadline_s": max(LIVE_DEFAULTS["sync"]["deadline_s"], 3.0 / rate)},
         "detection": {"threads": max(1, (os.cpu_count() or 2) // 2)},
     }
-    return options.complete(Plan(
-        "cameras", chosen, skeleton, with_defaults(options.all_parameters(), defaults),
+    clocked = _on_first(microphones, chosen)
+    plan = options.complete(Plan(
+        "cameras", clocked, skeleton, with_defaults(options.all_parameters(), defaults),
         {name: {"kind": "device", "device": device, **own} for name, device in devices.items()},
         extras=extras, frame_rate=rate, live=True,
     ))  # fmt: skip
+    heard = plan_clocks(clocked, plan.configs, [Recorder(name, (), name) for name in microphones], {})
+    named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
+    sounds = [
+        described_sound("microphone", name, _split(named.get(name)), address=address)
+        for name, address in microphones.items() if name in heard.recorders
+    ]  # fmt: skip
+    return replace(
+        plan, configs=heard.configs, sounds=tuple(sounds), notices=(*plan.notices, *heard.notices)
+    )
+
+
+def _split(clocks: str | None) -> list[str]:
+    return [] if clocks is None else [clock.strip() for clock in clocks.split(",")]
+
+
+def _on_first(microphones: Mapping[str, str], rig: Rig) -> Rig:
+    """The rig whose cameras without a clock have that of the first microphone."""
+    first = next(iter(microphones), "")
+    return replace(rig, cameras=tuple(replace(c, clock=c.clock or first) for c in rig.cameras))
 
 
 def _recorded(

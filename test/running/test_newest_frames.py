@@ -2,6 +2,7 @@
 import threading
 import time
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import pytest
 
@@ -72,3 +73,22 @@ def test_a_camera_that_fails_ends_it():
 
     with pytest.raises(BackendError, match="b: "):
         list(newest_frames("ab", frames, lambda: False, no_drop))
+
+
+def test_no_sound_is_dropped_and_its_end_ends_nothing():
+    """However many frames are overtaken."""
+    heard_all = threading.Event()
+
+    def frames(camera):
+        heard_all.wait(10.0)
+        yield SimpleNamespace(stamp_ns=1, name=camera)
+
+    def sound():
+        yield from range(500)
+
+    taken = []
+    for item in newest_frames(["a", "b"], frames, lambda: False, lambda count: None, [sound]):
+        taken.append(item)
+        if item == 499:
+            heard_all.set()
+    assert taken[:500] == list(range(500)) and {item.name for item in taken[500:]} == {"a", "b"}

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.capture.sound.microphone import MicrophoneSource
+from panoptic_ros.capture.sound.played import PlayedSource
 from panoptic_ros.capture.sound.source import SoundSource
 from panoptic_ros.capture.sound.wav import WavSource
 from panoptic_ros.errors import UsageError
@@ -16,7 +18,9 @@ def described_sound(kind: str, device: str, clocks: Sequence[str], **more: Any) 
 
 
 def open_sound(description: Mapping[str, Any]) -> SoundSource:
-    """The source of a description: {"kind": "wav", "device", "clocks", and what opening takes}.
+    """The source of a description: {"kind": "wav" or "microphone", "device", "clocks", what opening takes}.
+
+    A microphone whose address is that of a WAV file plays it in real time.
 
     Raises:
         UserError: as the sources.
@@ -24,4 +28,9 @@ def open_sound(description: Mapping[str, Any]) -> SoundSource:
     given = {key: value for key, value in description.items() if key != "kind"}
     if description["kind"] == "wav":
         return WavSource(**{**given, "path": Path(given["path"])})
+    if description["kind"] == "microphone":
+        address = str(given.pop("address"))
+        if address.lower().endswith(".wav"):
+            return PlayedSource(path=Path(address), **given)
+        return MicrophoneSource(address=address, **given)
     raise UsageError(f"sound of {given['device']}: there is no source of kind {description['kind']!r}")

@@ -31,7 +31,10 @@ def make_plan(args: argparse.Namespace) -> Plan:
     rate = args.frame_rate
     if args.device:
         devices = pairs(args.device, "--device")
-        return plan_devices(args.rig, devices, options, frame_rate=rate, latency_ms=args.latency_ms)
+        return plan_devices(
+            args.rig, devices, options, frame_rate=rate, latency_ms=args.latency_ms,
+            microphones=pairs(args.microphone, "--microphone"),
+        )  # fmt: skip
     fit = {"frame_rate": rate, "size_policy": args.size_policy}
     if args.video:
         files = {name: Path(path) for name, path in pairs(args.video, "--video").items()}

@@ -13,6 +13,7 @@ _MEANS_SOMETHING_FOR = {
     "frame_rate": (*_FILES, "device"),
     "jpeg": (*_FILES, "device"),
     "latency_ms": ("device",),
+    "microphone": ("device",),
     "redetect": ("bag",),
     "size_policy": _FILES,
     "topic": ("bag",),

@@ -1,0 +1,145 @@
+"""Microphones and line inputs, through PortAudio (the package sounddevice, which is optional)."""
+from __future__ import annotations
+
+import importlib
+import queue
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.capture.sound.source import BLOCK_S
+from panoptic_ros.domain import AudioBlock
+from panoptic_ros.errors import BackendError, EnvironmentProblem
+
+Array = np.ndarray
+PATIENCE_S = 0.5
+WAITING_BLOCKS = 100  # that nobody has taken; beyond them the oldest are lost
+SILENT_S = 5.0  # without any block: the device is gone
+SECOND = 1_000_000_000
+
+
+class MicrophoneSource:
+    """The sound of a device, from now on, stamped by this machine's clock.
+
+    A block's stamp is when its first sample was at the input, as PortAudio tells. What is lost shows in the
+    count of samples.
+
+    Args:
+        device: name.
+        address: as PortAudio calls it: a part of a name such as "hw:1" or "USB Audio", or a number.
+        clocks: of the channels, see `AudioBlock`.
+        clock: ns; the clock of the stamps, the wall clock unless given.
+        library: the package, for tests.
+
+    Raises:
+        EnvironmentProblem: where sounddevice or PortAudio is missing.
+        BackendError: if there is no such input, listing those that there are, or it cannot be opened.
+    """
+
+    def __init__(
+        self, device: str, address: str, *, clocks: Sequence[str] = (),
+        clock: Callable[[], int] = time.time_ns, library: Any | None = None,
+    ):  # fmt: skip
+        self.device, self.clocks = device, tuple(clocks)
+        self._what = f"microphone {device} at {address}"
+        self._clock = clock
+        self._portaudio = library or _portaudio()
+        found = self._query(int(address) if address.isdecimal() else address)
+        self.sample_rate, self.channels = int(found["default_samplerate"]), self._count(found)
+        self._blocks: queue.Queue[AudioBlock] = queue.Queue(WAITING_BLOCKS)
+        self._next = 0
+        self._last_stamp = 0
+        self._closed = False
+        try:
+            self._stream = self._portaudio.InputStream(
+                device=found["index"], channels=self.channels, samplerate=self.sample_rate, dtype="float32",
+                blocksize=int(BLOCK_S * self.sample_rate), callback=self._take,
+            )  # fmt: skip
+            self._stream.start()
+        except self._portaudio.PortAudioError as error:
+            raise BackendError(f"{self._what} cannot be opened: {_one_line(error)}") from None
+
+    def __iter__(self) -> Iterator[AudioBlock]:
+        waited = 0.0
+        while not self._closed:
+            try:
+                item = self._blocks.get(timeout=PATIENCE_S)
+            except queue.Empty:
+                waited += PATIENCE_S
+                if waited >= SILENT_S and not self._closed:
+                    raise BackendError(f"{self._what} gives no more sound") from None
+                continue
+            waited = 0.0
+            yield item
+
+    def close(self) -> None:
+        """Close the device; iterations end."""
+        if not self._closed:
+            self._closed = True
+            self._stream.close()
+
+    def __enter__(self) -> MicrophoneSource:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _query(self, address: int | str) -> Any:
+        try:
+            return self._portaudio.query_devices(address, "input")
+        except (ValueError, self._portaudio.PortAudioError):
+            inputs = [
+                f"{row['index']} {row['name']}" for row in self._portaudio.query_devices()
+                if row["max_input_channels"]
+            ]  # fmt: skip
+            raise BackendError(
+                f"{self._what}: no such input; there are {', '.join(inputs) or 'none'}"
+            ) from None
+
+    def _count(self, found: Any) -> int:
+        """How many channels are asked for: those that are named, or two."""
+        most = int(found["max_input_channels"])
+        if len(self.clocks) > most:
+            raise BackendError(f"{self._what} has {most} channels; {len(self.clocks)} clocks are named")
+        return len(self.clocks) or min(2, most)
+
+    def _take(self, samples: Array, count: int, times: Any, status: Any) -> None:
+        """Called by PortAudio in a thread of its own."""
+        now = self._clock()
+        if status and status.input_overflow:
+            self._next += count  # how much was lost is not told; the decoder begins anew
+        ago = max(0.0, times.currentTime - times.inputBufferAdcTime)
+        stamp = max(now - round(SECOND * ago), self._last_stamp + 1, 0)
+        self._last_stamp = stamp
+        try:
+            clean = np.clip(np.nan_to_num(np.array(samples, np.float32)), -1.0, 1.0)
+            self._blocks.put_nowait(
+                AudioBlock(self.device, stamp, self._next, self.sample_rate, clean, self.clocks)
+            )
+        except queue.Full:
+            pass  # the gap in the count of samples tells
+        self._next += count
+
+
+def _portaudio() -> Any:
+    """The package.
+
+    Raises:
+        EnvironmentProblem: where it is missing.
+    """
+    try:
+        return importlib.import_module("sounddevice")
+    except ImportError:
+        raise EnvironmentProblem(
+            "microphones need the package sounddevice: pip install sounddevice"
+        ) from None
+    except OSError:
+        raise EnvironmentProblem(
+            "microphones need PortAudio: apt install libportaudio2, or what your system calls it"
+        ) from None
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
