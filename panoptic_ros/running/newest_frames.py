@@ -66,6 +66,7 @@ def newest_frames(
     try:
         while not stop():
             with changed:
+                all_ended = len(ended) == len(names)  # asked before what they left is taken
                 batch = waiting.take()
                 if not batch and not heard:
                     changed.wait(0.2)
@@ -78,7 +79,7 @@ def newest_frames(
             if faults:
                 raise faults[0]
             yield from blocks
-            if not batch and not blocks and len(ended) == len(names):
+            if not batch and not blocks and all_ended:
                 return
             yield from batch
     finally:
