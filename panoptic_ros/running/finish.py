@@ -18,6 +18,9 @@ from panoptic_ros.view.overlay_run import write_overlays
 from panoptic_ros.view.plot3d import plot_capture
 from panoptic_ros.view.report import Latency, RunReport
 
+LATEST = "latest."
+ABOUT_CLOCKS = ("timecode.", "clocks.", "sync.clock_")  # notices of which the report and the console tell
+
 
 def finish(
     plan: Plan,
@@ -45,7 +48,7 @@ def finish(
         frames_in={name: len(views) for name, views in results.views.items()},
         dropped=_dropped(counted),
         latency_ms=_latencies(counted),
-        notices=[*_plan_notices(plan), *_clock_notices(plan, results), *notices],
+        notices=[*_plan_notices(plan), *_clock_notices(plan, results), *warnings_of(counted), *notices],
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
     )
     if pictures:
@@ -91,6 +94,15 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
                 p50, p99 = float(values["step_p50_ms"]), float(values["step_p99_ms"])
                 rows[name] = Latency(int(values["taken"]), p50, p99)
     return rows
+
+
+def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
+    """The newest warning of each kind about sound and clocks, as stages and nodes count them."""
+    found = [
+        (name, key.removeprefix(LATEST), text)
+        for name, values in counted.items() for key, text in values.items() if key.startswith(LATEST)
+    ]  # fmt: skip
+    return [Notice(code, "warning", text) for _, code, text in found if code.startswith(ABOUT_CLOCKS)]
 
 
 def _plan_notices(plan: Plan) -> list[Notice]:

@@ -19,6 +19,7 @@ from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import SOUND_KEY, opened_streams
+from panoptic_ros.running.finish import ABOUT_CLOCKS
 from panoptic_ros.running.newest_frames import newest_frames
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.results import Results
@@ -45,6 +46,8 @@ class _Counted:
 
     def _note(self, stage: str, notice: Notice) -> None:
         self.statistics[stage].take(notice)
+        if notice.severity == "warning" and notice.code.startswith(ABOUT_CLOCKS):
+            self._tell()
 
     def _record(self, key: str, item: Any) -> None:
         self.statistics[self._giver[key]].given += 1
@@ -64,6 +67,9 @@ class _Counted:
     def drop(self, count: int) -> None:
         """Live frames were overtaken."""
         self.statistics[self.first].dropped["overtaken"] += count
+        self._tell()
+
+    def _tell(self) -> None:
         self._results.take("diagnostics", {name: stage.values() for name, stage in self.statistics.items()})
 
 

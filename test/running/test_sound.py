@@ -236,3 +236,28 @@ def test_a_device_whose_own_clock_stamps_the_cameras(folder):
     plan = plan_capture(folder)
     assert plan.shifts["cam00"] == pytest.approx((36_000 - 1.5) * SECOND, abs=1e6)
     assert plan.configs["sync"].clocks == tuple(f"{name}=timecode" for name in rig.names)
+
+
+# ---------------------------------------------------------------- sound that fails while it runs
+
+
+def test_sound_that_stops_is_told_in_the_report_and_held_over(taken, solved, tmp_path):
+    def change(record):
+        stops = isinstance(record, AudioBlock) and record.first_sample > 2.2 * record.sample_rate
+        return None if stops else record
+
+    bag = rewritten(tmp_path / "bag", taken[1] / "bag", change)
+    run(plan_bags([bag]), tmp_path / "out", in_process=True, pictures=False)
+    assert mpjpe_mm(taken[1], tmp_path / "out") == pytest.approx(mpjpe_mm(taken[1], solved[1]), rel=0.01)
+
+
+def test_lost_sound_is_told_and_moves_nothing(taken, solved, tmp_path):
+    def change(record):
+        lost = isinstance(record, AudioBlock) and 9 * 4800 <= record.first_sample < 11 * 4800
+        return None if lost else record
+
+    bag = rewritten(tmp_path / "bag", taken[1] / "bag", change)
+    outcome = run(plan_bags([bag]), tmp_path / "out", in_process=True, pictures=False)
+    told = [notice.text for notice in outcome.report.notices if notice.code == "timecode.gap"]
+    assert told == ["audio of timecode lost 9600 samples before sample 52800"]
+    assert mpjpe_mm(taken[1], tmp_path / "out") == pytest.approx(mpjpe_mm(taken[1], solved[1]), rel=0.01)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from panoptic_ros.running.finish import warnings_of
 from panoptic_ros.running.observer import RunObserver
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.stage import Notice
@@ -30,6 +31,7 @@ class Watch(RunObserver):
         self._live = False
         self._instants = 0
         self._waiting: threading.Timer | None = None
+        self._told: set[str] = set()
 
     def started(self, plan: Plan) -> None:
         """Begin to draw."""
@@ -54,14 +56,23 @@ class Watch(RunObserver):
                 self._table.saw_poses(record, self._latency_ms(record.stamp_ns))
             if self._bar is not None:
                 self._bar.update(self._instants)
-        if key == "diagnostics" and self._table is not None:
-            self._table.set_dropped(dropped_in_all(record))
+        if key == "diagnostics":
+            self._tell_of_clocks(record)
+            if self._table is not None:
+                self._table.set_dropped(dropped_in_all(record))
 
     def judged(self, notices: Sequence[Notice]) -> None:
         """Print what the user should know."""
         for notice in notices:
             if notice.severity != "info":
                 print(f"\n{notice.severity}: {notice.text}", file=sys.stderr, flush=True)
+
+    def _tell_of_clocks(self, counted: Mapping[str, Mapping[str, str]]) -> None:
+        """Print what stages say of sound and clocks, each kind of warning once."""
+        for notice in warnings_of(counted):
+            if notice.code not in self._told:
+                self._told.add(notice.code)
+                print(f"\nwarning: {notice.text}", file=sys.stderr, flush=True)
 
     def ended(self) -> None:
         """Stop drawing."""
