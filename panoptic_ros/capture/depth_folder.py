@@ -9,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.capture.image_folder import ImageFolderSource, natural_key
 from panoptic_ros.capture.opencv import quiet_opencv
+from panoptic_ros.capture.timed import TimedSource
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
@@ -33,19 +34,23 @@ class DepthSource:
     """A source whose frames have depth maps beside them: the n-th file belongs to frame n.
 
     Args:
+        frames: of the camera's file, None = not known; some may have no time and not be in the source.
         files: uint16 mm along the camera's z axis, 0 = unknown; the image's field of view.
 
     Raises:
         DataError: if there are not as many as frames.
     """
 
-    def __init__(self, source: VideoSource | ImageFolderSource, files: tuple[Path, ...]):
+    def __init__(
+        self, source: VideoSource | ImageFolderSource | TimedSource, files: tuple[Path, ...],
+        frames: int | None,
+    ):  # fmt: skip
         self._source, self._files = source, files
         self.camera, self.path, self.image_size = source.camera, source.path, source.image_size
         self.frame_rate, self.frame_count = source.frame_rate, source.frame_count
-        if self.frame_count is not None and self.frame_count != len(files):
+        if frames is not None and frames != len(files):
             raise DataError(
-                f"{files[0].parent} has {len(files)} depth maps for the {self.frame_count} frames of camera "
+                f"{files[0].parent} has {len(files)} depth maps for the {frames} frames of camera "
                 f"{self.camera}; make it one for each, or remove the folder"
             )
 

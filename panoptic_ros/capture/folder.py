@@ -12,6 +12,8 @@ from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
 from panoptic_ros.capture.image_size import SizePolicy, fit_camera
 from panoptic_ros.capture.sound import folder_sounds, sound_files
 from panoptic_ros.capture.source import FrameSource
+from panoptic_ros.capture.synctables import table_files, table_times, tabled_notices
+from panoptic_ros.capture.timed import TimedSource
 from panoptic_ros.capture.timestamps import read_timestamps
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import Rig
@@ -20,6 +22,7 @@ from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.rigs import find_rig, read_rig
 
+NO_TIMES: Mapping[str, Mapping[int, int]] = {}
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg")
 
 
@@ -83,7 +86,8 @@ def open_capture_folder(
         path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
             and optionally `<camera>_depth/*.png` (see `DepthSource`), `<sensor>_depth/*.png` of the rig's
             depth sensors (see `DepthSensorSource`), `<device>.wav` with sound.yaml (see `folder_sounds`),
-            occluders.json and timestamps.csv. Other files and folders are left alone.
+            occluders.json, and timestamps.csv or else CMU's sync tables (see `table_times`). Other files and
+            folders are left alone.
         rig: in place of the rig file and occluders.json.
         cameras: use these only.
         size_policy: see `fit_camera`.
@@ -128,10 +132,14 @@ def open_capture_folder(
     stamps = read_timestamps(table, heard) if table.exists() else {}
     begins = {name: stamps[name][0] if name in stamps else start_ns for name in rig.names}
     sounds = folder_sounds(path, begins)
+    times = {} if stamps or not table_files(path) else table_times(path, rig)
     opened = open_files(
-        rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps
-    )
-    return replace(opened, sounds=sounds, stamps=stamps)
+        rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
+        times=times,
+    )  # fmt: skip
+    told = tabled_notices(rig) if times else ()
+    stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
+    return replace(opened, sounds=sounds, stamps=stamps, notices=(*opened.notices, *told))
 
 
 def open_files(
@@ -142,12 +150,14 @@ def open_files(
     start_ns: int = 0,
     frame_rate: float | None = None,
     stamps: Mapping[str, Sequence[int]] | None = None,
+    times: Mapping[str, Mapping[int, int]] = NO_TIMES,
 ) -> CaptureFolder:
     """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
 
     Args:
         files: path by camera; cameras of the rig that are not in it are left out of the result's rig.
         stamps: ns by camera, in place of the files' own times; where there are any, all cameras need them.
+        times: the same by number of the frame; frames that have none are left out.
 
     Raises:
         CalibrationError, DataError: as `open_capture_folder`.
@@ -165,9 +175,9 @@ def open_files(
             own = stamps[name] if stamps else None
             images = _open(name, Path(files[name]), start_ns, frame_rate, own)
             sources.append(images)
+            timed = TimedSource(images, times[name]) if name in times else images
             depths = depth_files(Path(files[name]).parent, name)
-            if depths:
-                sources[-1] = DepthSource(images, depths)
+            sources[-1] = DepthSource(timed, depths, images.frame_count) if depths else timed
         fitted, changes = fit_rig(rig, sources, size_policy)
         parent = Path(files[chosen.names[0]]).parent
         sensors = open_depth_sensors(

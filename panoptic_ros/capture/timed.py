@@ -1,0 +1,50 @@
+"""A source whose frames are stamped by a table: frames without a time are left out."""
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from panoptic_ros.capture.image_folder import ImageFolderSource
+from panoptic_ros.capture.source import check_stamps
+from panoptic_ros.capture.video import VideoSource
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import DataError
+
+
+class TimedSource:
+    """The frames of a file that a table has times for.
+
+    Args:
+        times: stamp in ns by number of the frame.
+
+    Raises:
+        DataError: if none of the frames has a time, or times do not increase.
+    """
+
+    def __init__(self, source: VideoSource | ImageFolderSource, times: Mapping[int, int]):
+        self._source = source
+        what = f"sync table of camera {source.camera}"
+        count = source.frame_count
+        numbers = [number for number in sorted(times) if count is None or number < count]
+        self.stamps = dict(zip(numbers, check_stamps([times[number] for number in numbers], what)))
+        if not numbers:
+            raise DataError(f"{what} has no time for any of the {count} frames of {source.path}")
+        self.camera, self.path, self.image_size = source.camera, source.path, source.image_size
+        self.frame_rate = source.frame_rate
+        self.frame_count: int | None = None if count is None else len(numbers)
+
+    def __iter__(self) -> Iterator[ViewFrame]:
+        for frame in self._source:
+            stamp = self.stamps.get(frame.frame_number)
+            if stamp is not None:
+                yield replace(frame, stamp_ns=stamp)
+
+    def close(self) -> None:
+        """Close the images."""
+        self._source.close()
+
+    def __enter__(self) -> TimedSource:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
