@@ -1,15 +1,23 @@
 """`njit` of this package."""
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
 
-from panoptic_ros.kernels.cache import KernelCache
+from panoptic_ros.kernels.cache import SETTINGS, KernelCache
+from panoptic_ros.kernels.parts import IS_KNOWN, KNOWN, Kernel
 
 NO_WRAPPER: dict[str, Any] = {"no_cfunc_wrapper": True}  # nothing in C calls kernels
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+if not IS_KNOWN:
+    warnings.warn(
+        f"numba {numba.__version__} is none of {', '.join(KNOWN)}: kernels run, but take longer to compile",
+        RuntimeWarning, stacklevel=2,
+    )  # fmt: skip
 
 
 def njit(**options: Any) -> Callable[[Function], Function]:
@@ -19,12 +27,19 @@ def njit(**options: Any) -> Callable[[Function], Function]:
     """
 
     def compiled(function: Function) -> Function:
-        dispatcher: Any = numba.njit(**options, **NO_WRAPPER)(function)
-        dispatcher._cache = KernelCache(function)
+        dispatcher: Any = _dispatcher(function, {**options, **NO_WRAPPER})
+        if not SETTINGS.DISABLE_JIT:
+            dispatcher._cache = KernelCache(function)
         kernel: Function = dispatcher
         return kernel
 
     return compiled
+
+
+def _dispatcher(function: Function, options: dict[str, Any]) -> Any:
+    if SETTINGS.DISABLE_JIT or not IS_KNOWN:
+        return numba.njit(**options)(function)
+    return Kernel(function, {**{k: v for k, v in options.items() if k != "cache"}, "nopython": True})
 
 
 # For parts of kernels: inlined, and without counts of references, which cost more than many a part does. So a
