@@ -8,7 +8,9 @@ frame rate varies. Live sources keep the newest frame only and count the others 
 In: files, devices, URLs, through OpenCV (FFmpeg, V4L2). Out: `ViewFrame`s, BGR, upright (a video's
 rotation mark is obeyed), distorted as the lens saw them; `DepthFrame`s of cameras with depth maps and of
 depth sensors that stand for themselves.
-Limits: no audio, no hardware trigger, no depth from devices; a capture folder holds one file or folder
+Sound has a room of its own, `capture.sound`.
+
+Limits: no hardware trigger, no depth from devices; a capture folder holds one file or folder
 of images per camera.
 """
 from panoptic_ros.capture.demo import demo_capture
