@@ -4,10 +4,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 from panoptic_ros.errors import ContractError
@@ -33,57 +31,41 @@ def is_warm() -> bool:
     return _mark().exists()
 
 
-def warm_up(told: Callable[[float, str], None], processes: int | None = None) -> Warmed:
+def warm_up(
+    told: Callable[[float, str], None], processes: int | None = None, tasks: tuple[str, ...] = ()
+) -> Warmed:
     """Compile all that any stage can need; what the cache has is only loaded.
 
     Args:
         told: called with the share that is done and the name of the part that was finished last.
         processes: default: as many as there are processors, at most 4.
+        tasks: names of `kernel_tasks.TASKS`; default: all.
 
     Raises:
         ContractError: if a process that compiles broke down; its own words are on stderr.
     """
-    from panoptic_ros.running.kernel_tasks import TASKS  # loads all stages
-
-    waiting: SimpleQueue[str] = SimpleQueue()
-    for name in TASKS:
-        waiting.put(name)
-    done: list[Warmed] = []
-
-    def finished(name: str, result: Warmed) -> None:
-        done.append(result)
-        told(len(done) / len(TASKS), name)
-
     count = processes or min(MOST_PROCESSES, len(os.sched_getaffinity(0)))
-    with ThreadPoolExecutor(count) as pool:
-        for future in [pool.submit(_work_off, waiting, finished) for _ in range(count)]:
-            future.result()
+    done: list[Warmed] = []
+    for total, kernels, cpu_s, name in _results(count, tasks):
+        done.append(Warmed(int(kernels), float(cpu_s)))
+        told(len(done) / int(total), name)
     mark = _mark()
     mark.touch()
     return Warmed(sum(part.kernels for part in done), sum(part.cpu_s for part in done))
 
 
+def _results(count: int, tasks: tuple[str, ...]) -> Iterator[list[str]]:
+    """What `kernel_tasks` tells of each task when it is finished."""
+    command = [sys.executable, "-m", "panoptic_ros.running.kernel_tasks", str(count), *tasks]
+    alone = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # no threads when it forks
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=alone) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            yield line.rstrip().split(maxsplit=3)
+    if process.returncode:
+        raise ContractError("a process that compiles kernels broke down; see above")
+
+
 def _mark() -> Path:
     """The file that says that all is compiled."""
     return cache_folder() / f"complete-{hash_of(VERSIONS, all_sources_hash())}"
-
-
-def _work_off(waiting: SimpleQueue[str], finished: Callable[[str, Warmed], None]) -> None:
-    """Let one process compile parts until none is left."""
-    command = [sys.executable, "-m", "panoptic_ros.running.kernel_tasks"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdin is not None and process.stdout is not None
-        try:
-            while True:
-                name = waiting.get_nowait()
-                process.stdin.write(f"{name}\n")
-                process.stdin.flush()
-                answer = process.stdout.readline().split()
-                if len(answer) != 2:
-                    raise ContractError(f"compiling {name} broke down; see above")
-                finished(name, Warmed(int(answer[1]), float(answer[0])))
-        except Empty:
-            process.stdin.close()
-        except BaseException:
-            process.kill()
-            raise

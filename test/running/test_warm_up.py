@@ -12,7 +12,7 @@ from numba.core.dispatcher import Dispatcher
 import panoptic_ros
 from panoptic_ros.errors import ContractError
 from panoptic_ros.kernels.cache import module_folder
-from panoptic_ros.running import kernel_tasks, warm_up
+from panoptic_ros.running import warm_up
 
 ROOT = Path(panoptic_ros.__file__).parent
 
@@ -54,17 +54,16 @@ def _called(kernel):
 
 def test_progress_and_the_mark(monkeypatch, tmp_path):
     monkeypatch.setattr(warm_up, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(kernel_tasks, "TASKS", {"occluders": None, "rendering": None})
     assert not warm_up.is_warm()
     told = []
-    warm_up.warm_up(lambda share, name: told.append((share, name)), processes=1)
-    assert told == [(0.5, "occluders"), (1.0, "rendering")]
+    warm_up.warm_up(lambda share, name: told.append((share, name)), 1, ("occluders", "all votes"))
+    assert told == [(0.5, "occluders"), (1.0, "all votes")]
     assert warm_up.is_warm()
 
 
-def test_a_process_that_breaks_down_is_told(monkeypatch, tmp_path):
+def test_a_process_that_breaks_down_is_told(monkeypatch, tmp_path, capfd):
     monkeypatch.setattr(warm_up, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(kernel_tasks, "TASKS", {"no such part": None})
-    with pytest.raises(ContractError, match="no such part"):
-        warm_up.warm_up(lambda share, name: None, processes=1)
+    with pytest.raises(ContractError, match="broke down"):
+        warm_up.warm_up(lambda share, name: None, 2, ("no such task", "occluders"))
+    assert "KeyError: 'no such task'" in capfd.readouterr().err
     assert not warm_up.is_warm()
