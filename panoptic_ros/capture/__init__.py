@@ -5,9 +5,9 @@ hands out `ViewFrame`s in order. Recorded sources give the same frames and stamp
 are read; frame i of a video lies at start + i / frame rate, or where the container puts it if the
 frame rate varies. Live sources keep the newest frame only and count the others as dropped.
 
-In: files, devices, URLs, through OpenCV (FFmpeg, V4L2). Out: `ViewFrame`s, BGR, upright (a video's
-rotation mark is obeyed), distorted as the lens saw them; `DepthFrame`s of cameras with depth maps and of
-depth sensors that stand for themselves.
+In: files through PyAV (FFmpeg), devices and URLs through OpenCV (V4L2, FFmpeg). Out: `ViewFrame`s,
+BGR, upright (a video's rotation mark is obeyed), distorted as the lens saw them; `DepthFrame`s of cameras
+with depth maps and of depth sensors that stand for themselves.
 Sound has a room of its own, `capture.sound`.
 
 Limits: no hardware trigger, no depth from devices; a capture folder holds one file or folder

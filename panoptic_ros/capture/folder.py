@@ -175,6 +175,7 @@ def open_files(
             own = stamps[name] if stamps else None
             images = _open(name, Path(files[name]), start_ns, frame_rate, own)
             sources.append(images)
+            notices += images.notices if isinstance(images, VideoSource) else ()
             timed = TimedSource(images, times[name]) if name in times else images
             depths = depth_files(Path(files[name]).parent, name)
             sources[-1] = DepthSource(timed, depths, images.frame_count) if depths else timed

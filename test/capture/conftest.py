@@ -1,8 +1,11 @@
 """Small videos and rigs that the tests of capture make for themselves."""
 import json
 import struct
+from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -31,6 +34,33 @@ def make_video():
         return path
 
     return make
+
+
+@pytest.fixture
+def film():
+    """film(path, times, ...) writes a video of textured images that are shown at times in 1/90000 s."""
+
+    def write(
+        path: Path, times: Sequence[int], *, clockwise: int = 0, codec: str = "libx264",
+        layout: str = "yuv420p", size: tuple[int, int] = (64, 48),
+    ) -> Path:  # fmt: skip
+        noise = np.random.default_rng(0)
+        options = {"bf": "0", "log-level": "none", "x265-params": "log-level=none"}
+        with av.open(str(path), "w", container_options={"video_track_timescale": "90000"}) as file:
+            stream = file.add_stream(codec, rate=30, options=options)
+            stream.width, stream.height, stream.pix_fmt = *size, layout
+            stream.codec_context.time_base = Fraction(1, 90000)
+            if clockwise:
+                stream.set_display_rotation(-clockwise)
+            for time in times:
+                image = cv2.resize(noise.integers(0, 256, (6, 8, 3), dtype=np.uint8), size)
+                frame = av.VideoFrame.from_ndarray(image, format="bgr24").reformat(format=layout)
+                frame.pts, frame.time_base = time, Fraction(1, 90000)
+                file.mux(stream.encode(frame))
+            file.mux(stream.encode())
+        return path
+
+    return write
 
 
 @pytest.fixture

@@ -224,3 +224,12 @@ def test_occluders_beside_the_rig_belong_to_it(make_rig_file, tmp_path):
         assert len(capture.rig.occluders.triangles) == 12
     with open_capture_folder(tmp_path, rig=_rig("a")) as capture:
         assert capture.rig.occluders is None
+
+
+def test_a_turned_video_is_told_among_the_notices(film, make_rig_file, tmp_path):
+    make_rig_file(tmp_path / "rig.json", {"cam00": (48, 64)})
+    film(tmp_path / "cam00.mp4", [0, 3000], clockwise=90)
+    with open_capture_folder(tmp_path) as capture:
+        assert capture.notices == (
+            "camera cam00: images are turned clockwise by 90 degrees, as marked in cam00.mp4",
+        )

@@ -28,7 +28,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "identity": {"numpy"},
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
-    "capture": {"numpy", "cv2"},
+    "capture": {"numpy", "cv2", "av"},
     "view": {"numpy", "cv2", "matplotlib", "mpl_toolkits"},
     "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},

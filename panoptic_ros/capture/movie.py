@@ -1,0 +1,144 @@
+"""Decoding of video files through PyAV (FFmpeg): upright images, and where they lie in time.
+
+Images are the bytes that OpenCV gives for the same file: FFmpeg's bicubic conversion to BGR.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from av.container import InputContainer
+from av.video.frame import VideoFrame
+from av.video.reformatter import Interpolation, VideoReformatter
+from av.video.stream import VideoStream
+
+from panoptic_ros.errors import DataError
+
+_NO_TIMES = 0x0080  # AVFMT_NOTIMESTAMPS of libavformat
+_TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
+
+
+class Movie:
+    """An open video file, which is read once from its beginning.
+
+    Args:
+        what: how messages call it.
+        threads: decode several frames at once; not worth it for the first frame alone.
+
+    Raises:
+        DataError: if it cannot be opened, has no video track, or one of an unknown codec.
+    """
+
+    def __init__(self, path: Path, what: str, *, threads: bool = True):
+        self._what = what
+        try:
+            self._container: InputContainer = av.open(str(path))
+        except (av.FFmpegError, OSError) as error:
+            raise DataError(f"{what} cannot be opened: no video, or damaged ({_reason(error)})") from None
+        try:
+            self._stream = self._choose()
+            if threads:
+                self._stream.thread_type = "AUTO"
+            else:
+                self._stream.thread_count = 1
+        except BaseException:
+            self.close()
+            raise
+
+    def _choose(self) -> VideoStream:
+        stream = self._container.streams.best("video")
+        if not isinstance(stream, VideoStream):
+            kinds = ", ".join(other.type for other in self._container.streams) or "nothing"
+            raise DataError(f"{self._what} cannot be opened as video: it has no video track ({kinds} only)")
+        if stream.codec_context is None:
+            raise DataError(f"{self._what} cannot be opened: FFmpeg has no decoder for its codec; convert it")
+        return stream
+
+    @property
+    def has_times(self) -> bool:
+        """Whether this kind of file can say when its frames are shown; raw streams cannot."""
+        return not self._container.format.flags & _NO_TIMES
+
+    @property
+    def frame_rate(self) -> float:
+        """Hz, as the file says; 0 = it does not."""
+        return float(self._stream.guessed_rate or 0)
+
+    @property
+    def tick(self) -> Fraction:
+        """What the file rounds times to, s."""
+        return self._stream.time_base or Fraction(0)
+
+    @property
+    def frame_count(self) -> int | None:
+        """As the file says: counted, or its duration times its rate; None = it says neither."""
+        if self._stream.frames > 0:
+            return int(self._stream.frames)
+        if self._container.duration:
+            seconds = Fraction(self._container.duration, av.time_base)
+        else:
+            seconds = (self._stream.duration or 0) * self.tick
+        return int(seconds * Fraction(self.frame_rate) + Fraction(1, 2)) or None
+
+    def frames(self) -> Iterator[VideoFrame]:
+        """Frames as they are decoded; what cannot be is left out.
+
+        Raises:
+            DataError: if the file cannot be read on, after all frames before.
+        """
+        packets = self._container.demux(self._stream)
+        while True:
+            try:
+                packet = next(packets)
+            except StopIteration:
+                return
+            except (av.FFmpegError, OSError) as error:
+                raise DataError(f"{self._what} cannot be read on: {_reason(error)}") from None
+            try:
+                decoded = packet.decode()
+            except av.FFmpegError:
+                continue  # the next picture that stands for itself is good again
+            while decoded:  # nothing is kept, so that the memory of images serves later ones
+                frame = decoded.pop(0)
+                if isinstance(frame, VideoFrame):
+                    yield frame
+                del frame
+
+    def close(self) -> None:
+        """Close the file; may be called twice."""
+        self._container.close()
+
+
+class Converter:
+    """Decoded frames as upright images."""
+
+    def __init__(self) -> None:
+        self._reformatter = VideoReformatter()
+
+    def image(self, frame: VideoFrame) -> np.ndarray:
+        """(H, W, 3) uint8 BGR, turned as the file's rotation mark says."""
+        bgr = self._reformatter.reformat(
+            frame, format="bgr24", interpolation=Interpolation.BICUBIC, threads=1
+        )  # one thread: every camera has its own
+        pixels = bgr.to_ndarray()
+        turn = turned(frame)
+        return cv2.rotate(pixels, _TURNS[turn]) if turn in _TURNS else np.ascontiguousarray(pixels)
+
+
+def turned(frame: VideoFrame) -> int:
+    """By how many degrees the file says that its images are to be turned clockwise, in 0..359."""
+    return -int(frame.rotation) % 360
+
+
+def shown_at(frame: VideoFrame) -> Fraction | None:
+    """When a frame is shown, s; None = the file does not say."""
+    ticks = frame.dts if frame.pts is None else frame.pts
+    return None if ticks is None or frame.time_base is None else ticks * frame.time_base
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
