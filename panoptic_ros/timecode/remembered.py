@@ -87,9 +87,9 @@ LAYOUT = StateLayout(
         ),
         Fields.named(
             Pace,
-            "reverse wander _before _words _on_line _early_line _line _astray _wavers _edges _scale",
+            "reverse wander _before _words _on_line _early_line _line _astray _loose _wavers _edges _scale",
         ),
-        Fields.named(Wander, "reverse level _place _cell _nats _scales _known"),
+        Fields.named(Wander, "reverse level _place _cell _tracked _nats _scales _known"),
         Fields.named(EdgeShape, " ".join(("sample_rate", *EdgeShape.LEARNT)), make=EdgeShape.of),
         Fields.named(UserBits, "_nats certain _other _bits _value"),
         Fields.named(Evidence, "_levels _free _user contradiction same_user"),

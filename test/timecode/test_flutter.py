@@ -46,6 +46,7 @@ def _checked(signal: LtcSignal, readings: list[TimecodeReading], most_us: float)
         ("24", 16000, {"flutter": 0.005, "flutter_hz": 15.0, "wow": 0.005, "wow_hz": 3.0}),
         ("29.97df", 16000, {"flutter": 0.005, "flutter_hz": 1.0}),
         ("30", 48000, {"flutter": 0.001, "flutter_hz": 9.0}),
+        ("25", 48000, {"flutter": 0.005, "flutter_hz": 9.0, "high_pass_hz": 700.0}),
     ],
 )
 def test_every_word_of_a_fluttering_tape_is_read(rate: str, sample_rate: int, swing: dict[str, Any]) -> None:

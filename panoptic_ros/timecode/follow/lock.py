@@ -1,6 +1,8 @@
 """Locking to a signal that was found: the labels of its words must count on, and words must be readable."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from panoptic_ros.timecode.config import TimecodeConfig
@@ -15,9 +17,10 @@ from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.word.acquisition import Found, Search, tracked
+from panoptic_ros.timecode.word.bit_clock import drawn_grid, nearby_grid
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, WORD_CELLS
 from panoptic_ros.timecode.word.levels import ticks_levels, word_levels
-from panoptic_ros.timecode.word.tracking import TICKS, word_ticks
+from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, word_ticks
 
 Array = np.ndarray
 EARLY = 0.3  # cells that may be missing of the first word of a stream
@@ -35,13 +38,34 @@ def lock(
         search: that it was found by.
         read_until: sample up to which words were read already.
     """
-    follow, pace = _follow(stream, found, search, config, read_until)
-    if follow is None or found.ticks is not None or pace.wander is None:
+    # The speed may be constant in any case, and lines see through more.
+    follow, pace = _follow(stream, *_steady(stream, found, search), config, read_until)
+    if follow is not None and pace.wander is None:
         return follow
-    # The speed changes: words that lie on no line are better tracked.
-    anew = tracked(stream.sums, len(stream.sums) - 1 - search.seconds * stream.sums_rate, found)
-    other = None if anew is None else _follow(stream, anew, search, config, read_until)[0]
-    return follow if other is None else other
+    if follow is not None and found.ticks is None:
+        begin = len(stream.sums) - 1 - search.seconds * stream.sums_rate
+        found = tracked(stream.sums, begin, found) or found
+    if found.ticks is None:
+        return follow
+    return _follow(stream, found, search, config, read_until)[0] or follow
+
+
+def _steady(stream: Stream, found: Found, search: Search) -> tuple[Found, Search]:
+    """The same signal if its speed is constant, and what to search."""
+    if found.ticks is None:
+        return found, search
+    sums, chain = stream.sums, _chain(stream.sums, found.ticks, found)
+    if len(chain) < 2:
+        return replace(found, ticks=None), search
+    begin = chain[0][0 if found.reverse else BEFORE]
+    cell = (chain[-1][0] - chain[0][0]) / (WORD_CELLS * (len(chain) - 1))
+    grid = nearby_grid(sums, Grid(found.grid.middle, cell))
+    verdict = judge(word_levels(sums, grid, found.reverse), SYNC_ONLY)
+    if verdict.good:
+        signs = np.ascontiguousarray(verdict.signs[::-1]) if found.reverse else verdict.signs
+        grid = Grid(drawn_grid(sums, grid, signs, verdict.level).middle, cell)
+    seconds = (len(sums) - begin + cell) / stream.sums_rate
+    return replace(found, grid=grid, ticks=None), replace(search, seconds=seconds)
 
 
 def _follow(
@@ -84,18 +108,19 @@ def _first_tracked(
 ) -> tuple[Wander, int]:
     """Where the first word that is there begins, and its number, from the ticks of words on the sums."""
     number = 0
-    wander = Wander(reverse, *_begin(stream, chain[0]))
+    wander = _from_ticks(stream, chain[0], reverse)
     while number + 1 < len(chain) and _begin_of(wander.grid) < read_until - 0.5 * wander.grid.cell:
         number += 1
-        wander = Wander(reverse, *_begin(stream, chain[number]))
+        wander = _from_ticks(stream, chain[number], reverse)
     wander.level = judge(ticks_levels(stream.sums, chain[number], reverse), SYNC_ONLY).level
     return wander, number
 
 
-def _begin(stream: Stream, ticks: Array) -> tuple[float, float]:
-    """The recorded place of the first of some ticks, and the length of a cell there."""
-    some = stream.ticks_in_recorded(ticks[: 2 * ABOUT + 1])
-    return float(some[0]), float(some[-1] - some[0]) / ABOUT
+def _from_ticks(stream: Stream, ticks: Array, reverse: bool) -> Wander:
+    """From a word on whose ticks on the running sum are known."""
+    ticks = stream.ticks_in_recorded(ticks)
+    cell = float(ticks[2 * ABOUT] - ticks[0]) / ABOUT
+    return Wander(reverse, float(ticks[0]), cell, ticks)
 
 
 def _first_word(stream: Stream, grid: Grid, read_until: float) -> tuple[Grid, int]:

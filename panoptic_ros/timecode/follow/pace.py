@@ -29,7 +29,9 @@ LINE_WORDS = 10  # through whose middles the line goes that gives the length of 
 HALF = 0.5 * WORD_CELLS
 PRIOR_WORDS = 6.0  # that the stated unseen error of a fit is worth
 LONG_WORDS = 48  # about a parabola: slow errors are seen only over many words
-WAVERS, OFTEN_WAVERS, FEW = 8.0, 4.5, 8  # variance ratio of a swing: of one word, mean of a few words
+WAVERS = 30.0  # variance ratio of a swing in a word, more than any channel makes
+LOOSE_WAVERS, OFTEN_WAVERS, FEW = 8.0, 3.0, 8  # the same, and mean of a few, of words not quite on a line
+LOOSE = 3.0  # times the variance that is expected about a line
 CALM_WORDS, CALM = 90, 1.5  # words on a line until the speed counts as constant, with such a mean ratio
 CALM_AT_FIRST = 2.5  # the same ratio of the words by which a signal was found
 
@@ -56,6 +58,7 @@ class Pace:
         self._early_line = line
         self._line: tuple[float, float] | None = line
         self._astray = 0.0  # cells, of the last words about a line
+        self._loose = False  # whether words are not quite on their line
         self._wavers: deque[float] = deque(maxlen=CALM_WORDS)  # variance ratios of swings, 1 if small
         self._edges: deque[float] = deque(maxlen=15)  # variance by batches of edges over that of white noise
         self._scale = 1.0  # the middle one
@@ -146,9 +149,13 @@ class Pace:
         return max(self._scale, self._edges[-1]) if fit.clicked else self._scale
 
     def _swings(self) -> bool:
-        """Whether the edges of the last words swing about a line, by more than samples and shapes make."""
+        """Whether the edges of the last words swing about a line, by more than samples and shapes make.
+
+        What a channel does to edges is alike in all words, so these stay on their line.
+        """
         few = list(self._wavers)[-FEW:]
-        return few[-1] > WAVERS or (len(few) == FEW and sum(few) > OFTEN_WAVERS * FEW)
+        often = few[-1] > LOOSE_WAVERS or (len(few) == FEW and sum(few) > OFTEN_WAVERS * FEW)
+        return few[-1] > WAVERS or (often and self._loose)
 
     @property
     def _calm(self) -> bool:
@@ -183,6 +190,7 @@ class Pace:
         slope, spread = line.slope, line.square
         self._astray = math.sqrt(spread) / slope * WORD_CELLS
         expected = max(self._scale * line.shown + line.unseen, 1e-6)
+        self._loose = count > 3 and spread > LOOSE * expected
         curved = count < FEW_WORDS or line.ratio > CURVED or self._astray > BENDING
         if spread > 9.0 * expected + SPREAD and curved:  # the speed changes
             return None

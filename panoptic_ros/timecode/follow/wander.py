@@ -34,15 +34,17 @@ class Wander:
     Args:
         reverse: whether the tape runs backwards.
         place, cell: samples, where to listen for the next word from, and the length of a cell there.
+        ticks: (193,) recorded samples, of the next word if it was tracked already; before the first word of
+            a signal there is nothing to follow.
 
     Attributes:
         level: of the conditioned signal.
     """
 
-    def __init__(self, reverse: bool, place: float, cell: float):
+    def __init__(self, reverse: bool, place: float, cell: float, ticks: Array | None = None):
         self.reverse = reverse
         self.level = 0.0
-        self._place, self._cell = place, cell
+        self._place, self._cell, self._tracked = place, cell, ticks
         self._nats = np.zeros(len(BANDWIDTHS))
         self._scales: deque[float] = deque(maxlen=SCALES)
         self._known: tuple[int, Motion, FreeEdges] | None = None  # the next word, its begin, the last word
@@ -60,7 +62,7 @@ class Wander:
 
     def again_at(self, other: Wander) -> Wander:
         """From the place of another on, with what was learnt."""
-        wander = Wander(self.reverse, other._place, other._cell)
+        wander = Wander(self.reverse, other._place, other._cell, other._tracked)
         wander.level = self.level
         wander._nats, wander._scales = self._nats.copy(), self._scales.copy()
         return wander
@@ -79,7 +81,9 @@ class Wander:
 
     def listen(self, stream: Stream) -> Array:
         """Ticks (193,) of the next word and the sync word before it, on the running sum."""
-        place, cell = stream.place_in_sums(self._place), self._cell * stream.up
+        if self._tracked is not None:
+            return stream.ticks_in_sums(self._tracked)
+        place, cell = stream.in_sums(Grid(self._place, self._cell))
         return track(stream.sums, place, cell, TICKS + BEFORE, self.level)
 
     def own(self, ticks: Array) -> Array:
@@ -140,7 +144,7 @@ class Wander:
         at = slice(TICKS - ABOUT_CELLS, TICKS + (0 if self.reverse else ABOUT_CELLS) + 1)
         some = ticks[at]
         self._cell = 2.0 * float(some[-1] - some[0]) / (len(some) - 1)
-        self._place = float(ticks[TICKS])
+        self._place, self._tracked = float(ticks[TICKS]), None
 
 
 def _cells_before(reverse: bool) -> float:

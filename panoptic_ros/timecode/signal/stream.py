@@ -83,11 +83,6 @@ class Stream:
         """Places on the running sum as recorded samples."""
         return self.first + ticks / self._up
 
-    def place_in_sums(self, place: float) -> float:
-        """A recorded sample as a place on the running sum."""
-        return (place - self.first) * self._up
-
-    @property
-    def up(self) -> int:
-        """Places on the running sum for each recorded sample."""
-        return self._up
+    def ticks_in_sums(self, ticks: Array) -> Array:
+        """Recorded samples as places on the running sum."""
+        return (ticks - self.first) * self._up

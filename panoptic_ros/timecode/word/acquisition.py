@@ -142,7 +142,7 @@ def _words(sums: Array, begin: float, grid: Grid) -> Iterator[Found]:
     """Where words are, for both directions."""
     before = int((grid.middle - begin) / grid.cell) - 1
     halves = half_levels(sums, grid, -float(before), 2 * before)
-    for half, reverse, mean in _sync_places(halves):
+    for half, reverse, mean in _sync_places(halves, _even_parity(halves)):
         u = 0.5 * half - before + 0.5 * WORD_CELLS
         yield Found(moved_grid(grid, u), reverse, mean)
 
@@ -151,7 +151,8 @@ def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Fo
     """The same on half cells that are tracked from an edge on."""
     ticks = _all_ticks(sums, begin, edge, half)
     first = int(np.searchsorted(ticks, begin))
-    for found, reverse, mean in _sync_places(tick_levels(sums, ticks[first:])):
+    levels = tick_levels(sums, ticks[first:])
+    for found, reverse, mean in _sync_places(levels, _louder_after(levels)):
         at = first + found
         if at < 0 or at + TICKS >= len(ticks):
             continue
@@ -182,10 +183,14 @@ def _all_ticks(sums: Array, begin: float, edge: float, half: float) -> Array:
     return np.ascontiguousarray(back[(back >= 0.0) & (back <= end)][::-1])
 
 
-def _sync_places(halves: Array) -> Iterator[tuple[int, bool, float]]:
-    """The half cell at which a word begins amidst some (N,), for both directions, and mean sync bits."""
+def _sync_places(halves: Array, even: bool) -> Iterator[tuple[int, bool, float]]:
+    """The half cell at which a word begins amidst some (N,), for both directions, and mean sync bits.
+
+    Args:
+        even: whether cells begin at even half cells.
+    """
     count, first = len(halves) // 2, 0
-    if not _even_parity(halves):
+    if not even:
         first, count = 1, (len(halves) - 1) // 2
     if count < WORD_CELLS + len(SYNC):
         return
@@ -202,3 +207,10 @@ def _even_parity(halves: Array) -> bool:
     """Whether cells begin at even half cells: their levels always change sign between cells."""
     product = halves[:-1] * halves[1:]
     return float(product[1::2].sum()) <= float(product[0::2].sum())
+
+
+def _louder_after(halves: Array) -> bool:
+    """The same where plateaus may droop to nothing: then an edge is what is louder after than before."""
+    before, after = halves[:-1], halves[1:]
+    edges = 0.5 * (after**2 - before**2) - before * after
+    return float(edges[1::2].sum()) >= float(edges[0::2].sum())

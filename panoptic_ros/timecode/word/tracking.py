@@ -16,6 +16,7 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 BANDWIDTH = 0.25  # radians per cell: more than any flutter, less than noise
 EDGES = 0.7  # per tick
 PULL, TURN = 2.0**0.5 * BANDWIDTH * 0.5 / EDGES, 0.25 * BANDWIDTH**2 / EDGES
+OPPOSED = 1.3  # times what the two sides of an edge have in common, by which they differ at least
 FARTHEST = 0.15  # cells, that an edge counts as away from its tick at most
 BEFORE = 2 * len(SYNC)  # ticks of the sync word that was sent before a word
 TICKS = 2 * WORD_CELLS
@@ -35,14 +36,19 @@ def track(sums: Array, place: float, cell: float, count: int, level: float) -> A
     half = 0.5 * cell
     most = FARTHEST * abs(cell)
     for k in range(count + 1):
-        reach = abs(0.5 * half)
+        reach, near = abs(0.5 * half), abs(0.25 * half)
         here = integral(sums, place)
         before = here - integral(sums, place - reach)
         after = integral(sums, place + reach) - here
-        turn, even = after - before, after + before
-        if abs(turn) > abs(even):  # of an edge in the middle, the two sides make up for each other
-            away = reach * even / max(abs(turn) + abs(even), level * reach)
-            away = min(max(-away if turn > 0.0 else away, -most), most)
+        turn = after - before
+        opposed = abs(turn) > OPPOSED * abs(after + before)
+        # Where plateaus droop, edges are what is louder after than before.
+        if opposed or (abs(after) > abs(before) and abs(turn) > level * reach):
+            inner = integral(sums, place + near) - integral(sums, place - near)
+            later = integral(sums, place + reach + near) - integral(sums, place - reach - near) - 3.0 * inner
+            size = max(abs(turn), level * reach)
+            away = 0.5 * reach * (later if turn > 0.0 else -later) / size
+            away = min(max(away, -most), most)
             place += PULL * away
             half += TURN * away
         ticks[k] = place
