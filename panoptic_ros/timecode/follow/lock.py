@@ -16,8 +16,7 @@ from panoptic_ros.timecode.label.stretch import solve_labels
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
-from panoptic_ros.timecode.word.acquisition import Found, Search, tracked
-from panoptic_ros.timecode.word.bit_clock import drawn_grid, nearby_grid
+from panoptic_ros.timecode.word.acquisition import Found, Search, steady, tracked
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, WORD_CELLS
 from panoptic_ros.timecode.word.levels import ticks_levels, word_levels
 from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, word_ticks
@@ -39,9 +38,12 @@ def lock(
         read_until: sample up to which words were read already.
     """
     # The speed may be constant in any case, and lines see through more.
-    follow, pace = _follow(stream, *_steady(stream, found, search), config, read_until)
-    if follow is not None and pace.wander is None:
-        return follow
+    signals, stretch = _even(stream, found, search)
+    tried = [_follow(stream, signal, stretch, config, read_until) for signal in signals]
+    read = [(follow, pace) for follow, pace in tried if follow is not None]
+    if on_line := [(pace.variance, follow) for follow, pace in read if pace.wander is None]:
+        return min(on_line, key=lambda item: item[0])[1]
+    follow = read[0][0] if read else None
     if follow is not None and found.ticks is None:
         begin = len(stream.sums) - 1 - search.seconds * stream.sums_rate
         found = tracked(stream.sums, begin, found) or found
@@ -50,22 +52,17 @@ def lock(
     return _follow(stream, found, search, config, read_until)[0] or follow
 
 
-def _steady(stream: Stream, found: Found, search: Search) -> tuple[Found, Search]:
+def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Search]:
     """The same signal if its speed is constant, and what to search."""
     if found.ticks is None:
-        return found, search
+        return [found], search
     sums, chain = stream.sums, _chain(stream.sums, found.ticks, found)
     if len(chain) < 2:
-        return replace(found, ticks=None), search
+        return [], search
     begin = chain[0][0 if found.reverse else BEFORE]
     cell = (chain[-1][0] - chain[0][0]) / (WORD_CELLS * (len(chain) - 1))
-    grid = nearby_grid(sums, Grid(found.grid.middle, cell))
-    verdict = judge(word_levels(sums, grid, found.reverse), SYNC_ONLY)
-    if verdict.good:
-        signs = np.ascontiguousarray(verdict.signs[::-1]) if found.reverse else verdict.signs
-        grid = Grid(drawn_grid(sums, grid, signs, verdict.level).middle, cell)
     seconds = (len(sums) - begin + cell) / stream.sums_rate
-    return replace(found, grid=grid, ticks=None), replace(search, seconds=seconds)
+    return list(steady(sums, begin, cell, found)), replace(search, seconds=seconds)
 
 
 def _follow(

@@ -69,6 +69,13 @@ class Pace:
         return self._line if self.wander is None else None
 
     @property
+    def variance(self) -> float:
+        """Mean variance of the last words' middles, squared samples."""
+        if not self._words.shape[1]:
+            return math.inf
+        return float(np.mean(self._scale * self._words[2] + self._words[3]))
+
+    @property
     def straight(self) -> bool:
         """Whether the words lie on a line."""
         return self.line is not None

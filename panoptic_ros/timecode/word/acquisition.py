@@ -7,7 +7,7 @@ full, since patterns of bits can favour a multiple of the true one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -131,10 +131,16 @@ def _refine(
     grid = Grid(edge + half * round((middle - edge) / half), 2.0 * half)
     for seconds in search.longer:
         each_side = int(0.49 * seconds * sample_rate / grid.cell)
-        stretch = 0.5 / each_side
-        for scale in (1.0, 0.5, 0.25, 0.125):
-            steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES
-            grid = best_grid(sums, grid, -float(each_side), 2 * each_side, *steps)
+        grid = refined(sums, grid, -each_side, 2 * each_side)
+    return grid
+
+
+def refined(sums: Array, grid: Grid, first: int, count: int) -> Grid:
+    """The grid of most energy near another, over some cells from a first one on."""
+    stretch = 1.0 / count
+    for scale in (1.0, 0.5, 0.25, 0.125):
+        steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES
+        grid = best_grid(sums, grid, float(first), count, *steps)
     return grid
 
 
@@ -159,6 +165,26 @@ def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Fo
         word = ticks[at : at + TICKS + 1]
         grid = Grid(word[WORD_CELLS], (word[-1] - word[0]) / WORD_CELLS)
         yield Found(grid, reverse, mean, ticks, at)
+
+
+def steady(sums: Array, begin: float, cell: float, found: Found) -> Iterator[Found]:
+    """A signal that was tracked, if its speed is constant: on the grid of most energy.
+
+    Where plateaus droop to nothing, it is in doubt which half cell begins a cell; then both are given.
+
+    Args:
+        begin: of the words that were tracked. cell: their mean length of a cell.
+    """
+    before = int((found.grid.middle - begin) / cell)
+    after = int((len(sums) - 1 - found.grid.middle) / cell)
+    grid = refined(sums, Grid(found.grid.middle, cell), -before, before + after)
+    own = moved_grid(grid, 0.5 * round(2.0 * (found.grid.middle - grid.middle) / grid.cell))
+    yield replace(found, grid=own, ticks=None)
+    for word in _words(sums, begin, moved_grid(grid, 0.5 * (after - before))):
+        if word.reverse == found.reverse and word.sync >= SHORT.least_sync:
+            cells = (word.grid.middle - own.middle) / grid.cell
+            if abs(cells - round(cells)) > 0.25:
+                yield word
 
 
 def tracked(sums: Array, begin: float, found: Found) -> Found | None:
