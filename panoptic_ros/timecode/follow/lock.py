@@ -1,6 +1,7 @@
 """Locking to a signal that was found: the labels of its words must count on, and words must be readable."""
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, word_ticks
 Array = np.ndarray
 EARLY = 0.3  # cells that may be missing of the first word of a stream
 FARTHEST = 3  # unreadable words in a row between readable ones, where the speed changes
+CLEARLY = 0.8  # times the variance of words at constant speed, that a changing one must leave at most
 ABOUT = 8  # cells over which the length of one is measured
 PASSES = 2  # over the words heard so far: the first teaches the shape of edges, the other by it the speed
 
@@ -37,19 +39,22 @@ def lock(
         search: that it was found by.
         read_until: sample up to which words were read already.
     """
-    # The speed may be constant in any case, and lines see through more.
     signals, stretch = _even(stream, found, search)
     tried = [_follow(stream, signal, stretch, config, read_until) for signal in signals]
     read = [(follow, pace) for follow, pace in tried if follow is not None]
-    if on_line := [(pace.variance, follow) for follow, pace in read if pace.wander is None]:
-        return min(on_line, key=lambda item: item[0])[1]
-    follow = read[0][0] if read else None
-    if follow is not None and found.ticks is None:
+    on_line = [(pace.variance, follow) for follow, pace in read if pace.wander is None]
+    even = min(on_line, key=lambda item: item[0], default=(math.inf, None))
+    if found.ticks is None:
+        if even[1] is not None or not read:
+            return even[1]
         begin = len(stream.sums) - 1 - search.seconds * stream.sums_rate
         found = tracked(stream.sums, begin, found) or found
     if found.ticks is None:
-        return follow
-    return _follow(stream, found, search, config, read_until)[0] or follow
+        return read[0][0]
+    follow, pace = _follow(stream, found, search, config, read_until)
+    if follow is None or pace.variance > CLEARLY * even[0]:
+        return even[1] or (read[0][0] if read else None)
+    return follow
 
 
 def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Search]:

@@ -15,6 +15,7 @@ from panoptic_ros.timecode.word.smoothing import Motion, Smoothed, smooth
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
+NEAR, LEAST = 0.2, 5e-5  # standard deviations and samples, by which the last step may still move edges
 
 
 class EdgeFit(NamedTuple):
@@ -81,7 +82,7 @@ def fit_edges(
         smoothed = smooth(cells[others:], measured, noise, before, bandwidth)
         moved = np.abs(smoothed.places - places[others:]).max()
         places[others:] = smoothed.places
-        finished = moved <= limits.settled * limits.sigma + 0.05 * np.sqrt(smoothed.variances.max())
+        finished = moved <= NEAR * np.sqrt(smoothed.variances.min()) + LEAST
         if not finished and turn + 1 < limits.steps + fills:
             continue
         settled = moved <= limits.lost * grid.cell
