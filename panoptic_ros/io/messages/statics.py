@@ -61,7 +61,7 @@ def read_skeleton_model(message: Any) -> SkeletonModel:
     return SkeletonModel(
         str(message.name), tuple(map(str, message.joint_names)), int(message.root),
         pairs("bones"), int(message.head), pairs("left_right"), derived,
-        tuple(float(floor) for floor in getattr(message, "bias_floors", ())),  # bags of old have none
+        tuple(float(floor) for floor in message.bias_floors),
     )  # fmt: skip
 
 
@@ -161,14 +161,14 @@ def write_audio(block: AudioBlock, family: Messages, frame_id: str) -> Any:
 
 
 def read_audio(message: Any) -> AudioBlock:
-    channels = int(getattr(message, "channels", 0)) or 1  # bags of old have one, and do not say so
+    channels = int(message.channels) or 1  # 0: whoever publishes one channel need not say so
     samples = np.asarray(message.samples)
     if len(samples) % channels:
         raise DataError(f"AudioBlock.samples has {len(samples)} values for {channels} channels")
     return AudioBlock(
         str(message.header.frame_id), stamp_of(message.header), int(message.first_sample),
         int(message.sample_rate), samples.reshape(-1, channels),
-        tuple(str(name) for name in getattr(message, "clocks", ())),
+        tuple(str(name) for name in message.clocks),
     )  # fmt: skip
 
 
@@ -205,7 +205,7 @@ def read_timecode(message: Any) -> TimecodeReading:
     return TimecodeReading(
         str(message.header.frame_id), stamp_of(message.header), label, float(message.start_sample),
         float(message.std_samples), bool(message.reverse), int(message.user_bits),
-        str(getattr(message, "clock", "")), int(getattr(message, "sample_rate", 0)),  # bags of old lack both
+        str(message.clock), int(message.sample_rate),
     )  # fmt: skip
 
 
