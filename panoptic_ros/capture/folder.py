@@ -10,8 +10,8 @@ from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
 from panoptic_ros.capture.image_size import SizePolicy, fit_camera
-from panoptic_ros.capture.sound import folder_sounds, sound_files
-from panoptic_ros.capture.source import FrameSource
+from panoptic_ros.capture.sound import SOUND_NAMES, folder_sounds, sound_files, track_sound
+from panoptic_ros.capture.source import FrameSource, exact_rate, grid_stamp
 from panoptic_ros.capture.synctables import table_files, table_times, tabled_notices
 from panoptic_ros.capture.timed import TimedSource
 from panoptic_ros.capture.timestamps import read_timestamps
@@ -85,7 +85,8 @@ def open_capture_folder(
     Args:
         path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
             and optionally `<camera>_depth/*.png` (see `DepthSource`), `<sensor>_depth/*.png` of the rig's
-            depth sensors (see `DepthSensorSource`), `<device>.wav` with sound.yaml (see `folder_sounds`),
+            depth sensors (see `DepthSensorSource`), `<device>.wav` or sound tracks, with sound.yaml (see
+            `folder_sounds`),
             occluders.json, and timestamps.csv or else CMU's sync tables (see `table_times`). Other files and
             folders are left alone.
         rig: in place of the rig file and occluders.json.
@@ -131,7 +132,6 @@ def open_capture_folder(
     heard = {file.stem for file in sound_files(path)} - set(rig.names)
     stamps = read_timestamps(table, heard) if table.exists() else {}
     begins = {name: stamps[name][0] if name in stamps else start_ns for name in rig.names}
-    sounds = folder_sounds(path, begins)
     times = {} if stamps or not table_files(path) else table_times(path, rig)
     opened = open_files(
         rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
@@ -139,6 +139,13 @@ def open_capture_folder(
     )  # fmt: skip
     told = tabled_notices(rig) if times else ()
     stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
+    tracks = {Path(sound["path"]).name: sound for sound in opened.sounds}
+    others = _others(videos, rig, start_ns) if (path / SOUND_NAMES).exists() else {}
+    try:
+        sounds = folder_sounds(path, begins, others | tracks)
+    except BaseException:
+        opened.close()
+        raise
     return replace(opened, sounds=sounds, stamps=stamps, notices=(*opened.notices, *told))
 
 
@@ -170,12 +177,15 @@ def open_files(
                 there = ", ".join(sorted(stamps))
                 raise DataError(f"timestamps.csv has stamps for {there} but none for camera {name}")
     sources: list[FrameSource] = []
+    sounds: list[Mapping[str, Any]] = []
     try:
         for name in chosen.names:
             own = stamps[name] if stamps else None
             images = _open(name, Path(files[name]), start_ns, frame_rate, own)
             sources.append(images)
-            notices += images.notices if isinstance(images, VideoSource) else ()
+            if isinstance(images, VideoSource):
+                notices += images.notices
+                sounds += [_sound(images, start_ns, frame_rate, own)] if images.has_sound else []
             timed = TimedSource(images, times[name]) if name in times else images
             depths = depth_files(Path(files[name]).parent, name)
             sources[-1] = DepthSource(timed, depths, images.frame_count) if depths else timed
@@ -192,7 +202,9 @@ def open_files(
     for sensor in rig.depth_sensors:
         if sensor.name not in mapped:
             notices.append(f"depth sensor {sensor.name} of the rig has no maps")
-    return CaptureFolder(parent, fitted, tuple(sources), (*notices, *changes), sensors)
+    return CaptureFolder(
+        parent, fitted, tuple(sources), (*notices, *changes), sensors, tuple(sounds), stamps or {}
+    )
 
 
 def fit_rig(
@@ -226,6 +238,22 @@ def _videos(path: Path) -> dict[str, Path]:
                 raise DataError(f"two videos of camera {file.stem}: {first} and {file}; remove one")
             found[file.stem] = file
     return found
+
+
+def _sound(
+    video: VideoSource, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None
+) -> dict[str, Any]:
+    """The description of a video's sound, on the time line of its frames."""
+    if stamps is None and frame_rate is not None:
+        rate = exact_rate(frame_rate, f"video {video.path}")
+        stamps = [grid_stamp(start_ns, k, rate) for k in range(video.frame_count or 0)]
+    return track_sound(video.path, video.camera, start_ns, stamps or ())
+
+
+def _others(videos: Mapping[str, Path], rig: Rig, start_ns: int) -> dict[str, dict[str, Any]]:
+    """Sound of videos of cameras that are not used, which may be what others are held against."""
+    others = {path.name: name for name, path in videos.items() if name not in rig.names}
+    return {file: track_sound(videos[name], name, start_ns) for file, name in others.items()}
 
 
 def _image_folders(path: Path) -> dict[str, Path]:

@@ -18,6 +18,7 @@ from av.video.stream import VideoStream
 
 from panoptic_ros.errors import DataError
 
+MILLISECOND = Fraction(1, 1000)  # Matroska keeps whole ones, also where such a file is copied to another kind
 _NO_TIMES = 0x0080  # AVFMT_NOTIMESTAMPS of libavformat
 _TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 
@@ -35,10 +36,7 @@ class Movie:
 
     def __init__(self, path: Path, what: str, *, threads: bool = True):
         self._what = what
-        try:
-            self._container: InputContainer = av.open(str(path))
-        except (av.FFmpegError, OSError) as error:
-            raise DataError(f"{what} cannot be opened: no video, or damaged ({_reason(error)})") from None
+        self._container = open_media(path, what)
         try:
             self._stream = self._choose()
             if threads:
@@ -97,7 +95,7 @@ class Movie:
             except StopIteration:
                 return
             except (av.FFmpegError, OSError) as error:
-                raise DataError(f"{self._what} cannot be read on: {_reason(error)}") from None
+                raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
             try:
                 decoded = packet.decode()
             except av.FFmpegError:
@@ -107,6 +105,26 @@ class Movie:
                 if isinstance(frame, VideoFrame):
                     yield frame
                 del frame
+
+    @property
+    def has_sound(self) -> bool:
+        """Whether there is a sound track."""
+        return bool(self._container.streams.audio)
+
+    def frame_times(self) -> list[Fraction]:
+        """When all frames are shown, s, by the index of the file or what stands before each; none is decoded.
+
+        Raises:
+            DataError: if the file cannot be read on.
+        """
+        try:
+            shown = [
+                packet.dts if packet.pts is None else packet.pts
+                for packet in self._container.demux(self._stream) if packet.size and not packet.is_discard
+            ]  # fmt: skip
+        except (av.FFmpegError, OSError) as error:
+            raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
+        return [ticks * self.tick for ticks in sorted(ticks for ticks in shown if ticks is not None)]
 
     def close(self) -> None:
         """Close the file; may be called twice."""
@@ -140,5 +158,27 @@ def shown_at(frame: VideoFrame) -> Fraction | None:
     return None if ticks is None or frame.time_base is None else ticks * frame.time_base
 
 
-def _reason(error: Exception) -> str:
+def rounding(time: Fraction, tick: Fraction) -> Fraction:
+    """By how much rounding may change a time less another one of a file, s.
+
+    Args:
+        tick: what the file says that it rounds to.
+    """
+    return max(tick, MILLISECOND) if time % MILLISECOND == 0 else tick
+
+
+def open_media(path: Path, what: str) -> InputContainer:
+    """Open a file for reading.
+
+    Raises:
+        DataError: if it cannot be.
+    """
+    try:
+        return av.open(str(path))
+    except (av.FFmpegError, OSError) as error:
+        raise DataError(f"{what} cannot be opened: no video, or damaged ({reason(error)})") from None
+
+
+def reason(error: Exception) -> str:
+    """A few words of FFmpeg."""
     return str(getattr(error, "strerror", None) or error)

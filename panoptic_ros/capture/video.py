@@ -9,12 +9,10 @@ from pathlib import Path
 from av.video.frame import VideoFrame
 
 from panoptic_ros.capture.container import find_cut, hidden_seconds
-from panoptic_ros.capture.movie import Converter, Movie, shown_at, turned
+from panoptic_ros.capture.movie import Converter, Movie, rounding, shown_at, turned
 from panoptic_ros.capture.source import SECOND_NS, check_stamps, exact_rate
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
-
-MILLISECOND = Fraction(1, 1000)  # Matroska keeps whole ones, also where such a file is copied to another kind
 
 
 class VideoSource:
@@ -135,6 +133,7 @@ class VideoSource:
         height, width = Converter().image(first).shape[:2]
         self.image_size = (width, height)
         self.frame_count = movie.frame_count
+        self.has_sound = movie.has_sound
         if turned(first):
             told = f"camera {self.camera}: images are turned clockwise by {turned(first)} degrees, as marked"
             self.notices = (f"{told} in {self.path.name}",)
@@ -204,14 +203,9 @@ class _Timeline:
         if since_first is None:
             return self._repaired()
         nearest = round(since_first * self.rate) / self.rate
-        self._on_grid = self._on_grid and abs(since_first - nearest) <= self._rounding(since_first)
+        self._on_grid = self._on_grid and abs(since_first - nearest) <= rounding(since_first, self._tick)
         seconds = nearest if self._on_grid else since_first
         return seconds if seconds > self.seconds else self._repaired()
-
-    def _rounding(self, since_first: Fraction) -> Fraction:
-        """By how much rounding of two times may change their difference."""
-        whole = since_first % MILLISECOND == 0
-        return max(self._tick, MILLISECOND) if whole else self._tick
 
     def _repaired(self) -> Fraction:
         self.repaired += 1

@@ -18,6 +18,7 @@ from panoptic_ros.params import diff
 from panoptic_ros.running.plan import Plan
 
 CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
+SOUND_PROCESSES = 2  # at most, the same
 
 
 def write_launch_file(
@@ -44,10 +45,12 @@ def write_launch_file(
         few = len(plan.sources) <= CAMERA_PROCESSES
         name = f"camera-{ros_name(camera)}" if few else f"cameras-{i % CAMERA_PROCESSES}"
         processes.setdefault(name, []).append(node)
-    for sound in plan.sounds:
+    for i, sound in enumerate(plan.sounds):
         device = str(sound["device"])
         node = {"kind": "sound", "sound": dict(sound), "parameters": plan_of_nodes.source(device)}
-        processes[f"sound-{ros_name(device)}"] = [node]
+        few = len(plan.sounds) <= SOUND_PROCESSES
+        name = f"sound-{ros_name(device)}" if few else f"sounds-{i % SOUND_PROCESSES}"
+        processes.setdefault(name, []).append(node)
     if plan.stage == "detection":
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
             inputs = _inputs_of_detection(plan, cameras, bool(jpeg_quality))

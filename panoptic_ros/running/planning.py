@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture import CaptureFolder, demo_capture, open_capture_folder, open_files
+from panoptic_ros.capture import CaptureFolder, FrameSource, demo_capture, open_capture_folder, open_files
 from panoptic_ros.capture.sound import described_sound, open_sound
 from panoptic_ros.domain import AudioBlock, Rig
 from panoptic_ros.graph.build import configure
@@ -16,9 +16,11 @@ from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import config_of, named_words
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
+from panoptic_ros.running.overlap import check_overlap
 from panoptic_ros.running.parameters import Parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
 from panoptic_ros.running.sound import Recorder, plan_clocks
+from panoptic_ros.running.tracks import find_tracks
 from panoptic_ros.timecode.config import TimecodeConfig
 
 NOTHING: Mapping[str, str] = {}
@@ -160,21 +162,30 @@ def _recorded(
 
 def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
     """The plan with what devices heard of the clocks of cameras."""
-    recorders = [_recorder(sound) for sound in capture.sounds]
+    named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
+    given = [{**sound, "clocks": _split(named.get(sound["device"])) or sound["clocks"]}
+             for sound in capture.sounds]  # fmt: skip
+    tracks = find_tracks(plan.rig, given, capture.stamps, plan.configs)
+    recorders = [_recorder(sound) for sound in tracks.sounds]
     stamps = {
-        source.camera: capture.stamps.get(source.camera)
-        or [round(k * 1e9 / source.frame_rate) for k in range(3)]
-        for source in capture.sources
+        source.camera: capture.stamps.get(source.camera) or _counted(source) for source in capture.sources
     }
-    clocks = plan_clocks(plan.rig, plan.configs, recorders, stamps)
+    clocks = plan_clocks(tracks.rig, plan.configs, recorders, stamps)
+    check_overlap(clocks.shifts, stamps, clocks.recorders)
     sounds = [
         {**sound, "from_sample": clocks.recorders[sound["device"]]}
-        for sound in capture.sounds if sound["device"] in clocks.recorders
+        for sound in tracks.sounds if sound["device"] in clocks.recorders
     ]  # fmt: skip
     return replace(
-        plan, configs=clocks.configs, sounds=tuple(sounds), shifts=clocks.shifts,
-        notices=(*plan.notices, *clocks.notices),
+        plan, rig=tracks.rig, configs=clocks.configs, sounds=tuple(sounds), shifts=clocks.shifts,
+        notices=(*plan.notices, *tracks.notices, *clocks.notices),
     )  # fmt: skip
+
+
+def _counted(source: FrameSource) -> list[int]:
+    """Stamps of the first frames and of the last one, by the frame rate."""
+    frames = range(source.frame_count or 3)
+    return [round(k * 1e9 / source.frame_rate) for k in dict.fromkeys([*frames[:3], *frames[-1:]])]
 
 
 def _recorder(sound: Mapping[str, Any]) -> Recorder:

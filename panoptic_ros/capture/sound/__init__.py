@@ -4,8 +4,19 @@ Every source is a `SoundSource`: the blocks of one device in order, with the nam
 timecode its channels carry. A new kind is a class of that form, and a row in `described`.
 """
 from panoptic_ros.capture.sound.described import described_sound, open_sound
-from panoptic_ros.capture.sound.folder import folder_sounds, sound_files
+from panoptic_ros.capture.sound.folder import SOUND_NAMES, folder_sounds, sound_files, track_sound
 from panoptic_ros.capture.sound.source import SoundSource
+from panoptic_ros.capture.sound.video import VideoSound
 from panoptic_ros.capture.sound.wav import WavSource
 
-__all__ = ["SoundSource", "WavSource", "described_sound", "folder_sounds", "open_sound", "sound_files"]
+__all__ = [
+    "SOUND_NAMES",
+    "SoundSource",
+    "VideoSound",
+    "WavSource",
+    "described_sound",
+    "folder_sounds",
+    "open_sound",
+    "sound_files",
+    "track_sound",
+]

@@ -8,6 +8,7 @@ from typing import Any
 from panoptic_ros.capture.sound.microphone import MicrophoneSource
 from panoptic_ros.capture.sound.played import PlayedSource
 from panoptic_ros.capture.sound.source import SoundSource
+from panoptic_ros.capture.sound.video import VideoSound
 from panoptic_ros.capture.sound.wav import WavSource
 from panoptic_ros.errors import UsageError
 
@@ -18,7 +19,8 @@ def described_sound(kind: str, device: str, clocks: Sequence[str], **more: Any) 
 
 
 def open_sound(description: Mapping[str, Any]) -> SoundSource:
-    """The source of a description: {"kind": "wav" or "microphone", "device", "clocks", what opening takes}.
+    """The source of a description: {"kind", "device", "clocks", what opening takes}; kinds are wav, video and
+    microphone.
 
     A microphone whose address is that of a WAV file plays it in real time.
 
@@ -28,6 +30,8 @@ def open_sound(description: Mapping[str, Any]) -> SoundSource:
     given = {key: value for key, value in description.items() if key != "kind"}
     if description["kind"] == "wav":
         return WavSource(**{**given, "path": Path(given["path"])})
+    if description["kind"] == "video":
+        return VideoSound(**{**given, "path": Path(given["path"])})
     if description["kind"] == "microphone":
         address = str(given.pop("address"))
         if address.lower().endswith(".wav"):

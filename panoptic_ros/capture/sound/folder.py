@@ -1,4 +1,4 @@
-"""The sound of a capture folder: `<device>.wav`, and what sound.yaml says of its channels."""
+"""The sound of a capture folder: `<device>.wav`, tracks of videos, and what sound.yaml says of them."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -10,34 +10,59 @@ from panoptic_ros.capture.timestamps import read_sound_stamps
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import read_yaml
 
-FILE = "sound.yaml"
+SOUND_NAMES = "sound.yaml"
 SUFFIX = ".wav"
 
 
-def folder_sounds(path: Path, cameras: Mapping[str, int]) -> tuple[dict[str, Any], ...]:
+def folder_sounds(
+    path: Path, cameras: Mapping[str, int], tracks: Mapping[str, Mapping[str, Any]]
+) -> tuple[dict[str, Any], ...]:
     """Descriptions of the sound in a capture folder (see `open_sound`), those of sound.yaml first.
 
     sound.yaml names the clock of each channel of a file, {"timecode.wav": [A, B]}, "" where there is none;
     or {"clocks": [A, B], "start_ns": stamp of the first sample}. Rows of a device in timestamps.csv are
     stamps of its samples. Where nothing says when it began, it began at 0, and that of a camera with the
-    first frame.
+    first frame. Sound tracks of videos are those that sound.yaml names, or all of them if there is none; of a
+    camera with a WAV file this one.
 
     Args:
         cameras: stamp of the first frame by name.
+        tracks: of videos, as `track_sound` describes them, by the name of the file.
 
     Raises:
         DataError: if sound.yaml is of another form, or names what is not there.
     """
     files = {file.name: file for file in sound_files(path)}
-    named = _read_names(path / FILE) if (path / FILE).exists() else {}
+    says = (path / SOUND_NAMES).exists()
+    named = _read_names(path / SOUND_NAMES) if says else {}
     for name in named:
-        if name not in files:
-            there = ", ".join(files) or "no WAV file"
-            raise DataError(f"{path / FILE} names {name}; {path} has {there}")
+        if name not in files and name not in tracks:
+            there = ", ".join([*files, *tracks]) or "no WAV file and no video with sound"
+            raise DataError(f"{path / SOUND_NAMES} names {name}; {path} has {there}")
     others = [file.stem for file in files.values() if file.stem not in cameras]
     stamps = read_sound_stamps(path / "timestamps.csv", others)
-    order = [*named, *(name for name in files if name not in named)]
-    return tuple(_described(files[name], named.get(name, {}), stamps, cameras) for name in order)
+    found: dict[str, dict[str, Any]] = {}
+    for name in dict.fromkeys([*named, *files, *(() if says else tracks)]):
+        said = named.get(name, {})
+        sound = (
+            _described(files[name], said, stamps, cameras) if name in files
+            else {**tracks[name], "clocks": said.get("clocks", [])}
+        )  # fmt: skip
+        device = sound["device"]
+        if name in tracks and "start_ns" in said:
+            raise DataError(f"{path / SOUND_NAMES}: {name}: the sound of a video begins where the video does")
+        if device in found and name in named:
+            raise DataError(f"{path / SOUND_NAMES} names two recordings of {device}; remove {name}")
+        found.setdefault(device, sound)
+    return tuple(found.values())
+
+
+def track_sound(
+    path: Path, device: str, start_ns: int, stamps: Sequence[int] = (), clocks: Sequence[str] = ()
+) -> dict[str, Any]:
+    """The description of the sound track of a video; for the rest see `VideoSound`."""
+    own = {"stamps": list(stamps)} if len(stamps) else {"start_ns": start_ns}
+    return described_sound("video", device, clocks, path=str(path), **own)
 
 
 def sound_files(path: Path) -> list[Path]:

@@ -1,0 +1,170 @@
+"""Sound tracks of files, decoded through PyAV (FFmpeg): samples, and where they lie in the file's time."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from av.audio.frame import AudioFrame
+from av.audio.stream import AudioStream
+
+from panoptic_ros.capture.movie import open_media, reason, rounding
+from panoptic_ros.errors import DataError, UsageError
+
+Array = np.ndarray
+GAP_S = Fraction(1, 50)  # between samples that do not follow each other; clocks of recorders jitter by less
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Consecutive samples.
+
+    Args:
+        first: index of the first sample, since the beginning of the track.
+        time: of it, s.
+        samples: (N, C) float32.
+    """
+
+    first: int
+    time: Fraction
+    sample_rate: int
+    samples: Array
+
+
+class SoundTrack:
+    """The first sound track of a file, open; it is read once from its beginning.
+
+    What FFmpeg leaves out at the beginning (priming of AAC and Opus, edit lists) is not in it. Times that are
+    those of the count of samples, as nearly as the file rounds them, are set to it; others are used as they
+    are. Where sound is missing for more than 20 ms the count of samples shows it.
+
+    Args:
+        what: how messages call it.
+
+    Raises:
+        DataError: if the file cannot be opened, has no sound, or sound of an unknown codec.
+    """
+
+    def __init__(self, path: Path, what: str):
+        self._what = what
+        self._container = open_media(path, what)
+        try:
+            streams = self._container.streams.audio
+            if not streams:
+                raise DataError(f"{what}: there is no sound track")
+            self._stream: AudioStream = streams[0]
+            if self._stream.codec_context is None:
+                raise DataError(f"{what}: FFmpeg has no decoder for its codec; convert it")
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def channels(self) -> int:
+        """How many there are."""
+        return int(self._stream.codec_context.channels)
+
+    def pieces(self) -> Iterator[Piece]:
+        """The sound in order; what cannot be decoded is missing.
+
+        Raises:
+            DataError: if the file cannot be read on.
+        """
+        count = _Count(self._stream.time_base or Fraction(0))
+        for frame in self._frames():
+            samples = _samples(frame)
+            placed = count.place(_heard_at(frame), len(samples), frame.sample_rate)
+            if placed is not None:
+                yield Piece(*placed, frame.sample_rate, samples)
+
+    def _frames(self) -> Iterator[AudioFrame]:
+        packets = self._container.demux(self._stream)
+        while True:
+            try:
+                packet = next(packets)
+            except StopIteration:
+                return
+            except (av.FFmpegError, OSError) as error:
+                raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
+            try:
+                decoded = packet.decode()
+            except av.FFmpegError:
+                continue  # the times of later ones tell what is missing
+            yield from (frame for frame in decoded if isinstance(frame, AudioFrame) and frame.samples)
+
+    def close(self) -> None:
+        """Close the file; may be called twice."""
+        self._container.close()
+
+    def __enter__(self) -> SoundTrack:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+class _Count:
+    """The count of samples, beside the times that a file gives."""
+
+    def __init__(self, tick: Fraction):
+        self._tick = tick
+        self._next = 0
+        self._expected: Fraction | None = None  # time of the next sample
+        self._even = True  # all times so far were those of the count
+
+    def place(self, time: Fraction | None, length: int, rate: int) -> tuple[int, Fraction] | None:
+        """Index and time of the first of `length` samples; None: they lie before the last ones."""
+        if self._expected is None:
+            self._expected = Fraction(0) if time is None else time
+        late = Fraction(0) if time is None else time - self._expected
+        if late < -GAP_S:
+            return None
+        if late > GAP_S:
+            self._next += round(late * rate)
+            self._even = True
+        elif self._even and time is not None:
+            self._even = abs(late) <= rounding(time, self._tick)
+        first, begin = self._next, self._expected
+        if late > GAP_S or not self._even:
+            begin = self._expected + late
+        self._next += length
+        self._expected = begin + Fraction(length, rate)
+        return first, begin
+
+
+def _heard_at(frame: AudioFrame) -> Fraction | None:
+    """When a frame is heard, s; None = the file does not say."""
+    return None if frame.pts is None or frame.time_base is None else frame.pts * frame.time_base
+
+
+def _samples(frame: AudioFrame) -> Array:
+    """(N, C) float32 in -1..1."""
+    stored: Array = frame.to_ndarray()
+    stored = stored.reshape(-1, frame.layout.nb_channels) if frame.format.is_packed else stored.T
+    if stored.dtype == np.uint8:
+        return ((stored.astype(np.float32) - 128.0) / 128.0).astype(np.float32)
+    if stored.dtype.kind == "i":
+        return (stored / 2.0 ** (8 * stored.itemsize - 1)).astype(np.float32)
+    return np.ascontiguousarray(stored, np.float32)
+
+
+def read_track(path: Path, channel: int = 0) -> tuple[int, Array]:
+    """Sample rate, Hz, and the samples (N,) float32 of one channel; silence where some are missing.
+
+    Raises:
+        DataError: as `SoundTrack`; if there are no samples.
+        UsageError: if there is no such channel.
+    """
+    with SoundTrack(path, str(path)) as track:
+        if not 0 <= channel < track.channels:
+            raise UsageError(f"{path} has {track.channels} channels, counted from 0; there is no {channel}")
+        pieces = list(track.pieces())
+    if not pieces:
+        raise DataError(f"{path} has no samples")
+    samples = np.zeros(pieces[-1].first + len(pieces[-1].samples), np.float32)
+    for piece in pieces:
+        samples[piece.first : piece.first + len(piece.samples)] = piece.samples[:, channel]
+    return pieces[0].sample_rate, samples
