@@ -12,7 +12,6 @@ from panoptic_ros.clocks.estimate import Point
 from panoptic_ros.clocks.named import NamedClocks
 from panoptic_ros.clocks.timeline import SECOND, SILENT_NS, Place, Timeline
 from panoptic_ros.domain import ClockModel, FrameRate, TimecodeReading
-from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
@@ -61,13 +60,7 @@ class ClocksStage(Stateful):
         self._named: NamedClocks | None = None
 
     def step(self, item: TimecodeReading) -> StepResult[ClockModel]:
-        """Take a reading; return the model of its device every `period_s`, and at once after a jump.
-
-        Raises:
-            DataError: if its numbers are not finite.
-        """
-        if not (np.isfinite(item.start_sample) and item.std_samples >= 0.0 and item.stamp_ns >= 0):
-            raise DataError(f"a timecode reading of {item.device} at {item.timecode} is not finite")
+        """Take a reading; return the model of its device every `period_s`, and at once after a jump."""
         if item.reverse:
             text = f"the timecode of {item.device} runs backwards and is no clock"
             return StepResult((), (Notice("clocks.reverse", "warning", text, {"device": item.device}),))

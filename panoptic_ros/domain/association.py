@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import check_stamp
+from panoptic_ros.domain.checks import check_not_infinite, check_stamp
 from panoptic_ros.domain.detections import DetectionSet
 from panoptic_ros.errors import DataError
 
@@ -71,7 +71,7 @@ class Prediction:
         firm: (K, J) whether three or more views agreed on the joint a moment ago.
 
     Raises:
-        DataError: if the arrays do not fit each other.
+        DataError: if the arrays do not fit each other, or places are infinite.
     """
 
     positions: Array
@@ -84,6 +84,7 @@ class Prediction:
         shape = self.ages.shape
         _fit(self, "positions velocities variances", (*shape, 3))
         _fit(self, "ages firm", shape)
+        check_not_infinite(self, "positions velocities variances")
 
     @classmethod
     def of_nobody(cls, joints: int) -> Prediction:
@@ -184,7 +185,7 @@ class TrackSet:
         unseen: (T,) s since the person was seen.
 
     Raises:
-        DataError: if the arrays do not fit each other.
+        DataError: if the arrays do not fit each other, or places are infinite.
     """
 
     index: int
@@ -204,6 +205,7 @@ class TrackSet:
         _fit(self, "ages unagreed", shape)
         _fit(self, "states", (*shape, 6))
         _fit(self, "variances", (*shape, 3))
+        check_not_infinite(self, "states variances")
 
 
 def _fit(record: object, names: str, shape: tuple[int, ...]) -> None:

@@ -80,8 +80,31 @@ def check_missing(record: Any, name: str, values: Array, scores: Array) -> None:
     finite = np.isfinite(values).all(-1)
     if not finite[scores > 0.0].all():
         raise DataError(f"{type(record).__name__}.{name} is not finite although its score is positive")
-    if np.isinf(values).any():
-        raise DataError(f"{type(record).__name__}.{name} is infinite")
+    check_not_infinite(record, name)
+
+
+def check_magnitude(what: str, values: Array, limit: float, unit: str = "") -> None:
+    """No finite value is beyond what anybody can have measured: its square would spoil all that follows.
+
+    Raises:
+        DataError: naming the largest value and the limit.
+    """
+    if values.size and max(-np.fmin.reduce(values, None), np.fmax.reduce(values, None)) > limit:
+        largest = float(np.abs(np.where(np.isfinite(values), values, 0.0)).max())
+        if largest > limit:
+            held = f"{largest:.3g} {unit}".rstrip()
+            raise DataError(f"{what} holds {held}; at most {limit:g} is possible")
+
+
+def check_not_infinite(record: Any, names: str) -> None:
+    """Values are finite, or NaN where nothing is known.
+
+    Raises:
+        DataError: otherwise.
+    """
+    for name in names.split():
+        if np.isinf(getattr(record, name)).any():
+            raise DataError(f"{type(record).__name__}.{name} is infinite")
 
 
 def check_stamp(record: Any, stamp_ns: Any, name: str = "stamp_ns") -> int:

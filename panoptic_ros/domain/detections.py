@@ -5,11 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_missing, check_scores, check_stamp
+from panoptic_ros.domain.checks import (
+    Shapes,
+    check_magnitude,
+    check_missing,
+    check_scores,
+    check_stamp,
+)
 from panoptic_ros.domain.visibility import VisibilityLimit
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
+FARTHEST = 10  # times its larger side: so far beyond an image a detector may guess a joint
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,6 +164,8 @@ class ViewDetections:
         check_scores(self, "scores", scores)
         check_scores(self, "person_scores", shapes.store("person_scores", np.float64, "P"))
         check_missing(self, "points", points, scores)
+        limit = float(FARTHEST * max(width, height))
+        check_magnitude(f"ViewDetections.points of camera {self.camera}", points, limit, "px")
         if self.maps is not None and self.maps.persons.size:
             if not -1 <= self.maps.persons.min() <= self.maps.persons.max() < len(points):
                 raise DataError("ScoreMaps.persons does not fit the persons of its view")

@@ -10,6 +10,8 @@ from panoptic_ros.domain.checks import Shapes, check_stamp
 from panoptic_ros.errors import ClockError, DataError
 
 Array = np.ndarray
+LOWEST_RATE, HIGHEST_RATE = 1000, 400_000  # Hz, of sound
+MOST_SAMPLES = 2**53  # a float has no fractions beyond
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +117,7 @@ class AudioBlock:
         object.__setattr__(self, "clocks", tuple(self.clocks))
         if not np.isfinite(samples).all():
             raise DataError(f"audio of {self.device} has samples that are not finite")
-        if not 1000 <= self.sample_rate <= 400_000:
+        if not LOWEST_RATE <= self.sample_rate <= HIGHEST_RATE:
             raise DataError(f"audio of {self.device} has a sample rate of {self.sample_rate} Hz")
         if not samples.shape[1]:
             raise DataError(f"audio of {self.device} has no channels")
@@ -154,6 +156,16 @@ class TimecodeReading:
     user_bits: int = 0
     clock: str = ""
     sample_rate: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        if not (abs(self.start_sample) < MOST_SAMPLES and 0.0 <= self.std_samples < MOST_SAMPLES):
+            raise DataError(
+                f"a timecode of {self.device} begins at sample {self.start_sample:.6g} +- "
+                f"{self.std_samples:.3g}"
+            )
+        if self.sample_rate and not LOWEST_RATE <= self.sample_rate <= HIGHEST_RATE:
+            raise DataError(f"a timecode of {self.device} has a sample rate of {self.sample_rate} Hz")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

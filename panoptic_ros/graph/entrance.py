@@ -1,29 +1,80 @@
-"""What a node asks of a camera's record before its stage sees it."""
+"""What a node asks of a record from elsewhere before its stages see it: does it fit the rig and the skeleton?
+
+Compiled kernels trust indices, so one beyond the cameras or the joints must not get to them.
+"""
 from __future__ import annotations
 
-from panoptic_ros.domain import Rig, SkeletonModel, ViewDetections, ViewFrame
+import numpy as np
+
+from panoptic_ros.domain import (
+    AssociationSet,
+    PoseSet,
+    ProposalSet,
+    Rig,
+    SkeletonModel,
+    TrackSet,
+    ViewDetections,
+    ViewFrame,
+)
 from panoptic_ros.errors import DataError
 
 
-def check_view(view: object, camera: str, rig: Rig, skeleton: SkeletonModel) -> None:
-    """Whether a view is of the camera that its topic belongs to, as the rig and the skeleton describe it.
+def check_record(record: object, owner: str, rig: Rig, skeleton: SkeletonModel) -> None:
+    """Whether a record is of the camera that its topic belongs to, as the rig and the skeleton describe it.
 
     Args:
-        view: a `ViewFrame` or `ViewDetections`; of other records nothing is asked here.
+        owner: camera, sensor or device of the topic; "" for topics of the graph.
 
     Raises:
         DataError: naming what is different.
     """
-    if not isinstance(view, (ViewFrame, ViewDetections)):
-        return
+    if isinstance(record, (ViewFrame, ViewDetections)):
+        _check_view(record, owner, rig)
+    if isinstance(record, ProposalSet):
+        _check_proposals(record, skeleton)
+        record = record.association
+    if isinstance(record, AssociationSet):
+        _check_cameras(record, rig)
+    joints, expected = _joints(record), len(skeleton.joint_names)
+    if joints not in (None, expected):
+        of = f" of camera {owner}" if owner else ""
+        raise DataError(f"a {type(record).__name__}{of} has {joints} joints, {skeleton.name} has {expected}")
+
+
+def _joints(record: object) -> int | None:
+    """How many joints the people of a record have; None: it has no people."""
+    if isinstance(record, ViewDetections):
+        return int(record.points.shape[1])
+    if isinstance(record, PoseSet):
+        return int(record.positions.shape[1])
+    if isinstance(record, TrackSet):
+        return int(record.ages.shape[1])
+    return int(record.evidence.scores.shape[1]) if isinstance(record, AssociationSet) else None
+
+
+def _check_view(view: ViewFrame | ViewDetections, camera: str, rig: Rig) -> None:
     if view.camera != camera:
         raise DataError(f"a message of camera {view.camera!r} came on a topic of {camera}")
     calibrated = rig.camera(camera).image_size
     if view.image_size != calibrated:
         sizes = [f"{width} x {height}" for width, height in (view.image_size, calibrated)]
         raise DataError(f"images of camera {camera} are {sizes[0]}, but it is calibrated for {sizes[1]}")
-    if isinstance(view, ViewDetections) and view.points.shape[1] != len(skeleton.joint_names):
+
+
+def _check_cameras(item: AssociationSet, rig: Rig) -> None:
+    """Evidence names each view's own camera, in the order of the rig."""
+    named = [item.detections.views[slot].camera for slot in item.evidence.slots]
+    given = item.evidence.cameras
+    if [rig.names[k] if k < len(rig.names) else "" for k in given] != named or (np.diff(given) <= 0).any():
         raise DataError(
-            f"detections of camera {camera} have {view.points.shape[1]} joints, {skeleton.name} has "
-            f"{len(skeleton.joint_names)}"
+            f"an AssociationSet names cameras {given.tolist()} of the rig for its views of {', '.join(named)}"
         )
+
+
+def _check_proposals(item: ProposalSet, skeleton: SkeletonModel) -> None:
+    for name, values, least, count in (
+        ("node_joints", item.node_joints, 0, len(skeleton.joint_names)),
+        ("part_bones", item.part_bones, -1, len(skeleton.bones)),
+    ):
+        if values.size and not least <= values.min() <= values.max() < count:
+            raise DataError(f"ProposalSet.{name} names {values.min()} to {values.max()}, of {count}")

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import ConfigError
+from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.nodes import Port
 from panoptic_ros.graph.topics import TOPICS, variants
@@ -21,6 +21,9 @@ from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.quality import CLOCKS, data_quality
 
 ALL = "*"
+MOST_MISSING = 3600  # records: minutes of a camera
+Receive = Callable[["Input", str, int, Any], None]  # input, key of a queue, stamp, message
+Refuse = Callable[["Input", DataError], None]
 
 
 @dataclass
@@ -42,10 +45,16 @@ class Input:
     last_number: int | None = None
 
     def missing_before(self, record: Any) -> int:
-        """How many records did not come before this one, told by their numbers."""
+        """How many records did not come before this one, told by their numbers.
+
+        More than `MOST_MISSING` are none: a device that began anew, or an odd number.
+        """
         number = getattr(record, "index", getattr(record, "frame_number", None))
-        before, self.last_number = self.last_number, number if number is not None else self.last_number
-        return max(0, number - before - 1) if number is not None and before is not None else 0
+        if number is None:
+            return 0
+        before, self.last_number = self.last_number, number
+        missing = 0 if before is None else number - before - 1
+        return missing if 0 < missing <= MOST_MISSING else 0
 
 
 class InputChoice:
@@ -111,22 +120,22 @@ class InputChoice:
 
 def subscribe(
     node: Node, choice: InputChoice, topic: str, owner: str, flow: Flow,
-    receive: Callable[[Input, str, int, Any], None],
+    receive: Receive, refuse: Refuse,
 ) -> list[Input]:  # fmt: skip
     """Subscribe to a topic of a camera or device.
 
     Args:
-        receive: called with (input, key of a queue, stamp, message).
+        refuse: told of messages without a stamp that could be one.
     """
     return [
-        _subscribe(node, choice, topic, carrier, owner, flow, receive)
+        _subscribe(node, choice, topic, carrier, owner, flow, receive, refuse)
         for carrier in choice.carriers(topic, owner)
     ]
 
 
 def _subscribe(
     node: Node, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow,
-    receive: Callable[[Input, str, int, Any], None],
+    receive: Receive, refuse: Refuse,
 ) -> Input:  # fmt: skip
     row = TOPICS[carrier]
     quality = (
@@ -138,7 +147,12 @@ def _subscribe(
     def take(message: Any) -> None:
         # what comes of many devices on one topic does not push each other out
         queue = f"{topic} of {message.header.frame_id}" if row.latched else f"{topic} {owner}".strip()
-        receive(found, queue, stamp_of(message.header), message)
+        try:
+            stamp_ns = stamp_of(message.header)
+        except DataError as error:
+            refuse(found, error)
+            return
+        receive(found, queue, stamp_ns, message)
 
     subscription = node.create_subscription(message_class(row.message), row.of(owner), take, quality)
     found = Input(topic, carrier, owner, subscription.topic_name, choice.decoder(carrier, owner))

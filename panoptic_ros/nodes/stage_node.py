@@ -14,7 +14,7 @@ from panoptic_ros.errors import ConfigError, DataError, PanopticError
 from panoptic_ros.graph.build import resolve
 from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.entrance import check_view
+from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.flow import WINDOW, live_defaults, make_flow
 from panoptic_ros.graph.host import Host, lanes_of
 from panoptic_ros.graph.nodes import NODES
@@ -101,6 +101,7 @@ class StageNode(Node):
         self._companions = Companions((), ())
         self._inputs: dict[str, Input] = {}  # by full name
         self._fault: PanopticError | None = None
+        self._next_rig: Rig | None = None
         self._worker = Worker(self._work, self._dropped)
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
@@ -171,7 +172,10 @@ class StageNode(Node):
             self._companions = Companions(ports, present)
         self._worker.start(self._queue(present))
         for topic, owner in present:
-            for entry in subscribe(self, self._choice, topic, owner, self._flow, self._receive):
+            found = subscribe(
+                self, self._choice, topic, owner, self._flow, self._receive, self._refuse_input
+            )
+            for entry in found:
                 self._inputs[entry.name] = entry
                 if self._is_waited_for(topic) and entry.carrier != "audio_common":
                     self._ends.watch(entry.name)
@@ -245,9 +249,9 @@ class StageNode(Node):
         """The record of a message, None if it cannot be used."""
         try:
             record = entry.decode(message, entry.count)
-            check_view(record, entry.owner, self._facts.rig, self._facts.skeleton)
+            check_record(record, entry.owner, self._facts.rig, self._facts.skeleton)
         except DataError as error:
-            self._refuse(self._taker(entry.topic), error)
+            self._refuse_input(entry, error)
             return None
         missing = entry.missing_before(record)
         if missing:
@@ -282,6 +286,9 @@ class StageNode(Node):
         self._statistics[stage].dropped["bad_message"] += 1
         self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
+    def _refuse_input(self, entry: Input, error: PanopticError) -> None:
+        self._refuse(self._taker(entry.topic), error)
+
     def _refuse_message(self, error: PanopticError) -> None:
         self._refuse(next(iter(self._statistics)), error)
 
@@ -291,22 +298,25 @@ class StageNode(Node):
     # ---------------------------------------------------------------- what changes, and the end
 
     def _rig_changed(self, rig: Rig) -> None:
-        """Another rig of the same cameras is taken over between two records; of others the node does not
-        know.
+        """Another rig of the same cameras is taken over between two records, the newest if several have
+        come; of others the node does not know.
         """
         if self._used_names(rig) != self._used_names(self._facts.rig):
             raise ConfigError(
                 f"another /rig has other cameras: restart node {self.get_name()} to work with it"
             )
 
-        def change() -> None:
-            assert self._pipeline is not None
-            self._facts.take_over(rig)
-            anew = self._pipeline.change_rig(self._used(rig))
-            kept = f"; {', '.join(anew)} begin anew" if anew else ""
-            self.get_logger().info(f"another /rig was taken over{kept}")
+        waits, self._next_rig = self._next_rig is not None, rig
+        if not waits:
+            self._worker.note(self._change_rig)
 
-        self._worker.note(change)
+    def _change_rig(self) -> None:
+        rig, self._next_rig = self._next_rig, None
+        assert self._pipeline is not None and rig is not None
+        self._facts.take_over(rig)
+        anew = self._pipeline.change_rig(self._used(rig))
+        kept = f"; {', '.join(anew)} begin anew" if anew else ""
+        self.get_logger().info(f"another /rig was taken over{kept}", throttle_duration_sec=5.0)
 
     def _used_names(self, rig: Rig) -> list[tuple[str, tuple[int, int]]]:
         wanted = self._cameras or list(rig.names)

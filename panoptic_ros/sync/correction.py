@@ -11,8 +11,9 @@ import numpy as np
 from panoptic_ros.domain import ClockModel, ViewDetections
 from panoptic_ros.params import named_numbers, named_words, of_name
 from panoptic_ros.params.named import ALL
-from panoptic_ros.stage import Notice
+from panoptic_ros.stage import Notice, Severity
 from panoptic_ros.sync.config import SyncConfig
+from panoptic_ros.sync.outliers import LATEST_NS
 
 SECOND = 1_000_000_000
 FOREVER = 2**63 - 1  # a model that needs no observations to stay true
@@ -25,6 +26,7 @@ ODD_STEP = 0.2  # of a period, from whole periods
 MOST_PERIODS = 2  # now and then one frame is lost; more may be a jump by whole periods
 PATIENCE_S = 2.0  # of frames, to wait for a new clock model after a gap
 BEFORE_JUMP = "its clock jumped before anything was known about it"
+LARGEST_DRIFT = 5e-3  # bad crystals are 1e-4 off, and rates that are taken for one another 1e-3
 RECENT = 9  # frame steps that tell a camera's period
 
 
@@ -64,6 +66,7 @@ class StampCorrection:
         self._most_held = HELD if config.deadline_s else max(HELD, config.queue_limit)
         self._heard: dict[str, bool] = {}  # clocks that have models: whether they are told to be silent
         self._told: set[str] = set()  # clocks that are told to be unheard, or far from frames
+        self._implausible: set[str] = set()  # clocks whose last model could not be true
 
     def _required(self, camera: str) -> str | None:
         """The clock whose model the frames of a camera wait for, if any."""
@@ -78,7 +81,10 @@ class StampCorrection:
         return named or (model.device == name and (known is None or known.device == name))
 
     def clock(self, model: ClockModel) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
-        """Take a model; return the frames that waited for it, in master time."""
+        """Take a model, if it can be true; return the frames that waited for it, in master time."""
+        if abs(model.drift) > LARGEST_DRIFT:
+            return [], self._refuse(model)
+        self._implausible.discard(model.device)
         released: list[ViewDetections] = []
         notices: list[Notice] = []
         self._heard[model.device] = False
@@ -88,6 +94,8 @@ class StampCorrection:
             known = camera.model
             if known is None or known.device != model.device or known.segment == model.segment:
                 camera.model = model
+            elif model.segment < known.segment:  # who writes the models began anew
+                camera.model, camera.following = model, None
             else:
                 camera.following = model
             released += self._release(camera, notices)
@@ -113,6 +121,17 @@ class StampCorrection:
         lost = [_lost(view, "its clock was not heard") for view in held]
         held.clear()
         return tuple(lost)
+
+    def _refuse(self, model: ClockModel) -> tuple[Notice, ...]:
+        """Tell of a model that cannot be true, once until a good one comes."""
+        told = model.device in self._implausible
+        self._implausible.add(model.device)
+        text = (
+            f"a model of clock {model.device} is left out: it says that the clock is {model.drift:.3g} s off "
+            f"after each second, of which at most {LARGEST_DRIFT} is possible"
+        )
+        severity: Severity = "info" if told else "warning"
+        return (Notice("sync.clock_implausible", severity, text, {"device": model.device}),)
 
     # ------------------------------------------------------------------ clocks that are not heard
 
@@ -244,13 +263,13 @@ class StampCorrection:
     def _moved(
         self, views: Iterable[ViewDetections], model: ClockModel | None, notices: list[Notice]
     ) -> list[ViewDetections]:
-        """Frames in master time; those before its beginning are dropped, as their model must be wrong."""
+        """Frames in master time; those outside of it are dropped, as their model must be wrong."""
         moved = []
         for view in views:
             delay = round(1e6 * of_name(self._delays, view.camera))
             stamp = view.stamp_ns if model is None else model.master_from_device(view.stamp_ns)[0]
-            if stamp + delay < 0:
-                notices.append(_lost(view, "its clock model puts it before the beginning of time"))
+            if not 0 <= stamp + delay < LATEST_NS:
+                notices.append(_lost(view, "its clock model puts it outside of all time"))
             else:
                 same = stamp + delay == view.stamp_ns
                 moved.append(view if same else replace(view, stamp_ns=stamp + delay))

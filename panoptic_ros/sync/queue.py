@@ -49,7 +49,13 @@ class CameraQueue:
         self.frames: deque[Waiting] = deque()
         self.pace = Pace()
         self.ended = False
+        self.silent = False
         self.last_given: Waiting | None = None  # of an earlier instant, or too old for this one
+
+    @property
+    def gives_no_more(self) -> bool:
+        """Whether nobody waits for its next frame."""
+        return self.ended or self.silent
 
     def add(self, view: ViewDetections) -> bool:
         """Append a frame; False if it is not later than the one before."""
@@ -67,7 +73,7 @@ class CameraQueue:
             over: whether no more frames are waited for.
         """
         surplus: list[ViewDetections] = []
-        over = over or self.ended
+        over = over or self.gives_no_more
         frames = list(self.frames)
         while frames and frames[0].stamp < instant - reach:
             surplus.append(frames.pop(0).view)

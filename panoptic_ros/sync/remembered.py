@@ -8,6 +8,7 @@ from panoptic_ros.state import Fields, StateLayout
 from panoptic_ros.sync.correction import CameraClock, StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, Grid, Pace
 from panoptic_ros.sync.jumps import GuardedCamera, JumpGuard
+from panoptic_ros.sync.liveness import LiveCamera, Liveness
 from panoptic_ros.sync.outliers import StampLine, StampOutliers
 from panoptic_ros.sync.queue import CameraQueue, Waiting
 
@@ -15,15 +16,18 @@ LAYOUT = StateLayout(
     "sync",
     (
         "_outliers", "_correction", "_guard", "_queues", "_in_order", "_current", "_decided", "_instants",
-        "_next", "_closed", "_stamp", "_newest", "_first", "_index",
+        "_next", "_closed", "_stamp", "_liveness", "_first", "_index",
     ),
     (
         ClockModel, ScoreMaps, ViewDetections, VisibilityLimit,
-        CameraClock, GuardedCamera, StampLine, Waiting,
+        CameraClock, GuardedCamera, LiveCamera, StampLine, Waiting,
         Fields.named(StampOutliers, "_cameras"),
-        Fields.named(StampCorrection, "_device _delays _clocks _cameras _most_held _heard _told"),
+        Fields.named(
+            StampCorrection, "_device _delays _clocks _cameras _most_held _heard _told _implausible"
+        ),
+        Fields.named(Liveness, "_cameras now_ns _passed_ns"),
         Fields.named(JumpGuard, "_cameras _live _shift _anybody_early _refused"),
-        Fields.named(CameraQueue, "frames pace ended last_given _keeps_last"),
+        Fields.named(CameraQueue, "frames pace ended silent last_given _keeps_last"),
         Fields.named(Pace, "_steps newest"),
         Fields.named(Grid, "_rate _phase period"),
         Fields.named(CameraInstants, "master period _same_rate _phases _last"),

@@ -12,6 +12,7 @@ from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.correction import StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_master
 from panoptic_ros.sync.jumps import JumpGuard
+from panoptic_ros.sync.liveness import Liveness
 from panoptic_ros.sync.outliers import StampOutliers
 from panoptic_ros.sync.queue import CameraQueue, Choice
 from panoptic_ros.sync.remembered import LAYOUT
@@ -28,8 +29,8 @@ class SyncStage(Stateful):
     """Groups views by their times on the master time line.
 
     A set is given when every camera of the rig has the frame that is nearest to the instant of the set, or a
-    frame beyond it, or has ended; or when a frame newer than the deadline has come. So with `deadline_s` = 0
-    sets depend on stamps alone.
+    frame beyond it, or has ended. So with `deadline_s` = 0 sets depend on stamps alone. Else (live) cameras
+    that are silent are not waited for, and no camera beyond the deadline.
     """
 
     LAYOUT = LAYOUT
@@ -53,6 +54,7 @@ class SyncStage(Stateful):
         self._outliers = StampOutliers(self._rig.names)
         self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
         self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
+        self._liveness = Liveness(self._rig.names) if self._deadline_ns else None
         self._queues = {name: CameraQueue(self._interpolates) for name in self._rig.names}
         self._in_order = list(self._queues.values())
         self._current: int | None = None  # the instant that waits for its frames
@@ -61,8 +63,7 @@ class SyncStage(Stateful):
         self._next: int | None = None  # instant
         self._closed: int | None = None  # the newest instant whose set was given or left out
         self._stamp = -1  # of the newest set
-        self._newest = -1
-        self._first: int | None = None  # the newest stamp when the first frames came
+        self._first: int | None = None  # of the stamps of the first frames
         self._index = 0
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
@@ -90,6 +91,8 @@ class SyncStage(Stateful):
                     f"camera {item.camera} sends skeleton {item.skeleton_hash}, "
                     f"expected {self._skeleton_hash}"
                 )
+            if self._liveness is not None:
+                notices += self._liveness.heard(item.camera)
             views, outliers = self._outliers.take(item)
             notices += outliers
             self._correct(views, notices)
@@ -124,7 +127,8 @@ class SyncStage(Stateful):
             if not queue.add(view):
                 notices.append(_dropped("sync.stamp_back", view, "its stamp is not later than the last one"))
                 continue
-            self._newest = max(self._newest, view.stamp_ns)
+            if self._liveness is not None:
+                self._liveness.took(view.camera, view.stamp_ns)
             if self._is_late(view.stamp_ns):
                 queue.frames.pop()
                 notices.append(_dropped("sync.late_frame", view, "its set has been given already"))
@@ -154,12 +158,13 @@ class SyncStage(Stateful):
             instants = self._instants or self._begin(final)
             if instants is None:
                 break
+            self._find_silent(instants, notices)
             if self._current is None:
                 self._current, self._decided = self._upcoming(instants, final), 0
             if self._current is None:
                 break
             instant = self._current
-            over = final or 0 < self._deadline_ns < self._newest - instant
+            over = final or self._is_overdue(instant)
             if not self._all_decided(instants, instant, over):
                 break
             if self._interpolates and not over and not self._bracketed(instant):
@@ -172,7 +177,8 @@ class SyncStage(Stateful):
         """Whether every camera has its choice. A decided choice stays: no camera is asked twice."""
         reach, queues = self._reach(instants), self._in_order
         while self._decided < len(queues):
-            if not queues[self._decided].choose(instant, reach, instants.period, over).decided:
+            queue = queues[self._decided]
+            if not queue.choose(instant, reach, instants.period, over).decided:
                 return False
             self._decided += 1
         return True
@@ -184,9 +190,8 @@ class SyncStage(Stateful):
         enough = all(len(q.frames) >= needed or q.ended for q in queues.values())
         oldest = min(q.frames[0].stamp for q in queues.values() if q.frames)
         if self._first is None:
-            self._first = self._newest  # the first frames of a camera come several at once
-        overdue = 0 < self._deadline_ns < self._newest - self._first
-        if not (enough or overdue or final):
+            self._first = max(q.frames[-1].stamp for q in queues.values() if q.frames)  # several come at once
+        if not (enough or self._is_overdue(self._first) or final):
             return None
         periods = {
             name: q.frames[FIRST_FRAMES - 1].period if len(q.frames) >= FIRST_FRAMES else q.pace.period
@@ -206,9 +211,8 @@ class SyncStage(Stateful):
         heads = [queue.frames[0].stamp for queue in self._queues.values() if queue.frames]
         instant = instants.nearest(min(heads)) if self._next is None else self._next
         while instant + self._reach(instants) < min(heads):
-            known = all(queue.frames or queue.ended for queue in self._queues.values())
-            overdue = 0 < self._deadline_ns < self._newest - instant
-            if not (known or overdue or final):
+            known = all(queue.frames or queue.gives_no_more for queue in self._queues.values())
+            if not (known or self._is_overdue(instant) or final):
                 return None
             instant = max(instants.after(instant), instants.nearest(min(heads)))
         if self._next is None and not (
@@ -223,8 +227,28 @@ class SyncStage(Stateful):
     def _bracketed(self, instant: int) -> bool:
         """Whether every camera has a frame at or after the instant, or has ended."""
         return all(
-            q.ended or any(f.stamp >= instant for f in q.frames) for q in self._queues.values()
+            q.gives_no_more or any(f.stamp >= instant for f in q.frames) for q in self._queues.values()
         )
+
+    # ------------------------------------------------------------------ live
+
+    def _is_overdue(self, instant: int) -> bool:
+        """Whether no camera is waited for any more."""
+        return self._liveness is not None and self._liveness.has_passed(instant, self._deadline_ns)
+
+    def _find_silent(self, instants: Instants, notices: list[Notice]) -> None:
+        """Find the cameras that nobody waits for."""
+        if self._liveness is None:
+            return
+        periods = {
+            name: max(queue.pace.period, instants.period)
+            for name, queue in self._queues.items() if not queue.ended
+        }  # fmt: skip
+        notices += self._liveness.find_silent(periods)
+        for name, queue in self._queues.items():
+            queue.silent = self._liveness.is_silent(name)
+
+    # ------------------------------------------------------------------ views of a set
 
     def _close(
         self, instants: Instants, instant: int, over: bool, sets: list[DetectionSet], notices: list[Notice]

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from panoptic_ros.clocks import ClocksConfig, ClocksStage
 from panoptic_ros.domain import ClockModel, FrameRate, Timecode, TimecodeReading
-from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice
 
 PAL = FrameRate(25, Fraction(25))
@@ -151,8 +150,6 @@ def test_bad_readings_do_not_change_the_state() -> None:
     stage = ClocksStage(ClocksConfig())
     for item in items[:30]:
         stage.step(item)
-    with pytest.raises(DataError, match="not finite"):
-        stage.step(TimecodeReading("mic", items[30].stamp_ns, items[30].timecode, float("nan"), 0.1))
     (note,) = stage.step(items[10]).notices
     assert note.code == "clocks.stamp_back"
     back = TimecodeReading("mic", items[40].stamp_ns, items[40].timecode, 1.0, 0.1, reverse=True)

@@ -1,19 +1,21 @@
-"""Views that are not what their topic and the rig say are refused by name."""
+"""Records that are not what their topic, the rig and the skeleton say are refused by name."""
 from dataclasses import replace
 
 import captures
 import numpy as np
 import pytest
 
+from stage_cases import chain
+
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.graph.entrance import check_view
+from panoptic_ros.graph.entrance import check_record
 
 VIEW = captures.view(captures.RIG.cameras[0], 0, 0)
 
 
 def check(view, camera="cam0"):
-    check_view(view, camera, captures.RIG, captures.SKELETON)
+    check_record(view, camera, captures.RIG, captures.SKELETON)
 
 
 def test_what_is_right_passes():
@@ -33,3 +35,23 @@ def test_what_is_right_passes():
 def test_what_is_not(view, camera, told):
     with pytest.raises(DataError, match=told):
         check(view, camera)
+
+
+def test_what_the_stages_give_passes():
+    for topic in ("sync", "association", "voting", "assembly", "tracking", "refinement"):
+        for record in chain()[topic]:
+            check(record, getattr(record, "camera", ""))
+
+
+def test_indices_beyond_cameras_and_joints():
+    proposals = chain()["assembly"][-1]
+    evidence = proposals.association.evidence
+    with pytest.raises(DataError, match="names cameras"):
+        check(replace(proposals.association, evidence=replace(evidence, cameras=evidence.cameras + 1)))
+    joint = np.full(1, len(captures.SKELETON.joint_names))
+    beyond = replace(
+        proposals, nodes=np.zeros((1, 3)), node_joints=joint, node_scores=np.ones(1), node_views=np.ones(1),
+        parts=np.zeros((0, 2)), part_bones=np.zeros(0), part_scores=np.zeros(0),
+    )  # fmt: skip
+    with pytest.raises(DataError, match="ProposalSet.node_joints names"):
+        check(beyond)

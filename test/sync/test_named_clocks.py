@@ -79,3 +79,29 @@ def test_stamps_far_from_all_that_was_heard_are_not_believed(bench):
     assert not sets
     far = [n.text for n in notices if n.code == "sync.clock_far"]
     assert len(far) == 2 and "camera a is stamped 3590 s from all times at which clock A" in far[0]
+
+
+# ------------------------------------------------------------------ models that cannot be true
+
+
+@pytest.mark.parametrize("drift", [1e9, -1.0, 0.01])
+def test_a_model_that_cannot_be_true_is_left_out_and_told_once(bench, drift):
+    bad = replace(model("b", 0, 200 * SECOND), drift=drift)
+    sets, notices = told(stage(bench, ("", "")), [bad, bad, *views(bench, (0, 0), 2)])
+    assert len(sets) == 50 and all(len(item.views) == 2 for item in sets)
+    assert [(n.code, n.severity) for n in notices] == [
+        ("sync.clock_implausible", "warning"), ("sync.clock_implausible", "info"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("offset", [7 * SECOND, -7 * SECOND, 10**17, 2**63 - 1, 1 - 2**63])
+@pytest.mark.parametrize("segment", [0, 5])
+def test_a_wrong_model_is_forgotten_when_a_good_one_comes(bench, offset, segment):
+    sync = stage(bench, ("", "", ""), deadline_s=0.5)
+    items = views(bench, (0, 0, 0), 12)
+    wrong = replace(model("b", offset, 200 * SECOND), segment=segment)
+    good = model("b", 0, 200 * SECOND)
+    sets, _ = told(sync, [*items[:225], wrong, *items[225:450], good, *items[450:]])
+    assert len(sets) >= 299 and all({"a", "c"} <= {v.camera for v in item.views} for item in sets)
+    after = [item for item in sets if item.stamp_ns > 107 * SECOND]
+    assert len(after) >= 124 and all(len(item.views) == 3 for item in after)

@@ -72,10 +72,10 @@ def test_end_of_a_camera_lets_the_others_go_on(bench):
 
 def test_deadline_gives_what_is_there_and_counts_late_frames(bench):
     sync = bench.stage(deadline_s=150e-9)
-    given = [s for item in frames(bench, "ab", 5) for s in sync.step(item).outputs]
-    assert [[v.camera for v in s.views] for s in given] == [["a", "b"]] * 3
+    given = [s for item in frames(bench, "ab", 7) for s in sync.step(item).outputs]
+    assert [[v.camera for v in s.views] for s in given] == [["a", "b"]] * 7
     late = [sync.step(item) for item in frames(bench, "c", 3)]
-    assert [n.code for r in late for n in r.notices] == ["sync.late_frame"] * 3
+    assert [n.code for r in late for n in r.notices] == ["sync.camera_back", *["sync.late_frame"] * 3]
 
 
 def test_stamp_that_stands_still_is_dropped_and_reported(bench):
@@ -205,10 +205,12 @@ def test_a_pause_of_all_cameras_and_a_device_that_resumes(bench):
     early = [stream(bench, c, 30.0, 0.0, 2) for c in "abc"]
     late = [stream(bench, c, 30.0, 7.0, 2) for c in "abc"]
     third = [v for v in late[2] if v.stamp_ns > 9 * SECOND]
-    for live in (0.0, 0.2):
+    told = ["sync.camera_silent", "sync.camera_back", "sync.late_frame"]  # three frames show where it is
+    for live, expected, late_frames in ((0.0, [], 0), (0.2, told, 1)):
         sync = bench.stage(deadline_s=live)
         sets, codes = bench.run(sync, in_time(*early, late[0], late[1], third))
-        assert codes == [] and [len(s[2]) for s in sets] == [3] * 60 + [2] * 31 + [3] * 29
+        assert codes == expected
+        assert [len(s[2]) for s in sets] == [3] * 60 + [2] * (31 + late_frames) + [3] * (29 - late_frames)
         assert all(len({stamp for _, stamp in s[2]}) == 1 for s in sets)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from panoptic_ros.domain import AssociationSet, Evidence, Groups, Prediction, TrackSet
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.messages.arrays import flat, shaped
+from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.detections import read_set, write_set
 from panoptic_ros.io.messages.family import Messages, stamp_of
 
@@ -81,18 +81,21 @@ def read(message: Any) -> AssociationSet:
 
 
 def _read_evidence(message: Any) -> Evidence:
-    views, people, joints = len(message.cameras), len(message.rows), int(message.joint_count)
+    views, people, joints = len(message.cameras), len(message.rows), joint_count(message)
     counts = _array(message, "view_people", np.int64, views)
     if (counts < 0).any() or counts.sum() != people:
         raise DataError(f"AssociationSet.view_people names {counts.sum()} 2D people of {people}")
     cameras = _array(message, "cameras", np.int64, views)
     _below("cameras", cameras, 2**31)
+    scores = _array(message, "scores", np.float64, people, joints)
+    magnification = _array(message, "magnification", np.float64, people, joints)
+    if scores.size and not (0.0 <= scores.min() <= scores.max() <= 1.0 and magnification.min() > 0.0):
+        raise DataError("AssociationSet has scores outside of 0..1, or a magnification that is not positive")
     return Evidence(
         cameras, _array(message, "slots", np.int64, views),
         np.concatenate([[0], np.cumsum(counts)]), np.repeat(np.arange(views), counts),
         _array(message, "rows", np.int64, people), _array(message, "plane", np.float64, people, joints, 2),
-        _array(message, "magnification", np.float64, people, joints),
-        _array(message, "scores", np.float64, people, joints), _array(message, "delays", np.float64, views),
+        magnification, scores, _array(message, "delays", np.float64, views),
     )  # fmt: skip
 
 
@@ -116,7 +119,7 @@ def read_tracks(message: Any) -> TrackSet:
     Raises:
         DataError: if the arrays do not fit each other.
     """
-    people, joints = len(message.ids), int(message.joint_count)
+    people, joints = len(message.ids), joint_count(message)
     arrays = {
         name: np.array(shaped(getattr(message, name), f"TrackSet.{name}", people, joints, *tail), np.float64)
         for name, tail in _TRACKS.items()

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import DetectionSet, ScoreMaps, ViewDetections, VisibilityLimit
-from panoptic_ros.io.messages.arrays import flat, shaped
+from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of
 
 _NO_CELLS = np.zeros(0, np.uint16)
@@ -65,7 +65,7 @@ def write_view(view: ViewDetections, family: Messages, frame_id: str) -> Any:
 
 def read_view(message: Any) -> ViewDetections:
     people = int(message.person_count)
-    joints = int(message.joint_count)
+    joints = joint_count(message)
     return ViewDetections(
         str(message.header.frame_id),
         stamp_of(message.header),

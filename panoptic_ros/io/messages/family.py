@@ -19,6 +19,7 @@ from panoptic_ros.io.resources import share_folder
 
 Array = np.ndarray
 PACKAGE = "panoptic_msgs"
+SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -39,19 +40,30 @@ class Messages:
 
     def header(self, stamp_ns: int, frame_id: str) -> Any:
         """std_msgs/Header."""
-        seconds, nanoseconds = divmod(int(stamp_ns), 1_000_000_000)
+        seconds, nanoseconds = divmod(int(stamp_ns), SECOND)
         stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
         return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
 
 
 def stamp_of(header: Any) -> int:
-    """Nanoseconds of a header's stamp."""
+    """Nanoseconds of a header's stamp.
+
+    Raises:
+        DataError: as `time_ns`.
+    """
     return time_ns(header.stamp)
 
 
 def time_ns(stamp: Any) -> int:
-    """Nanoseconds of a builtin_interfaces/Time."""
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    """Nanoseconds of a builtin_interfaces/Time.
+
+    Raises:
+        DataError: if there is a second and more in its nanoseconds, which shows that its writer errs.
+    """
+    seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
+    if not 0 <= nanoseconds < SECOND:
+        raise DataError(f"a stamp has nanosec = {nanoseconds}, which is a second and more")
+    return seconds * SECOND + nanoseconds
 
 
 @lru_cache(maxsize=1)

@@ -23,9 +23,9 @@ from panoptic_ros.domain import (
     ViewDetections,
     ViewSources,
 )
-from panoptic_ros.errors import ContractError
+from panoptic_ros.errors import CalibrationError, ClockError, ContractError, DataError
 from panoptic_ros.io.messages import associations, detections, statics
-from panoptic_ros.io.messages.arrays import flat, shaped
+from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
 Array = np.ndarray
@@ -55,7 +55,10 @@ def from_message(message: Any, record: str) -> Any:
     """
     if record not in _READERS:
         raise ContractError(f"no message for {record}")
-    return _READERS[record](message)
+    try:
+        return _READERS[record](message)
+    except (CalibrationError, ClockError) as error:  # of records that people make, too
+        raise DataError(str(error)) from None
 
 
 def _write_proposals(item: ProposalSet, family: Messages, frame_id: str) -> Any:
@@ -134,7 +137,7 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
 def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
     def read(message: Any) -> PoseSet:
         people = message.skeletons
-        joints = int(message.joint_count)
+        joints = joint_count(message)
         shapes = {"positions": (3,), "covariances": (3, 3), "scores": (), "views": (), "states": ()}
         arrays = {
             name: np.array([shaped(getattr(p, name), f"Skeleton.{name}", joints, *tail) for p in people])

@@ -167,7 +167,7 @@ def read_audio(message: Any) -> AudioBlock:
         raise DataError(f"AudioBlock.samples has {len(samples)} values for {channels} channels")
     return AudioBlock(
         str(message.header.frame_id), stamp_of(message.header), int(message.first_sample),
-        int(message.sample_rate), samples.reshape(-1, channels),
+        int(message.sample_rate), samples.reshape(len(samples) // channels, channels),
         tuple(str(name) for name in message.clocks),
     )  # fmt: skip
 
