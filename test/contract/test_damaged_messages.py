@@ -44,7 +44,8 @@ def test_no_message_breaks_a_stage(name):
     )  # fmt: skip
     for k in range(EACH):
         item = items[k % len(items)]
-        topic = next(p.topic for p in NODES[case.name].inputs if TOPICS[p.topic].record == type(item).__name__)
+        kind = type(item).__name__
+        topic = next(p.topic for p in NODES[case.name].inputs if TOPICS[p.topic].record == kind)
         try:
             record = damaged_record(item, owner_of(topic, item), case.context, rng)
         except DataError as error:

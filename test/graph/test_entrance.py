@@ -4,7 +4,6 @@ from dataclasses import replace
 import captures
 import numpy as np
 import pytest
-
 from stage_cases import chain
 
 from panoptic_ros.domain import ViewFrame

@@ -76,6 +76,7 @@ def test_wrong_stamps_of_one_camera_cost_the_others_no_set(bench, ahead_s, count
     sync = bench.stage(deadline_s=0.5)
     items = arrivals(bench, "abc", 150)
     at = next(k for k, view in enumerate(items) if view.frame_number == 60)
-    wrong = [bench.view("a", items[at].stamp_ns + round(ahead_s * SECOND) + k, 1000 + k) for k in range(count)]
+    stamp = items[at].stamp_ns + round(ahead_s * SECOND)
+    wrong = [bench.view("a", stamp + k, 1000 + k) for k in range(count)]
     sets = latest(sync, [*items[:at], *wrong, *items[at:]])
     assert len(sets) >= 149 and sum("b" in who and "c" in who for who, _ in sets) >= 149
