@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.image_folder import ImageFolderSource, natural_key
 from panoptic_ros.capture.opencv import quiet_opencv
 from panoptic_ros.capture.timed import TimedSource
@@ -42,8 +43,8 @@ class DepthSource:
     """
 
     def __init__(
-        self, source: VideoSource | ImageFolderSource | TimedSource, files: tuple[Path, ...],
-        frames: int | None,
+        self, source: VideoSource | ImageFolderSource | TimedSource | CorrectedSource,
+        files: tuple[Path, ...], frames: int | None,
     ):  # fmt: skip
         self._source, self._files = source, files
         self.camera, self.path, self.image_size = source.camera, source.path, source.image_size

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
@@ -23,6 +24,7 @@ from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.rigs import find_rig, read_rig
 
 NO_TIMES: Mapping[str, Mapping[int, int]] = {}
+NO_CORRECTIONS: Mapping[str, Mapping[str, Any]] = {}
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg")
 
 
@@ -79,6 +81,7 @@ def open_capture_folder(
     size_policy: SizePolicy = "strict",
     start_ns: int = 0,
     frame_rate: float | None = None,
+    corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
 ) -> CaptureFolder:
     """Open a capture folder.
 
@@ -94,6 +97,7 @@ def open_capture_folder(
         size_policy: see `fit_camera`.
         start_ns, frame_rate: see `VideoSource`; image folders without timestamps need a rate, 30 Hz
             unless given.
+        corrections: of stamps by camera, see `CorrectedSource`; sound keeps its own.
 
     Raises:
         DataError: no folder, no rig, cameras without images, two files for one camera.
@@ -135,7 +139,7 @@ def open_capture_folder(
     times = {} if stamps or not table_files(path) else table_times(path, rig)
     opened = open_files(
         rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
-        times=times,
+        times=times, corrections=corrections,
     )  # fmt: skip
     told = tabled_notices(rig) if times else ()
     stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
@@ -158,6 +162,7 @@ def open_files(
     frame_rate: float | None = None,
     stamps: Mapping[str, Sequence[int]] | None = None,
     times: Mapping[str, Mapping[int, int]] = NO_TIMES,
+    corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
 ) -> CaptureFolder:
     """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
 
@@ -165,6 +170,7 @@ def open_files(
         files: path by camera; cameras of the rig that are not in it are left out of the result's rig.
         stamps: ns by camera, in place of the files' own times; where there are any, all cameras need them.
         times: the same by number of the frame; frames that have none are left out.
+        corrections: of stamps by camera, see `CorrectedSource`.
 
     Raises:
         CalibrationError, DataError: as `open_capture_folder`.
@@ -186,7 +192,8 @@ def open_files(
             if isinstance(images, VideoSource):
                 notices += images.notices
                 sounds += [_sound(images, start_ns, frame_rate, own)] if images.has_sound else []
-            timed = TimedSource(images, times[name]) if name in times else images
+            own_time = TimedSource(images, times[name]) if name in times else images
+            timed = CorrectedSource(own_time, corrections[name]) if name in corrections else own_time
             depths = depth_files(Path(files[name]).parent, name)
             sources[-1] = DepthSource(timed, depths, images.frame_count) if depths else timed
         fitted, changes = fit_rig(rig, sources, size_policy)

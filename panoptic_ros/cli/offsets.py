@@ -4,12 +4,22 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from panoptic_ros.cli.options import number
+
 
 def add_saved_option(parser: argparse.ArgumentParser) -> None:
     """Offsets that were found before."""
     parser.add_argument(
         "--offsets", type=Path, metavar="FILE",
         help="add these offsets, found before, to the stamps; for latencies that last (see docs/offsets.md)",
+    )  # fmt: skip
+
+
+def add_apart_option(parser: argparse.ArgumentParser) -> None:
+    """How far apart microphones are."""
+    parser.add_argument(
+        "--apart", type=number(float, 0.0, 1000.0), default=6.0, metavar="M",
+        help="how far apart microphones are at most, where no calibration tells (default 6)",
     )  # fmt: skip
 
 
@@ -20,6 +30,12 @@ def add_offset_options(parser: argparse.ArgumentParser) -> None:
         "--offsets-from-motion", action="store_true",
         help="find the cameras' clock offsets and drifts from the motion of people, and correct the stamps",
     )  # fmt: skip
+    parser.add_argument(
+        "--offsets-from-sound", type=Path, metavar="DIR",
+        help="find them from what cameras hear, of which a capture folder or bag has recordings; with "
+        "--offsets-from-motion as its first guess",
+    )  # fmt: skip
+    add_apart_option(parser)
     parser.add_argument(
         "--offsets-out", type=Path, metavar="FILE",
         help="write the offsets, with standard deviations, as JSON",

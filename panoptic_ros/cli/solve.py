@@ -60,8 +60,12 @@ def _corrected(task: SolveTask, args: argparse.Namespace) -> SolveTask:
     """The task with corrected stamps, if that is asked for; prints what was done."""
     from panoptic_ros.running.clock_correction import Correction, corrected
 
-    correction = Correction(args.offsets, args.offsets_from_motion, args.offsets_out, args.trusted_camera)
-    with PassBar("clocks from motion") if correction.from_motion else nullcontext() as bar:
+    correction = Correction(
+        args.offsets, args.offsets_from_motion, args.offsets_from_sound, args.apart,
+        args.offsets_out, args.trusted_camera,
+    )  # fmt: skip
+    found = correction.from_motion or correction.from_sound
+    with PassBar("clocks") if found else nullcontext() as bar:
         task, told = corrected(task, correction, bar.show if bar else untold)
     if told and not args.quiet:
         print("\n".join(told))

@@ -124,6 +124,24 @@ class CameraClocks:
             drifts=np.where(lost, before.drifts, self.drifts),
         )
 
+    def then(self, later: CameraClocks) -> CameraClocks:
+        """These clocks and those that were found of stamps corrected by them, as one.
+
+        Where the later ones know a camera they say how certain it is; where they do not, these do.
+        """
+        span = 1e-9 * (self.reference_ns - later.reference_ns)
+        use, after = self.applied, later.applied
+        offsets, drifts = np.where(use, self.offsets, 0.0), np.where(use, self.drifts, 0.0)
+        more = later.offsets + later.drifts * (span + offsets)
+        both = np.concatenate([later.known, later.known])
+        covariance = np.where(both[:, None] & both, later.covariance, self.covariance)
+        covariance = np.where(both[:, None] == both, covariance, 0.0)
+        return replace(
+            later, reference_ns=self.reference_ns, covariance=covariance, known=self.known | later.known,
+            offsets=offsets + np.where(after, more, 0.0), held=use | after,
+            drifts=drifts + np.where(after, later.drifts * (1.0 + drifts), 0.0),
+        )  # fmt: skip
+
     @property
     def deviations(self) -> Array:
         """Standard deviations (C,) s of the offsets."""

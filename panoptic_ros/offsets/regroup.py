@@ -15,7 +15,7 @@ def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> l
     """The same instants with the frames that are nearest to them by corrected stamps.
 
     Every frame is used at most once, and only within half of the median period of the sets. If two frames are
-    nearest to one instant, the nearer one is taken.
+    nearest to one instant, the nearer one is taken. Frames of before 0 are left out.
 
     Args:
         sets: in the order of time.
@@ -30,7 +30,9 @@ def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> l
         for view in item.views:
             k = seen.get(view.camera, 0)
             seen[view.camera] = k + 1
-            stamp = max(0, view.stamp_ns + round(float(corrections[view.camera][k])))
+            stamp = view.stamp_ns + round(float(corrections[view.camera][k]))
+            if stamp < 0:
+                continue
             after = int(np.searchsorted(instants, stamp))
             near = min((i for i in (after - 1, after) if 0 <= i < len(sets)),
                        key=lambda i: abs(int(instants[i]) - stamp))  # fmt: skip

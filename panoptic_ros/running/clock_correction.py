@@ -11,10 +11,13 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.clocks_from_motion import find_clocks
 from panoptic_ros.io.clock_offsets import write_clocks
 from panoptic_ros.offsets import regroup
+from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.running.saved_offsets import saved_lines, saved_offsets
 from panoptic_ros.running.solve import SolveTask
-from panoptic_ros.stage import Progress, untold
+from panoptic_ros.running.sound_clocks import clocks_from_sound, recorded_sound
+from panoptic_ros.stage import Progress, part_of, untold
 from panoptic_ros.view.clock_lines import clock_lines
+from panoptic_ros.view.sound_lines import contradictions, sound_lines
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,9 @@ class Correction:
 
     Args:
         saved: file with offsets that were found before, to be added to the stamps.
-        from_motion: find offsets and drifts from the motion of people.
+        from_sound: a capture folder or bag with what cameras heard, from which offsets and drifts are found.
+        apart: m, see `offsets.sound.SoundClocksConfig`.
+        from_motion: find offsets and drifts from the motion of people; after sound, what that leaves.
         out: file to write to what was found.
         trusted: camera whose stamps are right; "": those of most cameras if they agree, else the mean.
 
@@ -33,14 +38,20 @@ class Correction:
 
     saved: Path | None = None
     from_motion: bool = False
+    from_sound: Path | None = None
+    apart: float = APART
     out: Path | None = None
     trusted: str = ""
 
     def __post_init__(self) -> None:
-        if self.saved and self.from_motion:
-            raise UsageError("give --offsets FILE or --offsets-from-motion, which finds them anew, not both")
-        if not self.from_motion and (self.out or self.trusted):
-            raise UsageError("--offsets-out and --trusted-camera need --offsets-from-motion")
+        found = self.from_motion or self.from_sound is not None
+        if self.saved and found:
+            option = "--offsets-from-motion" if self.from_motion else "--offsets-from-sound"
+            raise UsageError(f"give --offsets FILE or {option}, which finds them anew, not both")
+        if not found and (self.out or self.trusted):
+            raise UsageError(
+                "--offsets-out and --trusted-camera need --offsets-from-motion or --offsets-from-sound"
+            )
 
 
 def corrected(
@@ -51,11 +62,29 @@ def corrected(
     Raises:
         UserError: if a file cannot be used or written, or a camera is not there.
     """
+    told: list[str] = []
+    heard = None
+    if correction.from_sound is not None:
+        share = part_of(progress, 0.0, 0.3 if correction.from_motion else 1.0)
+        recorders, _ = recorded_sound(correction.from_sound)
+        heard = clocks_from_sound(
+            recorders, task.context.rig.names, task.context.rig, trusted=correction.trusted,
+            apart=correction.apart, progress=share,
+        )  # fmt: skip
+        task = replace(task, sets=regroup(task.sets, heard.clocks.corrections(task.sets)))
+        told, clocks = sound_lines(heard), heard.clocks
     if correction.from_motion:
-        found = find_clocks(task.sets, task.context, task.configs, correction.trusted, progress)
+        share = part_of(progress, 0.3, 1.0) if heard else progress
+        found = find_clocks(task.sets, task.context, task.configs, correction.trusted, share)
+        task, clocks = replace(task, sets=found.sets), found.clocks
+        told += clock_lines(found.clocks)
+        if heard:
+            told += contradictions(heard, found.clocks)
+            clocks = heard.clocks.then(found.clocks)
+    if correction.from_motion or heard:
         if correction.out:
-            write_clocks(correction.out, found.clocks)
-        return replace(task, sets=found.sets), clock_lines(found.clocks)
+            write_clocks(correction.out, clocks)
+        return task, told
     if correction.saved:
         return _moved(task, correction.saved)
     return task, []

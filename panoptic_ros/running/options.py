@@ -15,6 +15,7 @@ from panoptic_ros.graph.topics import check_names
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.params import config_of
 from panoptic_ros.running.parameters import Parameters, with_occluders
 from panoptic_ros.running.plan import Plan
@@ -33,6 +34,8 @@ class RunOptions:
         usual_skeleton: what counts then, unless a recording has a skeleton of its own.
         occluders: file with fixed things that hide people.
         offsets: file with clock offsets of cameras that were found before, added to their stamps.
+        from_sound: find the clocks of cameras from what they hear.
+        apart: m, between microphones at most, where the rig does not tell.
     """
 
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -41,6 +44,8 @@ class RunOptions:
     usual_skeleton: str = DEFAULT_SKELETON
     occluders: Path | None = None
     offsets: Path | None = None
+    from_sound: bool = False
+    apart: float = APART
 
     def all_parameters(self) -> Parameters:
         """The parameters, with the model among them."""

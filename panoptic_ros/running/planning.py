@@ -2,15 +2,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import CaptureFolder, FrameSource, demo_capture, open_capture_folder, open_files
-from panoptic_ros.capture.sound import described_sound, open_sound
-from panoptic_ros.domain import AudioBlock, Rig
+from panoptic_ros.capture.sound import described_sound
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.rigs import read_rig
@@ -20,8 +21,10 @@ from panoptic_ros.running.overlap import check_overlap
 from panoptic_ros.running.parameters import Parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
 from panoptic_ros.running.sound import Recorder, plan_clocks
+from panoptic_ros.running.sound_clocks import clocks_from_sound, correction_of, recorders_of
 from panoptic_ros.running.tracks import find_tracks
 from panoptic_ros.timecode.config import TimecodeConfig
+from panoptic_ros.view.sound_lines import sound_lines
 
 NOTHING: Mapping[str, str] = {}
 
@@ -157,7 +160,35 @@ def _recorded(
         depth_cameras=capture.depth_cameras, frame_count=capture.frame_count, instants=instants,
         frame_rate=max(source.frame_rate for source in capture.sources), notices=capture.notices,
     ))  # fmt: skip
-    return _with_sound(plan, capture)
+    return _by_sound(plan, capture, options) if options.from_sound else _with_sound(plan, capture)
+
+
+def _by_sound(plan: Plan, capture: CaptureFolder, options: RunOptions) -> Plan:
+    """The plan with stamps corrected by what cameras hear of each other's rooms.
+
+    Raises:
+        UsageError: if the sound carries timecode, which tells more, or offsets are given besides.
+        DataError: if no two cameras have sound.
+    """
+    named = [str(sound["device"]) for sound in capture.sounds if any(sound["clocks"])]
+    if named:
+        raise UsageError(
+            f"the sound of {', '.join(named)} carries timecode, which tells clocks better; leave "
+            "--offsets-from-sound out"
+        )
+    if options.offsets:
+        raise UsageError("give --offsets FILE or --offsets-from-sound, which finds them anew, not both")
+    found = clocks_from_sound(recorders_of(capture.sounds), plan.rig.names, plan.rig, apart=options.apart)
+    if not found.clocks.known.any():
+        why = next(iter(found.unknown.values()))
+        raise DataError(f"clocks of no camera are known from sound: {why}; leave --offsets-from-sound out")
+    lines = correction_of(found)
+    sources = {
+        name: {**source, "corrections": {name: lines[name]}} if name in lines else source
+        for name, source in plan.sources.items()
+    }
+    told = tuple(line.strip() for line in sound_lines(found))
+    return replace(plan, sources=sources, notices=(*plan.notices, *told))
 
 
 def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
@@ -166,7 +197,7 @@ def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
     given = [{**sound, "clocks": _split(named.get(sound["device"])) or sound["clocks"]}
              for sound in capture.sounds]  # fmt: skip
     tracks = find_tracks(plan.rig, given, capture.stamps, plan.configs)
-    recorders = [_recorder(sound) for sound in tracks.sounds]
+    recorders = recorders_of(tracks.sounds)
     stamps = {
         source.camera: capture.stamps.get(source.camera) or _counted(source) for source in capture.sources
     }
@@ -186,13 +217,3 @@ def _counted(source: FrameSource) -> list[int]:
     """Stamps of the first frames and of the last one, by the frame rate."""
     frames = range(source.frame_count or 3)
     return [round(k * 1e9 / source.frame_rate) for k in dict.fromkeys([*frames[:3], *frames[-1:]])]
-
-
-def _recorder(sound: Mapping[str, Any]) -> Recorder:
-    """A device that left a file."""
-
-    def blocks() -> Iterator[AudioBlock]:
-        with open_sound(sound) as source:
-            yield from source
-
-    return Recorder(sound["device"], tuple(sound["clocks"]), Path(sound["path"]).name, blocks)

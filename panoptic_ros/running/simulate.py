@@ -17,6 +17,7 @@ from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.io.wav import write_wav
 from panoptic_ros.simulation import SCENES, SKELETON, Simulation, scene, simulate
 from panoptic_ros.simulation.generators import EARLY_S, RECORDER, SAMPLE_RATE, recorded, recorded_blocks
+from panoptic_ros.simulation.heard import heard_blocks, heard_by
 
 
 def scene_lines() -> dict[str, str]:
@@ -66,6 +67,8 @@ def write_take(
         write_json(folder / "truth.json.gz", take.truth_document())
         if take.scene.timing.generators:
             _write_sound(folder, take)
+        if take.clocks:
+            _write_heard(folder, take)
         if take.scene.rendered:
             from panoptic_ros.running.simulated_images import write_capture  # numba is slow to load
 
@@ -86,6 +89,15 @@ def _write_sound(folder: Path, take: Simulation) -> None:
     write_bytes(folder / "sound.yaml", f"{RECORDER}.wav: [{clocks}]\n".encode())
 
 
+def _write_heard(folder: Path, take: Simulation) -> None:
+    """What each camera hears, and what its clock shows when that begins."""
+    lines = []
+    for name, recorder, samples in heard_by(take):
+        write_wav(folder / f"{name}.wav", recorder.sample_rate, samples)
+        lines.append(f"{name}.wav: {{clocks: [], start_ns: {round(1e9 * recorder.clock_s)}}}\n")
+    write_bytes(folder / "sound.yaml", "".join(lines).encode())
+
+
 def _write_bag(path: Path, take: Simulation) -> None:
     """Rig, skeleton, 2D people and sound, recorded at master times."""
     family, begin = bag_messages(), take.master_ns(-EARLY_S)
@@ -94,6 +106,9 @@ def _write_bag(path: Path, take: Simulation) -> None:
             bag.write("/" + TOPICS[key].name, begin, to_message(record, family))
         for block in recorded_blocks(take.scene.timing.generators, take.seconds):
             when = take.master_ns(block.first_sample / SAMPLE_RATE - EARLY_S)
+            bag.write("/" + TOPICS["audio"].of(block.device), when, to_message(block, family))
+        for since, block in heard_blocks(take) if take.clocks else ():
+            when = take.master_ns(since)
             bag.write("/" + TOPICS["audio"].of(block.device), when, to_message(block, family))
         for item in take.detection_sets():
             for view in item.views:

@@ -9,7 +9,7 @@ from panoptic_ros.simulation.detector import Absence
 from panoptic_ros.simulation.generators import Generator
 from panoptic_ros.simulation.rigs import VGA, Corners, Dome, Lens, PanelDome, RigPlan, Ring
 from panoptic_ros.simulation.stagings import STAGINGS
-from panoptic_ros.simulation.timing import IN_STEP, Timing
+from panoptic_ros.simulation.timing import IN_STEP, OwnClocks, Timing
 from panoptic_ros.simulation.walls import Wall
 
 
@@ -104,6 +104,11 @@ SCENES: dict[str, Scene] = {
         "cameras locked to timecodes of 25 and 29.97 Hz, and their sound", ("walk", "wave", "run"), Ring(6),
         degradation=MILD, timing=_TWO_CLOCKS, frames=150,
     ),
+    "own-clocks-3p5v": Scene(
+        "cameras whose clocks are seconds apart, and what they hear", ("walk", "talk", "wave"),
+        Ring(5, radius=3.0), area=1.6, degradation=MILD, frames=150,
+        timing=Timing(stamp_jitter=0.0005, own_clocks=OwnClocks()),
+    ),
     "sitting-group-6p5v": Scene(
         "round a table, faults that last", ("sit",) * 6, Ring(5, radius=3.2), staging="table",
         table=0.60, timing=Timing(rate=25.0),
@@ -123,6 +128,11 @@ SCENES: dict[str, Scene] = {
     "rendered-clocks-2p4v": Scene(
         "images of cameras locked to two timecodes, and their sound", ("walk", "wave"),
         replace(_VGA_RING, cameras=4), staging="spread", timing=_TWO_CLOCKS, frames=75, rendered=True,
+    ),
+    "rendered-own-clocks-2p4v": Scene(
+        "images of cameras whose clocks are seconds apart, and what they hear", ("walk", "wave"),
+        replace(_VGA_RING, cameras=4), staging="spread", rendered=True, frames=75,
+        timing=Timing(rate=25.0, own_clocks=OwnClocks()),
     ),
     "rendered-3p8v": Scene(
         "images of three people close together in eight views", ("talk", "wave", "walk"), _NEAR_RING,

@@ -16,7 +16,7 @@ from panoptic_ros.simulation.people import Person
 from panoptic_ros.simulation.scenes import Scene
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
 from panoptic_ros.simulation.stagings import STAGINGS, Stage
-from panoptic_ros.simulation.timing import Schedule, make_schedule, to_stamp
+from panoptic_ros.simulation.timing import CameraClock, Schedule, camera_clocks, make_schedule, to_stamp
 from panoptic_ros.simulation.walls import occluders_of
 
 Array = np.ndarray
@@ -32,6 +32,7 @@ class Simulation:
     rig: Rig
     people: tuple[Person, ...]
     schedule: Schedule
+    clocks: tuple[CameraClock, ...] = ()  # of the cameras, where each has its own
 
     def sightings(self) -> Iterator[tuple[int, list[Sightings]]]:
         """Index of each set and what every camera reports, also of cameras without an image."""
@@ -62,11 +63,14 @@ class Simulation:
         return float(self.schedule.ticks[-1])
 
     def master_ns(self, seconds: float) -> int:
-        """Master time of a time of the schedule: that of the first generator, if there are any."""
+        """Master time of a time of the schedule: that of the first generator or camera clock, if there are
+        any."""
         return self.stamp_ns(0, seconds)
 
     def stamp_ns(self, camera: int, seconds: float) -> int:
         """What the clock of a camera shows at a time of the schedule."""
+        if self.clocks:
+            return self.clocks[camera].stamp_ns(seconds)
         generators = self.scene.timing.generators
         return generators[camera % len(generators)].stamp_ns(seconds) if generators else to_stamp(seconds)
 
@@ -114,7 +118,8 @@ def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
     people = STAGINGS[scene.staging](np.random.default_rng([*root, 2]), stage)
     schedule = make_schedule((*root, 3), scene.timing, count, len(rig))
     rig = _with_clocks(rig, scene.timing.generators)
-    return Simulation(scene, root, rig, tuple(people), schedule)
+    clocks = camera_clocks((*root, 3), scene.timing, len(rig))
+    return Simulation(scene, root, rig, tuple(people), schedule, clocks)
 
 
 def _with_clocks(rig: Rig, generators: Sequence[Generator]) -> Rig:

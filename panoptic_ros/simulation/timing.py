@@ -10,6 +10,19 @@ from panoptic_ros.simulation.generators import Generator
 
 Array = np.ndarray
 EPOCH_NS = 1_000_000_000  # stamp of t = 0
+OWN_EPOCH_NS = 60_000_000_000  # the same of the first camera, where each has a clock of its own
+
+
+@dataclass(frozen=True)
+class OwnClocks:
+    """Cameras that stamp frames and sound by clocks of their own, behind that of the first camera.
+
+    Args:
+        behind: s, from and to. drift_ppm: standard deviation of their rate errors; twice of it is the most.
+    """
+
+    behind: tuple[float, float] = (0.5, 9.0)
+    drift_ppm: float = 50.0
 
 
 @dataclass(frozen=True)
@@ -23,6 +36,7 @@ class Timing:
     stamp_jitter: float = 0.0  # s, standard deviation of stamp minus exposure
     drop: float = 0.0  # probability that a camera's frame is lost
     generators: tuple[Generator, ...] = ()  # dealt out in turn, in place of rates, phases and drifts
+    own_clocks: OwnClocks | None = None  # of the cameras, which hear what people say
 
 
 IN_STEP = Timing()
@@ -66,6 +80,29 @@ def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int
     exposures[losses.random((frames, cameras)) < timing.drop] = np.nan
     stamps = exposures + timing.stamp_jitter * noise.standard_normal((frames, cameras))
     return Schedule(np.arange(frames) / timing.rate, exposures, stamps)
+
+
+@dataclass(frozen=True)
+class CameraClock:
+    """What a camera's clock shows: OWN_EPOCH_NS - behind_s + t (1 + drift)."""
+
+    behind_s: float = 0.0
+    drift: float = 0.0
+
+    def stamp_ns(self, seconds: float) -> int:
+        """At a time of the schedule."""
+        return OWN_EPOCH_NS + round(1e9 * (float(seconds) * (1.0 + self.drift) - self.behind_s))
+
+
+def camera_clocks(seed: Sequence[int], timing: Timing, cameras: int) -> tuple[CameraClock, ...]:
+    """The own clock of each camera, the first of which is right; none if they share one."""
+    if timing.own_clocks is None:
+        return ()
+    rng = np.random.default_rng([*seed, 5])
+    behind = rng.uniform(*timing.own_clocks.behind, cameras)
+    drift = 1e-6 * timing.own_clocks.drift_ppm * np.clip(rng.standard_normal(cameras), -2.0, 2.0)
+    behind[0] = drift[0] = 0.0
+    return tuple(CameraClock(float(b), float(d)) for b, d in zip(behind, drift))
 
 
 def to_stamp(seconds: float) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.offsets import add_saved_option
+from panoptic_ros.cli.offsets import add_apart_option, add_saved_option
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, number
 from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
@@ -57,6 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
                         help="stop after so many seconds")  # fmt: skip
     add_saved_option(parser)
+    parser.add_argument("--offsets-from-sound", action="store_true",
+                        help="find clocks of cameras from what they hear, and correct stamps")  # fmt: skip
+    add_apart_option(parser)
     add_parameter_options(parser)
 
 

@@ -24,7 +24,8 @@ def make_plan(args: argparse.Namespace) -> Plan:
     preset = read_preset(args.preset)
     options = RunOptions(
         read_parameters(args.config, args.settings, preset.parameters), args.model or "", args.skeleton,
-        preset.skeleton or DEFAULT_SKELETON, args.occluders, args.offsets,
+        preset.skeleton or DEFAULT_SKELETON, args.occluders, args.offsets, args.offsets_from_sound,
+        args.apart,
     )  # fmt: skip
     if args.bag:
         return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args))

@@ -14,6 +14,8 @@ _MEANS_SOMETHING_FOR = {
     "jpeg": (*_FILES, "device"),
     "latency_ms": ("device",),
     "microphone": ("device",),
+    "offsets_from_sound": _FILES,
+    "apart": _FILES,
     "redetect": ("bag",),
     "size_policy": _FILES,
     "topic": ("bag",),

@@ -7,6 +7,7 @@ from types import ModuleType
 
 ACTIONS: dict[str, str] = {
     "report": "offset, drift, jitter and drops per device, what is wrong and what to do",
+    "sound": "offset and drift per camera from what their microphones hear, without timecode",
     "kinects": "Panoptic Studio: the Kinect frames that belong to HD frames, from sync tables",
 }  # each is a module of this folder with add_arguments(parser) and run(args)
 

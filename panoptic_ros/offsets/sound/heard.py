@@ -1,0 +1,120 @@
+"""What sound tells of clocks, and why it tells nothing where it does not."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.offsets.clocks import CameraClocks
+from panoptic_ros.offsets.sound.lines import Settled
+from panoptic_ros.offsets.sound.listening import DeviceTime
+from panoptic_ros.offsets.uncertainty import AGREE, CHANCE
+
+Array = np.ndarray
+SECOND = 1_000_000_000
+AHEAD_S = 1.0  # by which clocks differ at least, if one of them is to count rather than their majority
+
+
+@dataclass(frozen=True)
+class PairHeard:
+    """What two devices heard together.
+
+    Args:
+        windows, clear: that both recorded, and in which they agree beyond doubt.
+        linked: whether their lag is known from their sounds. why: a few words if not.
+    """
+
+    first: str
+    second: str
+    linked: bool
+    windows: int = 0
+    clear: int = 0
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class HeardClocks:
+    """The clocks of cameras by the sound of their devices.
+
+    Args:
+        clocks: as from motion; known where the sound tells, whatever the deviation.
+        pairs: of devices. unknown: {camera: why its clock is not known}.
+        apart_s: farthest way of sound between two linked devices, over its speed.
+        placed: whether that is from known positions.
+    """
+
+    clocks: CameraClocks
+    pairs: tuple[PairHeard, ...]
+    unknown: Mapping[str, str]
+    apart_s: float
+    placed: bool
+
+
+def clocks_of(
+    settled: Settled, times: Sequence[DeviceTime], cameras: Mapping[str, int], trusted: str
+) -> CameraClocks:
+    """The clocks of cameras, those that no device knows with an offset of 0.
+
+    Where most clocks agree they are right. Otherwise the one that is farthest ahead counts, so that no stamp
+    falls below 0; or the trusted one.
+
+    Args:
+        times: of D devices. cameras: the device of each camera, or -1.
+    """
+    lines, count = settled.lines, len(times)
+    linked = np.isfinite(lines.offsets)
+    names = tuple(cameras)
+    devices = np.array([cameras[name] for name in names], int)
+    known = (devices >= 0) & np.where(devices >= 0, linked[devices], False)
+    if known.sum() < 2:
+        return CameraClocks.unknown(names, 0)
+    shown = _shown(lines.heard(np.array([lines.middle]))[:, 0], times, linked)
+    speed = np.array([(1.0 - d) * (1.0 + t.excess) for d, t in zip(np.nan_to_num(lines.drifts), times)])
+    base = cameras[trusted] if trusted else _base(shown, devices[known], settled.covariance)
+    reference = shown[base]
+    offsets, drifts = np.zeros(len(names)), np.zeros(len(names))
+    state = np.zeros((2 * len(names), 2 * count))  # of cameras from devices
+    for c in np.flatnonzero(known):
+        i = int(devices[c])
+        ratio = speed[base] / speed[i]
+        apart = 1e-9 * (reference - shown[i])
+        offsets[c], drifts[c] = ratio * apart, ratio - 1.0
+        for device, sign in ((i, 1.0), (base, -1.0)):  # common = heard + offset + drift since
+            state[c, device] += sign
+            state[c, count + device] += sign * apart
+            state[len(names) + c, count + device] += sign
+    covariance = state @ settled.covariance @ state.T
+    unknown = np.flatnonzero(~known)
+    covariance[unknown, unknown] = 0.1**2
+    covariance[len(names) + unknown, len(names) + unknown] = 1e-4**2
+    zero = np.zeros(len(names))
+    windows = np.array([int(np.isfinite(settled.residuals[i]).sum()) if i >= 0 else 0 for i in devices])
+    return CameraClocks(
+        names, int(reference), offsets, drifts, covariance, known, 0.0, zero, windows, 0, True,
+        np.zeros(len(names), bool), zero,
+    )  # fmt: skip
+
+
+def _shown(heard: Array, times: Sequence[DeviceTime], linked: Array) -> list[int]:
+    """What the clock of each device shows (ns) at a time heard; 0 where that is not known."""
+    return [
+        time.start_ns + round(SECOND * float(at) * (1.0 + time.excess)) if there else 0
+        for at, time, there in zip(heard, times, linked)
+    ]
+
+
+def _base(shown: Sequence[int], devices: Array, covariance: Array) -> int:
+    """The device whose clock counts."""
+    ahead = int(devices[np.argmax([shown[i] for i in devices])])
+    since = np.array([1e-9 * (shown[i] - shown[ahead]) for i in devices])
+    variance = np.diag(covariance)[devices]
+    best = np.zeros(len(devices), bool)
+    for one, own in zip(since, variance):
+        near = np.abs(since - one) <= np.maximum(AGREE, CHANCE * np.sqrt(own + variance))
+        if near.sum() > best.sum():
+            best = near
+    if 2 * best.sum() <= len(devices):
+        return ahead
+    middle = np.median(since[best])
+    return int(devices[best][np.argmin(np.abs(since[best] - middle))])

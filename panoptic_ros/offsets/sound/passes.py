@@ -1,0 +1,267 @@
+"""Clocks of a recorded capture from the sound that its devices heard."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.offsets.clocks import CameraClocks
+from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard, clocks_of
+from panoptic_ros.offsets.sound.lines import Lags, Lines, fit_lines, largest_group, settle
+from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, coarse_energies
+from panoptic_ros.offsets.sound.matching import LENGTH_S, LEVEL, RATE, RISE_S, Match, find
+from panoptic_ros.offsets.sound.onsets import onsets
+from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND, travel, unknown_travel
+from panoptic_ros.offsets.sound.windows import choose_windows, hear_windows
+from panoptic_ros.stage import Progress, Recording, part_of
+
+Array = np.ndarray
+SEGMENT_S = 60.0  # of the parts that are looked for in the other recordings
+MOST_SEGMENTS = 12
+APART = 6.0  # m
+COARSE_S = 0.01  # standard deviation of a coarse lag
+DRIFTS = 3e-4  # that two clocks may differ by
+LEAST_CLEAR = 2  # windows in which a pair must agree
+
+
+@dataclass(frozen=True)
+class SoundClocksConfig:
+    """What `SoundClocks` needs to know.
+
+    Args:
+        cameras: the device that heard for each camera; "" where there is none.
+        positions: (3,) m of the microphones, where they are known.
+        apart: m, how far apart microphones without a position are, at most.
+        trusted_camera: its stamps are right; "": see `heard.clocks_of`.
+    """
+
+    cameras: Mapping[str, str]
+    positions: Mapping[str, Array] = field(default_factory=dict)
+    apart: float = APART
+    trusted_camera: str = ""
+
+
+class SoundClocks:
+    """The cameras' clocks from the topic "audio" of a recording, one scope per device: a `stage.Pass`.
+
+    Sound is read twice, piece by piece, so that memory grows with onsets alone (3 kB a second and device).
+    First, parts of each recording are looked for in all of the others, at any lag (`matching`). Lines
+    through these lags say where to compare windows finely (`windows`), from which clocks are settled
+    (`lines`).
+
+    Raises:
+        UsageError: if the trusted camera has no sound.
+    """
+
+    def __init__(self, config: SoundClocksConfig):
+        self._config = config
+        self._devices = tuple(dict.fromkeys(name for name in config.cameras.values() if name))
+        trusted = config.trusted_camera
+        if trusted and not config.cameras.get(trusted):
+            heard = ", ".join(name for name, device in config.cameras.items() if device) or "none"
+            raise UsageError(
+                f"there is no sound of the trusted camera {trusted!r}; cameras with sound: {heard}"
+            )
+
+    def run(self, recording: Recording, progress: Progress) -> HeardClocks:
+        """The clocks; not known where sound does not tell."""
+        refused: dict[str, str] = {}
+        times, rises = self._listen(recording, part_of(progress, 0.0, 0.4), refused)
+        devices = list(times)
+        pairs = list(combinations(range(len(devices)), 2))
+        coarse = _Coarse([rises[name] for name in devices], [times[name].seconds for name in devices])
+        told = part_of(progress, 0.4, 0.6)
+        for done, (a, b) in enumerate(pairs):
+            told(done / len(pairs), f"looking for {devices[a]} in {devices[b]}")
+            coarse.compare(a, b)
+        lines, members = coarse.lines()
+        clocked = [times[name] for name in devices]
+        told = part_of(progress, 0.6, 1.0)
+        shared, clear = (np.zeros((len(devices), len(devices)), int) for _ in range(2))
+        apart = self._apart([devices[i] for i in members])
+        if len(members) > 1:
+            loudness = [rises[name].sum(axis=1) for name in devices]
+            starts = choose_windows(lines, loudness, RATE, clocked)
+            streams = [SampleStream(recording.records("audio", name)) for name in devices]
+            arrived, shared, clear = hear_windows(lines, starts, clocked, streams, told)
+            lines, arrived = _confirmed(lines, arrived)
+            delays, spread = self._travel(devices)
+            settled = settle(lines, starts + 0.0, arrived, delays, spread)
+            number = {name: k for k, name in enumerate(devices)}
+            cameras = {name: number.get(device, -1) for name, device in self._config.cameras.items()}
+            clocks = clocks_of(settled, clocked, cameras, self._config.trusted_camera)
+        else:
+            clocks = CameraClocks.unknown(self._config.cameras, 0)
+        members = np.flatnonzero(np.isfinite(lines.offsets))
+        evidence = tuple(
+            PairHeard(
+                devices[a], devices[b], a in members and b in members, int(shared[a, b]), int(clear[a, b]),
+                coarse.why.get((a, b), ""),
+            )
+            for a, b in pairs
+        )  # fmt: skip
+        unknown = {
+            name: self._why(device, devices, members, coarse, refused)
+            for (name, device), known in zip(self._config.cameras.items(), clocks.known)
+            if not known
+        }
+        progress(1.0, "done")
+        return HeardClocks(clocks, evidence, unknown, apart, self._placed(devices))
+
+    def _listen(
+        self, recording: Recording, progress: Progress, refused: dict[str, str]
+    ) -> tuple[dict[str, DeviceTime], dict[str, Array]]:
+        """How samples and stamps of each device belong together, and its coarse onsets (T, B)."""
+        times, rises = {}, {}
+        for done, name in enumerate(self._devices):
+            progress(done / len(self._devices), f"listening to {name}")
+            stream = SampleStream(recording.records("audio", name))
+            try:
+                energies = coarse_energies(stream, RATE, LENGTH_S)
+                times[name] = stream.time()
+            except DataError as error:
+                refused[name] = str(error)
+                continue
+            rises[name] = onsets(energies, RATE, RISE_S, squared=False, level=LEVEL)
+        return times, rises
+
+    def _placed(self, devices: list[str]) -> bool:
+        return all(name in self._config.positions for name in devices)
+
+    def _apart(self, devices: list[str]) -> float:
+        """s, of sound between the two that are farthest apart."""
+        if not self._placed(devices):
+            return self._config.apart / SPEED_OF_SOUND
+        places = np.array([self._config.positions[name] for name in devices]).reshape(-1, 3)
+        ways = np.linalg.norm(places[:, None] - places, axis=2)
+        return float(ways.max(initial=0.0)) / SPEED_OF_SOUND
+
+    def _travel(self, devices: list[str]) -> tuple[Array, Array]:
+        if not self._placed(devices):
+            return unknown_travel(len(devices), self._config.apart)
+        return travel(np.array([self._config.positions[name] for name in devices]))
+
+    def _why(
+        self, device: str, devices: list[str], members: Array, coarse: _Coarse, refused: Mapping[str, str]
+    ) -> str:
+        if not device:
+            return "no sound"
+        if device in refused:
+            return refused[device]
+        i = devices.index(device)
+        reasons = [why for pair, why in coarse.why.items() if i in pair]
+        if not reasons:
+            return "it hears too little together with the others" if len(devices) > 1 else "no other sound"
+        return max(reasons, key=reasons.count)
+
+
+class _Coarse:
+    """Lags of pairs of recordings, by their onsets, at any lag."""
+
+    def __init__(self, rises: list[Array], seconds: list[float]):
+        self._rises, self._seconds = rises, seconds
+        self._first: list[int] = []
+        self._second: list[int] = []
+        self._found: list[Match] = []
+        self.why: dict[tuple[int, int], str] = {}
+
+    def compare(self, a: int, b: int) -> None:
+        """Remember the lags at which parts of the shorter recording are in the longer one."""
+        if self._seconds[a] > self._seconds[b]:
+            first, second = b, a
+        else:
+            first, second = a, b
+        part, whole = self._rises[first], self._rises[second]
+        near = self._predicted(first, second)
+        begins = _segments(part)
+        best: Match | None = None
+        before = len(self._found)
+        for at in begins:
+            segment = part[at : at + round(SEGMENT_S * RATE)]
+            expected = None if near is None else near[0] + at / RATE
+            reach = 0.0 if near is None else near[1] + DRIFTS * abs(at / RATE - near[2])
+            match = find(segment, whole, expected, reach)
+            if match is None:
+                continue
+            if match.unique or (near is not None and match.expected):
+                lag, heard = match.lag - at / RATE, match.at + at / RATE
+                self._first.append(first)
+                self._second.append(second)
+                self._found.append(Match(
+                    lag, heard, match.strength, match.ratio, match.events, match.other - at / RATE
+                ))  # fmt: skip
+                near = near or (lag, 0.1, heard)
+            if best is None or match.strength * match.ratio > best.strength * best.ratio:
+                best = match
+        if len(self._found) == before:
+            self.why[a, b] = _reason(best)
+
+    def _predicted(self, first: int, second: int) -> tuple[float, float, float] | None:
+        """Lag, its reach, and when, if a chain of other pairs links the two."""
+        group = largest_group(len(self._rises), self._firsts, self._seconds_of)
+        if first not in group or second not in group:
+            return None
+        lines = self._fit(group)
+        at = 0.5 * self._seconds[first]
+        return float(lines.offsets[first] - lines.offsets[second]), 1.0, at
+
+    @property
+    def _firsts(self) -> Array:
+        return np.array(self._first, int)
+
+    @property
+    def _seconds_of(self) -> Array:
+        return np.array(self._second, int)
+
+    def _fit(self, group: Array) -> Lines:
+        inside = np.isin(self._firsts, group)
+        found = [match for match, use in zip(self._found, inside) if use]
+        return fit_lines(len(self._rises), group, Lags(
+            self._firsts[inside], self._seconds_of[inside], np.array([match.at for match in found]),
+            np.array([match.lag for match in found]), np.full(len(found), COARSE_S),
+        ))  # fmt: skip
+
+    def lines(self) -> tuple[Lines, Array]:
+        """Lines of the largest group of devices that lags link, and its indices."""
+        count = len(self._rises)
+        group = largest_group(count, self._firsts, self._seconds_of)
+        if len(group) < 2:
+            return Lines(np.full(count, np.nan), np.full(count, np.nan), 0.0), group[:0]
+        return self._fit(group), group
+
+
+def _segments(rises: Array) -> list[int]:
+    """Where segments begin, the most telling first: one in each part of a long recording."""
+    length = round(SEGMENT_S * RATE)
+    if len(rises) <= 1.5 * length:
+        return [0] if len(rises) <= length else [0, len(rises) - length]
+    total = np.concatenate([[0.0], np.cumsum(np.maximum(rises, 0.0).sum(axis=1))])
+    starts = np.arange(0, len(rises) - length + 1, length // 4)
+    told = total[starts + length] - total[starts]
+    cells = np.array_split(np.arange(len(starts)), min(MOST_SEGMENTS, max(1, len(rises) // length)))
+    chosen = [cell[int(np.argmax(told[cell]))] for cell in cells if len(cell)]
+    return [int(starts[k]) for k in sorted(chosen, key=lambda k: -told[k])]
+
+
+def _reason(best: Match | None) -> str:
+    """Why two recordings are not linked, in a few words."""
+    if best is None:
+        return "silence, or less than 5 s"
+    if best.strength >= 8.0 and best.events >= 3.5:
+        return f"it repeats: {best.lag:.2f} s fits as well as {best.other:.2f} s"
+    if best.strength >= 8.0:
+        return "too few sounds in common"
+    return "nothing in common is heard"
+
+
+def _confirmed(lines: Lines, arrived: Array) -> tuple[Lines, Array]:
+    """Without devices that windows do not confirm."""
+    heard = np.isfinite(arrived).sum(axis=1) >= LEAST_CLEAR
+    offsets = np.where(heard, lines.offsets, np.nan)
+    drifts = np.where(heard, lines.drifts, np.nan)
+    if heard.sum() < 2:
+        offsets[:] = drifts[:] = np.nan
+    return Lines(offsets, drifts, lines.middle), np.where(heard[:, None], arrived, np.nan)

@@ -1,0 +1,122 @@
+"""Short windows of the recordings in which something is heard, compared finely around lags that are known."""
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from panoptic_ros.offsets.sound.lines import Lines, arrivals
+from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, band_energies, cut
+from panoptic_ros.offsets.sound.matching import NORMAL_MEDIAN, vertex
+from panoptic_ros.offsets.sound.onsets import onsets
+from panoptic_ros.stage import Progress
+
+Array = np.ndarray
+RATE = 500.0  # Hz, of fine onsets
+LENGTH_S, RISE_S = 0.012, 0.008  # of their windows; over which they rise
+WINDOW_S = 2.0
+MOST = 240  # windows in all
+SEARCH_S = 0.08  # lags around those that are known
+BEYOND_S = 0.6  # lags that show how much chance agrees
+SMOOTH = 5  # frames that an agreement is averaged over
+CLEAR = 6.0  # robust standard deviations of a peak that counts
+
+
+def choose_windows(lines: Lines, loudness: list[Array], rate: float, times: list[DeviceTime]) -> Array:
+    """Beginnings (K,) s on the common time line of windows that two linked devices have, the most telling.
+
+    Args:
+        loudness: of each device (T,) at `rate`, how much begins.
+    """
+    members = np.flatnonzero(np.isfinite(lines.offsets))
+    begins = np.array([lines.offsets[i] for i in members])
+    ends = np.array([lines.offsets[i] + times[i].seconds for i in members])
+    first, last = np.sort(begins)[1], np.sort(ends)[-2]
+    starts = np.arange(first, last - WINDOW_S, WINDOW_S)
+    if len(starts) <= MOST:
+        return starts
+    told = np.zeros(len(starts))
+    for row, i in enumerate(members):
+        total = np.concatenate([[0.0], np.cumsum(np.maximum(loudness[i], 0.0))])
+        index = np.clip(((starts - begins[row]) * rate).astype(int), 0, len(total) - 1)
+        until = np.clip(index + int(WINDOW_S * rate), 0, len(total) - 1)
+        told += (total[until] - total[index]) / max(total[-1], 1e-9)
+    cells = np.array_split(np.arange(len(starts)), MOST)
+    return starts[[cell[int(np.argmax(told[cell]))] for cell in cells]]
+
+
+def hear_windows(
+    lines: Lines, starts: Array, times: list[DeviceTime], streams: list[SampleStream], progress: Progress
+) -> tuple[Array, Array, Array]:
+    """Arrivals (D, K) s beside the lines, in windows that begin at (K,) common times; NaN where not heard.
+
+    Also how many windows each pair (D, D) had in common, and in how many of them it agreed clearly.
+    """
+    count = len(times)
+    members = [int(i) for i in np.flatnonzero(np.isfinite(lines.offsets))]
+    heard = lines.heard(starts)
+    spectra: dict[int, Array] = {}
+    begins = np.zeros((count, len(starts)))
+    frames = int((WINDOW_S - LENGTH_S) * RATE)
+    size = 1 << (frames + int(BEYOND_S * RATE) + 1).bit_length()
+    for done, i in enumerate(members):
+        progress(0.8 * done / len(members), f"listening to {times[i].device}")
+        spectra[i], begins[i] = _spectra(streams[i], times[i], heard[i], frames, size)
+    arrived = np.full((count, len(starts)), np.nan)
+    shared, clear = np.zeros((count, count), int), np.zeros((count, count), int)
+    pairs = list(combinations(members, 2))
+    found = np.full((len(pairs), len(starts)), np.nan)
+    weight = np.zeros((len(pairs), len(starts)))
+    for p, (a, b) in enumerate(pairs):
+        progress(0.8 + 0.2 * p / len(pairs), "comparing windows")
+        agreement = np.fft.irfft((np.conj(spectra[a]) * spectra[b]).sum(axis=2), size, axis=1)
+        there = np.abs(spectra[a]).any(axis=(1, 2)) & np.abs(spectra[b]).any(axis=(1, 2))
+        shared[a, b] = shared[b, a] = int(there.sum())
+        lag, strength = _peaks(agreement)
+        good = there & (strength >= CLEAR)
+        clear[a, b] = clear[b, a] = int(good.sum())
+        # the windows do not begin quite where the lines say, but at a sample
+        beside = (begins[b] - heard[b]) - (begins[a] - heard[a])
+        found[p, good], weight[p, good] = (lag + beside)[good], np.sqrt(strength[good])
+    first, second = np.array(pairs).T if pairs else (np.empty(0, int), np.empty(0, int))
+    for k in range(len(starts)):
+        good = np.isfinite(found[:, k])
+        if good.any():
+            arrived[:, k] = arrivals(first[good], second[good], found[good, k], weight[good, k], count)
+    progress(1.0, "comparing windows")
+    return arrived, shared, clear
+
+
+def _spectra(
+    stream: SampleStream, time: DeviceTime, heard: Array, frames: int, size: int
+) -> tuple[Array, Array]:
+    """Spectra (K, F, B) of the onsets of windows of a device, 0 outside of its recording; and where (K,) s
+    heard they begin."""
+    rate, length = time.sample_rate, int(LENGTH_S * time.sample_rate)
+    first = np.rint(heard * rate).astype(np.int64)
+    count = int(WINDOW_S * rate)
+    inside = (first >= 0) & (first + count <= time.count)
+    spans = [(int(begin), int(begin) + count) for begin in first[inside]]
+    starts = np.rint(np.arange(frames) * rate / RATE).astype(np.int64)
+    spectra = np.zeros((len(heard), size // 2 + 1, 8), np.complex64)
+    for k, samples in zip(np.flatnonzero(inside), cut(stream, spans)):
+        rises = onsets(band_energies(samples, starts, length, rate), RATE, RISE_S, squared=True)
+        spectra[k] = np.fft.rfft(rises, size, axis=0)
+    return spectra, first / rate
+
+
+def _peaks(agreement: Array) -> tuple[Array, Array]:
+    """Lag (K,) s of the best agreement of windows within the search, and its strength (K,)."""
+    beyond, search = int(BEYOND_S * RATE), int(SEARCH_S * RATE)
+    lags = np.arange(-beyond, beyond + 1)
+    values = agreement[:, lags]
+    kernel = np.hanning(SMOOTH + 2)[1:-1]
+    values = np.apply_along_axis(np.convolve, 1, values, kernel / kernel.sum(), "same")
+    outside = values[:, np.abs(lags) > search]
+    noise = np.maximum(np.median(np.abs(outside), axis=1) / NORMAL_MEDIAN, 1e-9)
+    middle = values[:, np.abs(lags) <= search]
+    best = middle.argmax(axis=1)
+    fine = np.array([vertex(row, int(k)) for row, k in zip(middle, best)])
+    lag = (best - search + fine) / RATE
+    strength = middle.max(axis=1) / noise
+    return lag, np.where(np.abs(best - search) < search - 1, strength, 0.0)
