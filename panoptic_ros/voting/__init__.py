@@ -9,9 +9,10 @@ In: `DetectionSet`. Out: `ProposalSet`, with the detections carried along. Where
 are no nodes: they would tell no more than the 2D people. `without_maps` asks for them all the same; a joint
 without maps then has a Gaussian round its place in 2D.
 
-`exact` finds all of these maxima in a working volume, coarse to fine with a true bound. `seeds` (the default)
-begins where viewing rays of 2D peaks meet, and moves to the centre of the votes there. `off` votes for none.
-Positions are refined below the voxel by a soft vote.
+`exact` finds all of these maxima in a working volume: boxes that the rays of too few views touch are skipped,
+in all others every voxel is voted on. `seeds` (the default) begins where viewing rays of 2D peaks meet, and
+moves to the centre of the votes there. `off` votes for none. Positions are refined below the voxel by a
+soft vote.
 
 With `explain_away` (the default) `seeds` starts from people: the 2D people of all views, guided by the
 instant before, are solved roughly; each joint moves to the centre of the votes about it and is a node. 2D

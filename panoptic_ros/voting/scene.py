@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
-from panoptic_ros.geometry import Lens
 from panoptic_ros.solving.undistortion import FARTHEST
 from panoptic_ros.voting.scene_kernels import Patches, Widths, merged_maps, people_of_views
 
@@ -20,7 +19,6 @@ _NUMBERS = (
 ).split()
 CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # the record of a view, see `VoteScene`
 OF_CAMERA = _NUMBERS.index("columns")  # so many numbers are those of the camera, the others of its maps
-LENS_FIELDS = _NUMBERS[_NUMBERS.index("fx") : OF_CAMERA]  # of the lens and of the image
 
 
 class VoteScene(NamedTuple):
@@ -119,17 +117,6 @@ def _patches(views: Sequence[ViewDetections]) -> Patches:
         np.concatenate([np.zeros((0, 2), np.int32), *(each.sizes for each in maps)]),
         np.concatenate([np.zeros(0, np.uint8), *(each.data for each in maps)]),
     )
-
-
-def map_sizes(cameras: Array) -> Array:
-    """Columns and rows (V, 2) of the maps of `VoteScene.cameras` (V,)."""
-    return np.stack([cameras["columns"], cameras["rows"]], axis=-1).astype(np.int64)
-
-
-def lens_of(camera: np.void) -> tuple[Lens, Array]:
-    """The lens of a record `CAMERA`, and its terms as in `Intrinsics`."""
-    names = ("k1", "k2", "k3", "k4") if camera["fisheye"] else ("k1", "k2", "p1", "p2", "k3")
-    return ("fisheye" if camera["fisheye"] else "brown"), np.array([camera[name] for name in names])
 
 
 def _limits(views: Sequence[ViewDetections]) -> Array:

@@ -10,7 +10,7 @@ from panoptic_ros.solving.rough_joints import rough_people
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting import soft_vote
-from panoptic_ros.voting.box_search import BoxSearch
+from panoptic_ros.voting.cone_search import maxima
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.explaining import Explainer, moved
 from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
@@ -59,7 +59,6 @@ class VotingStage(Stateful):
         skip = config.max_skip if config.skip_parts else None
         self._kinds = bones_and_skips(context.skeleton, config.max_bone, skip)
         self._search = SeedSearch(config.ray_gap, config.pair_views, config.max_depth)
-        self._boxes = BoxSearch()
         self._cameras = {camera.name: camera for camera in context.rig.cameras}
         self._arrays = RigArrays.of(context.rig)
         for example in easy_associations(context.rig, context.skeleton):
@@ -135,7 +134,7 @@ class VotingStage(Stateful):
 
     def _exact(self, scene: VoteScene, wanted: Demands) -> Nodes:
         """Nodes at all peaks of a scene."""
-        nodes = self._boxes.nodes(scene, self.volume, wanted)
+        nodes = maxima(scene, self.volume, wanted)
         if not self.config.refine_nodes:
             return nodes
         points, votes = soft_vote.refine(nodes.points, nodes.joints, scene)

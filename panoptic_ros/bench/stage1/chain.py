@@ -12,7 +12,7 @@ from panoptic_ros.domain import AssociationSet, DetectionSet, PoseSet, ProposalS
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.stage import StageContext
-from panoptic_ros.voting.box_search import BoxSearch
+from panoptic_ros.voting.cone_search import maxima
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.scene import VoteScene, build_scene
@@ -27,14 +27,13 @@ def voting_rows(rows: Rows, dense: bool) -> None:
     """Every way to vote, on the maps; `dense` and `exact` must find the same."""
     world = rows.world
     volume = Volume.between(world.bounds, VOXEL)
-    boxes = BoxSearch()
 
     def scene(item: DetectionSet) -> VoteScene:
         cameras = [world.rig.camera(view.camera) for view in item.views]
         return build_scene(cameras, item.views, len(world.skeleton))
 
     def exact(item: DetectionSet) -> Nodes:
-        return boxes.nodes(scene(item), volume, WANTED)
+        return maxima(scene(item), volume, WANTED)
 
     def every_voxel(item: DetectionSet) -> Nodes:
         return dense_nodes(scene(item), volume, WANTED)

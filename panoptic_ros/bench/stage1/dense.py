@@ -14,7 +14,7 @@ BLOCK_VALUES = 4_000_000  # votes that are held in memory at a time
 
 
 def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
-    """What `BoxSearch.nodes` finds. Works slab by slab, so memory stays bounded."""
+    """What `cone_search.maxima` finds. Works slab by slab, so memory stays bounded."""
     nx, ny, nz = volume.shape
     joint_count = scene.map_start.shape[1]
     thick = max(1, BLOCK_VALUES // max(joint_count * ny * nz, 1))

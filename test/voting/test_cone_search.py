@@ -7,19 +7,20 @@ from fed_stages import FedVoting
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.bench.stage1.dense import dense_nodes
+from panoptic_ros.bench.stage1.dense import dense_nodes, is_maximum
 from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.stage import StageContext
-from panoptic_ros.voting.box_search import BoxSearch, pyramid_layers
+from panoptic_ros.voting.cone_search import highest, maxima
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.proposals import Demands
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.stage import demands
 from panoptic_ros.voting.volume import Volume
 
+TWICE = (0.0, 0.0, 0.003, -0.002)  # shows places more than 88 degrees off its axis once more
 LENSES = [
-    (), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), (0.0, 0.0, 0.03, -0.02),
+    (), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), TWICE,
     Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye"), Intrinsics(np.eye(3), (-0.3,), "fisheye"),
 ]  # fmt: skip
 NUMBERS = [  # threshold, view threshold, least
@@ -29,7 +30,7 @@ NUMBERS = [  # threshold, view threshold, least
 
 def searched(scene, volume, wanted):
     """Nodes of the dense search, and of the exact one."""
-    return dense_nodes(scene, volume, wanted), BoxSearch().nodes(scene, volume, wanted)
+    return dense_nodes(scene, volume, wanted), maxima(scene, volume, wanted)
 
 
 def compared(scene, volume, threshold, view_threshold, least):
@@ -94,7 +95,7 @@ def random_view(rng, camera, joints, people, maps, limits):
 @given(
     seed=st.integers(0, 10**6),
     views=st.integers(0, 6),
-    lens=st.sampled_from(LENSES),
+    lens=st.sampled_from([lens for lens in LENSES if lens != TWICE]),
     joints=st.sampled_from([1, 3, 32, 35]),
     people=st.integers(0, 3),
     maps=st.sampled_from(["none", "all", "some"]),
@@ -172,16 +173,18 @@ def test_a_camera_that_sees_nothing_changes_nothing(scenes):
     )
     volume = Volume.between((-0.6, -0.6, 0.0, 0.6, 0.6, 1.8), 0.05)
     one, two = (
-        BoxSearch().nodes(build_scene(cameras, seen, 19), volume, Demands(0.1, 3, 0.1))
+        maxima(build_scene(cameras, seen, 19), volume, Demands(0.1, 3, 0.1))
         for cameras, seen in ((rig.cameras, views), ((blind, *rig.cameras), (view, *views)))
     )
     for a, b in zip(one, two):
         assert np.array_equal(a, b)
 
 
-def test_layers_of_a_pyramid():
-    layers, cells = pyramid_layers(np.array([[5, 3], [0, 0], [1, 2]]))
-    assert layers[0].tolist() == [[0, 5, 3], [15, 3, 2], [21, 2, 1], [23, 1, 1]]
-    assert layers[1, :, 1:].max() == 0
-    assert layers[2].tolist() == [[24, 1, 2], [26, 1, 1], [27, 0, 0], [27, 0, 0]]
-    assert cells == 27
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 1.0), levels=st.integers(1, 20))
+def test_the_highest_of_scattered_voxels(seed, share, levels):
+    rng = np.random.default_rng(seed)
+    rank = np.where(rng.random((2, 5, 4, 6)) < share, rng.integers(0, levels, (2, 5, 4, 6)) / 7.0, -1.0)
+    at = np.argwhere(rank >= 0.0)
+    expected = at[is_maximum(rank, at)]
+    at = at[rng.permutation(len(at))]
+    assert at[highest(at, rank[tuple(at.T)])].tolist() == expected.tolist()
