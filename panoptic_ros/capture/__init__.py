@@ -18,13 +18,20 @@ from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.described import open_source
 from panoptic_ros.capture.device import DeviceOptions, DeviceSource
-from panoptic_ros.capture.folder import CaptureFolder, fit_rig, open_capture_folder, open_files
+from panoptic_ros.capture.folder import (
+    VIDEO_SUFFIXES,
+    CaptureFolder,
+    fit_rig,
+    open_capture_folder,
+    open_files,
+)
 from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.capture.live import open_live
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.capture.video import VideoSource
 
 __all__ = [
+    "VIDEO_SUFFIXES",
     "CaptureFolder",
     "DepthSensorSource",
     "DepthSource",

@@ -15,8 +15,8 @@ RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    decode = actions.add_parser("decode", help="read the timecode of a WAV file")
-    decode.add_argument("file", type=Path, metavar="FILE.wav")
+    decode = actions.add_parser("decode", help="read the timecode of a WAV file or a video")
+    decode.add_argument("file", type=Path, metavar="FILE", help="WAV file, or any that FFmpeg hears")
     decode.add_argument("--json", type=Path, metavar="OUT", help=f"write {FORMAT}; - for standard output")
     decode.add_argument("--channel", type=int, default=0, help="counted from 0 (default 0)")
     encode = actions.add_parser("encode", help="make a WAV file with timecode")

@@ -18,6 +18,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, metavar="F", help="in place of the scene's own number")
     parser.add_argument("--images", action="store_true", help="rendered scenes: PNG folders, not videos")
     parser.add_argument("--bag", action="store_true", help="2D people, and sound if any, also as a bag")
+    parser.add_argument(
+        "--tracks", action="store_true",
+        help="rendered scenes with timecode: as sound tracks of the videos, which are all that stamps them",
+    )  # fmt: skip
     parser.add_argument("--depth", action="store_true", help="rendered scenes: depth and person ids as PNG")
 
 
@@ -30,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("name a scene and a folder: panoptic simulate SCENE --out DIR (see --list)")
     take = write_take(
         args.scene, args.out, seed=args.seed, frames=args.frames, images=args.images, depth=args.depth,
-        bag=args.bag, on_camera=_progress,
+        bag=args.bag, tracks=args.tracks, on_camera=_progress,
     )  # fmt: skip
     size = f"{len(take.schedule.ticks)} frames, {len(take.rig)} cameras, {len(take.people)} people"
     print(f"{args.out}: {args.scene}, {size}")

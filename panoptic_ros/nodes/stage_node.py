@@ -52,7 +52,7 @@ class StageNode(Node):
     Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
     replay), `window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all stages
     that run in the graph (empty: those that this node needs); `marked`: whether nodes tell each other
-    places (replay, see `graph.host`); `shifts`: "camera or device=ns", see `graph.lanes.Lane` (replay);
+    places (replay, see `graph.host`); `shifts`: "camera or topic=ns", see `graph.lanes.Lane` (replay);
     inputs as in `nodes.inputs.InputChoice`.
 
     Args:

@@ -12,7 +12,7 @@ from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import BagStream
+from panoptic_ros.io.bag_streams import SOUND_KEY, BagStream
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.models import read_card
@@ -72,13 +72,18 @@ def plan_bags(
     every = [*streams, *depths, *(_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)]
     return options.complete(Plan(
         f"bag {names_of(bags)}", found, skeleton, clocks.configs,
-        streams=tuple(replace(s, shift_ns=clocks.shifts.get(s.camera, 0)) for s in every),
+        streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),
         shifts=clocks.shifts, stage=stage, depth_cameras=tuple(s.camera for s in depths), extras=extras,
         frame_count=sum(counts.values()), instants=max(counts.values()), frame_rate=rate,
         notices=(
             *(f"camera {name} of the rig is not in the bag" for name in absent), *unreadable, *clocks.notices
         ),
     ))  # fmt: skip
+
+
+def _shifted(stream: BagStream) -> str:
+    """Under which name a plan has the shift of a stream."""
+    return TOPICS[SOUND_KEY].of(stream.camera) if stream.key == SOUND_KEY else stream.camera
 
 
 def _begun(stream: BagStream, begins: Mapping[str, int]) -> BagStream:

@@ -8,8 +8,9 @@ from typing import Any
 from panoptic_ros.graph.build import switched_on
 from panoptic_ros.graph.flow import live_defaults
 from panoptic_ros.graph.nodes import SLOW, SOUND
-from panoptic_ros.graph.topics import given_inputs, ros_name
+from panoptic_ros.graph.topics import TOPICS, given_inputs, ros_name
 from panoptic_ros.graph.wiring import Wiring
+from panoptic_ros.io.bag_streams import SOUND_KEY
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
@@ -47,7 +48,8 @@ def write_launch_file(
         processes.setdefault(name, []).append(node)
     for i, sound in enumerate(plan.sounds):
         device = str(sound["device"])
-        node = {"kind": "sound", "sound": dict(sound), "parameters": plan_of_nodes.source(device)}
+        parameters = plan_of_nodes.source(TOPICS[SOUND_KEY].of(device))
+        node = {"kind": "sound", "sound": dict(sound), "parameters": parameters}
         few = len(plan.sounds) <= SOUND_PROCESSES
         name = f"sound-{ros_name(device)}" if few else f"sounds-{i % SOUND_PROCESSES}"
         processes.setdefault(name, []).append(node)
@@ -89,7 +91,7 @@ class _Nodes:
         self.common = {"flow": flow, "window": window}
 
     def source(self, owner: str) -> dict[str, Any]:
-        """Parameters of a camera or a device with sound."""
+        """Parameters of a camera, or of a device by the topic of its sound."""
         shifts = self._plan.shifts
         return {**self.common, **({"shift_ns": shifts[owner]} if owner in shifts else {})}
 

@@ -1,23 +1,24 @@
-"""Linear timecode in WAV files: decoded, made."""
+"""Linear timecode in WAV files and videos: decoded, made."""
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
+from panoptic_ros.capture.sound import read_sound
 from panoptic_ros.domain import FrameRate, Timecode, TimecodeReading
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.wav import read_wav, write_wav
+from panoptic_ros.io.wav import write_wav
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
 
 
 def decode_file(path: Path, channel: int = 0) -> tuple[int, list[TimecodeReading]]:
-    """Sample rate, Hz, and all readings of a channel of a WAV file.
+    """Sample rate, Hz, and all readings of a channel of a WAV file, or of the sound track of another one.
 
     Raises:
         UserError: if it cannot be read, or has no such channel.
     """
-    sample_rate, samples = read_wav(path, channel)
+    sample_rate, samples = read_sound(path, channel)
     return sample_rate, decode_recording(TimecodeConfig(), path.stem, sample_rate, samples)
 
 

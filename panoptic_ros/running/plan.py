@@ -20,8 +20,8 @@ class Plan:
         sources: of each camera, as `nodes.sources` takes them; empty for bags.
         streams: of bags, one per camera, and those of depth maps and sound.
         sounds: of devices that hear the clocks of cameras, as `capture.sound.open_sound` takes them.
-        shifts: by camera or device, ns: what is added to stamps so that all are roughly in master time, and
-            sound goes ahead.
+        shifts: by camera, and of sound by topic, ns: what is added to stamps so that all are roughly in
+            master time, and sound goes ahead.
         depth_cameras: whose images come with depth maps.
         stage: the first stage that is needed, detection or sync.
         extras: what detection and assembly need besides; empty if nothing.
@@ -59,7 +59,7 @@ class Plan:
         return (*(str(sound["device"]) for sound in self.sounds), *recorded)
 
     def at(self, owner: str, stamp_ns: int) -> int:
-        """Roughly the master time of a stamp of a camera or device."""
+        """Roughly the master time of a stamp of a camera, or of the sound on a topic."""
         return stamp_ns + self.shifts.get(owner, 0)
 
     def clock_of(self, owner: str) -> str:

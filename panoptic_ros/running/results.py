@@ -84,8 +84,9 @@ class Results:
             self._write(key, record, when, record.camera)
             self.views[record.camera].append(_without_maps(record))
         elif key == SOUND_KEY:
-            self._start(self._plan.at(record.device, record.stamp_ns))
-            self._write(key, record, self._plan.at(record.device, record.stamp_ns), record.device)
+            when = self._plan.at(TOPICS[key].of(record.device), record.stamp_ns)
+            self._start(when)
+            self._write(key, record, when, record.device)
         elif key == "skeletons":
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns)

@@ -37,6 +37,7 @@ def write_take(
     images: bool = False,
     depth: bool = False,
     bag: bool = False,
+    tracks: bool = False,
     on_camera: Callable[[str, int, int], None] = lambda camera, done, total: None,
 ) -> Simulation:
     """Simulate a scene and write rig, truth, and 2D people or, of rendered scenes, videos.
@@ -48,6 +49,7 @@ def write_take(
         images: PNG folders in place of videos.
         depth: also depth and person ids as PNG.
         bag: 2D people, and sound where there is any, also as a bag.
+        tracks: timecode as sound tracks of videos, in place of a WAV file and of stamps.
         on_camera: called with the name of a camera that is rendered, how many are, and of how many.
 
     Raises:
@@ -60,19 +62,23 @@ def write_take(
         raise UsageError(f"{name} has no images; scenes with images are {rendered}")
     if take.scene.rendered and bag:
         raise UsageError(f"{name} has images, and is written as a capture folder only; leave --bag out")
+    if tracks and (images or not (take.scene.rendered and take.scene.timing.generators)):
+        fitting = ", ".join(n for n, s in SCENES.items() if s.rendered and s.timing.generators)
+        raise UsageError(f"--tracks is for videos with timecode: {fitting}, without --images")
     with staged_folder(out) as folder:
         write_rig(folder / "rig.json", take.rig)
         if take.rig.occluders is not None:
             write_occluders(folder / OCCLUDERS, take.rig.occluders)
         write_json(folder / "truth.json.gz", take.truth_document())
-        if take.scene.timing.generators:
+        if take.scene.timing.generators and not tracks:
             _write_sound(folder, take)
         if take.clocks:
             _write_heard(folder, take)
         if take.scene.rendered:
             from panoptic_ros.running.simulated_images import write_capture  # numba is slow to load
 
-            for done, camera in enumerate(write_capture(folder, take, images, depth), start=1):
+            cameras = write_capture(folder, take, images=images, depth=depth, tracks=tracks)
+            for done, camera in enumerate(cameras, start=1):
                 on_camera(camera, done, len(take.rig))
         else:
             write_detections(folder / "detections.json.gz", SKELETON.joint_names, take.detection_sets())

@@ -3,25 +3,28 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from panoptic_ros.capture.sound import SOUND_NAMES
 from panoptic_ros.io.files import write_bytes
-from panoptic_ros.io.motion_jpeg import MotionJpegWriter
 from panoptic_ros.simulation import Simulation
+from panoptic_ros.simulation.generators import SAMPLE_RATE, Generator, filmed
 from panoptic_ros.simulation.rendering import Studio
-from panoptic_ros.view.video import write_image
+from panoptic_ros.view.pictures import write_image
+from panoptic_ros.view.video_file import FINE, Sound, VideoFile
 
 Array = np.ndarray
 MILLIMETRES = 1000.0
+LATE_S, LATES = 0.06, 3  # after the first picture sound begins, by steps
 
 
 class _Sink(Protocol):
-    def write(self, image: Array) -> None:
-        """Take the next image."""
+    def write(self, image: Array, number: int) -> None:
+        """Take the next image, which is the frame of that number."""
         ...
 
     def close(self) -> None:
@@ -33,21 +36,24 @@ class _ImageFolder:
     """Numbered PNG files."""
 
     def __init__(self, folder: Path):
-        self._folder, self._count = folder, 0
+        self._folder = folder
 
-    def write(self, image: Array) -> None:
-        write_image(self._folder / f"{self._count:06d}.png", image)
-        self._count += 1
+    def write(self, image: Array, number: int) -> None:
+        write_image(self._folder / f"{number:06d}.png", image)
 
     def close(self) -> None:
         """Nothing is open."""
 
 
-def write_capture(folder: Path, take: Simulation, images: bool, depth: bool) -> Iterator[str]:
+def write_capture(
+    folder: Path, take: Simulation, *, images: bool = False, depth: bool = False, tracks: bool = False
+) -> Iterator[str]:
     """Render every camera into `<camera>.mp4` or, with `images`, `<camera>/000000.png`, ...
 
-    Beside them timestamps.csv; with `depth` also `<camera>_depth/` (uint16 mm, 0 = beyond 65 m) and
-    `<camera>_people/` (uint8, 0 = room, k + 1 = person k). Yields a camera's name when it is done.
+    Beside them timestamps.csv, or with `tracks` sound.yaml: then the sound of the videos is timecode, of the
+    generator that the camera is locked to, and in the first camera of all generators. With `depth` also
+    `<camera>_depth/` (uint16 mm, 0 = beyond 65 m) and `<camera>_people/` (uint8, 0 = room, k + 1 = person k).
+    Yields a camera's name when it is done.
 
     Raises:
         EnvironmentProblem: if a file cannot be written.
@@ -58,9 +64,10 @@ def write_capture(folder: Path, take: Simulation, images: bool, depth: bool) -> 
         exposures, stamps = take.schedule.exposures[:, index], take.schedule.stamps[:, index]
         there = ~np.isnan(exposures)
         rows += [(name, number, take.stamp_ns(index, stamp)) for number, stamp in enumerate(stamps[there])]
-        sink = _sink(folder, name, take, index, images)
+        sink = _ImageFolder(folder / name) if images else _video(folder, take, index, tracks)
+        places = take.schedule.numbers(index) if tracks else np.arange(there.sum())
         for number, view in enumerate(studio.camera(name).render(exposures[there])):
-            sink.write(view.image)
+            sink.write(view.image, int(places[number]))
             if depth:
                 millimetres = np.rint(MILLIMETRES * view.depth)
                 far = millimetres > np.iinfo(np.uint16).max
@@ -69,17 +76,37 @@ def write_capture(folder: Path, take: Simulation, images: bool, depth: bool) -> 
                 write_image(folder / f"{name}_people" / file, view.people)
         sink.close()
         yield name
-    _write_stamps(folder / "timestamps.csv", rows)
+    if tracks:
+        names = [f"{name}.mp4: [{', '.join(g.clock for g in _heard(take, k))}]\n"
+                 for k, name in enumerate(take.rig.names)]  # fmt: skip
+        write_bytes(folder / SOUND_NAMES, "".join(names).encode())
+    else:
+        _write_stamps(folder / "timestamps.csv", rows)
 
 
-def _sink(folder: Path, name: str, take: Simulation, index: int, images: bool) -> _Sink:
-    if images:
-        return _ImageFolder(folder / name)
-    timing = take.scene.timing
+def _video(folder: Path, take: Simulation, index: int, tracks: bool) -> VideoFile:
+    """The video of a camera, with its sound or without."""
+    timing, camera = take.scene.timing, take.rig.cameras[index]
     nominal = [float(generator.frame_rate.exact) for generator in timing.generators]
     rates = nominal or timing.camera_rates or (timing.rate,)
-    rate = rates[index % len(rates)]
-    return MotionJpegWriter(folder / f"{name}.mp4", take.rig.cameras[index].image_size, rate)
+    rate, sound = rates[index % len(rates)], None
+    if tracks:
+        late = LATE_S * (index % LATES)
+        begin = float(np.nanmin(take.schedule.exposures[:, index])) + late
+        seconds = (int(take.schedule.numbers(index)[-1]) + 1) / rate - late
+        samples = filmed(_heard(take, index), _locked(take, index), begin, seconds)
+        sound = Sound(samples, SAMPLE_RATE, late)
+    return VideoFile(folder / f"{camera.name}.mp4", camera.image_size, rate, quality=FINE, sound=sound)
+
+
+def _locked(take: Simulation, index: int) -> Generator:
+    generators = take.scene.timing.generators
+    return generators[index % len(generators)]
+
+
+def _heard(take: Simulation, index: int) -> Sequence[Generator]:
+    """What the sound track of a camera carries."""
+    return [_locked(take, index)] if index else take.scene.timing.generators
 
 
 def _write_stamps(path: Path, rows: list[tuple[str, int, int]]) -> None:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.domain import AudioBlock, Rig
 from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_streams import SOUND_KEY
 from panoptic_ros.params import Config, config_of, named_words
 from panoptic_ros.params.named import ALL
 from panoptic_ros.running.hearing import Hearing, hear
@@ -19,6 +21,7 @@ from panoptic_ros.running.swapped import check_swapped
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.timecode.config import TimecodeConfig
 
+SAME_RATE = 1e-4  # 29.97 and 30 fps differ by 1e-3
 LEAD_NS = 5_000_000_000  # by which sound goes ahead of frames, so that these need not wait for its clocks
 
 
@@ -50,8 +53,8 @@ class ClockPlan:
     Args:
         configs: of all stages, which name them.
         recorders: devices whose sound is used, with the sample to begin with.
-        shifts: by camera or device, ns: what is added to stamps so that all are roughly in master time, and
-            sound goes ahead.
+        shifts: by camera, and of sound by topic, ns: what is added to stamps so that all are roughly in
+            master time, and sound goes ahead.
         notices: one line each.
     """
 
@@ -87,7 +90,8 @@ def plan_clocks(
     if any(recorder.blocks is None for recorder in used):
         return ClockPlan(configs, {r.device: 0 for r in used}, {})
     heard = hear(used, configs, set(clocks.values()))
-    _require_heard(clocks, heard, used)
+    _require_one_rate(heard)
+    _require_heard(clocks, heard, used, config_of(configs, ClocksConfig).master_clock)
     check_swapped(clocks, heard.words, stamps)
     notices = (*_unused([r for r in recorders if r not in used], rig), *_on_no_clock(rig, clocks))
     return ClockPlan(configs, heard.begins, _shifts(clocks, heard, stamps, rig), notices)
@@ -147,12 +151,42 @@ def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, Recorder])
             )
 
 
-def _require_heard(clocks: Mapping[str, str], heard: Hearing, used: Sequence[Recorder]) -> None:
+def _require_one_rate(heard: Hearing) -> None:
+    """A timecode that two recorders hear at different rates is not the same one."""
+    rates: dict[str, tuple[str, float]] = {}
+    for (device, clock), word in heard.words.items():
+        rate = float(word.timecode.rate.exact)
+        other, before = rates.setdefault(clock, (device, rate))
+        if clock and abs(rate - before) > SAME_RATE * rate:
+            raise DataError(
+                f"clock {clock} is heard as {before:.5g} fps by {other} and as {rate:.5g} fps by {device}: "
+                "are channels swapped? Mend sound.yaml"
+            )
+
+
+def _require_heard(
+    clocks: Mapping[str, str], heard: Hearing, used: Sequence[Recorder], master: str
+) -> None:
     for clock in dict.fromkeys(clocks.values()):
         if clock not in heard.models:
             cameras = ", ".join(camera for camera, own in clocks.items() if own == clock)
             what = _what_was_heard(heard, used) + (f" ({heard.notices[0]})" if heard.notices else "")
+            lone = _apart(clock, heard, used, master)
+            if lone:
+                what += f"; nobody hears {lone} and {master} together"
             raise DataError(f"nothing tells of clock {clock}, which stamps {cameras}: {what}")
+
+
+def _apart(clock: str, heard: Hearing, used: Sequence[Recorder], master: str) -> str:
+    """The timecode that tells of a clock and is heard, but has no connection to the master."""
+    connected, before = {master}, set[str]()
+    while connected != before:
+        before = set(connected)
+        for recorder in used:
+            connected |= set(recorder.named) if connected & set(recorder.named) else set()
+    carried = {own for _, own in heard.words}
+    of_clock = {own for r in used if clock in (r.device, *r.named) for own in r.named}
+    return ", ".join(sorted((of_clock & carried) - connected))
 
 
 def _what_was_heard(heard: Hearing, used: Sequence[Recorder]) -> str:
@@ -168,14 +202,14 @@ def _what_was_heard(heard: Hearing, used: Sequence[Recorder]) -> str:
 def _shifts(
     clocks: Mapping[str, str], heard: Hearing, stamps: Mapping[str, Sequence[int]], rig: Rig
 ) -> dict[str, int]:
-    """By camera and device; sound begins before the first frames, also where it began later."""
+    """By camera, and of sound by topic; sound begins before the first frames, also where it began later."""
     cameras = {name: heard.models[clocks[name]].offset_ns if name in clocks else 0 for name in rig.names}
     firsts = [stamps[name][0] + shift for name, shift in cameras.items() if stamps.get(name)]
     devices = {}
     for device, first in heard.firsts.items():
         shift = heard.models[device].offset_ns if device in heard.models else 0
         late = max(0, first + shift - min(firsts)) if firsts else 0
-        devices[device] = shift - late - LEAD_NS
+        devices[TOPICS[SOUND_KEY].of(device)] = shift - late - LEAD_NS
     return cameras | devices
 
 

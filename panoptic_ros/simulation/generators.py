@@ -59,24 +59,44 @@ class Generator:
     def _speed(self) -> float:
         return 1.0 + 1e-6 * self.drift_ppm
 
-    def sound(self, seconds: float) -> Array:
-        """What a recorder hears (N,), from before the take to after its last second."""
-        count = ceil((-EARLY_S - self.begin_s) * self.true_rate)
-        label = Timecode.from_frame_count(self.first + count, self.frame_rate)
-        begin = self.begin_s + count / self.true_rate
-        length = int((EARLY_S + seconds + LATE_S) * SAMPLE_RATE)
+    def sound(self, begin_s: float, count: int, samples_per_s: float, seed: int) -> Array:
+        """What a recorder hears of it (N,).
+
+        Args:
+            begin_s: true s, of the first sample. count: of samples.
+            samples_per_s: per true second, of a recorder that says `SAMPLE_RATE`.
+            seed: of the noise.
+        """
+        number = ceil((begin_s - self.begin_s) * self.true_rate)
+        label = Timecode.from_frame_count(self.first + number, self.frame_rate)
+        first = self.begin_s + number / self.true_rate
         signal = encode_ltc(
-            label, int((EARLY_S + seconds + LATE_S) * self.true_rate) + 1, SAMPLE_RATE,
-            lead=(begin + EARLY_S) * SAMPLE_RATE * CRYSTAL, speed=self._speed / CRYSTAL,
+            label, int(count / samples_per_s * self.true_rate) + 1, SAMPLE_RATE,
+            lead=(first - begin_s) * samples_per_s, speed=self._speed * SAMPLE_RATE / samples_per_s,
         )  # fmt: skip
-        samples = np.zeros(length, np.float32)
-        samples[: len(signal.samples)] = signal.samples[:length]
-        return degrade_audio(samples, SAMPLE_RATE, AudioFaults(snr_db=NOISE_DB, seed=self.first))
+        samples = np.zeros(count, np.float32)
+        samples[: len(signal.samples)] = signal.samples[:count]
+        return degrade_audio(samples, SAMPLE_RATE, AudioFaults(snr_db=NOISE_DB, seed=seed))
 
 
 def recorded(generators: Sequence[Generator], seconds: float) -> Array:
-    """What one recorder hears of all, each on a channel (N, C)."""
-    return np.stack([generator.sound(seconds) for generator in generators], axis=1)
+    """What one recorder hears of all, each on a channel (N, C), from before to after a take."""
+    count, rate = int((EARLY_S + seconds + LATE_S) * SAMPLE_RATE), SAMPLE_RATE * CRYSTAL
+    heard = [generator.sound(-EARLY_S, count, rate, generator.first) for generator in generators]
+    return np.stack(heard, axis=1)
+
+
+def filmed(generators: Sequence[Generator], locked: Generator, begin_s: float, seconds: float) -> Array:
+    """The sound track (N, C) of a camera that takes pictures and samples by a generator.
+
+    Args:
+        generators: on its channels. locked: the generator.
+        begin_s: true s, of the first sample. seconds: on the camera's clock.
+    """
+    count = int(seconds * SAMPLE_RATE)
+    rate = SAMPLE_RATE * locked.true_rate / float(locked.frame_rate.exact)
+    seed = round(1000 * begin_s) + 1000
+    return np.stack([one.sound(begin_s, count, rate, seed + one.first) for one in generators], axis=1)
 
 
 def recorded_blocks(generators: Sequence[Generator], seconds: float) -> list[AudioBlock]:

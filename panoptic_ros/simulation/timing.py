@@ -49,11 +49,20 @@ class Schedule:
     ticks: (F,) instants of the sets and of the truth.
     exposures: (F, C) when each camera exposed, NaN = no image in this set.
     stamps: (F, C) when it says that it did.
+    rates: (C,) frames per second.
     """
 
     ticks: Array
     exposures: Array
     stamps: Array
+    rates: Array
+
+    def numbers(self, camera: int) -> Array:
+        """(N,) int: of a camera's exposures, in its frame periods since the first; lost ones are left out."""
+        exposures = self.exposures[:, camera]
+        there = exposures[~np.isnan(exposures)]
+        numbers: Array = np.rint((there - there[0]) * self.rates[camera]).astype(int)
+        return numbers
 
 
 def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int) -> Schedule:
@@ -79,7 +88,7 @@ def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int
         exposures[groups[inside], camera] = times[first[inside]]
     exposures[losses.random((frames, cameras)) < timing.drop] = np.nan
     stamps = exposures + timing.stamp_jitter * noise.standard_normal((frames, cameras))
-    return Schedule(np.arange(frames) / timing.rate, exposures, stamps)
+    return Schedule(np.arange(frames) / timing.rate, exposures, stamps, rates)
 
 
 @dataclass(frozen=True)

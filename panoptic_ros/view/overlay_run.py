@@ -12,7 +12,8 @@ from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, TrackedPoseSet, ViewFrame
 from panoptic_ros.view.mosaic import Mosaic
 from panoptic_ros.view.overlay import draw_view
-from panoptic_ros.view.video import OverlayVideo, Stills
+from panoptic_ros.view.pictures import Stills
+from panoptic_ros.view.video_file import VideoFile
 
 Array = np.ndarray
 VIDEO_RATE_LIMIT = 60.0  # Hz; players have trouble beyond
@@ -63,7 +64,7 @@ def write_overlays(
         for reader in readers.values():
             stack.callback(reader.close)
         path = Path(folder) / "overlay.mp4"
-        video = stack.enter_context(OverlayVideo(path, mosaic.size, _rate(detections)))
+        video = stack.enter_context(VideoFile(path, mosaic.size, _rate(detections)))
         for done, found in enumerate(detections, start=1):
             images = _views(rig, skeleton, mosaic, readers, found, by_index, show_detections)
             picture = mosaic.compose(images, f"{(found.stamp_ns - first) / 1e9:.2f} s")

@@ -9,7 +9,7 @@ from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.view.video import write_image
+from panoptic_ros.view.pictures import write_image
 
 K = Intrinsics(np.array([[10.0, 0, 4], [0, 10, 3], [0, 0, 1]]), np.zeros(5))
 KINDS = {"00_00": "hd", "00_01": "hd", "01_01": "vga", "50_02": "kinect-color"}

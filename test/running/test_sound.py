@@ -19,7 +19,7 @@ from panoptic_ros.running.planning import plan_capture
 from panoptic_ros.running.run import run
 from panoptic_ros.running.simulate import write_take
 from panoptic_ros.simulation import SKELETON
-from panoptic_ros.view.video import write_image
+from panoptic_ros.view.pictures import write_image
 
 FRAMES = 45
 SECOND = 10**9
@@ -211,7 +211,7 @@ def test_a_late_timecode_is_waited_for_and_its_silence_left_out(folder):
     plan = plan_capture(folder)
     (sound,) = plan.sounds
     assert 3 * rate < sound["from_sample"] <= 4 * rate
-    assert plan.shifts["timecode"] < 36_000 * SECOND - 9 * SECOND  # still before the first frames
+    assert plan.shifts["timecode/audio"] < 36_000 * SECOND - 9 * SECOND  # still before the first frames
 
 
 def test_stamps_of_the_recording_are_those_of_the_folder(folder):
@@ -219,7 +219,7 @@ def test_stamps_of_the_recording_are_those_of_the_folder(folder):
     stamps = "".join(f"\ntimecode,{k * 4800},{77 * SECOND + k * 100_000_000}" for k in range(20))
     (folder / "timestamps.csv").write_text(rows + stamps)
     plan = plan_capture(folder)
-    assert plan.shifts["timecode"] == pytest.approx((36_000 - 1.5 - 77 - 5) * SECOND, abs=1e6)
+    assert plan.shifts["timecode/audio"] == pytest.approx((36_000 - 1.5 - 77 - 5) * SECOND, abs=1e6)
     (folder / "timestamps.csv").write_text(rows + "\ntimecode,0,1\ntimecode,1,2\ntimecode,2,3")
     with pytest.raises(DataError, match="of sound, a frame is the index of the first sample of a block"):
         plan_capture(folder)

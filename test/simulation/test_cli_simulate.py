@@ -11,6 +11,7 @@ import pytest
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.plain_formats import read_detections, read_skeletons
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.running.ltc import decode_file
 from panoptic_ros.simulation import SCENES, Lens, Ring
 
 TINY = replace(
@@ -45,6 +46,22 @@ def test_a_rendered_scene_becomes_a_capture_folder(tmp_path, tiny_scene):
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3 and video.read()[1].shape == (72, 96, 3)
     rows = (tmp_path / "timestamps.csv").read_text().splitlines()
     assert rows[:2] == ["camera,frame,stamp_ns", "cam00,0,1000000000"] and len(rows) == 7
+
+
+def test_sound_tracks_in_place_of_stamps(tmp_path, monkeypatch):
+    scene = replace(SCENES["rendered-clocks-2p4v"], rig=TINY.rig, frames=40)
+    monkeypatch.setitem(SCENES, "tiny", scene)
+    assert main(["simulate", "tiny", "--tracks", "--out", str(tmp_path)]) == 0
+    names = {p.name for p in tmp_path.iterdir()}
+    assert names == {"rig.json", "truth.json.gz", "sound.yaml", "cam00.mp4", "cam01.mp4"}
+    assert (tmp_path / "sound.yaml").read_text() == "cam00.mp4: [A, B]\ncam01.mp4: [B]\n"
+    labels = []
+    for name, channel, rate in (("cam00", 0, 25), ("cam00", 1, 30 / 1.001), ("cam01", 0, 30 / 1.001)):
+        sampled, words = decode_file(tmp_path / f"{name}.mp4", channel)
+        starts = [word.start_sample * rate / sampled for word in words]
+        assert len(words) > 25 and np.allclose(np.diff(starts), 1.0, atol=2e-3)
+        labels.append(str(words[0].timecode))
+    assert labels == ["10:00:00:00", "11:00:17:04", "11:00:17:06"]
 
 
 def test_images_and_depth(tmp_path, tiny_scene):

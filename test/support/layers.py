@@ -29,10 +29,10 @@ THIRD_PARTY: dict[str, set[str]] = {
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
     "capture": {"numpy", "cv2", "av"},
-    "view": {"numpy", "cv2", "matplotlib", "mpl_toolkits"},
+    "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits"},
     "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
-    "running": {"numpy", "cv2", "onnxruntime", "rclpy"},  # those of the doctor among them
+    "running": {"numpy", "cv2", "av", "onnxruntime", "rclpy"},  # those of the doctor among them
     "cli": set(),
 }
 THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in backends/

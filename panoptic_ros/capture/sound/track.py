@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -13,6 +14,7 @@ from av.audio.stream import AudioStream
 
 from panoptic_ros.capture.movie import open_media, reason, rounding
 from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.io.wav import read_wav
 
 Array = np.ndarray
 GAP_S = Fraction(1, 50)  # between samples that do not follow each other; clocks of recorders jitter by less
@@ -149,6 +151,25 @@ def _samples(frame: AudioFrame) -> Array:
     if stored.dtype.kind == "i":
         return (stored / 2.0 ** (8 * stored.itemsize - 1)).astype(np.float32)
     return np.ascontiguousarray(stored, np.float32)
+
+
+def has_sound(path: Path) -> bool:
+    """Whether a file has a sound track.
+
+    Raises:
+        DataError: if it cannot be opened.
+    """
+    with closing(open_media(path, str(path))) as container:
+        return bool(container.streams.audio)
+
+
+def read_sound(path: Path, channel: int = 0) -> tuple[int, Array]:
+    """Sample rate, Hz, and the samples (N,) float32 of one channel of a WAV file or a sound track.
+
+    Raises:
+        DataError, UsageError: as `read_wav` and `read_track`.
+    """
+    return read_wav(path, channel) if path.suffix.lower() == ".wav" else read_track(path, channel)
 
 
 def read_track(path: Path, channel: int = 0) -> tuple[int, Array]:

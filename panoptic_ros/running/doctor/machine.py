@@ -68,27 +68,26 @@ def check_model() -> Finding:
 
 
 def check_video() -> Finding:
-    """Whether OpenCV writes a video and reads it back."""
-    import cv2
+    """Whether a video can be written and read back."""
+    import av
     import numpy as np
+
+    from panoptic_ros.capture import VideoSource
+    from panoptic_ros.view.video_file import VideoFile, codec
 
     count, height, width = 5, 48, 64
     with tempfile.TemporaryDirectory() as folder:
-        path = str(Path(folder) / "check.mp4")
-        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (width, height))
-        for index in range(count):
-            writer.write(np.full((height, width, 3), 40 * index, np.uint8))
-        writer.release()
-        reader = cv2.VideoCapture(path)
-        levels = []
-        while (frame := reader.read()[1]) is not None:
-            levels.append(float(frame.mean()))
-        reader.release()
+        path = Path(folder) / "check.mp4"
+        with VideoFile(path, (width, height), 25.0) as video:
+            for index in range(count):
+                video.write(np.full((height, width, 3), 40 * index, np.uint8))
+        with VideoSource("check", path) as source:
+            levels = [float(frame.image.mean()) for frame in source]
     if len(levels) == count and np.allclose(levels, 40 * np.arange(count), atol=8):
-        return ok("mp4 written and read back")
+        return ok(f"mp4 ({codec()}) written and read back")
     return fail(
-        f"OpenCV {cv2.__version__} read {len(levels)} of {count} frames of its own mp4",
-        "python -m pip install --force-reinstall opencv-python-headless",
+        f"PyAV {av.__version__} read {len(levels)} of {count} frames of its own mp4",
+        "python -m pip install --force-reinstall av",
     )
 
 

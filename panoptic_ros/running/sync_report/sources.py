@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
+from panoptic_ros.capture import VIDEO_SUFFIXES
+from panoptic_ros.capture.sound import has_sound, read_sound
 from panoptic_ros.domain import TimecodeReading
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.stamps import StampTable, read_stamps
 from panoptic_ros.io.synctables import read_synctables
-from panoptic_ros.io.wav import read_wav
 from panoptic_ros.stage import Notice, StepResult
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
 
@@ -23,7 +24,7 @@ FRAMES = {  # types of messages that stand for frames, the best first
     "sensor_msgs/msg/CompressedImage": "/image_raw/compressed",
     "sensor_msgs/msg/CameraInfo": "/camera_info",
 }
-CHANNELS = 2  # of a WAV file, that are searched for timecode
+CHANNELS = 2  # of a recording, that are searched for timecode
 
 
 @dataclass
@@ -33,7 +34,7 @@ class Sources:
     Args:
         cameras: stamps by camera.
         readings: of all devices, in the order of recording.
-        recordings: readings by WAV file and channel, which share their sample index.
+        recordings: readings by file and channel, which share their sample index.
         gaps: where sound is missing.
     """
 
@@ -66,7 +67,7 @@ def collect(path: Path) -> Sources:
     if not sources.cameras and not sources.readings:
         raise DataError(
             f"{path} has no stamps of frames and no timecode; a report needs timestamps.csv (camera, frame, "
-            "stamp_ns), sync tables, a WAV file with timecode, or a bag with images, detections or audio"
+            "stamp_ns), sync tables, a WAV file or video with timecode, or a bag with images, detections or audio"
         )
     return sources
 
@@ -79,18 +80,18 @@ def _read_file(path: Path, sources: Sources, strict: bool) -> None:
             stamps, _ = stream.stamps()
             if stamps:
                 sources.cameras[name] = StampTable(stamps)
-    elif path.suffix.lower() == ".wav":
-        _read_wav(path, sources)
+    elif path.suffix.lower() == ".wav" or (path.suffix.lower() in VIDEO_SUFFIXES and has_sound(path)):
+        _read_sound(path, sources)
     elif strict:
-        raise DataError(f"{path} is no CSV of stamps, sync table, WAV file or bag")
+        raise DataError(f"{path} is no CSV of stamps, sync table, WAV file, video with sound or bag")
 
 
-def _read_wav(path: Path, sources: Sources) -> None:
+def _read_sound(path: Path, sources: Sources) -> None:
     """Timecode of each channel; the recorder's clock is its count of samples."""
     channels: list[list[TimecodeReading]] = []
     for channel in range(CHANNELS):
         try:
-            rate, samples = read_wav(path, channel)
+            rate, samples = read_sound(path, channel)
         except UsageError:  # there is no such channel
             if not channel:
                 raise
