@@ -12,7 +12,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the action."""
     parser.add_argument(
         "source", type=Path, metavar="BAG|CAPTURE_DIR",
-        help="a bag, a capture folder, or a file: timestamps.csv, sync tables, or a WAV file or video with timecode",
+        help="a bag, a capture folder, or a file: timestamps.csv, sync tables, WAV or video with timecode",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
     parser.add_argument("--out", type=Path, metavar="DIR", help="write sync_report.json and sync.png there")

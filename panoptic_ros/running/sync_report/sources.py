@@ -67,7 +67,7 @@ def collect(path: Path) -> Sources:
     if not sources.cameras and not sources.readings:
         raise DataError(
             f"{path} has no stamps of frames and no timecode; a report needs timestamps.csv (camera, frame, "
-            "stamp_ns), sync tables, a WAV file or video with timecode, or a bag with images, detections or audio"
+            "stamp_ns), sync tables, WAV file or video with timecode, or bag with images, detections or audio"
         )
     return sources
 
