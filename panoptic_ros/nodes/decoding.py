@@ -12,16 +12,19 @@ from panoptic_ros.nodes.audio_common import AudioDataReader
 Decoder = Callable[[Any, int], Any]  # (message, how many came before it): the record
 
 
-def decoder_of(topic: str, owner: str, audio_rate: int, audio_channels: int) -> Decoder:
+def decoder_of(
+    topic: str, owner: str, audio_rate: int, audio_channels: int, encoding: str = ""
+) -> Decoder:
     """What makes records of the messages of a topic of a camera or device.
 
     Args:
         topic: key of `TOPICS`.
         audio_rate, audio_channels: of messages that do not tell, Hz.
+        encoding: of raw images, in place of what their messages say.
     """
     record = TOPICS[topic].record
     if record == "ViewFrame":
-        return lambda message, number: frame_from_message(message, owner, number)
+        return lambda message, number: frame_from_message(message, owner, number, encoding)
     if record == "DepthFrame":
         return lambda message, number: depth_frame_from_message(message, owner, number)
     if topic == "audio_common":

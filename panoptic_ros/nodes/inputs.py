@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -18,12 +18,27 @@ from panoptic_ros.io.messages import stamp_of
 from panoptic_ros.nodes.audio_common import audio_common_class
 from panoptic_ros.nodes.decoding import Decoder, decoder_of
 from panoptic_ros.nodes.family import message_class
+from panoptic_ros.nodes.negotiation import Negotiated
 from panoptic_ros.nodes.quality import CLOCKS, data_quality
+from panoptic_ros.params import named_words
+from panoptic_ros.stage import Notice
 
 ALL = "*"
 MOST_MISSING = 3600  # records: minutes of a camera
-Receive = Callable[["Input", str, int, Any], None]  # input, key of a queue, stamp, message
-Refuse = Callable[["Input", DataError], None]
+
+
+class Takers(NamedTuple):
+    """Who takes what comes of an input.
+
+    Args:
+        receive: (input, key of a queue, stamp, message).
+        refuse: told of messages without a stamp that could be one.
+        tell: about publishers that do not fit.
+    """
+
+    receive: Callable[[Input, str, int, Any], None]
+    refuse: Callable[[Input, DataError], None]
+    tell: Callable[[Input, Notice], None]
 
 
 @dataclass
@@ -62,13 +77,16 @@ class InputChoice:
 
     Parameters, each a list of names: `inputs.<topic>` for every port of cameras or devices that is
     optional: who has it; `inputs.<variant>` for every other message that a port can take: whose records
-    come so ("*": all). `devices`: audio devices. `audio_rate` and `audio_channels`: of audio_common_msgs,
-    which do not tell.
+    come so ("*": all). `topics`: "<topic> <owner>=<name>" where a driver calls it otherwise. `encodings`:
+    "<camera>=<encoding>" of raw images whose driver says something else. `devices`: audio devices.
+    `audio_rate` and `audio_channels`: of audio_common_msgs, which do not tell.
     """
 
     def __init__(self, node: Node, ports: Sequence[Port]):
         self._node, self._ports = node, ports
         self._devices = self._names("devices")
+        self._renamed = named_words("topics", self._names("topics"))
+        self._encodings = named_words("encodings", self._names("encodings"))
         self._optional = {
             port.topic: self._names(f"inputs.{port.topic}") for port in ports
             if port.optional and TOPICS[port.topic].scope != "graph"
@@ -113,30 +131,28 @@ class InputChoice:
         if "audio_common" in variants(topic) and audio_common_class() is not None:
             yield "audio_common"
 
+    def name(self, carrier: str, owner: str) -> str:
+        """What the topic is called."""
+        return self._renamed.get(f"{carrier} {owner}".strip(), TOPICS[carrier].of(owner))
+
     def decoder(self, carrier: str, owner: str) -> Decoder:
         """See `nodes.decoding`."""
-        return decoder_of(carrier, owner, *self._sound)
+        return decoder_of(carrier, owner, *self._sound, self._encodings.get(owner, ""))
 
 
 def subscribe(
-    node: Node, choice: InputChoice, topic: str, owner: str, flow: Flow,
-    receive: Receive, refuse: Refuse,
-) -> list[Input]:  # fmt: skip
-    """Subscribe to a topic of a camera or device.
-
-    Args:
-        refuse: told of messages without a stamp that could be one.
-    """
+    node: Node, choice: InputChoice, topic: str, owner: str, flow: Flow, takers: Takers
+) -> list[Input]:
+    """Subscribe to a topic of a camera or device."""
     return [
-        _subscribe(node, choice, topic, carrier, owner, flow, receive, refuse)
+        _subscribe(node, choice, topic, carrier, owner, flow, takers)
         for carrier in choice.carriers(topic, owner)
     ]
 
 
 def _subscribe(
-    node: Node, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow,
-    receive: Receive, refuse: Refuse,
-) -> Input:  # fmt: skip
+    node: Node, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow, takers: Takers
+) -> Input:
     row = TOPICS[carrier]
     quality = (
         CLOCKS
@@ -150,10 +166,13 @@ def _subscribe(
         try:
             stamp_ns = stamp_of(message.header)
         except DataError as error:
-            refuse(found, error)
+            takers.refuse(found, error)
             return
-        receive(found, queue, stamp_ns, message)
+        takers.receive(found, queue, stamp_ns, message)
 
-    subscription = node.create_subscription(message_class(row.message), row.of(owner), take, quality)
+    subscription = Negotiated(
+        node, message_class(row.message), choice.name(carrier, owner), take, quality,
+        gives_way=flow.name == "live" and not row.latched, tell=lambda notice: takers.tell(found, notice),
+    )  # fmt: skip
     found = Input(topic, carrier, owner, subscription.topic_name, choice.decoder(carrier, owner))
     return found

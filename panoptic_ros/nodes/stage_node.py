@@ -26,7 +26,7 @@ from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.nodes.compilation import compilation_told
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.facts import Facts
-from panoptic_ros.nodes.inputs import Input, InputChoice, subscribe
+from panoptic_ros.nodes.inputs import Input, InputChoice, Takers, subscribe
 from panoptic_ros.nodes.notice_log import NoticeLog
 from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.parameters import declare_config
@@ -171,11 +171,9 @@ class StageNode(Node):
             ports = [port for port in pipeline.wiring.inputs if port.patience_ns]
             self._companions = Companions(ports, present)
         self._worker.start(self._queue(present))
+        takers = Takers(self._receive, self._refuse_input, self._tell_of_input)
         for topic, owner in present:
-            found = subscribe(
-                self, self._choice, topic, owner, self._flow, self._receive, self._refuse_input
-            )
-            for entry in found:
+            for entry in subscribe(self, self._choice, topic, owner, self._flow, takers):
                 self._inputs[entry.name] = entry
                 if self._is_waited_for(topic) and entry.carrier != "audio_common":
                     self._ends.watch(entry.name)
@@ -288,6 +286,9 @@ class StageNode(Node):
 
     def _refuse_input(self, entry: Input, error: PanopticError) -> None:
         self._refuse(self._taker(entry.topic), error)
+
+    def _tell_of_input(self, entry: Input, notice: Notice) -> None:
+        self._tell(self._taker(entry.topic), notice)
 
     def _refuse_message(self, error: PanopticError) -> None:
         self._refuse(next(iter(self._statistics)), error)

@@ -123,8 +123,16 @@ class _Nodes:
 def _inputs_of_detection(plan: Plan, cameras: list[str], jpeg: bool) -> dict[str, list[str]]:
     """Which messages come, by parameter of the node."""
     packed = {stream.camera for stream in plan.streams if stream.key == "compressed_depth"}
+    packed |= set(plan.topics.get("compressed_depth", ()))
     compressed = {stream.camera for stream in plan.streams if stream.key == "compressed_image"}
-    return given_inputs({
+    compressed |= set(plan.topics.get("compressed_image", ()))
+    renamed = [
+        f"{key} {camera}={name}"
+        for key, names in plan.topics.items() for camera, name in names.items() if camera in cameras
+    ]  # fmt: skip
+    encodings = [f"{camera}={name}" for camera, name in plan.encodings.items() if camera in cameras]
+    others = {key: values for key, values in (("topics", renamed), ("encodings", encodings)) if values}
+    return others | given_inputs({
         "depth": [c for c in cameras if c in plan.depth_cameras],
         "compressed_depth": [c for c in cameras if c in packed],
         "compressed_image": [c for c in cameras if jpeg or c in compressed],

@@ -17,11 +17,13 @@ class Plan:
     """A run, before anything has started.
 
     Args:
-        sources: of each camera, as `nodes.sources` takes them; empty for bags.
+        sources: of each camera, as `nodes.sources` takes them; empty for bags and running drivers.
         streams: of bags, one per camera, and those of depth maps and sound.
         sounds: of devices that hear the clocks of cameras, as `capture.sound.open_sound` takes them.
         shifts: by camera, and of sound by topic, ns: what is added to stamps so that all are roughly in
             master time, and sound goes ahead.
+        topics: of running drivers, by key of `graph.topics.TOPICS` and camera.
+        encodings: by camera, of raw images whose driver says something else.
         depth_cameras: whose images come with depth maps.
         stage: the first stage that is needed, detection or sync.
         extras: what detection and assembly need besides; empty if nothing.
@@ -38,6 +40,8 @@ class Plan:
     streams: tuple[BagStream, ...] = ()
     sounds: tuple[Mapping[str, Any], ...] = ()
     shifts: Mapping[str, int] = field(default_factory=dict)
+    topics: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    encodings: Mapping[str, str] = field(default_factory=dict)
     depth_cameras: tuple[str, ...] = ()
     stage: str = "detection"
     extras: Mapping[str, Any] = field(default_factory=dict)

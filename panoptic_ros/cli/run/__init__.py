@@ -31,6 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="a video or a folder of images")  # fmt: skip
     parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",
                         help="V4L2 device or RTSP/HTTP address")  # fmt: skip
+    parser.add_argument("--topics", type=Path, metavar="FILE",
+                        help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}")
     parser.add_argument("--microphone", action="append", default=[], metavar="NAME=DEVICE",
                         help="with --device: an input that hears timecode, as PortAudio calls it, e.g. "
                         "mic=hw:1, or a WAV file that is played")  # fmt: skip

@@ -29,6 +29,10 @@ def make_plan(args: argparse.Namespace) -> Plan:
     )  # fmt: skip
     if args.bag:
         return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args))
+    if args.topics:
+        from panoptic_ros.running.driver_plan import plan_drivers  # needs ROS
+
+        return plan_drivers(args.topics, args.rig, options)
     rate = args.frame_rate
     if args.device:
         devices = pairs(args.device, "--device")

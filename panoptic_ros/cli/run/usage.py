@@ -20,7 +20,10 @@ _MEANS_SOMETHING_FOR = {
     "size_policy": _FILES,
     "topic": ("bag",),
 }
-_SHOWN = {"capture": "a capture folder", **{name: f"--{name}" for name in ("bag", "video", "device", "demo")}}
+_SHOWN = {
+    "capture": "a capture folder",
+    **{name: f"--{name}" for name in ("bag", "video", "device", "topics", "demo")},
+}
 
 
 def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
@@ -33,7 +36,8 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
     if len(given) != 1:
         raise UsageError(
             "give one of: a capture folder, --bag BAG, --rig R --video CAMERA=FILE ..., "
-            f"--rig R --device CAMERA=DEVICE ..., --demo; found {', '.join(given) or 'none'}"
+            "--rig R --device CAMERA=DEVICE ..., --rig R --topics FILE, --demo; found "
+            f"{', '.join(given) or 'none'}"
         )
     for option, sources in _MEANS_SOMETHING_FOR.items():
         if getattr(args, option) != getattr(defaults, option) and given[0] not in sources:
@@ -41,7 +45,7 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
                 f"--{option.replace('_', '-')} has no meaning with {_SHOWN[given[0]]}, only with "
                 f"{', '.join(_SHOWN[name] for name in sources)}"
             )
-    if given[0] in ("video", "device") and not args.rig:
+    if given[0] in ("video", "device", "topics") and not args.rig:
         raise UsageError(f"--{given[0]} needs --rig, the calibration of the cameras")
     for option in ("jpeg", "node_per_stage"):
         if getattr(args, option) and args.in_process:

@@ -9,10 +9,13 @@ import numpy as np
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
+from panoptic_ros.io.messages.rvl import decode_rvl
 
 Array = np.ndarray
 _KINDS = {"16UC1": np.uint16, "32FC1": np.float32}
 _KNOWN = "16UC1 (mm), 32FC1 (m)"
+_SIZE = struct.Struct("<II")  # of RVL
+MOST_PIXELS = 2**26
 _HEADER = struct.Struct("<iff")  # how it was compressed, and the numbers a, b of inverse depths
 
 
@@ -21,10 +24,10 @@ def depth_from_message(message: Any, camera: str) -> Array:
 
     Args:
         message: Image of encoding 16UC1 (mm) or 32FC1 (m), or CompressedImage of one of them whose format
-            is "ENCODING; compressedDepth png".
+            is "ENCODING; compressedDepth png" or "ENCODING; compressedDepth rvl".
 
     Raises:
-        DataError: on another encoding, a wrong length, or a broken PNG.
+        DataError: on another encoding, a wrong length, or broken data.
     """
     what = f"depth map of camera {camera}"
     unpack = _decompressed if hasattr(message, "format") else _unpacked
@@ -41,22 +44,41 @@ def _unpacked(message: Any, what: str) -> Array:
 
 
 def _decompressed(message: Any, what: str) -> Array:
-    """A header, then a PNG of 16 bits: the millimetres themselves, or v = a / metres + b, 0 = unknown."""
+    """A header, then 16 bits a pixel as PNG or RVL: the millimetres themselves, or v = a / metres + b, 0 =
+    unknown.
+    """
     encoding, _, how = (part.strip() for part in str(message.format).partition(";"))
-    if encoding not in _KINDS or how not in ("compressedDepth", "compressedDepth png"):
+    if encoding not in _KINDS or how not in ("compressedDepth", "compressedDepth png", "compressedDepth rvl"):
         raise DataError(
-            f"{what} has format {str(message.format)!r}; supported: compressedDepth png of {_KNOWN}"
+            f"{what} has format {str(message.format)!r}; supported: compressedDepth png and rvl of {_KNOWN}"
         )
     data = byte_array(message)
-    levels = cv2.imdecode(data[_HEADER.size :], cv2.IMREAD_UNCHANGED) if data.size > _HEADER.size else None
-    if levels is None or levels.dtype != np.uint16 or levels.ndim != 2:
-        raise DataError(f"{what}: no PNG of 16 bits in its {data.size} bytes ({message.format})")
+    packed = data[_HEADER.size :]
+    levels = _levels_of_rvl(packed, what) if how.endswith("rvl") else _levels_of_png(packed, what)
     if encoding == "16UC1":
         return _metres(levels, encoding)
     _, scale, shift = _HEADER.unpack_from(data.tobytes()[: _HEADER.size])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         metres = np.float32(scale) / (levels.astype(np.float32) - np.float32(shift))
     return np.where(levels > 0, metres, np.float32(np.nan))
+
+
+def _levels_of_png(data: Array, what: str) -> Array:
+    levels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    if levels is None or levels.dtype != np.uint16 or levels.ndim != 2:
+        raise DataError(f"{what}: no PNG of 16 bits in its {data.size} bytes")
+    return levels
+
+
+def _levels_of_rvl(data: Array, what: str) -> Array:
+    """Columns and rows, then the stream."""
+    if data.size < _SIZE.size:
+        raise DataError(f"{what}: no RVL in its {data.size} bytes")
+    columns, rows = _SIZE.unpack_from(data.tobytes()[: _SIZE.size])
+    if not 0 < columns * rows <= MOST_PIXELS:
+        raise DataError(f"{what}: its RVL header says {columns} x {rows} pixels")
+    stream = data[_SIZE.size :].tobytes()
+    return decode_rvl(stream, columns * rows, what).reshape(rows, columns)
 
 
 def _metres(depth: Array, encoding: str) -> Array:

@@ -1,6 +1,7 @@
 """Images and CameraInfo as sensor_msgs, and back."""
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -8,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
+from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.distortion_models import DISTORTION_MODELS
 from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
 from panoptic_ros.io.messages.depths import depth_from_message
@@ -22,6 +24,7 @@ _TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "bgra8": cv2.COLOR_BGRA2BGR, "rgba8": cv2.
            "bayer_rggb8": cv2.COLOR_BayerRGGB2BGR, "bayer_bggr8": cv2.COLOR_BayerBGGR2BGR,
            "bayer_gbrg8": cv2.COLOR_BayerGBRG2BGR, "bayer_grbg8": cv2.COLOR_BayerGRBG2BGR,
            "yuv422_yuy2": cv2.COLOR_YUV2BGR_YUY2, "yuv422": cv2.COLOR_YUV2BGR_UYVY}  # fmt: skip
+ENCODINGS = tuple(_CHANNELS)  # of raw images
 
 
 def optical_frame(camera: str) -> str:
@@ -70,13 +73,53 @@ def depth_message(frame: DepthFrame, family: Messages) -> Any:
     )
 
 
-def frame_from_message(message: Any, camera: str, frame_number: int) -> ViewFrame:
+def camera_from_info(message: Any, name: str, cam_from_world: Rigid) -> Camera:
+    """The camera of raw images that a sensor_msgs/CameraInfo describes.
+
+    Raises:
+        DataError: if it is not calibrated, or has a lens model that is not supported.
+    """
+    model = str(message.distortion_model)
+    lens = next((lens for lens, known in DISTORTION_MODELS.items() if known == model), None)
+    coefficients = np.array(message.d, float)
+    if lens is None and coefficients.any():
+        known = " and ".join(DISTORTION_MODELS.values())
+        raise DataError(f"camera_info of {name} has distortion model {model!r}; supported: {known}")
+    matrix = np.array(message.k, float).reshape(3, 3)
+    if not matrix.any():
+        raise DataError(f"camera_info of {name} is all 0: its driver is not calibrated")
+    given = np.zeros(0) if lens is None else coefficients
+    size = int(message.width), int(message.height)
+    return Camera(name, size, Intrinsics(matrix, given, lens or "brown"), cam_from_world)
+
+
+def rectified(camera: Camera, message: Any) -> Camera:
+    """The camera of the rectified images of the same lens: no distortion, K and axes by CameraInfo.
+
+    Raises:
+        DataError: if the message has no projection matrix.
+    """
+    matrix = np.array(message.p, float).reshape(3, 4)[:, :3]
+    if not matrix.any():
+        raise DataError(f"camera_info of {camera.name} has no projection: its images cannot be rectified")
+    rotation = np.array(message.r, float).reshape(3, 3)
+    turned = Rigid(rotation if rotation.any() else np.eye(3), np.zeros(3))
+    pose = turned.compose(camera.cam_from_world)
+    return replace(
+        camera, intrinsics=Intrinsics(matrix, np.zeros(0)), cam_from_world=pose, covariance=None
+    )
+
+
+def frame_from_message(message: Any, camera: str, frame_number: int, encoding: str = "") -> ViewFrame:
     """A frame from Image or CompressedImage; the message has no number, so the caller counts.
+
+    Args:
+        encoding: of raw images, in place of what the message says.
 
     Raises:
         DataError: on encodings that are not supported, wrong lengths or broken JPEG.
     """
-    image = _decode(message, camera) if hasattr(message, "format") else _unpack(message, camera)
+    image = _decode(message, camera) if hasattr(message, "format") else _unpack(message, camera, encoding)
     return ViewFrame(camera, stamp_of(message.header), frame_number, image)
 
 
@@ -97,8 +140,9 @@ def _decode(message: Any, camera: str) -> Array:
     return image
 
 
-def _unpack(message: Any, camera: str) -> Array:
-    encoding, width, height = str(message.encoding), int(message.width), int(message.height)
+def _unpack(message: Any, camera: str, encoding: str) -> Array:
+    width, height = int(message.width), int(message.height)
+    encoding = encoding or str(message.encoding)
     if encoding not in _CHANNELS:
         raise DataError(
             f"image of camera {camera} has encoding {encoding!r}; supported: {', '.join(_CHANNELS)}"

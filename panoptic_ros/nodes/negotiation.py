@@ -1,0 +1,77 @@
+"""Subscriptions that take what publishers offer: camera drivers often offer best effort only."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+
+from panoptic_ros.stage import Notice
+
+BEST_EFFORT_DEPTH = 5  # as in ROS's profile for sensors
+
+
+class Negotiated:
+    """A subscription that is reliable, or best effort as soon as a publisher offers no more.
+
+    Reliable publishers go on reaching it then, without their promise. Nothing but the reliability gives way;
+    what else does not fit is told, with the remedy.
+
+    Args:
+        topic: name. take: called with every message. quality: what is asked for at first.
+        gives_way: whether it may become best effort (live).
+        tell: about what does not fit.
+    """
+
+    def __init__(
+        self, node: Node, kind: Any, topic: str, take: Callable[[Any], None], quality: QoSProfile,
+        gives_way: bool, tell: Callable[[Notice], None],
+    ):  # fmt: skip
+        self._node, self._kind, self._topic, self._take = node, kind, topic, take
+        self._quality, self._gives_way, self._tell = quality, gives_way, tell
+        self._again: Any = None  # a timer
+        self._subscription = self._subscribe()
+
+    @property
+    def topic_name(self) -> str:
+        """The full name."""
+        return str(self._subscription.topic_name)
+
+    @property
+    def is_reliable(self) -> bool:
+        """Whether lost messages are sent again."""
+        return bool(self._quality.reliability == ReliabilityPolicy.RELIABLE)
+
+    def _subscribe(self) -> Any:
+        events = SubscriptionEventCallbacks(incompatible_qos=self._does_not_fit)
+        return self._node.create_subscription(
+            self._kind, self._topic, self._take, self._quality, event_callbacks=events
+        )
+
+    def _does_not_fit(self, info: QoSRequestedIncompatibleQoSInfo) -> None:
+        policy = QoSPolicyKind(info.last_policy_kind)
+        if policy == QoSPolicyKind.RELIABILITY and self._gives_way and self.is_reliable:
+            if self._again is None:  # not within a callback of the subscription itself
+                self._again = self._node.create_timer(0.0, self._give_way)
+            return
+        name = qos_policy_name_from_kind(policy).lower()
+        text = (
+            f"a publisher of {self.topic_name} does not fit: it offers another {name} than is needed, so "
+            "nothing of it is taken; let it offer what others do, or take another topic"
+        )
+        self._tell(Notice("graph.incompatible_qos", "warning", text, {"device": self._topic}))
+
+    def _give_way(self) -> None:
+        self._node.destroy_timer(self._again)
+        self._again = None
+        self._node.destroy_subscription(self._subscription)
+        self._quality = copy.copy(self._quality)
+        self._quality.reliability = ReliabilityPolicy.BEST_EFFORT
+        self._quality.depth = max(self._quality.depth, BEST_EFFORT_DEPTH)
+        self._subscription = self._subscribe()
+        text = f"{self.topic_name} is taken as best effort, as a publisher offers no more"
+        self._tell(Notice("graph.best_effort", "info", text, {"device": self._topic}))
