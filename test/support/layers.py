@@ -39,7 +39,7 @@ THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in back
 STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", "socket"}
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
-NEED_ROS = {"panoptic_ros.running.driver_plan", "panoptic_ros.running.over_dds", "panoptic_ros.running.fed_graph"}
+NEED_ROS = {f"panoptic_ros.running.{name}" for name in ("driver_plan", "over_dds", "fed_graph")}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
 # no stage, no graph and no arrays.
 THIN = {"errors", "domain", "stage", "io", "view", "bench", "running"}
