@@ -4,6 +4,7 @@ Images are the bytes that OpenCV gives for the same file: FFmpeg's bicubic conve
 """
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -76,11 +77,27 @@ class Movie:
         """As the file says: counted, or its duration times its rate; None = it says neither."""
         if self._stream.frames > 0:
             return int(self._stream.frames)
-        if self._container.duration:
-            seconds = Fraction(self._container.duration, av.time_base)
-        else:
-            seconds = (self._stream.duration or 0) * self.tick
-        return int(seconds * Fraction(self.frame_rate) + Fraction(1, 2)) or None
+        return int(self._duration * Fraction(self.frame_rate) + Fraction(1, 2)) or None
+
+    @property
+    def _duration(self) -> Fraction:
+        """How long the images are shown, s, as the file says; 0 = it does not. Sound may last longer."""
+        told = re.fullmatch(r"(\d+):(\d\d):(\d\d(?:\.\d+)?)", self._stream.metadata.get("DURATION", ""))
+        if told:  # Matroska, of whose tracks FFmpeg knows no better than how long the file is
+            hours, minutes, seconds = (Fraction(part) for part in told.groups())
+            return 3600 * hours + 60 * minutes + seconds
+        if self._stream.duration:
+            return Fraction(self._stream.duration * self.tick)
+        return Fraction(self._container.duration or 0, av.time_base)
+
+    @property
+    def sound_end(self) -> Fraction:
+        """Where the last sound ends, s, of what the file really holds; reads all of it. 0 = there is none."""
+        end, tracks = Fraction(0), self._container.streams.audio
+        for packet in self._container.demux(*tracks) if tracks else ():
+            if packet.pts is not None and packet.time_base is not None:
+                end = max(end, (packet.pts + (packet.duration or 0)) * packet.time_base)
+        return end
 
     def frames(self) -> Iterator[VideoFrame]:
         """Frames as they are decoded; what cannot be is left out.

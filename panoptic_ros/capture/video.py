@@ -157,6 +157,14 @@ class VideoSource:
             raise DataError(f"{self._what} has more frames than the {len(self._stamps)} stamps given")
         return self._stamps[number]
 
+    def _sound_end(self) -> Fraction:
+        """Where the last sound of the file ends, s: it may be what lasts as long as the file says."""
+        movie = self._open(look=True)
+        try:
+            return movie.sound_end
+        finally:
+            self._release(movie)
+
     def _check_end(self, decoded: int, last: Fraction) -> None:
         """Complain if the file promised more than could be decoded."""
         promised = self.frame_count
@@ -165,8 +173,9 @@ class VideoSource:
         hidden = hidden_seconds(self.path)
         if hidden == math.inf:
             # the count is no more than duration times rate: compare times, as rates may vary
-            lost = promised / self._rate - last - 1 / self._rate
-            if lost <= max(Fraction(1), promised / self._rate / 50):
+            told = promised / self._rate
+            slack = max(Fraction(1), told / 50)
+            if told - last - 1 / self._rate <= slack or told - self._sound_end() <= slack:
                 return
         elif promised - decoded <= hidden * self._own_rate + 0.5:
             return

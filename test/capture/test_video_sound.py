@@ -6,6 +6,7 @@ import av
 import numpy as np
 import pytest
 
+from panoptic_ros.capture import VideoSource
 from panoptic_ros.capture.sound import SoundSource, VideoSound, described_sound, open_sound
 from panoptic_ros.capture.sound.track import SoundTrack, _Count, read_track
 from panoptic_ros.errors import DataError, UsageError
@@ -22,7 +23,7 @@ def clicking(rate=RATE, channels=1):
     return samples
 
 
-def make(path, codec="aac", *, rate=RATE, channels=1, video_at=0, sound_at=0, gap=None):
+def make(path, codec="aac", *, rate=RATE, channels=1, video_at=0, sound_at=0, gap=None, frames=30):
     """A video of 25 Hz from `video_at` ms on, and clicks from `sound_at` on; none of `gap`, ms."""
     layout = {1: "mono", 2: "stereo"}[channels]
     with av.open(str(path), "w") as file:
@@ -32,7 +33,7 @@ def make(path, codec="aac", *, rate=RATE, channels=1, video_at=0, sound_at=0, ga
         video.codec_context.time_base = Fraction(1, 1000)
         sound = file.add_stream(codec, rate=rate)
         sound.layout = layout
-        for k in range(30):
+        for k in range(frames):
             frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 8 * k, np.uint8), format="bgr24")
             frame.pts, frame.time_base = 40 * k + video_at, Fraction(1, 1000)
             file.mux(video.encode(frame))
@@ -128,6 +129,19 @@ def test_other_stamps_of_the_frames_move_the_sound_with_them(tmp_path):
     stamps = [int(7e9 + 1.01 * 4e7 * k + noise[k] * (k > 0)) for k in range(30)]
     _, clicks = heard(VideoSound("cam", path, stamps=stamps))
     np.testing.assert_allclose(clicks, 7 + 1.01 * CLICKS / RATE, atol=6e-3)
+
+
+def test_sound_that_lasts_longer_than_the_images_is_no_damage(tmp_path):
+    path = make(tmp_path / "a.mkv", frames=2, sound_at=1500)  # 0.08 s of images, 2.7 s of sound
+    for told in (True, False):
+        if not told:  # as by recorders that do not say how long each track is
+            path.write_bytes(path.read_bytes().replace(b"DURATION", b"DURATIOM"))
+        with VideoSource("cam", path) as source:
+            assert len(list(source)) == 2 and (source.frame_count == 2) == told
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 8])
+    with VideoSource("cam", path) as source, pytest.raises(DataError, match="cut off"):
+        list(source)
 
 
 def test_it_begins_where_it_is_told(tmp_path):
