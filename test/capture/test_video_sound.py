@@ -138,10 +138,6 @@ def test_sound_that_lasts_longer_than_the_images_is_no_damage(tmp_path):
             path.write_bytes(path.read_bytes().replace(b"DURATION", b"DURATIOM"))
         with VideoSource("cam", path) as source:
             assert len(list(source)) == 2 and (source.frame_count == 2) == told
-    data = path.read_bytes()
-    path.write_bytes(data[: len(data) // 8])
-    with VideoSource("cam", path) as source, pytest.raises(DataError, match="cut off"):
-        list(source)
 
 
 def test_it_begins_where_it_is_told(tmp_path):
