@@ -153,9 +153,9 @@ def _take(case: _Case, seed: int, frames: int, poses: bool) -> dict[str, Any]:
         "cameras": len(known) - 1, "cpu": spent,
     }  # fmt: skip
     if poses:
-        truth = _sequence(take)
+        truth = sequence_of(take)
         right = regroup(wrong, true.corrections(wrong, every=True))  # without the frames that `wrong` lost
-        outcome["mpjpe"] = [_mpjpe(truth, sets, context, configs) for sets in (wrong, found.sets, right)]
+        outcome["mpjpe"] = [mpjpe_of(truth, sets, context, configs) for sets in (wrong, found.sets, right)]
     return outcome
 
 
@@ -179,7 +179,8 @@ def _rms(values: Array) -> float:
     return float(np.sqrt((values**2).mean())) if len(values) else float("nan")
 
 
-def _sequence(take: Simulation) -> SkeletonSequence:
+def sequence_of(take: Simulation) -> SkeletonSequence:
+    """The truth of a take."""
     frames = []
     for frame in take.truth_document()["frames"]:
         people = frame["skeletons"]
@@ -190,7 +191,7 @@ def _sequence(take: Simulation) -> SkeletonSequence:
     return SkeletonSequence(JOINTS, tuple(frames))
 
 
-def _mpjpe(
+def mpjpe_of(
     truth: SkeletonSequence, sets: Sequence[DetectionSet], context: StageContext, configs: Any
 ) -> float:
     """Mean error (m) of refined skeletons."""

@@ -110,7 +110,8 @@ def _write_bag(path: Path, take: Simulation) -> None:
     with BagWriter(path) as bag:
         for key, record in (("rig", take.rig), ("skeleton_model", SKELETON)):
             bag.write("/" + TOPICS[key].name, begin, to_message(record, family))
-        for block in recorded_blocks(take.scene.timing.generators, take.seconds):
+        generators = take.scene.timing.generators
+        for block in recorded_blocks(generators, take.seconds) if generators else ():
             when = take.master_ns(block.first_sample / SAMPLE_RATE - EARLY_S)
             bag.write("/" + TOPICS["audio"].of(block.device), when, to_message(block, family))
         for since, block in heard_blocks(take) if take.clocks else ():

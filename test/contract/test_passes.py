@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from blobs import Blobs
 
+from panoptic_ros.bench.sound_rooms import CASES, make_room
 from panoptic_ros.bench.stage1.world import truth_of
 from panoptic_ros.bench.studies.cameras import CamerasStudy, CamerasStudyConfig
 from panoptic_ros.bench.studies.resolution import ImageStudy, ImageStudyConfig
@@ -16,6 +17,7 @@ from panoptic_ros.evaluation.bias import BiasConfig, BiasPass
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import motion_clocks
 from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.simulation import CLEAN, SKELETON, Lens, PanelDome, Ring, simulate
 from panoptic_ros.simulation.scenes import SCENES
 from panoptic_ros.simulation.studio import study_scene
@@ -69,8 +71,16 @@ def image_study():
     return {"truth": truth, **images}, ImageStudy(ImageStudyConfig(), StageContext(rig, SKELETON, extras))
 
 
+def sound():
+    """Two microphones in one room."""
+    heard = make_room(CASES["talker"], 2, 3, 12.0, 20.0)
+    records = {("audio", name): list(heard.recording.records("audio", name)) for name in heard.recorders}
+    return records, SoundClocks(SoundClocksConfig({name: name for name in heard.recorders}, heard.places))
+
+
 PASSES = {
-    "clocks from motion": clocks, "biases": biases, "study of cameras": study, "study of images": image_study,
+    "clocks from motion": clocks, "clocks from sound": sound, "biases": biases, "study of cameras": study,
+    "study of images": image_study,
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ CAUCHY = 3.0  # standard deviations from which on an observation counts less
 ROUNDS = 12
 PLACES = 4.0  # that sound may come from, at most: people stay where they are
 KEPT_S = 10.0  # for which who makes a sound stays where he is
-NOISE_S = 1e-3  # of what one window tells, at least
+NOISE_S = 2e-3  # of what one window tells of a device, at least
 STRAY = 4.0  # standard deviations beyond which a window is left out
 FEWEST = 3  # windows that show how much travel varies
 
@@ -144,7 +144,8 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
     measured = arrived[members] - expected[:, None]
     since = times - lines.middle
     variance = np.diag(spread)
-    effects = _Effects(1.0, 0.0, NOISE_S**2 / float(variance.mean()))
+    noise = NOISE_S**2 * (1.0 - 1.0 / len(members)) / float(variance.mean())  # beside the mean of all
+    effects = _Effects(1.0, 0.0, noise)
     state = np.zeros((len(members), 2))
     cover = np.zeros((len(members), 2, 2))
     shift = np.zeros(len(times))
@@ -155,7 +156,7 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
         shift = np.nan_to_num(_mean(measured - model))
         miss = _without_strays(measured - model - shift, np.sqrt(variance))
         measured = np.where(np.isfinite(miss), measured, np.nan)
-        effects = _Effects.of(miss / np.sqrt(variance)[:, None], NOISE_S**2 / float(variance.mean()))
+        effects = _Effects.of(miss / np.sqrt(variance)[:, None], noise)
     offsets, drifts = lines.offsets.copy(), lines.drifts.copy()
     offsets[members] -= state[:, 0]
     drifts[members] -= state[:, 1]

@@ -12,7 +12,16 @@ from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard, clocks_of
 from panoptic_ros.offsets.sound.lines import Lags, Lines, fit_lines, largest_group, settle
 from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, coarse_energies
-from panoptic_ros.offsets.sound.matching import LENGTH_S, LEVEL, RATE, RISE_S, Match, find
+from panoptic_ros.offsets.sound.matching import (
+    EVENTS,
+    LENGTH_S,
+    LEVEL,
+    RATE,
+    RISE_S,
+    STRONG,
+    Match,
+    find,
+)
 from panoptic_ros.offsets.sound.onsets import onsets
 from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND, travel, unknown_travel
 from panoptic_ros.offsets.sound.windows import choose_windows, hear_windows
@@ -250,11 +259,11 @@ def _reason(best: Match | None) -> str:
     """Why two recordings are not linked, in a few words."""
     if best is None:
         return "silence, or less than 5 s"
-    if best.strength >= 8.0 and best.events >= 3.5:
-        return f"it repeats: {best.lag:.2f} s fits as well as {best.other:.2f} s"
-    if best.strength >= 8.0:
+    if best.strength < STRONG:
+        return "no lag stands out: nothing in common is heard, or it repeats"
+    if best.events < EVENTS:
         return "too few sounds in common"
-    return "nothing in common is heard"
+    return f"it repeats: {abs(best.other - best.lag):.2f} s on fits nearly as well"
 
 
 def _confirmed(lines: Lines, arrived: Array) -> tuple[Lines, Array]:
