@@ -82,6 +82,7 @@ def open_capture_folder(
     start_ns: int = 0,
     frame_rate: float | None = None,
     corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
+    hardware: str = "",
 ) -> CaptureFolder:
     """Open a capture folder.
 
@@ -89,15 +90,15 @@ def open_capture_folder(
         path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
             and optionally `<camera>_depth/*.png` (see `DepthSource`), `<sensor>_depth/*.png` of the rig's
             depth sensors (see `DepthSensorSource`), `<device>.wav` or sound tracks, with sound.yaml (see
-            `folder_sounds`),
-            occluders.json, and timestamps.csv or else CMU's sync tables (see `table_times`). Other files and
-            folders are left alone.
+            `folder_sounds`), occluders.json, and timestamps.csv or else CMU's sync tables (see
+            `table_times`). Other files and folders are left alone.
         rig: in place of the rig file and occluders.json.
         cameras: use these only.
         size_policy: see `fit_camera`.
         start_ns, frame_rate: see `VideoSource`; image folders without timestamps need a rate, 30 Hz
             unless given.
         corrections: of stamps by camera, see `CorrectedSource`; sound keeps its own.
+        hardware: that decodes videos, see `Movie`.
 
     Raises:
         DataError: no folder, no rig, cameras without images, two files for one camera.
@@ -139,7 +140,7 @@ def open_capture_folder(
     times = {} if stamps or not table_files(path) else table_times(path, rig)
     opened = open_files(
         rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
-        times=times, corrections=corrections,
+        times=times, corrections=corrections, hardware=hardware,
     )  # fmt: skip
     told = tabled_notices(rig) if times else ()
     stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
@@ -163,6 +164,7 @@ def open_files(
     stamps: Mapping[str, Sequence[int]] | None = None,
     times: Mapping[str, Mapping[int, int]] = NO_TIMES,
     corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
+    hardware: str = "",
 ) -> CaptureFolder:
     """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
 
@@ -171,6 +173,7 @@ def open_files(
         stamps: ns by camera, in place of the files' own times; where there are any, all cameras need them.
         times: the same by number of the frame; frames that have none are left out.
         corrections: of stamps by camera, see `CorrectedSource`.
+        hardware: that decodes videos, see `Movie`.
 
     Raises:
         CalibrationError, DataError: as `open_capture_folder`.
@@ -187,7 +190,7 @@ def open_files(
     try:
         for name in chosen.names:
             own = stamps[name] if stamps else None
-            images = _open(name, Path(files[name]), start_ns, frame_rate, own)
+            images = _open(name, Path(files[name]), start_ns, frame_rate, own, hardware)
             sources.append(images)
             if isinstance(images, VideoSource):
                 notices += images.notices
@@ -268,10 +271,13 @@ def _image_folders(path: Path) -> dict[str, Path]:
 
 
 def _open(
-    camera: str, path: Path, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None
-) -> VideoSource | ImageFolderSource:
+    camera: str, path: Path, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None,
+    hardware: str,
+) -> VideoSource | ImageFolderSource:  # fmt: skip
     if path.is_dir():
         rate = 30.0 if frame_rate is None else frame_rate
         return ImageFolderSource(camera, path, start_ns=start_ns, frame_rate=rate, stamps=stamps)
-    return VideoSource(camera, path, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps)
+    return VideoSource(
+        camera, path, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps, hardware=hardware
+    )
 

@@ -12,12 +12,13 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+from av.codec.hwaccel import HWAccel, hwdevices_available
 from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.reformatter import Interpolation, VideoReformatter
 from av.video.stream import VideoStream
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, EnvironmentProblem
 
 MILLISECOND = Fraction(1, 1000)  # Matroska keeps whole ones, also where such a file is copied to another kind
 _NO_TIMES = 0x0080  # AVFMT_NOTIMESTAMPS of libavformat
@@ -30,17 +31,19 @@ class Movie:
     Args:
         what: how messages call it.
         threads: decode several frames at once; not worth it for the first frame alone.
+        hardware: what decodes, as FFmpeg calls it (cuda, qsv, ...); "" = the processor.
 
     Raises:
         DataError: if it cannot be opened, has no video track, or one of an unknown codec.
+        EnvironmentProblem: if the hardware is not there or does not decode this.
     """
 
-    def __init__(self, path: Path, what: str, *, threads: bool = True):
+    def __init__(self, path: Path, what: str, *, threads: bool = True, hardware: str = ""):
         self._what = what
-        self._container = open_media(path, what)
+        self._container = open_media(path, what, hardware)
         try:
             self._stream = self._choose()
-            if threads:
+            if threads and not hardware:
                 self._stream.thread_type = "AUTO"
             else:
                 self._stream.thread_count = 1
@@ -184,16 +187,32 @@ def rounding(time: Fraction, tick: Fraction) -> Fraction:
     return max(tick, MILLISECOND) if time % MILLISECOND == 0 else tick
 
 
-def open_media(path: Path, what: str) -> InputContainer:
+def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
     """Open a file for reading.
+
+    Args:
+        hardware: that decodes, see `Movie`; never another way in its place.
 
     Raises:
         DataError: if it cannot be.
+        EnvironmentProblem: if the hardware cannot.
     """
     try:
-        return av.open(str(path))
+        container = av.open(str(path))
     except (av.FFmpegError, OSError) as error:
         raise DataError(f"{what} cannot be opened: no video, or damaged ({reason(error)})") from None
+    if not hardware:
+        return container
+    container.close()
+    known = hwdevices_available()
+    if hardware not in known:
+        raise EnvironmentProblem(f"FFmpeg knows no {hardware} here; there are {', '.join(known) or 'none'}")
+    try:
+        return av.open(str(path), hwaccel=HWAccel(device_type=hardware, allow_software_fallback=False))
+    except (av.FFmpegError, OSError, RuntimeError) as error:
+        raise EnvironmentProblem(
+            f"{what}: {hardware} does not decode it on this machine ({reason(error)}); leave --hardware out"
+        ) from None
 
 
 def reason(error: Exception) -> str:

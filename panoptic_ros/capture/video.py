@@ -35,6 +35,7 @@ class VideoSource:
         start_ns: stamp of the first frame, ns.
         frame_rate: Hz, in place of the file's own times.
         stamps: ns, one per frame, in place of all others.
+        hardware: that decodes, see `Movie`.
 
     Raises:
         DataError: missing, not a video, without frames, without times or rate, cut off. While iterating:
@@ -49,8 +50,10 @@ class VideoSource:
         start_ns: int = 0,
         frame_rate: float | None = None,
         stamps: Sequence[int] | None = None,
+        hardware: str = "",
     ):
         self.camera = camera
+        self._hardware = hardware
         self.path = Path(path)
         self.repaired_stamps = 0
         self.notices: tuple[str, ...] = ()
@@ -116,7 +119,7 @@ class VideoSource:
         cut = find_cut(self.path)
         if cut:
             raise DataError(f"{self._what} is cut off: {cut}; copy or record it again")
-        movie = Movie(self.path, self._what, threads=not look)
+        movie = Movie(self.path, self._what, threads=not look, hardware=self._hardware)
         self._open_now.append(movie)
         return movie
 

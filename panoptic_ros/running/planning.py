@@ -37,6 +37,7 @@ def plan_capture(
     cameras: Sequence[str] | None = None,
     frame_rate: float | None = None,
     size_policy: str = "strict",
+    hardware: str = "",
     title: str = "",
 ) -> Plan:
     """The plan of a run on a capture folder.
@@ -46,12 +47,13 @@ def plan_capture(
         cameras: use only these.
         frame_rate: Hz, in place of the files' own.
         size_policy: for images of another size than calibrated: strict, scale, letterbox or crop.
+        hardware: that decodes videos, as FFmpeg calls it; "" = the processor.
         title: how the report calls the capture; its folder unless given.
 
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
-    own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate}
+    own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
     given = None if rig is None else read_rig(rig)
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
         source = {"kind": "folder", "path": str(folder), **own}
@@ -71,6 +73,7 @@ def plan_videos(
     *,
     frame_rate: float | None = None,
     size_policy: str = "strict",
+    hardware: str = "",
 ) -> Plan:
     """The plan of a run on videos or folders of images.
 
@@ -78,12 +81,12 @@ def plan_videos(
         rig: calibration file.
         files: of each camera.
         frame_rate: Hz, in place of the files' own.
-        size_policy: as for `plan_capture`.
+        size_policy, hardware: as for `plan_capture`.
 
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
-    own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate}
+    own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
     with closing(open_files(read_rig(rig), files, **own)) as capture:
         sources = {name: {"kind": "file", "path": str(path), **own} for name, path in files.items()}
         return _recorded("videos", capture, sources, options)

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from panoptic_ros.capture import movie
 from panoptic_ros.capture.source import FrameSource, exact_rate, grid_stamp
 from panoptic_ros.capture.video import VideoSource, _Timeline
-from panoptic_ros.errors import ConfigError, DataError, UserError
+from panoptic_ros.errors import ConfigError, DataError, EnvironmentProblem, UserError
 
 
 @pytest.mark.parametrize(
@@ -243,3 +244,37 @@ def test_closing_ends_what_is_under_way(make_video, tmp_path):
     next(frames)
     source.close()
     assert list(frames) == []
+
+
+def test_hardware_decodes_where_it_is_asked_for(make_video, tmp_path, monkeypatch):
+    """With a stand-in for the hardware, as FFmpeg's decoders give the same images wherever they run."""
+    path, opened = make_video(tmp_path / "a.mp4", 5), []
+    expected = [frame.image for frame in VideoSource("cam", path)]
+    plain = av.open
+
+    def opening(file, *mode, hwaccel=None, **more):
+        opened.append(hwaccel)
+        return plain(file, *mode, **more)
+
+    monkeypatch.setattr(movie, "hwdevices_available", lambda: ["cuda"])
+    monkeypatch.setattr(av, "open", opening)
+    with VideoSource("cam", path, hardware="cuda") as source:
+        assert all(np.array_equal(a.image, b) for a, b in zip(source, expected, strict=True))
+    used = [accelerator for accelerator in opened if accelerator is not None]
+    assert len(used) == 2 and not any(accelerator.allow_software_fallback for accelerator in used)
+
+
+def test_hardware_that_is_not_there_is_told_and_nothing_else_is_taken(make_video, tmp_path, monkeypatch):
+    path = make_video(tmp_path / "a.mp4", 5)
+    with pytest.raises(EnvironmentProblem, match="FFmpeg knows no steam here; there are"):
+        VideoSource("cam", path, hardware="steam")
+
+    def refuse(*given, hwaccel=None, plain=av.open, **more):
+        if hwaccel is not None:
+            raise RuntimeError("no stream is compatible")
+        return plain(*given, **more)
+
+    monkeypatch.setattr(movie, "hwdevices_available", lambda: ["cuda"])
+    monkeypatch.setattr(av, "open", refuse)
+    with pytest.raises(EnvironmentProblem, match="a.mp4 of camera cam: cuda does not decode it on this mach"):
+        VideoSource("cam", path, hardware="cuda")

@@ -44,6 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size-policy", choices=("strict", "scale", "letterbox", "crop"),
                         default="strict",
                         help="images of another size than calibrated: refuse, or fit it so")  # fmt: skip
+    parser.add_argument("--hardware", default="", metavar="KIND",
+                        help="what decodes videos in place of the processor: cuda, qsv, ...")  # fmt: skip
     parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
     parser.add_argument(
         "--skeleton", default="",

@@ -40,7 +40,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
             args.rig, devices, options, frame_rate=rate, latency_ms=args.latency_ms,
             microphones=pairs(args.microphone, "--microphone"),
         )  # fmt: skip
-    fit = {"frame_rate": rate, "size_policy": args.size_policy}
+    fit = {"frame_rate": rate, "size_policy": args.size_policy, "hardware": args.hardware}
     if args.video:
         files = {name: Path(path) for name, path in pairs(args.video, "--video").items()}
         return plan_videos(args.rig, files, options, **fit)

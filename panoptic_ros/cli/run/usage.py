@@ -11,6 +11,7 @@ _MEANS_SOMETHING_FOR = {
     "depth_topic": ("bag",),
     "cameras": ("capture", "demo", "bag"),
     "frame_rate": (*_FILES, "device"),
+    "hardware": _FILES,
     "jpeg": (*_FILES, "device"),
     "latency_ms": ("device",),
     "microphone": ("device",),
