@@ -2,6 +2,7 @@
 import json
 from dataclasses import replace
 
+import av
 import numpy as np
 import pytest
 
@@ -76,6 +77,34 @@ def test_one_timecode_on_both_channels_is_heard_once_and_talk_beside_it_does_not
     plan = plan_capture(folder)
     np.testing.assert_allclose(begins(plan, HOUSE), list(BEGINS.values()), atol=3e-5)
     assert [sound["clocks"] for sound in plan.sounds] == [["cam00", ""], ["", "cam01"], ["cam02"]]
+
+
+def test_the_track_with_timecode_is_found_among_several_or_named(folder, tmp_path):
+    shoot(folder, [None])
+    with_timecode = tmp_path / "more"
+    with_timecode.mkdir()
+    shoot(with_timecode, [HOUSE])
+    for name in BEGINS:
+        path, other, both = folder / f"{name}.mp4", with_timecode / f"{name}.mp4", folder / f"{name}.mov"
+        with av.open(str(path)) as talk, av.open(str(other)) as heard, av.open(str(both), "w") as out:
+            taken = [(talk, talk.streams.video[0])]
+            taken += [(file, file.streams.audio[0]) for file in (talk, heard)]
+            streams = [out.add_stream_from_template(stream) for _, stream in taken]
+            for (file, stream), target in zip(taken, streams):
+                file.seek(0)
+                for packet in file.demux(stream):
+                    if packet.dts is not None:
+                        packet.stream = target
+                        out.mux(packet)
+        path.unlink()
+    found = plan_capture(folder)
+    assert [sound["track"] for sound in found.sounds] == [1, 1, 1]
+    np.testing.assert_allclose(begins(found, HOUSE), list(BEGINS.values()), atol=1e-3)  # FFmpeg's edit lists
+    (folder / "sound.yaml").write_text("".join(f"{n}.mov: {{clocks: [{n}], track: 1}}\n" for n in BEGINS))
+    assert plan_capture(folder).shifts == found.shifts
+    (folder / "sound.yaml").write_text("".join(f"{n}.mov: {{clocks: [{n}], track: 2}}\n" for n in BEGINS))
+    with pytest.raises(DataError, match="there are 2 tracks, counted from 0, and no 2"):
+        plan_capture(folder)
 
 
 def test_two_timecodes_that_one_camera_hears_align_all(folder):

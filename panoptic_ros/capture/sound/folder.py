@@ -20,7 +20,8 @@ def folder_sounds(
     """Descriptions of the sound in a capture folder (see `open_sound`), those of sound.yaml first.
 
     sound.yaml names the clock of each channel of a file, {"timecode.wav": [A, B]}, "" where there is none;
-    or {"clocks": [A, B], "start_ns": stamp of the first sample}. Rows of a device in timestamps.csv are
+    or {"clocks": [A, B], "start_ns": stamp of the first sample}, and of a video with several sound tracks
+    {"clocks": [A], "track": 1}. Rows of a device in timestamps.csv are
     stamps of its samples. Where nothing says when it began, it began at 0, and that of a camera with the
     first frame. Sound tracks of videos are those that sound.yaml names, or all of them if there is none; of a
     camera with a WAV file this one.
@@ -46,9 +47,11 @@ def folder_sounds(
         said = named.get(name, {})
         sound = (
             _described(files[name], said, stamps, cameras) if name in files
-            else {**tracks[name], "clocks": said.get("clocks", [])}
+            else {**tracks[name], "clocks": said.get("clocks", []), "track": said.get("track", 0)}
         )  # fmt: skip
         device = sound["device"]
+        if name in files and "track" in said:
+            raise DataError(f"{path / SOUND_NAMES}: {name}: a WAV file has no tracks")
         if name in tracks and "start_ns" in said:
             raise DataError(f"{path / SOUND_NAMES}: {name}: the sound of a video begins where the video does")
         if device in found and name in named:
@@ -81,7 +84,7 @@ def _described(
 
 
 def _read_names(path: Path) -> dict[str, dict[str, Any]]:
-    """{file: {"clocks": names, "start_ns": stamp}}."""
+    """{file: {"clocks": names, "start_ns": stamp, "track": number}}."""
     document = read_yaml(path) or {}
     if not isinstance(document, dict):
         raise DataError(f"{path} must hold the clocks of files, e.g. timecode.wav: [A, B]")
@@ -92,12 +95,12 @@ def _entry(path: Path, name: str, said: Any) -> dict[str, Any]:
     entry = said if isinstance(said, dict) else {"clocks": said}
     clocks = entry.get("clocks", [])
     clocks = clocks if isinstance(clocks, list) else [clocks]
-    start = entry.get("start_ns", 0)
+    own = {key: entry[key] for key in ("start_ns", "track") if key in entry}
     plain = all(clock is None or isinstance(clock, (str, int)) for clock in clocks)
-    if not plain or not isinstance(start, int) or start < 0 or entry.keys() - {"clocks", "start_ns"}:
+    counted = all(isinstance(number, int) and number >= 0 for number in own.values())
+    if not plain or not counted or entry.keys() - {"clocks", "start_ns", "track"}:
         raise DataError(
             f"{path}: {name}: {said!r} is no list of clocks, e.g. [A, B], and not of the form "
-            "{clocks: [A, B], start_ns: 0}"
+            "{clocks: [A, B], start_ns: 0}, or {clocks: [A], track: 1} of a video"
         )
-    own = {"start_ns": start} if "start_ns" in entry else {}
     return {"clocks": ["" if clock is None else str(clock) for clock in clocks], **own}

@@ -37,7 +37,7 @@ class Piece:
 
 
 class SoundTrack:
-    """The first sound track of a file, open; it is read once from its beginning.
+    """A sound track of a file, open; it is read once from its beginning.
 
     What FFmpeg leaves out at the beginning (priming of AAC and Opus, edit lists) is not in it. Times that are
     those of the count of samples, as nearly as the file rounds them, are set to it; others are used as they
@@ -45,19 +45,22 @@ class SoundTrack:
 
     Args:
         what: how messages call it.
+        number: of the track, among those with sound.
 
     Raises:
-        DataError: if the file cannot be opened, has no sound, or sound of an unknown codec.
+        DataError: if the file cannot be opened, has no such track, or sound of an unknown codec.
     """
 
-    def __init__(self, path: Path, what: str):
+    def __init__(self, path: Path, what: str, number: int = 0):
         self._what = what
         self._container = open_media(path, what)
         try:
             streams = self._container.streams.audio
             if not streams:
                 raise DataError(f"{what}: there is no sound track")
-            self._stream: AudioStream = streams[0]
+            if number >= len(streams):
+                raise DataError(f"{what}: there are {len(streams)} tracks, counted from 0, and no {number}")
+            self._stream: AudioStream = streams[number]
             if self._stream.codec_context is None:
                 raise DataError(f"{what}: FFmpeg has no decoder for its codec; convert it")
         except BaseException:
@@ -153,14 +156,14 @@ def _samples(frame: AudioFrame) -> Array:
     return np.ascontiguousarray(stored, np.float32)
 
 
-def has_sound(path: Path) -> bool:
-    """Whether a file has a sound track.
+def count_tracks(path: Path) -> int:
+    """How many sound tracks a file has.
 
     Raises:
         DataError: if it cannot be opened.
     """
     with closing(open_media(path, str(path))) as container:
-        return bool(container.streams.audio)
+        return len(container.streams.audio)
 
 
 def read_sound(path: Path, channel: int = 0) -> tuple[int, Array]:

@@ -20,7 +20,7 @@ ANCHOR_S = 1.0  # of frames whose stamps are averaged: they jitter, and sound do
 
 
 class VideoSound:
-    """The first sound track of a video file.
+    """A sound track of a video file.
 
     A sample is stamped as a frame would be that is shown when it is heard. What would lie before stamp 0 is
     left out.
@@ -31,6 +31,7 @@ class VideoSound:
         start_ns: stamp of the first frame of the video.
         stamps: of all frames, ns, where they are not the file's own times.
         from_sample: where to begin.
+        track: number, among those with sound.
 
     Raises:
         DataError: no video, no sound track, or one of an unknown codec; other channels than are named. While
@@ -39,15 +40,15 @@ class VideoSound:
 
     def __init__(
         self, device: str, path: Path, *, clocks: Sequence[str] = (), start_ns: int = 0,
-        stamps: Sequence[int] = (), from_sample: int = 0,
+        stamps: Sequence[int] = (), from_sample: int = 0, track: int = 0,
     ):  # fmt: skip
         self.device, self.path = device, Path(path)
         self.clocks = tuple(clocks)
         self._what = f"the sound of {self.path}"
-        self._from = from_sample
+        self._from, self._track = from_sample, track
         self._open_now: list[SoundTrack] = []
-        with SoundTrack(self.path, self._what) as track:
-            self.channels = track.channels
+        with SoundTrack(self.path, self._what, track) as opened:
+            self.channels = opened.channels
         if self.clocks and len(self.clocks) != self.channels:
             raise DataError(
                 f"{len(self.clocks)} channels of {path} are named ({', '.join(self.clocks)}), but its sound "
@@ -57,7 +58,7 @@ class VideoSound:
         self._begin, self._anchors = self._look(stamps)
 
     def __iter__(self) -> Iterator[AudioBlock]:
-        track = SoundTrack(self.path, self._what)
+        track = SoundTrack(self.path, self._what, self._track)
         self._open_now.append(track)
         try:
             for piece in _joined(track.pieces()):

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from panoptic_ros.capture import VIDEO_SUFFIXES
-from panoptic_ros.capture.sound import has_sound, read_sound
+from panoptic_ros.capture.sound import count_tracks, read_sound
 from panoptic_ros.domain import TimecodeReading
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bags import BagReader
@@ -80,7 +80,7 @@ def _read_file(path: Path, sources: Sources, strict: bool) -> None:
             stamps, _ = stream.stamps()
             if stamps:
                 sources.cameras[name] = StampTable(stamps)
-    elif path.suffix.lower() == ".wav" or (path.suffix.lower() in VIDEO_SUFFIXES and has_sound(path)):
+    elif path.suffix.lower() == ".wav" or (path.suffix.lower() in VIDEO_SUFFIXES and count_tracks(path)):
         _read_sound(path, sources)
     elif strict:
         raise DataError(f"{path} is no CSV of stamps, sync table, WAV file, video with sound or bag")
