@@ -130,16 +130,17 @@ def _take(take: Simulation) -> dict[str, tuple[Array, float]]:
     for _, block in heard_blocks(take):
         blocks["audio", block.device].append(block)
     places = {camera.name: camera.centre for camera in take.rig.cameras}
-    sound = SoundClocks(SoundClocksConfig({name: name for name in names}, places)).run(
-        HeldRecording(blocks), untold
-    )
+    sound = SoundClocks(SoundClocksConfig(
+        {name: name for name in names}, places, trusted_camera=names[0]
+    )).run(HeldRecording(blocks), untold)  # fmt: skip
     heard = regroup(sets, sound.clocks.corrections(sets))
-    refined = find_clocks(heard, context, configs)
+    refined = find_clocks(heard, context, configs, names[0])
     right = _right(take)
     good = regroup(sets, right.corrections(sets, every=True))
     off = np.random.default_rng(take.seed).uniform(-LARGEST, LARGEST, len(names))
+    off[0] = 0.0
     late = replace(right, offsets=right.offsets + off)
-    alone = find_clocks(regroup(sets, late.corrections(sets, every=True)), context, configs)
+    alone = find_clocks(regroup(sets, late.corrections(sets, every=True)), context, configs, names[0])
 
     def outcome(clocks: CameraClocks, result: Sequence[DetectionSet]) -> tuple[Array, float]:
         return _errors(take, clocks), mpjpe_of(truth, result, context, configs)

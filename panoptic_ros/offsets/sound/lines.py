@@ -106,7 +106,7 @@ def arrivals(first: Array, second: Array, lags: Array, weights: Array, count: in
 
 
 def largest_group(count: int, first: Array, second: Array) -> Array:
-    """Indices of the largest group of devices that pairs link; of equals that of the first device."""
+    """Indices of the largest group of devices that pairs link; one of them if several are as large."""
     group = np.arange(count)
     for a, b in zip(first, second):
         group[group == group[b]] = group[a]

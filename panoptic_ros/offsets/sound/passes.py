@@ -1,8 +1,8 @@
 """Clocks of a recorded capture from the sound that its devices heard."""
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -31,6 +31,7 @@ Array = np.ndarray
 SEGMENT_S = 60.0  # of the parts that are looked for in the other recordings
 MOST_SEGMENTS = 12
 APART = 6.0  # m
+NEAR_S, CHAIN_S = 0.1, 1.0  # reach of lags that another part of two recordings, or other pairs, tell
 COARSE_S = 0.01  # standard deviation of a coarse lag
 DRIFTS = 3e-4  # that two clocks may differ by
 LEAST_CLEAR = 2  # windows in which a pair must agree
@@ -81,7 +82,7 @@ class SoundClocks:
         times, rises = self._listen(recording, part_of(progress, 0.0, 0.4), refused)
         devices = list(times)
         pairs = list(combinations(range(len(devices)), 2))
-        coarse = _Coarse([rises[name] for name in devices], [times[name].seconds for name in devices])
+        coarse = Coarse([rises[name] for name in devices])
         told = part_of(progress, 0.4, 0.6)
         for done, (a, b) in enumerate(pairs):
             told(done / len(pairs), f"looking for {devices[a]} in {devices[b]}")
@@ -154,7 +155,7 @@ class SoundClocks:
         return travel(np.array([self._config.positions[name] for name in devices]))
 
     def _why(
-        self, device: str, devices: list[str], members: Array, coarse: _Coarse, refused: Mapping[str, str]
+        self, device: str, devices: list[str], members: Array, coarse: Coarse, refused: Mapping[str, str]
     ) -> str:
         if not device:
             return "no sound"
@@ -167,79 +168,112 @@ class SoundClocks:
         return max(reasons, key=reasons.count)
 
 
-class _Coarse:
-    """Lags of pairs of recordings, by their onsets, at any lag."""
+class Coarse:
+    """Lags of pairs of recordings, by their onsets, at any lag.
 
-    def __init__(self, rises: list[Array], seconds: list[float]):
-        self._rises, self._seconds = rises, seconds
+    Args:
+        rises: coarse onsets (T, B) of each device.
+    """
+
+    def __init__(self, rises: Sequence[Array]):
+        self._rises = rises
         self._first: list[int] = []
         self._second: list[int] = []
         self._found: list[Match] = []
         self.why: dict[tuple[int, int], str] = {}
+        self.contradicted: dict[tuple[int, int], str] = {}
 
     def compare(self, a: int, b: int) -> None:
-        """Remember the lags at which parts of the shorter recording are in the longer one."""
-        if self._seconds[a] > self._seconds[b]:
-            first, second = b, a
-        else:
-            first, second = a, b
+        """Remember the lags at which parts of the shorter recording are in the longer one.
+
+        Where others link the two already, or a part of them has been found, a part is looked for near that
+        lag. If it is beyond doubt elsewhere the two contradict each other.
+        """
+        first, second = (b, a) if len(self._rises[a]) > len(self._rises[b]) else (a, b)
         part, whole = self._rises[first], self._rises[second]
         near = self._predicted(first, second)
-        begins = _segments(part)
         best: Match | None = None
-        before = len(self._found)
-        for at in begins:
-            segment = part[at : at + round(SEGMENT_S * RATE)]
-            expected = None if near is None else near[0] + at / RATE
-            reach = 0.0 if near is None else near[1] + DRIFTS * abs(at / RATE - near[2])
-            match = find(segment, whole, expected, reach)
+        linked = False
+        for begin in _segments(part):
+            segment, at = part[begin : begin + round(SEGMENT_S * RATE)], begin / RATE
+            if near is not None:
+                reach = near.reach + DRIFTS * abs(at - near.at)
+                match = find(segment, whole, near.lag + at, reach)
+                if match is not None and match.expected:
+                    self._remember(first, second, match, at)
+                    linked = True
+                    continue
+            match = find(segment, whole)
             if match is None:
                 continue
-            if match.unique or (near is not None and match.expected):
-                lag, heard = match.lag - at / RATE, match.at + at / RATE
-                self._first.append(first)
-                self._second.append(second)
-                self._found.append(Match(
-                    lag, heard, match.strength, match.ratio, match.events, match.other - at / RATE
-                ))  # fmt: skip
-                near = near or (lag, 0.1, heard)
+            if match.unique and near is None:
+                near, linked = _Near(match.lag - at, NEAR_S, match.at + at), True
+                self._remember(first, second, match, at)
+            elif match.unique and near is not None:
+                apart = match.lag - at - near.lag
+                if abs(apart) > near.reach + DRIFTS * abs(at - near.at):
+                    self.contradicted[a, b] = f"after {at:.0f} s it is {apart:+.2f} s off: is sound missing?"
             if best is None or match.strength * match.ratio > best.strength * best.ratio:
                 best = match
-        if len(self._found) == before:
+        if not linked:
             self.why[a, b] = _reason(best)
 
-    def _predicted(self, first: int, second: int) -> tuple[float, float, float] | None:
-        """Lag, its reach, and when, if a chain of other pairs links the two."""
-        group = largest_group(len(self._rises), self._firsts, self._seconds_of)
+    def _remember(self, first: int, second: int, match: Match, at: float) -> None:
+        self._first.append(first)
+        self._second.append(second)
+        self._found.append(replace(match, lag=match.lag - at, at=match.at + at, other=match.other - at))
+
+    def _predicted(self, first: int, second: int) -> _Near | None:
+        """The lag, if a chain of other pairs links the two."""
+        group = self._group(np.arange(len(self._rises)))
         if first not in group or second not in group:
             return None
         lines = self._fit(group)
-        at = 0.5 * self._seconds[first]
-        return float(lines.offsets[first] - lines.offsets[second]), 1.0, at
+        middle = 0.5 * len(self._rises[first]) / RATE
+        return _Near(float(lines.offsets[first] - lines.offsets[second]), CHAIN_S, middle)
 
-    @property
-    def _firsts(self) -> Array:
-        return np.array(self._first, int)
-
-    @property
-    def _seconds_of(self) -> Array:
-        return np.array(self._second, int)
+    def _group(self, among: Array) -> Array:
+        """The largest group of linked devices among some."""
+        first, second = np.array(self._first, int), np.array(self._second, int)
+        inside = np.isin(first, among) & np.isin(second, among)
+        return largest_group(len(self._rises), first[inside], second[inside])
 
     def _fit(self, group: Array) -> Lines:
-        inside = np.isin(self._firsts, group)
+        first, second = np.array(self._first, int), np.array(self._second, int)
+        inside = np.isin(first, group) & np.isin(second, group)
         found = [match for match, use in zip(self._found, inside) if use]
         return fit_lines(len(self._rises), group, Lags(
-            self._firsts[inside], self._seconds_of[inside], np.array([match.at for match in found]),
+            first[inside], second[inside], np.array([match.at for match in found]),
             np.array([match.lag for match in found]), np.full(len(found), COARSE_S),
         ))  # fmt: skip
 
     def lines(self) -> tuple[Lines, Array]:
-        """Lines of the largest group of devices that lags link, and its indices."""
+        """Lines of the largest group of devices that lags link, and its indices.
+
+        Devices are left out, those that contradict most others first, until nobody contradicts another.
+        """
         count = len(self._rises)
-        group = largest_group(count, self._firsts, self._seconds_of)
+        kept = np.arange(count)
+        while (against := [pair for pair in self.contradicted if set(pair) <= set(kept.tolist())]):
+            times = np.bincount(np.array(against).ravel(), minlength=count)
+            worst = np.flatnonzero(times == times.max())
+            kept = np.setdiff1d(kept, worst)
+            for pair in against:
+                if set(pair) & set(worst.tolist()):
+                    self.why.setdefault(pair, self.contradicted[pair])
+        group = self._group(kept)
         if len(group) < 2:
             return Lines(np.full(count, np.nan), np.full(count, np.nan), 0.0), group[:0]
         return self._fit(group), group
+
+
+@dataclass(frozen=True)
+class _Near:
+    """A lag, s, that is known within a reach, at some time of the first device."""
+
+    lag: float
+    reach: float
+    at: float
 
 
 def _segments(rises: Array) -> list[int]:
