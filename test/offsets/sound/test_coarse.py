@@ -34,7 +34,7 @@ def test_offsets_and_drifts_of_minutes_are_found():
     coarse, lines, members = compared(heard(true, 0), heard(true, 2500, 1e-4), heard(true, 700, -8e-5))
     assert members.tolist() == [0, 1, 2] and not coarse.contradicted
     heard_at = lines.heard(lines.middle + np.array([-80.0, 0.0, 80.0]))
-    frames = np.stack([0.0 + heard_at[0], 25.0 + heard_at[1] / (1.0 + 1e-4), 7.0 + heard_at[2] / (1.0 - 8e-5)])
+    frames = np.stack([heard_at[0], 25.0 + heard_at[1] / (1.0 + 1e-4), 7.0 + heard_at[2] / (1.0 - 8e-5)])
     assert np.ptp(frames, axis=0).max() < 0.02  # what is heard at one time happened at one time
     assert lines.drifts[1] - lines.drifts[0] < -4e-5 and lines.drifts[2] - lines.drifts[0] > 3e-5
 
