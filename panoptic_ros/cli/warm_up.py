@@ -25,6 +25,8 @@ def run(args: argparse.Namespace) -> int:
     done = warm_up(_Progress().show, args.processes)
     seconds = time.monotonic() - began
     print(f"{done.kernels} kernels compiled in {seconds:.0f} s ({done.cpu_s:.0f} s of processor time)")
+    if done.note:
+        print(done.note)
     return 0
 
 

@@ -1,23 +1,16 @@
 """`njit` of this package."""
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
 
 from panoptic_ros.kernels.cache import SETTINGS, KernelCache
-from panoptic_ros.kernels.parts import IS_KNOWN, KNOWN, Kernel
+from panoptic_ros.kernels.parts import IS_KNOWN, Kernel
 
 NO_WRAPPER: dict[str, Any] = {"no_cfunc_wrapper": True}  # nothing in C calls kernels
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-if not IS_KNOWN:
-    warnings.warn(
-        f"numba {numba.__version__} is none of {', '.join(KNOWN)}: kernels run, but take longer to compile",
-        RuntimeWarning, stacklevel=2,
-    )  # fmt: skip
 
 
 def njit(**options: Any) -> Callable[[Function], Function]:

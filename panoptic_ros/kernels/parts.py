@@ -6,7 +6,7 @@ handed to their callers as LLVM's code, and each is optimised in one go: a third
 kernels that run as fast and give the same bytes.
 
 This stands on parts of numba that are its own. They are known to be as expected in the versions of `KNOWN`;
-with others, kernels compile as numba does it, and a warning says so.
+with others, kernels compile as numba does it, and `slow_compilation` says so.
 """
 from __future__ import annotations
 
@@ -21,10 +21,19 @@ from numba.core.compiler import Compiler, Flags
 from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
 
+from panoptic_ros.kernels.quicker import quicker
+
 KNOWN = ("0.68",)
 IS_KNOWN = numba.__version__.rpartition(".")[0] in KNOWN
 OWN_FLAGS = ("release_gil", "no_cpython_wrapper", "no_cfunc_wrapper")  # not handed down to what it calls
 ENVIRONMENT = "_ZN08NumbaEnv"  # how the names of numba's environments begin
+
+
+def slow_compilation() -> str:
+    """Why kernels take longer to compile than they need; empty if they do not."""
+    if IS_KNOWN:
+        return ""
+    return f"numba {numba.__version__} is none of {', '.join(KNOWN)}: kernels run, but take longer to compile"
 
 
 class Kernel(CPUDispatcher):
@@ -113,7 +122,7 @@ class _Compiler(Compiler):
         self.state.library = self.library(codegen, func.__qualname__)
         self.state.library.enable_object_caching()
         self.state.flags = _Flags(self.state.flags)
-        with _only_parts(codegen):
+        with _only_parts(codegen), quicker():
             return super().compile_extra(func)
 
 

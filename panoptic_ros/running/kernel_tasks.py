@@ -18,7 +18,8 @@ import numpy as np
 
 from panoptic_ros.association.known_occluders import occluded_depths
 from panoptic_ros.domain import Occluders
-from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.graph.build import configure, make_stage, resolve
+from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.kernels import on_compilation
 from panoptic_ros.kernels.order import median
 from panoptic_ros.simulation import SKELETON, Ring, Scene, Simulation, simulate
@@ -69,6 +70,8 @@ def main() -> int:
     """Compile what is asked for; 1 if a process broke down."""
     gc.disable()  # a tenth of the time; what a compiler leaves behind fits into memory
     names = sys.argv[2:] or list(TASKS)
+    for node in NODES.values():
+        resolve(node.stage)
     median(np.zeros(1))  # what numba sets up for its first kernel is there before the processes part
     waiting = _queue(len(names))
     processes = [_fork(names, waiting) for _ in range(int(sys.argv[1]))]
