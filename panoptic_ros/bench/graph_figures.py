@@ -18,6 +18,21 @@ class Usage:
 
 
 @dataclass(frozen=True)
+class Restart:
+    """A process that was killed and started anew.
+
+    Args:
+        silence_s: from then on until skeletons of a later instant came; None: none came.
+        before, after: identities in the last skeletons before, and some time after.
+    """
+
+    process: str
+    silence_s: float | None
+    before: frozenset[int]
+    after: frozenset[int]
+
+
+@dataclass(frozen=True)
 class Observation:
     """One run of the graph. Times are of one monotonic clock.
 
@@ -28,6 +43,7 @@ class Observation:
         started_ns: when the processes were started. measured_ns: since when latencies count.
         before, after: what the processes had used at the beginning and at the end of the measured part.
         stages: the last diagnostics of every stage.
+        restarts: of processes that were killed after the measured part.
     """
 
     sent: Sequence[tuple[int, int]]
@@ -38,6 +54,7 @@ class Observation:
     before: Usage
     after: Usage
     stages: Mapping[str, Mapping[str, str]]
+    restarts: Sequence[Restart] = ()
 
 
 def figures_of(seen: Observation) -> dict[str, Any]:
@@ -47,6 +64,11 @@ def figures_of(seen: Observation) -> dict[str, Any]:
     latencies = np.array([1e-6 * (came[k] - seen.sent[k][1]) for k in measured if k in came])
     duration_s = 1e-9 * (seen.after.at_ns - seen.before.at_ns)
     return {
+        "restarts": [
+            {"process": each.process, "silence_s": each.silence_s, "people": len(each.before),
+             "kept": len(each.before & each.after)}
+            for each in seen.restarts
+        ],
         "sent": len(measured), "received": len(latencies), "lost": len(measured) - len(latencies),
         **{f"latency_{name}_ms": value for name, value in _percentiles(latencies).items()},
         "first_skeletons_s": 1e-9 * (min(when for _, when in seen.received) - seen.started_ns),

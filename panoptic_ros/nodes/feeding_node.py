@@ -19,13 +19,14 @@ class FeedingNode(Node):
     """Publishes views when it is told to.
 
     Args:
-        on_skeletons: called with (stamp of the message, when it came), ns.
+        on_skeletons: called with (stamp of the message, when it came, the identities in it); ns.
         clock: a monotonic clock in ns, asked before a message is decoded.
     """
 
     def __init__(
-        self, cameras: Iterable[str], on_skeletons: Callable[[int, int], None], clock: Callable[[], int]
-    ):
+        self, cameras: Iterable[str], on_skeletons: Callable[[int, int, frozenset[int]], None],
+        clock: Callable[[], int],
+    ):  # fmt: skip
         super().__init__("feeder")
         self._on_skeletons, self._now = on_skeletons, clock
         self.diagnostics: dict[str, dict[str, str]] = {}
@@ -58,7 +59,9 @@ class FeedingNode(Node):
 
     def _take(self, data: bytes) -> None:
         when = self._now()
-        self._on_skeletons(stamp_of(deserialize_message(data, self._kind).header), when)
+        message = deserialize_message(data, self._kind)
+        ids = frozenset(int(person.id) for person in message.skeletons)
+        self._on_skeletons(stamp_of(message.header), when, ids)
 
     def _take_status(self, message: Any) -> None:
         for status in message.status:

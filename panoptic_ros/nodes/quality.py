@@ -17,6 +17,10 @@ CLOCKS = QoSProfile(  # latched for as many devices
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
+NEWEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)  # fmt: skip
 END_OF_STREAM = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1000,

@@ -27,6 +27,7 @@ from panoptic_ros.nodes.compilation import compilation_told
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.inputs import Input, InputChoice, Takers, subscribe
+from panoptic_ros.nodes.kept_states import KeptStates
 from panoptic_ros.nodes.notice_log import NoticeLog
 from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.parameters import declare_config
@@ -105,6 +106,7 @@ class StageNode(Node):
         self._worker = Worker(self._work, self._dropped)
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
+        self._kept = KeptStates(self, names, self._hand_over) if self._flow.name == "live" else None
         self._facts = Facts(self, self._begin, self._refuse_message, self._rig_changed)
 
     def _names(self, parameter: str) -> list[str]:
@@ -132,12 +134,18 @@ class StageNode(Node):
     # -------------------------------------------------------------- start
 
     def _begin(self, rig: Rig, skeleton: SkeletonModel) -> None:
-        try:
-            self._start(rig, skeleton)
-        except PanopticError as error:
-            self._fault = error
+        def start(states: Mapping[str, bytes]) -> None:
+            try:
+                self._start(rig, skeleton, states)
+            except PanopticError as error:
+                self._fault = error
 
-    def _start(self, rig: Rig, skeleton: SkeletonModel) -> None:
+        if self._kept is None:
+            start({})
+        else:
+            self._kept.when_known(start)
+
+    def _start(self, rig: Rig, skeleton: SkeletonModel, states: Mapping[str, bytes]) -> None:
         used = self._used(rig)
         extras: dict[str, Any] = {}
         for stage, prefix in self.prefixes.items():
@@ -150,6 +158,7 @@ class StageNode(Node):
                 on_record=self._gave, on_notice=self._tell, on_refused=self._refuse,
                 on_end=self._owner_over, on_step=self._stepped, clock=time.perf_counter_ns, everywhere=around,
             )  # fmt: skip
+        self._take_over(states)
         replay = self._flow.name == "replay"
         progress = ProgressTold(self, self._progress_heard) if replay and self._marked else None
         final = {
@@ -178,6 +187,24 @@ class StageNode(Node):
                 if self._is_waited_for(topic) and entry.carrier != "audio_common":
                     self._ends.watch(entry.name)
         self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
+
+    def _take_over(self, states: Mapping[str, bytes]) -> None:
+        """Begin with what stages of this name remembered, each by itself."""
+        assert self._pipeline is not None
+        for stage, state in states.items():
+            try:
+                self._pipeline.begin({stage: state})
+                self.get_logger().info(f"stage {stage} goes on from what it remembered")
+            except DataError as error:
+                self.get_logger().warning(f"stage {stage} begins anew: {error}")
+
+    def _hand_over(self) -> None:
+        """Let others keep what the stages remember; taken between two records."""
+        self._worker.note(self._publish_states)
+
+    def _publish_states(self) -> None:
+        assert self._pipeline is not None and self._kept is not None
+        self._kept.publish(self._pipeline.state())
 
     def _used(self, rig: Rig) -> Rig:
         return rig.subset(self._cameras) if self._cameras else rig

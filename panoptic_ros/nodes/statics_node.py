@@ -9,15 +9,17 @@ from scipy.spatial.transform import Rotation
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import to_message
 from panoptic_ros.io.messages.images import optical_frame
 from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.kept_states import StateKeeper
 from panoptic_ros.nodes.quality import LATCHED
 
 
 class StaticsNode(Node):
-    """Publishes rig, skeleton model and, where tf2_msgs is installed, /tf_static."""
+    """Publishes rig, skeleton model and, where tf2_msgs is there, /tf_static; keeps what stages remember."""
 
     fault = None
     healthy = True
@@ -28,6 +30,7 @@ class StaticsNode(Node):
             self._latch(key, record) for key, record in (("rig", rig), ("skeleton_model", skeleton))
         ]
         self._publish_transforms(rig)
+        self._keeper = StateKeeper(self, NODES)
 
     def close(self) -> None:
         """Nothing to stop."""

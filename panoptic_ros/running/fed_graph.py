@@ -11,7 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.bench.graph_feed import Feed
-from panoptic_ros.bench.graph_figures import Observation, Usage, figures_of
+from panoptic_ros.bench.graph_figures import Observation, Restart, Usage, figures_of
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.flow import LIVE_DEFAULTS, WINDOW
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
@@ -26,11 +26,17 @@ from panoptic_ros.running.usage import usage_of
 
 SETTLE_NS = 2_000_000_000  # from the first skeletons on, latencies do not count so long
 PATIENCE_S = 300.0  # for the first skeletons: kernels may be compiled
+RESTART_PATIENCE_S = 60.0  # for skeletons after a process was killed
 LAST_WORDS_S = 1.2  # for the last skeletons, and for diagnostics, which come once a second
 
 
-def run_fed_graph(feed: Feed, seconds: float, node_per_stage: bool) -> dict[str, Any]:
+def run_fed_graph(
+    feed: Feed, seconds: float, node_per_stage: bool, kill: bool = False
+) -> dict[str, Any]:
     """Feed the graph until skeletons have come for so long; see `bench.graph_figures.figures_of`.
+
+    Args:
+        kill: afterwards kill each process in turn, to see how long it is silent and whom it still knows.
 
     Raises:
         UserError: as a node printed it, if one ended.
@@ -43,7 +49,7 @@ def run_fed_graph(feed: Feed, seconds: float, node_per_stage: bool) -> dict[str,
         launch = write_launch_file(plan, Path(folder), "live", WINDOW, 0, node_per_stage)
         start_ros([])
         try:
-            return figures_of(_Run(feed, seconds).observe(launch))
+            return figures_of(_Run(feed, seconds, kill).observe(launch))
         finally:
             try_shutdown()
 
@@ -51,8 +57,10 @@ def run_fed_graph(feed: Feed, seconds: float, node_per_stage: bool) -> dict[str,
 class _Run:
     """One run: the clock, and what was sent and received so far."""
 
-    def __init__(self, feed: Feed, seconds: float):
-        self._feed, self._seconds = feed, seconds
+    def __init__(self, feed: Feed, seconds: float, kill: bool):
+        self._feed, self._seconds, self._kill = feed, seconds, kill
+        self._number = 0  # of the next instant
+        self._newest: tuple[int, frozenset[int]] = (0, frozenset())  # stamp and identities
         self._sent: list[tuple[int, int]] = []
         self._received: list[tuple[int, int]] = []
         self._node = FeedingNode(feed.rig.names, self._take, time.monotonic_ns)
@@ -79,23 +87,39 @@ class _Run:
             statics.destroy_node()
 
     def _observe(self, processes: Processes, started: int) -> Observation:
-        stamps_from = time.time_ns() - time.monotonic_ns()
+        self._started, self._stamps_from = started, time.time_ns() - time.monotonic_ns()
         ids = processes.ids
         before: Usage | None = None
-        number = 0
         while before is None or time.monotonic_ns() < before.at_ns + 1e9 * self._seconds:
-            self._play(number, started + number * self._feed.period_ns, stamps_from)
-            if number % 15 == 0:
+            self._play()
+            if self._number % 15 == 0:
                 processes.check()
             if before is None and self._is_settled(started):
                 before = usage_of(ids)
-            number += 1
         after = usage_of(ids)
+        sent = list(self._sent)
+        restarts = [self._restart(processes, name) for name in processes.names] if self._kill else []
         self._spin_until(time.monotonic_ns() + round(1e9 * LAST_WORDS_S))
         return Observation(
-            self._sent, self._received, self._feed.period_ns, started, before.at_ns, before, after,
-            self._node.diagnostics,
+            sent, self._received, self._feed.period_ns, started, before.at_ns, before, after,
+            self._node.diagnostics, restarts,
         )  # fmt: skip
+
+    def _restart(self, processes: Processes, name: str) -> Restart:
+        """Kill a process, and play on until its successor has settled."""
+        self._play_until(time.monotonic_ns() + SETTLE_NS)
+        _, before = self._newest
+        killed = time.monotonic_ns()
+        since, back = self._stamps_from + killed, None
+        processes.kill(name)
+        while back is None and time.monotonic_ns() < killed + 1e9 * RESTART_PATIENCE_S:
+            self._play()
+            processes.revive()
+            back = next((when for stamp, when in reversed(self._received) if stamp > since), None)
+        self._play_until(time.monotonic_ns() + SETTLE_NS)
+        came = [when for stamp, when in self._received if stamp > since]
+        silence_s = 1e-9 * (min(came) - killed) if came else None
+        return Restart(name, silence_s, before, self._newest[1])
 
     def _is_settled(self, started: int) -> bool:
         now = time.monotonic_ns()
@@ -103,18 +127,25 @@ class _Run:
             raise EnvironmentProblem(f"the graph gave no skeletons within {PATIENCE_S:g} s")
         return bool(self._received) and now > self._received[0][1] + SETTLE_NS
 
-    def _play(self, number: int, due_ns: int, stamps_from: int) -> None:
-        """Publish the views of an instant, each at its time."""
-        views = self._views[self._feed.number_of_set(number)]
-        for offset, message in views:
+    def _play(self) -> None:
+        """Publish the views of the next instant, each at its time."""
+        number = self._number
+        due_ns = self._started + number * self._feed.period_ns
+        for offset, message in self._views[self._feed.number_of_set(number)]:
             self._spin_until(due_ns + offset)
             last = time.monotonic_ns()
-            self._node.publish(message, stamps_from + due_ns + offset, number)
-        self._sent.append((stamps_from + due_ns, last))
+            self._node.publish(message, self._stamps_from + due_ns + offset, number)
+        self._sent.append((self._stamps_from + due_ns, last))
+        self._number += 1
+
+    def _play_until(self, moment_ns: int) -> None:
+        while time.monotonic_ns() < moment_ns:
+            self._play()
 
     def _spin_until(self, moment_ns: int) -> None:
         while (left := moment_ns - time.monotonic_ns()) > 0:
             self._executor.spin_once(timeout_sec=1e-9 * left)
 
-    def _take(self, stamp_ns: int, when_ns: int) -> None:
+    def _take(self, stamp_ns: int, when_ns: int, ids: frozenset[int]) -> None:
         self._received.append((stamp_ns, when_ns))
+        self._newest = stamp_ns, ids

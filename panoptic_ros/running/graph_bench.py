@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scenario", default=SCENARIO, metavar="NAME", help=f"default {SCENARIO}")
     parser.add_argument("--people", type=int, metavar="N", help="in place of the scenario's")
     parser.add_argument("--views", type=int, metavar="N", help="in place of the scenario's")
+    parser.add_argument("--kill", action="store_true", help="then kill each process, and see who comes back")
     parser.add_argument("--bag", metavar="DIR", help="2D people of a bag in place of simulated ones")
 
 
@@ -53,7 +54,7 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         "bench": "graph", "source": feed.title, "views": len(feed.rig), "rate_hz": feed.rate,
         "seconds": args.seconds, "cores": os.cpu_count(), "load": os.getloadavg()[0],
         "rows": [
-            {"hosts": hosts, **run_fed_graph(feed, args.seconds, node_per_stage=hosts == "stage")}
+            {"hosts": hosts, **run_fed_graph(feed, args.seconds, hosts == "stage", args.kill)}
             for hosts in each(chosen, len(chosen), progress, "the graph runs")
         ],
     }  # fmt: skip
@@ -74,10 +75,18 @@ def lines(result: dict[str, Any]) -> list[str]:
     for stage in rows[0]["steps_ms"]:
         out.append(f"{'  ' + stage:<28}" + "".join(_cell(row["steps_ms"].get(stage), 2) for row in rows))
     for row in rows:
+        out += [_restart_line(restart) for restart in row["restarts"]]
+    for row in rows:
         told = ", ".join(f"{cause} {count}" for cause, count in row["dropped"].items())
         if told:
             out.append(f"{HOSTS[row['hosts']]}: dropped since the start: {told}")
     return out
+
+
+def _restart_line(restart: dict[str, Any]) -> str:
+    silence = restart["silence_s"]
+    came = "no skeletons came back" if silence is None else f"skeletons after {silence:.2f} s"
+    return f"{restart['process']} killed: {came}, {restart['kept']} of {restart['people']} identities kept"
 
 
 def _cell(value: float | None, digits: int) -> str:

@@ -22,6 +22,7 @@ from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.processes import Processes, prepare_environment
 from panoptic_ros.running.results import Results
 
+LOOK_S = 0.2  # whether all processes run
 LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
 
 
@@ -57,7 +58,7 @@ def _run(
         for node in (collector, statics):
             executor.add_node(node)
         with Processes(launch, document["processes"], results.folder / "logs") as processes:
-            _spin(executor, collector, processes, stop)
+            _spin(executor, collector, processes, stop, plan.live)
             deadline = time.monotonic() + LAST_WORDS_S
             while not plan.live and not collector.finished(names) and time.monotonic() < deadline:
                 executor.spin_once(timeout_sec=0.1)
@@ -76,10 +77,17 @@ def _told_of(node: Mapping[str, Any]) -> list[str]:
     return list(stages) if len(stages) > 1 else [node["name"]] if "name" in node else []
 
 
-def _spin(executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool]) -> None:
+def _spin(
+    executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool], live: bool
+) -> None:
+    """Until the end; live, what is killed is started anew."""
     looked = time.monotonic()
     while not collector.over and not stop():
         executor.spin_once(timeout_sec=0.1)
-        if time.monotonic() - looked > 0.5:
+        if time.monotonic() - looked > LOOK_S:
             looked = time.monotonic()
-            processes.check()
+            if live:
+                for line in processes.revive():
+                    collector.get_logger().warning(line)
+            else:
+                processes.check()

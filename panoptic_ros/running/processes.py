@@ -13,6 +13,8 @@ from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import share_folder
 
+MOST_REVIVALS = 5  # of one process in a minute
+
 
 class Processes:
     """The processes of one launch file; a context manager that leaves none behind.
@@ -23,21 +25,24 @@ class Processes:
 
     def __init__(self, launch_file: Path, names: Iterable[str], logs: Path):
         self._logs = logs
+        self._launch_file = launch_file
         self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._revived: dict[str, list[float]] = {}  # when, by process
         with file_errors(logs, "write"):
             logs.mkdir(parents=True, exist_ok=True)
         try:
             for name in names:
-                self._start(name, launch_file)
+                self._start(name)
         except BaseException:  # nobody else knows of those that run already
             self.stop(3.0)
             raise
 
-    def _start(self, name: str, launch_file: Path) -> None:
+    def _start(self, name: str) -> None:
         host = [sys.executable, "-m", "panoptic_ros.nodes.main", "host"]
-        with file_errors(self._logs, "write"), (self._logs / f"{name}.log").open("wb") as log:
+        mode = "ab" if name in self._children else "wb"
+        with file_errors(self._logs, "write"), (self._logs / f"{name}.log").open(mode) as log:
             self._children[name] = subprocess.Popen(
-                [*host, str(launch_file), name, str(os.getpid())],
+                [*host, str(self._launch_file), name, str(os.getpid())],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                 env=child_environment(), start_new_session=True,
             )  # fmt: skip
@@ -46,6 +51,16 @@ class Processes:
     def ids(self) -> tuple[int, ...]:
         """The process ids of the children."""
         return tuple(child.pid for child in self._children.values())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the processes."""
+        return tuple(self._children)
+
+    def kill(self, name: str) -> None:
+        """Kill a process as the system does, without a warning."""
+        self._children[name].kill()
+        self._children[name].wait()
 
     def check(self) -> None:
         """Look whether all children run.
@@ -70,6 +85,27 @@ class Processes:
                 )
             tail = " | ".join(lines[-3:])
             raise ContractError(f"process {name} ended with exit code {code}: {tail or 'it said nothing'}")
+
+    def revive(self) -> list[str]:
+        """Start anew what was killed or broke down; a line for each.
+
+        Raises:
+            PanopticError: as `check`, if a process ended for what the user can mend, or time and again.
+        """
+        now, told = time.monotonic(), []
+        for name, child in self._children.items():
+            code = child.poll()
+            if code in (None, 0, 2):
+                continue
+            recent = [when for when in self._revived.get(name, []) if now - when < 60.0]
+            if len(recent) >= MOST_REVIVALS:
+                break
+            self._revived[name] = [*recent, now]
+            self._start(name)
+            how = f"was killed (signal {-code})" if code < 0 else f"broke down (exit code {code})"
+            told.append(f"process {name} {how} and is started anew")
+        self.check()
+        return told
 
     def stop(self, patience_s: float = 8.0) -> None:
         """End all children: SIGINT first, SIGKILL for those who do not listen."""

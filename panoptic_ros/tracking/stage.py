@@ -16,6 +16,7 @@ from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances
 
 Array = np.ndarray
 FORBIDDEN = 1e6  # cost of pairs outside of the gates
+BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
 
 
 class TrackingStage(Stateful):
@@ -81,12 +82,16 @@ class TrackingStage(Stateful):
         return Tracks.of_new(people, len(self._skeleton), len(self._bones), self._limbs.number)
 
     def _advance(self, stamp_ns: int) -> None:
-        """Predict all tracks to the instant, and drop those that were unseen for too long."""
+        """Predict all tracks to the instant, and drop those that were unseen for too long.
+
+        Time in which no set came is not held against anybody: cameras paused, or a node was started anew.
+        """
         dt = 0.0 if self._last_ns is None else 1e-9 * (stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
         tracks, config = self._tracks, self._config
         tracks.predict(dt)
-        kept = tracks.unseen <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
+        blind = dt if BLIND_S[0] < dt <= BLIND_S[1] else 0.0
+        kept = tracks.unseen - blind <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
         if not kept.all():
             self._tracks = tracks.rows(kept)
 

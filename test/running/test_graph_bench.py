@@ -13,14 +13,18 @@ FEW = ["bench", "graph", "--people", "2", "--views", "3", "--rate", "10", "--sec
 @pytest.mark.ros
 def test_few_people_are_fed_and_none_is_lost(capsys):
     pytest.importorskip("rclpy")
-    assert main([*FEW, "--hosts", "one", "--json"]) == 0
+    assert main([*FEW, "--hosts", "one", "--kill", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     [row] = result["rows"]
     assert (result["views"], result["rate_hz"], row["hosts"]) == (3, 10.0, "one")
     assert 25 <= row["sent"] == row["received"] and row["lost"] == 0
     assert all(row[key] is not None for _, key, _ in TABLE)
     assert set(row["steps_ms"]) == {"sync", *FUSION}
+    [restart] = row["restarts"]  # people are followed on by the process that comes after
+    assert restart["process"] == "fusion" and restart["silence_s"] > 0.0
+    assert restart["people"] == 2 and restart["kept"] >= 1  # slow machines need seconds, in which they walk
     text = "\n".join(lines(result))
+    assert "fusion killed: skeletons after" in text and "of 2 identities kept" in text
     assert "2 people, 3 views at 10 Hz" in text and all(title in text for title, _, _ in TABLE)
 
 

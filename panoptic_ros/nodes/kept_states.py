@@ -1,0 +1,96 @@
+"""Live: what stages remember outlives their node.
+
+A node hands over the state of its stages twice a second; the node of the rig keeps the newest of each. A node
+that is started anew begins with them: people keep their identities, and tables of noise what they learnt.
+"""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+from panoptic_ros.nodes.family import message_class
+from panoptic_ros.nodes.quality import LATCHED, NEWEST
+
+PERIOD_S = 0.5
+WAITING_S = 0.3  # for states, if somebody keeps any: they come with the rig
+SEVERAL = ("detection",)  # stages that several nodes of a graph may have, and that remember little
+KIND = "std_msgs/msg/UInt8MultiArray"
+
+
+def given_topic(stage: str) -> str:
+    """What a stage remembers, from its node."""
+    return f"stages/{stage}/state"
+
+
+def kept_topic(stage: str) -> str:
+    """The newest of it, latched, from the node that keeps it."""
+    return f"stages/{stage}/kept_state"
+
+
+class StateKeeper:
+    """Keeps the newest state of each stage for nodes that are started anew; part of the node of the rig."""
+
+    def __init__(self, node: Node, stages: Collection[str]):
+        kind = message_class(KIND)
+        self._publishers = {
+            stage: node.create_publisher(kind, kept_topic(stage), LATCHED)
+            for stage in stages if stage not in SEVERAL
+        }  # fmt: skip
+        for stage, publisher in self._publishers.items():
+            node.create_subscription(kind, given_topic(stage), publisher.publish, NEWEST, raw=True)
+
+
+class KeptStates:
+    """Hands over the states of a node's stages, and gives those that were kept.
+
+    Args:
+        ask: called twice a second: it calls `publish` where states may be taken.
+    """
+
+    def __init__(self, node: Node, stages: Collection[str], ask: Callable[[], None]):
+        self._node, self._ask = node, ask
+        self._kept: dict[str, bytes] = {}
+        self._kind = message_class(KIND)
+        self._listening = {
+            stage: node.create_subscription(
+                self._kind, kept_topic(stage), partial(self._take, stage), LATCHED
+            )
+            for stage in stages if stage not in SEVERAL
+        }  # fmt: skip
+        self._publishers: dict[str, Any] = {}
+        self._timer: Any = None
+
+    def _take(self, stage: str, message: Any) -> None:
+        self._kept[stage] = bytes(message.data)
+
+    def when_known(self, begin: Callable[[Mapping[str, bytes]], None]) -> None:
+        """Call `begin` with the states that were kept, when they have come; with none if nobody keeps any."""
+        if not any(self._node.count_publishers(kept_topic(stage)) for stage in self._listening):
+            self._end_waiting(begin)
+            return
+        self._timer = self._node.create_timer(WAITING_S, lambda: self._end_waiting(begin))
+
+    def _end_waiting(self, begin: Callable[[Mapping[str, bytes]], None]) -> None:
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+        kept, self._kept = self._kept, {}
+        for subscription in self._listening.values():
+            self._node.destroy_subscription(subscription)
+        begin(kept)
+        for stage in self._listening:
+            self._publishers[stage] = self._node.create_publisher(self._kind, given_topic(stage), NEWEST)
+        self._timer = self._node.create_timer(PERIOD_S, self._ask_for)
+
+    def _ask_for(self) -> None:
+        if any(publisher.get_subscription_count() for publisher in self._publishers.values()):
+            self._ask()
+
+    def publish(self, states: Mapping[str, bytes]) -> None:
+        """Hand over the states of those stages that are kept."""
+        for stage, publisher in self._publishers.items():
+            publisher.publish(self._kind(data=array.array("B", states[stage])))
