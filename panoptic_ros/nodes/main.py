@@ -14,7 +14,6 @@ from rclpy.node import Node
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import AFTER_DETECTION, NODES
-from panoptic_ros.io.bag_streams import BagStream
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.occluders import read_occluders
@@ -22,7 +21,6 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.markers_node import MarkersNode
 from panoptic_ros.nodes.runtime import leave, run_nodes
-from panoptic_ros.nodes.sources import make_bag_node, make_camera_node, make_sound_node
 from panoptic_ros.nodes.stage_node import StageNode
 from panoptic_ros.nodes.statics_node import StaticsNode
 
@@ -103,6 +101,8 @@ def camera() -> None:
         quality = int(arguments.declare_parameter("jpeg_quality", 90).value)
         flow = arguments.text("flow", "live")
         arguments.destroy_node()
+        from panoptic_ros.nodes.sources import make_camera_node
+
         if not name or not path or bool(video) == bool(device):
             raise UsageError("node camera needs the parameters `camera`, `rig`, and `video` or `device`")
         source = {"kind": "file", "path": video} if video else {"kind": "device", "device": device}
@@ -127,6 +127,16 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
     overrides = dict(entry.get("parameters", {}))
     if entry["kind"] == "stages":
         return make_stage_node(entry["stages"], overrides, entry["name"])
+    if entry["kind"] == "markers":
+        return MarkersNode(overrides.get("flow", "live"))
+    return _source(entry, rig_of_run, overrides)
+
+
+def _source(entry: Mapping[str, Any], rig_of_run: Any, overrides: Mapping[str, Any]) -> Any:
+    """The node of what records come from."""
+    from panoptic_ros.io.bag_streams import BagStream  # decoders that nodes of stages start without
+    from panoptic_ros.nodes.sources import make_bag_node, make_camera_node, make_sound_node
+
     if entry["kind"] == "camera":
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
@@ -135,8 +145,6 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
     if entry["kind"] == "bag":
         streams = [BagStream(**{**stream, "bag": Path(stream["bag"])}) for stream in entry["streams"]]
         return make_bag_node(streams, overrides)
-    if entry["kind"] == "markers":
-        return MarkersNode(overrides.get("flow", "live"))
     raise UsageError(f"there is no node of kind {entry['kind']!r}")
 
 
