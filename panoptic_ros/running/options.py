@@ -78,6 +78,7 @@ class RunOptions:
 
 
 NO_OPTIONS = RunOptions()
+SECOND = 1_000_000_000
 
 
 def _with_offsets(plan: Plan, path: Path) -> Plan:
@@ -91,4 +92,10 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
         **plan.configs, "sync": replace(sync, delays_ms=delays), "offsets": replace(offsets, delays_ms=delays)
     }  # fmt: skip
     told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names))
-    return replace(plan, configs=configs, notices=(*plan.notices, *told))
+    # offsets may be seconds: streams are kept side by side by what stamps come to
+    more = {name: round(SECOND * offset.offset_s) for name, offset in saved.items()}
+    streams = tuple(replace(s, shift_ns=s.shift_ns + more.get(s.camera, 0)) for s in plan.streams)
+    shifts = {name: plan.shifts.get(name, 0) + more.get(name, 0) for name in (*plan.shifts, *more)}
+    return replace(
+        plan, configs=configs, streams=streams, shifts=shifts, notices=(*plan.notices, *told)
+    )  # fmt: skip

@@ -211,9 +211,14 @@ def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
         for sound in tracks.sounds if sound["device"] in clocks.recorders
     ]  # fmt: skip
     return replace(
-        plan, rig=tracks.rig, configs=clocks.configs, sounds=tuple(sounds), shifts=clocks.shifts,
+        plan, rig=tracks.rig, configs=clocks.configs, sounds=tuple(sounds), shifts=_sum(plan, clocks.shifts),
         notices=(*plan.notices, *tracks.notices, *clocks.notices),
     )  # fmt: skip
+
+
+def _sum(plan: Plan, shifts: Mapping[str, int]) -> dict[str, int]:
+    """Shifts by the clocks on top of those by offsets that are known."""
+    return {name: plan.shifts.get(name, 0) + shifts.get(name, 0) for name in (*plan.shifts, *shifts)}
 
 
 def _counted(source: FrameSource) -> list[int]:

@@ -6,6 +6,7 @@ import pytest
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.clock_offsets import read_offsets
+from panoptic_ros.running.bag_plan import plan_bags
 from panoptic_ros.running.options import RunOptions
 from panoptic_ros.running.planning import plan_capture
 from panoptic_ros.simulation import simulate
@@ -50,6 +51,12 @@ def test_offsets_of_whole_seconds_are_found_in_files_and_bags_alike(capture, tmp
     for name, offset in found.items():
         assert abs(offset.offset_s - true[name]) < min(0.02, 4.0 * offset.offset_std_s)
     assert min(offset.offset_s for offset in found.values()) > 0.4
+    if source == "bag":  # streams of a run are kept side by side
+        plan = plan_bags([folder / "bag"], RunOptions(offsets=out))
+        assert {s.camera: s.shift_ns for s in plan.streams if s.camera in found} == {
+            name: round(1e9 * offset.offset_s) for name, offset in found.items()
+        }
+        assert plan.at("cam01", 0) == plan.shifts["cam01"] and plan.at("cam00", 5) == 5
 
 
 def test_motion_after_sound_gives_skeletons_as_with_right_stamps(capture, tmp_path, capsys):
