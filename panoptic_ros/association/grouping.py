@@ -37,8 +37,9 @@ def assign(
     Returns:
         their 2D people, and free (D,) without those that were assigned.
     """
+    # read-only arrays are a type of their own: kernels are compiled for the other alone
     member, mirrored, left, _, _ = assign_greedily(
-        positions, shifts, scene.observations, scene.mirror, free,
+        positions.copy(), shifts.copy(), scene.observations, scene.mirror, free,
         AssignmentRules(scale, config.person_agreement),
     )  # fmt: skip
     return Groups(member, mirrored), left

@@ -194,7 +194,7 @@ def _best_supported(chosen, pairs, free, seen, room, rules):
             member, flipped = members[0], mirrors[0]
         found = look_at(place, seen.cams.rotations, seen.cams.translations, room.sight)
         score, agreement, supporters = _support(member, found, value[0], common[0], seen.precision)
-        seeing = 0
+        seeing = np.int64(0)  # no literal, which would be a type of its own
         for v in range(views):
             seeing += found[v] == SEEN
         if not enough_support(supporters, seeing, agreement, place, rules):

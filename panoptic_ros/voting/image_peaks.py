@@ -28,7 +28,7 @@ def find_peaks(scene, threshold):
     views, joint_count, most, _ = scene.people.shape
     start = np.zeros(views * joint_count + 1, np.int64)
     pixels = np.empty((views * joint_count * most + len(scene.patch_data), 2))  # more than there can be
-    total = 0
+    total = np.int64(0)  # a literal 0 would be a type of its own, and all parts compiled for it as well
     for v in range(views):
         for j in range(joint_count):
             if scene.map_start[v, j] < 0:
@@ -61,9 +61,9 @@ def _add_map_peaks(scene, v, j, threshold, pixels, total):
         _, _, _, width, height, first = _patch(scene, k)
         for y in range(height):
             at = first + y * width
-            before, value = -1, int(data[at])
+            before, value = np.int64(-1), np.int64(data[at])
             for x in range(width):
-                after = int(data[at + x + 1]) if x + 1 < width else 0
+                after = np.int64(data[at + x + 1]) if x + 1 < width else np.int64(0)
                 if (value > least) & (value > before) & (value >= after):
                     above = int(data[at + x - width]) if y > 0 else -1
                     below = int(data[at + x + width]) if y + 1 < height else 0

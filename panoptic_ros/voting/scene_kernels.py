@@ -49,7 +49,7 @@ def people_of_views(points, scores, counts, widths):
         most = max(most, counts[v])
     people, gates = np.zeros((views, joints, most, 4)), np.zeros((views, most))
     people[..., :2] = np.nan
-    d = 0
+    d = np.int64(0)  # no literal, which would be a type of its own
     for v in range(views):
         for i in range(counts[v]):
             width = max(widths.relative * np.sqrt(_area(points, d)), widths.floors[v])

@@ -114,7 +114,7 @@ def _step(scene, joint, at, nearest, radius, ball, scratch):
     _place_ball(camera, places[n, 0], places[n, 1], places[n, 2], radius, scratch.lanes)
     for g in range(POINTS):
         scratch.rows[VOTES + g] = 0.0
-    covering = 0
+    covering = np.int64(0)  # no literal, which would be a type of its own
     for v in range(len(scene.cameras)):
         see(scene.cameras, scene.limits, v, scratch.lanes)
         if scratch.lanes[COVERED] > 0.0 and scratch.lanes[DEPTH] > CLOSE * radius:

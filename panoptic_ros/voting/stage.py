@@ -117,7 +117,7 @@ class VotingStage(Stateful):
         """Nodes at the joints of people, each moved to the centre of the votes about it."""
         people = rough_people(association, self._arrays, self.skeleton)
         there = np.isfinite(people.positions[..., 0])
-        joints = np.nonzero(there)[1]
+        joints = np.ascontiguousarray(np.nonzero(there)[1])  # kernels are compiled for one layout
         nodes = moved(scene, joints, people.positions[there], wanted.view_threshold)
         return Explainer(nodes, people.velocities[there], delays).rows(self._good(nodes, wanted))
 
