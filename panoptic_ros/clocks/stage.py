@@ -39,7 +39,8 @@ class ClocksStage(Stateful):
             ),
             Fields.named(
                 NamedClocks,
-                "_config _by_samples _master _timelines _lines _own _given _given_at _begun _rates _rate_off",
+                "_config _by_samples _master _timelines _lines _own _given _given_at _begun _rates _rate_off "
+                "_counts _swapped",
             ),
         ),
         shared=("_config", "_by_samples"),

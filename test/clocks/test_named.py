@@ -1,4 +1,5 @@
 """Clocks that are named for their timecode: lines between them by the samples of whoever hears them."""
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -178,3 +179,20 @@ def test_lines_behind_each_other_and_back():
         variance = behind(*lines).covariance - lines[0].covariance
         since = (lines[0].master_from_device(lines[0].reference_ns)[0] - lines[1].reference_ns) * 1e-9
         assert variance[0, 0] == pytest.approx(1e-12 + since**2 * 1e-16)
+
+
+def test_channels_that_are_exchanged_on_the_way_move_no_clock():
+    def swapped(clock):
+        other = {"A": "B", "B": "A"}[clock]
+        rows = [row for row in readings(clock, seconds=20.0) if row[0] < 8.0]
+        return rows + [(s, replace(r, clock=clock)) for s, r in readings(other, seconds=20.0) if s >= 8.0]
+
+    models, notices = heard(swapped("A"), swapped("B"))
+    told = [n for n in notices if n.code == "clocks.other_timecode"]
+    assert [n.severity for n in told] == ["warning"] * 2
+    assert "timecode of B that tc hears had 30 frames per second, and has 25 now: are channels swapped" in (
+        told[0].text + told[1].text
+    )
+    assert max(true_s for true_s, _ in models["B"]) < 8.2
+    assert all(abs(error_ns(model, "B", true_s)) < 1000 for true_s, model in models["B"])
+    assert abs(error_ns(models["B"][-1][1], "B", 20.0)) < 1000  # held over
