@@ -89,9 +89,8 @@ class TrackingStage(Stateful):
         dt = 0.0 if self._last_ns is None else 1e-9 * (stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
         tracks, config = self._tracks, self._config
-        tracks.predict(dt)
-        blind = dt if BLIND_S[0] < dt <= BLIND_S[1] else 0.0
-        kept = tracks.unseen - blind <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
+        tracks.predict(dt, blind=BLIND_S[0] < dt <= BLIND_S[1])
+        kept = tracks.missed <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
         if not kept.all():
             self._tracks = tracks.rows(kept)
 

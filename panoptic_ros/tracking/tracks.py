@@ -42,7 +42,8 @@ class Tracks:
         ids: (T,) identities, -1 = not confirmed yet.
         states, variances, ages, unagreed: see `JointMotion`. lengths, counts, middles, drifts: see `Bodies`.
         heads: (T, 3) m, where the head was seen last, NaN = nowhere.
-        unseen: (T,) s since the person was seen. hits: (T,) how often it was.
+        unseen: (T,) s since the person was seen; missed: (T,) those of them in which there were sets.
+        hits: (T,) how often it was seen.
         balance: (T, G) exchanged minus straight views of each limb, with forgetting.
     """
 
@@ -57,6 +58,7 @@ class Tracks:
     drifts: Array
     heads: Array
     unseen: Array
+    missed: Array
     hits: Array
     balance: Array
 
@@ -66,7 +68,7 @@ class Tracks:
         return cls(
             np.full(people, -1), *JointMotion.of_new(people, joints), np.full((people, bones), np.nan),
             np.zeros((people, bones)), np.full((people, 3), np.nan), np.zeros((people, 3)),
-            np.full((people, 3), np.nan), np.zeros(people), np.zeros(people, np.int64),
+            np.full((people, 3), np.nan), np.zeros(people), np.zeros(people), np.zeros(people, np.int64),
             np.zeros((people, limbs)),
         )  # fmt: skip
 
@@ -89,11 +91,16 @@ class Tracks:
         pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
         return Tracks(*(np.concatenate(pair) for pair in pairs))
 
-    def predict(self, dt: float) -> None:
-        """Predict in place to dt s later."""
+    def predict(self, dt: float, blind: bool = False) -> None:
+        """Predict in place to dt s later.
+
+        Args:
+            blind: nobody looked meanwhile.
+        """
         predict(self.motion, dt)
         self.unseen += dt
-        self.middles += dt * self.drifts
+        self.missed += 0.0 if blind else dt
+        self.middles += min(dt, DRIFT_FADE_TIME) * self.drifts  # as far as fading speeds get
         self.drifts *= np.exp(-dt / DRIFT_FADE_TIME)
 
     def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
@@ -102,7 +109,7 @@ class Tracks:
             self.motion, self.bodies, owners, poses.positions, poses.covariances, poses.views, bones
         )
         k = np.flatnonzero(owners >= 0)
-        self.unseen[owners[k]] = 0.0
+        self.unseen[owners[k]] = self.missed[owners[k]] = 0.0
         self.hits[owners[k]] += 1
         seen = k[np.isfinite(poses.positions[k, head, 0])]
         self.heads[owners[seen]] = poses.positions[seen, head]

@@ -69,6 +69,30 @@ def test_bones_tell_people_apart_who_come_back():
     assert run(sets)[-1].ids.tolist() == [1]
 
 
+@pytest.mark.parametrize("pause_s", [1.0, 5.0, 14.0])
+def test_a_pause_of_all_cameras_costs_nobody_the_identity(pause_s):
+    """They walk on meanwhile, and the first sets afterwards do not show everybody."""
+    sizes = (0.8, 0.9, 1.0, 1.15)
+    walk = [(0.3, 0.1), (-0.2, 0.25), (0.15, -0.3), (-0.1, -0.2)]
+
+    def people(t):
+        return [body(k + t * vx, 2 * k + t * vy, size) for k, ((vx, vy), size) in enumerate(zip(walk, sizes))]
+
+    sets = [poses(i, people(i / 30)) for i in range(60)]
+    for i in range(30):
+        t = 2.0 + pause_s + i / 30
+        sets.append(poses(60 + i, people(t)[: 1 if i < 5 else 4], stamp=round(1e9 * (1.0 + t))))
+    outputs = run(sets)
+    assert outputs[59].ids.tolist() == outputs[-1].ids.tolist() == [0, 1, 2, 3]
+    assert max(i for output in outputs for i in output.ids.tolist()) == 3
+
+
+def test_after_a_quarter_of_a_minute_people_are_others():
+    sets = [poses(i, [body(0.0)]) for i in range(5)]
+    sets += [poses(5 + i, [body(0.1)], stamp=round(1e9 * (21 + i / 30))) for i in range(5)]
+    assert [o.ids.tolist() for o in run(sets)] == [[0]] * 5 + [[1]] * 5
+
+
 def test_ids_are_never_used_twice():
     sets = [poses(i, [body(0.0)]) for i in range(5)] + [poses(i, [body(5.0)]) for i in range(100, 105)]
     assert [o.ids.tolist() for o in run(sets)] == [[0]] * 5 + [[1]] * 5
