@@ -18,6 +18,7 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import Interpolation, VideoReformatter
 from av.video.stream import VideoStream
 
+from panoptic_ros.capture.packets import decoded, reason
 from panoptic_ros.errors import DataError, EnvironmentProblem
 
 MILLISECOND = Fraction(1, 1000)  # Matroska keeps whole ones, also where such a file is copied to another kind
@@ -108,20 +109,9 @@ class Movie:
         Raises:
             DataError: if the file cannot be read on, after all frames before.
         """
-        packets = self._container.demux(self._stream)
-        while True:
-            try:
-                packet = next(packets)
-            except StopIteration:
-                return
-            except (av.FFmpegError, OSError) as error:
-                raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
-            try:
-                decoded = packet.decode()
-            except av.FFmpegError:
-                continue  # the next picture that stands for itself is good again
-            while decoded:  # nothing is kept, so that the memory of images serves later ones
-                frame = decoded.pop(0)
+        for images in decoded(self._container, self._stream, self._what):
+            while images:  # nothing is kept, so that their memory serves later ones
+                frame = images.pop(0)
                 if isinstance(frame, VideoFrame):
                     yield frame
                 del frame
@@ -213,8 +203,3 @@ def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
         raise EnvironmentProblem(
             f"{what}: {hardware} does not decode it on this machine ({reason(error)}); leave --hardware out"
         ) from None
-
-
-def reason(error: Exception) -> str:
-    """A few words of FFmpeg."""
-    return str(getattr(error, "strerror", None) or error)

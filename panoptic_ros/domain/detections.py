@@ -16,7 +16,7 @@ from panoptic_ros.domain.visibility import VisibilityLimit
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FARTHEST = 10  # times its larger side: so far beyond an image a detector may guess a joint
+FARTHEST = 1000  # times its larger side: beyond any image in which somebody may stand beside the camera
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -62,7 +62,10 @@ def copy(tmp_path):
 def run(package: Path, program: str = PROGRAM) -> tuple[str, str]:
     """What a program prints with a package: its result, and which kernels it compiled."""
     kept = str(package.parent.parent / "kept")
-    environment = {**os.environ, "PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": kept}
+    environment = {
+        **os.environ, "PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": kept,
+        "PYTHONDONTWRITEBYTECODE": "1",  # Python's own files go by the time of a source, which a test keeps
+    }  # fmt: skip
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment,
         cwd=package.parent,

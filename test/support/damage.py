@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 COUNTS = (0, 1, 2, 255, 2**31 - 1, 2**32 - 1, 10**9)
-NUMBERS = (0.0, -1.0, 1e-300, 1e9, 1e160, -1e160, np.nan, np.inf, -np.inf)
+NUMBERS = (0.0, -1.0, 1e-300, 5e5, 1e9, 1e160, -1e160, np.nan, np.inf, -np.inf)
 
 
 def damage(message: Any, rng: np.random.Generator) -> str:

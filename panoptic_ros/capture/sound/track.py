@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-import av
 import numpy as np
 from av.audio.frame import AudioFrame
 from av.audio.stream import AudioStream
 
-from panoptic_ros.capture.movie import open_media, reason, rounding
+from panoptic_ros.capture.movie import open_media, rounding
+from panoptic_ros.capture.packets import decoded
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.wav import read_wav
 
@@ -86,19 +86,8 @@ class SoundTrack:
                 yield Piece(*placed, frame.sample_rate, samples)
 
     def _frames(self) -> Iterator[AudioFrame]:
-        packets = self._container.demux(self._stream)
-        while True:
-            try:
-                packet = next(packets)
-            except StopIteration:
-                return
-            except (av.FFmpegError, OSError) as error:
-                raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
-            try:
-                decoded = packet.decode()
-            except av.FFmpegError:
-                continue  # the times of later ones tell what is missing
-            yield from (frame for frame in decoded if isinstance(frame, AudioFrame) and frame.samples)
+        for frames in decoded(self._container, self._stream, self._what):
+            yield from (frame for frame in frames if isinstance(frame, AudioFrame) and frame.samples)
 
     def close(self) -> None:
         """Close the file; may be called twice."""

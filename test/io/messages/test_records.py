@@ -241,7 +241,7 @@ def test_compressed_image_round_trip():
         ("scores", np.ones(5), "values"),
         ("points", np.full(12, np.inf), "not finite|infinite"),
         ("points", np.full(12, 1e160), "holds 1e\\+160; at most 1e\\+12 is possible"),
-        ("points", np.full(12, 1e6), "points of camera .* holds 1e\\+06 px; at most"),
+        ("points", np.full(12, 1e9), "points of camera .* holds 1e\\+09 px; at most"),
         ("image_width", 0, "image_size"),
         ("person_scores", np.array([0.1, np.nan]), "scores"),
         ("limits", np.ones(5, np.uint16), "ViewDetections.limits has 5 values, expected 0 x 0"),

@@ -1,8 +1,8 @@
 """Lags of whole recordings: chains, drift, and recordings of which a piece is missing."""
 import numpy as np
 
+from panoptic_ros.offsets.sound.coarse import Coarse
 from panoptic_ros.offsets.sound.matching import RATE
-from panoptic_ros.offsets.sound.passes import Coarse
 
 LENGTH = 30_000  # frames: five minutes
 

@@ -1,0 +1,39 @@
+"""A stream of a media file, packet by packet."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import av
+
+from panoptic_ros.errors import DataError
+
+
+def decoded(container: Any, stream: Any, what: str) -> Iterator[list[Any]]:
+    """What each packet of a stream holds; what cannot be decoded is left out, as later ones are good again.
+
+    Args:
+        container, stream: of PyAV. what: the file, for the message.
+
+    Raises:
+        DataError: if the file cannot be read on, after all packets before.
+    """
+    packets = container.demux(stream)
+    while True:
+        try:
+            packet = next(packets)
+        except StopIteration:
+            return
+        except (av.FFmpegError, OSError) as error:
+            raise DataError(f"{what} cannot be read on: {reason(error)}") from None
+        try:
+            frames = packet.decode()
+        except av.FFmpegError:
+            continue
+        yield frames
+        del frames
+
+
+def reason(error: Exception) -> str:
+    """A few words of FFmpeg."""
+    return str(getattr(error, "strerror", None) or error)
