@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from panoptic_ros.stage import Notice
@@ -62,26 +62,26 @@ class Liveness:
         """Whether capture time is so much later than an instant."""
         return self.now_ns is not None and self.now_ns - instant > by_ns
 
-    def is_silent(self, name: str) -> bool:
-        """Whether nobody waits for a camera."""
-        return self._cameras[name].silent
-
-    def find_silent(self, periods_ns: Mapping[str, float]) -> tuple[Notice, ...]:
-        """Tell of cameras that have become silent.
+    def find_silent(
+        self, names: Iterable[str], least_ns: float, period_of: Callable[[str], float]
+    ) -> tuple[Notice, ...]:
+        """Tell of cameras that have become silent; each names its camera.
 
         Args:
-            periods_ns: between the frames of each camera that is still expected to give any.
+            names: of the cameras that are still expected to give frames.
+            least_ns: between their frames, at least. period_of: the same of one camera.
         """
         notices = []
-        for name, period in periods_ns.items():
+        for name in names:
             camera = self._cameras[name]
-            if camera.silent:
+            heard = camera.heard_ns
+            waited = self._passed_ns - (heard or 0)
+            if camera.silent or waited <= SILENT_PERIODS * least_ns:
                 continue
-            heard, patience = camera.heard_ns, SILENT_PERIODS * period
-            if self._passed_ns - (heard or 0) <= patience:
+            if waited <= SILENT_PERIODS * period_of(name):
                 continue
             camera.silent = True
-            since = "yet" if heard is None else f"for {(self._passed_ns - heard) / SECOND:.2f} s"
+            since = "yet" if heard is None else f"for {waited / SECOND:.2f} s"
             text = f"camera {name} has given no frame {since}: sets do not wait for it"
             notices.append(Notice("sync.camera_silent", "warning", text, {"camera": name}))
         return tuple(notices)

@@ -93,6 +93,7 @@ class SyncStage(Stateful):
                 )
             if self._liveness is not None:
                 notices += self._liveness.heard(item.camera)
+                self._queues[item.camera].silent = False
             views, outliers = self._outliers.take(item)
             notices += outliers
             self._correct(views, notices)
@@ -240,13 +241,13 @@ class SyncStage(Stateful):
         """Find the cameras that nobody waits for."""
         if self._liveness is None:
             return
-        periods = {
-            name: max(queue.pace.period, instants.period)
-            for name, queue in self._queues.items() if not queue.ended
-        }  # fmt: skip
-        notices += self._liveness.find_silent(periods)
-        for name, queue in self._queues.items():
-            queue.silent = self._liveness.is_silent(name)
+        told = self._liveness.find_silent(
+            (name for name, queue in self._queues.items() if not queue.ended), instants.period,
+            lambda name: self._queues[name].pace.period,
+        )  # fmt: skip
+        for notice in told:
+            self._queues[str(notice.values["camera"])].silent = True
+        notices += told
 
     # ------------------------------------------------------------------ views of a set
 

@@ -271,7 +271,7 @@ NAMES = (
 # ---------------------------------------------------------------- comparing
 
 
-def content(value: Any, seen: dict[int, int] | None = None) -> Any:
+def content(value: Any, seen: dict[int, tuple[int, Any]] | None = None) -> Any:
     """A value deeply, with types and bits; with `seen`, also what that can change is one and the same."""
     if value is None or isinstance(value, (bool, int, str, bytes, type)):
         return value
@@ -279,8 +279,8 @@ def content(value: Any, seen: dict[int, int] | None = None) -> Any:
         return type(value).__name__, np.asarray(value).tobytes()
     if seen is not None and can_change(value):
         if id(value) in seen:
-            return "again", seen[id(value)]
-        seen[id(value)] = len(seen)
+            return "again", seen[id(value)][0]
+        seen[id(value)] = len(seen), value  # kept: a view that has gone leaves its id to another
     if isinstance(value, np.ndarray):
         return value.shape, value.dtype.str, value.tobytes(), value.flags.writeable, value.flags.c_contiguous
     kind = type(value).__name__
