@@ -1,4 +1,4 @@
-"""What numba works out again and again while it compiles, remembered: a third of the time that it takes.
+"""What numba works out again and again while it compiles, remembered: a sixth of the time that it takes.
 
 The type of an operation depends on the operation, the types of its arguments and the flags alone, but numba
 tries all of its templates at every place. The variables of an instruction are looked for in a recursion that
