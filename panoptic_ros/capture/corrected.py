@@ -8,7 +8,7 @@ from typing import Any
 from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.capture.timed import TimedSource
 from panoptic_ros.capture.video import VideoSource
-from panoptic_ros.domain import ViewFrame
+from panoptic_ros.domain import StampLine, ViewFrame
 from panoptic_ros.errors import DataError
 
 
@@ -16,7 +16,7 @@ class CorrectedSource:
     """The frames of a source with other stamps; those that would lie before 0 are left out.
 
     Args:
-        line: {"reference_ns", "offset_ns", "drift"}; offset_ns + drift (stamp - reference_ns) is added.
+        line: a `StampLine` in plain words.
 
     Raises:
         DataError: if the line has no such numbers.
@@ -24,21 +24,16 @@ class CorrectedSource:
 
     def __init__(self, source: VideoSource | ImageFolderSource | TimedSource, line: Mapping[str, Any]):
         try:
-            self._reference, self._offset = int(line["reference_ns"]), int(line["offset_ns"])
-            self._drift = float(line["drift"])
-        except (KeyError, TypeError, ValueError):
-            raise DataError(f"correction of camera {source.camera}: {line!r} is no clock") from None
+            self._line = StampLine.from_words(line)
+        except DataError as error:
+            raise DataError(f"camera {source.camera}: {error}") from None
         self._source = source
         self.camera, self.path, self.image_size = source.camera, source.path, source.image_size
         self.frame_rate, self.frame_count = source.frame_rate, source.frame_count
 
-    def stamp(self, stamp_ns: int) -> int:
-        """The corrected stamp."""
-        return stamp_ns + self._offset + round(self._drift * (stamp_ns - self._reference))
-
     def __iter__(self) -> Iterator[ViewFrame]:
         for frame in self._source:
-            stamp = self.stamp(frame.stamp_ns)
+            stamp = self._line.corrected(frame.stamp_ns)
             if stamp >= 0:
                 yield replace(frame, stamp_ns=stamp)
 

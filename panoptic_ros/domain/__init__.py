@@ -22,6 +22,7 @@ from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, Track
 from panoptic_ros.domain.proposals import ProposalSet
 from panoptic_ros.domain.rig import Rig
 from panoptic_ros.domain.skeleton import SkeletonModel
+from panoptic_ros.domain.stamp_line import StampLine
 from panoptic_ros.domain.time import (
     AudioBlock,
     ClockModel,
@@ -56,6 +57,7 @@ __all__ = [
     "Rig",
     "ScoreMaps",
     "SkeletonModel",
+    "StampLine",
     "TimeShift",
     "Timecode",
     "TimecodeReading",

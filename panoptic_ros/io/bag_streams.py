@@ -3,13 +3,14 @@ from __future__ import annotations
 
 import heapq
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.domain import StampLine
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
@@ -20,6 +21,7 @@ JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recordi
 TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
 DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the last is read
 SOUND_KEY = "audio"
+STAMPED = 12  # bytes of CDR up to the end of a header's stamp
 LOOKED_AT = 20  # messages that tell the rate
 
 
@@ -33,6 +35,7 @@ class BagStream:
         arrival_stamps: take the times of recording for the stamps in the headers.
         shift_ns: what is added to stamps to tell which messages of several topics belong side by side.
         from_sample: of sound: blocks that end before it are left out.
+        line: corrects the stamps; what would lie before 0 is left out.
     """
 
     bag: Path
@@ -42,11 +45,30 @@ class BagStream:
     arrival_stamps: bool = False
     shift_ns: int = 0
     from_sample: int = 0
+    line: StampLine | None = None
+
+    @classmethod
+    def from_words(cls, words: Mapping[str, Any]) -> BagStream:
+        """The stream of plain words, as `words` gives them."""
+        line = words["line"]
+        return cls(**{
+            **words, "bag": Path(words["bag"]), "line": None if line is None else StampLine.from_words(line)
+        })  # fmt: skip
+
+    def words(self) -> dict[str, Any]:
+        """Plain words that a file can hold."""
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {**own, "bag": str(self.bag), "line": None if self.line is None else self.line.words()}
 
     def messages(self, bag: BagReader) -> Iterator[BagMessage | DataError]:
         """All messages, and an error in the place of each that cannot be decoded."""
         for _, arrival_ns, data, kind in bag.raw(self.topic):
             data = _with_stamp(data, arrival_ns) if self.arrival_stamps else data
+            if self.line is not None and len(data) >= STAMPED:
+                stamp = self.line.corrected(_stamp(data))
+                if stamp < 0:
+                    continue
+                data = _with_stamp(data, stamp)
             try:
                 message = decode_cdr(data, kind)
             except DataError as error:
@@ -202,7 +224,18 @@ def _placed(
     yield place, order, StreamEnd(stream, place)
 
 
+def _stamp(data: bytes) -> int:
+    """The stamp, ns, in CDR bytes of a message that begins with a header."""
+    seconds, rest = struct.unpack_from(f"{_order(data)}iI", data, 4)
+    return int(seconds) * SECOND + int(rest)
+
+
 def _with_stamp(data: bytes, stamp_ns: int) -> bytes:
-    """CDR bytes of a message that begins with a header, with another stamp."""
-    order = ">" if data[1:2] == b"\0" else "<"
-    return bytes(data[:4]) + struct.pack(f"{order}iI", *divmod(stamp_ns, SECOND)) + bytes(data[12:])
+    """The same bytes with another stamp."""
+    stamp = struct.pack(f"{_order(data)}iI", *divmod(stamp_ns, SECOND))
+    return bytes(data[:4]) + stamp + bytes(data[STAMPED:])
+
+
+def _order(data: bytes) -> str:
+    """Of the bytes, as `struct` calls it."""
+    return ">" if data[1:2] == b"\0" else "<"

@@ -143,7 +143,7 @@ def _source(entry: Mapping[str, Any], rig_of_run: Any, overrides: Mapping[str, A
     if entry["kind"] == "sound":
         return make_sound_node(entry["sound"], rig_of_run.names, overrides)
     if entry["kind"] == "bag":
-        streams = [BagStream(**{**stream, "bag": Path(stream["bag"])}) for stream in entry["streams"]]
+        streams = [BagStream.from_words(stream) for stream in entry["streams"]]
         return make_bag_node(streams, overrides)
     raise UsageError(f"there is no node of kind {entry['kind']!r}")
 

@@ -24,7 +24,8 @@ from panoptic_ros.running.bag_sound import recorder_of, sound_streams
 from panoptic_ros.running.bag_topics import BagChoice, depth_streams, image_streams, names_of
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plan import Plan, require_two
-from panoptic_ros.running.sound import plan_clocks
+from panoptic_ros.running.sound import ClockPlan, plan_clocks
+from panoptic_ros.running.sound_clocks import corrections_from_sound
 
 ANY = BagChoice()
 
@@ -65,11 +66,19 @@ def plan_bags(
             skeleton, extras = options.detector()
         check_contents(bag_of, found, skeleton)
         heard = sound_streams(bags, choice.arrival_stamps)
-        stamps = {stream.camera: stream.first_stamps(bag) for stream, bag in bag_of.items()}
+        recorders = [recorder_of(stream) for stream in heard]
         configs = configure(options.all_parameters())
-        clocks = plan_clocks(found, configs, [recorder_of(stream) for stream in heard], stamps)
+        if options.from_sound:
+            lines, told = corrections_from_sound(recorders, found, options)
+            bag_of = {replace(s, line=lines.get(s.camera)): bag for s, bag in bag_of.items()}
+            depths = tuple(replace(s, line=lines.get(s.camera)) for s in depths)
+            clocks = ClockPlan(configs, {}, {}, told)
+        else:
+            stamps = {stream.camera: stream.first_stamps(bag) for stream, bag in bag_of.items()}
+            clocks = plan_clocks(found, configs, recorders, stamps)
         rate = check_stamps(bag_of, clocks.shifts)
-    every = [*streams, *depths, *(_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)]
+    sounds = (_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)
+    every = [*bag_of, *depths, *sounds]
     return options.complete(Plan(
         f"bag {names_of(bags)}", found, skeleton, clocks.configs,
         streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),

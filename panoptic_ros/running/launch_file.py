@@ -37,7 +37,7 @@ def write_launch_file(
     plan_of_nodes = _Nodes(plan, flow, window)
     processes: dict[str, list[dict[str, Any]]] = {}
     if plan.streams:
-        streams = [{**vars(stream), "bag": str(stream.bag)} for stream in plan.streams]
+        streams = [stream.words() for stream in plan.streams]
         bag = {"kind": "bag", "name": "bag", "streams": streams, "parameters": plan_of_nodes.common}
         processes["source"] = [bag]
     for i, (camera, source) in enumerate(plan.sources.items()):

@@ -11,7 +11,6 @@ from typing import Any
 from panoptic_ros.capture import CaptureFolder, FrameSource, demo_capture, open_capture_folder, open_files
 from panoptic_ros.capture.sound import described_sound
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.rigs import read_rig
@@ -21,10 +20,9 @@ from panoptic_ros.running.overlap import check_overlap
 from panoptic_ros.running.parameters import Parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
 from panoptic_ros.running.sound import Recorder, plan_clocks
-from panoptic_ros.running.sound_clocks import clocks_from_sound, correction_of, recorders_of
+from panoptic_ros.running.sound_clocks import corrections_from_sound, recorders_of
 from panoptic_ros.running.tracks import find_tracks
 from panoptic_ros.timecode.config import TimecodeConfig
-from panoptic_ros.view.sound_lines import sound_lines
 
 NOTHING: Mapping[str, str] = {}
 
@@ -173,24 +171,11 @@ def _by_sound(plan: Plan, capture: CaptureFolder, options: RunOptions) -> Plan:
         UsageError: if the sound carries timecode, which tells more, or offsets are given besides.
         DataError: if no two cameras have sound.
     """
-    named = [str(sound["device"]) for sound in capture.sounds if any(sound["clocks"])]
-    if named:
-        raise UsageError(
-            f"the sound of {', '.join(named)} carries timecode, which tells clocks better; leave "
-            "--offsets-from-sound out"
-        )
-    if options.offsets:
-        raise UsageError("give --offsets FILE or --offsets-from-sound, which finds them anew, not both")
-    found = clocks_from_sound(recorders_of(capture.sounds), plan.rig.names, plan.rig, apart=options.apart)
-    if not found.clocks.known.any():
-        why = next(iter(found.unknown.values()))
-        raise DataError(f"clocks of no camera are known from sound: {why}; leave --offsets-from-sound out")
-    lines = correction_of(found)
+    lines, told = corrections_from_sound(recorders_of(capture.sounds), plan.rig, options)
     sources = {
-        name: {**source, "corrections": {name: lines[name]}} if name in lines else source
+        name: {**source, "corrections": {name: lines[name].words()}} if name in lines else source
         for name, source in plan.sources.items()
     }
-    told = tuple(line.strip() for line in sound_lines(found))
     return replace(plan, sources=sources, notices=(*plan.notices, *told))
 
 

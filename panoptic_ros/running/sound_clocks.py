@@ -11,15 +11,17 @@ import numpy as np
 from panoptic_ros.capture.folder import VIDEO_SUFFIXES
 from panoptic_ros.capture.sound import folder_sounds, open_sound, sound_files, track_sound
 from panoptic_ros.capture.timestamps import read_timestamps
-from panoptic_ros.domain import AudioBlock, Rig
+from panoptic_ros.domain import AudioBlock, Rig, StampLine
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.rigs import find_rig, read_rig
 from panoptic_ros.offsets.sound import HeardClocks, SoundClocks, SoundClocksConfig
 from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.running.bag_sound import recorder_of, sound_streams
+from panoptic_ros.running.options import RunOptions
 from panoptic_ros.running.sound import Recorder
 from panoptic_ros.stage import Progress, untold
+from panoptic_ros.view.sound_lines import sound_lines
 
 Array = np.ndarray
 SECOND = 1_000_000_000
@@ -149,18 +151,35 @@ def _rig_of(path: Path) -> Rig | None:
         return None
 
 
-def correction_of(found: HeardClocks) -> dict[str, dict[str, Any]]:
-    """By camera that is corrected what `capture.corrected.CorrectedSource` takes."""
+def corrections_from_sound(
+    recorders: Sequence[Recorder], rig: Rig, options: RunOptions
+) -> tuple[dict[str, StampLine], tuple[str, ...]]:
+    """For a run: what corrects the stamps of those cameras whose clocks differ, and lines that tell it.
+
+    Raises:
+        UsageError: if the sound carries timecode, which tells more, or offsets are given besides.
+        DataError: if no two cameras have sound, or it tells of no clock.
+    """
+    named = [recorder.device for recorder in recorders if any(recorder.clocks)]
+    if named:
+        raise UsageError(
+            f"the sound of {', '.join(named)} carries timecode, which tells clocks better; leave "
+            "--offsets-from-sound out"
+        )
+    if options.offsets:
+        raise UsageError("give --offsets FILE or --offsets-from-sound, which finds them anew, not both")
+    found = clocks_from_sound(recorders, rig.names, rig, apart=options.apart)
     clocks = found.clocks
-    return {
-        name: {
-            "reference_ns": int(clocks.reference_ns),
-            "offset_ns": round(SECOND * float(clocks.offsets[c])),
-            "drift": float(clocks.drifts[c]),
-        }
-        for c, name in enumerate(clocks.cameras)
-        if clocks.applied[c]
-    }
+    if not clocks.known.any():
+        why = next(iter(found.unknown.values()))
+        raise DataError(f"clocks of no camera are known from sound: {why}; leave --offsets-from-sound out")
+    lines = {
+        name: StampLine(
+            int(clocks.reference_ns), round(SECOND * float(clocks.offsets[c])), float(clocks.drifts[c])
+        )
+        for c, name in enumerate(clocks.cameras) if clocks.applied[c]
+    }  # fmt: skip
+    return lines, tuple(line.strip() for line in sound_lines(found))
 
 
 def folder_clocks(

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.cli.main import main
+from panoptic_ros.io.bag_streams import BagStream
 from panoptic_ros.io.clock_offsets import read_offsets
 from panoptic_ros.running.bag_plan import plan_bags
 from panoptic_ros.running.options import RunOptions
@@ -105,3 +106,21 @@ def test_a_run_corrects_the_stamps_of_its_frames(tmp_path):
         offset = 1e-9 * line["offset_ns"]
         assert abs(offset - true[name]) < 0.03 and abs(line["drift"]) < 3e-4
     assert "corrections" not in plan.sources["cam00"]
+
+
+def test_a_run_on_a_bag_corrects_the_stamps_of_its_messages(capture, tmp_path, capsys):
+    folder, take = capture
+    out, true = tmp_path / "out", behind(take)
+    plan = plan_bags([folder / "bag"], RunOptions(from_sound=True))
+    shifted = {stream.camera: stream.line for stream in plan.streams if stream.line is not None}
+    assert shifted.keys() == true.keys() - {"cam00"}
+    for name, line in shifted.items():
+        assert abs(1e-9 * line.offset_ns - true[name]) < 0.02 and abs(line.drift) < 3e-4
+    assert BagStream.from_words(plan.streams[1].words()) == plan.streams[1]
+    code, text, _ = run(
+        capsys, "run", "--bag", folder / "bag", "--offsets-from-sound", "--in-process", "--no-pictures",
+        "--out", out,
+    )  # fmt: skip
+    assert code == 0 and "its stamps are kept" in text
+    _, text, _ = run(capsys, "evaluate", folder / "truth.json.gz", out / "skeletons.json.gz", "--json")
+    assert json.loads(text)["mpjpe_mm"] < 6.0
