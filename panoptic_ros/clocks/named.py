@@ -13,6 +13,7 @@ from dataclasses import replace
 from panoptic_ros.clocks.chain import behind, by_labels, inverse, standing
 from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.clocks.device import DeviceClock
+from panoptic_ros.clocks.exchanged import ExchangedChannels
 from panoptic_ros.clocks.timeline import SECOND, Timeline
 from panoptic_ros.domain import ClockModel, TimecodeReading
 from panoptic_ros.stage import Notice
@@ -21,7 +22,6 @@ STEP_NS = 1_000_000  # between two lines of a clock, that is no noise
 STEP_SIGMAS = 8.0
 AFTER_STEP_NS = 400_000_000  # a line is there so long after the words that made it
 RATE_OFF = 600e-6  # no crystal errs by more; 29.97 and 30 fps differ by 1000 ppm
-SURE_WORDS = 25  # in a row: a clock keeps the frame rate of its timecode
 Models = list[ClockModel]
 
 
@@ -45,8 +45,7 @@ class NamedClocks:
         self._begun: dict[str, int] = {}  # clock: where its segment began
         self._rates: dict[str, int] = {}  # recorder: samples per second, as it says
         self._rate_off: set[str] = set()  # recorders of which that was told
-        self._counts: dict[str, list[int]] = {}  # by line: frames per second of its words, how many in a row
-        self._swapped: set[str] = set()  # lines of which it was told that another timecode is on them
+        self._exchanged = ExchangedChannels()
 
     def take(self, reading: TimecodeReading) -> tuple[Models, tuple[Notice, ...]]:
         """Take a reading; the models that are due."""
@@ -57,9 +56,14 @@ class NamedClocks:
             lines[clock] = DeviceClock(f"{clock} in {recorder}", self._by_samples, timeline, clock)
         if recorder not in self._own:
             self._own[recorder] = clock, DeviceClock(recorder, self._config, timeline)
-        if self._is_of_another(reading):
-            return [], self._tell_of_another(reading)
-        notices = lines[clock].take(replace(reading, stamp_ns=_sample_ns(reading)))
+        sample_ns = _sample_ns(reading)
+        owner = self._exchanged.owner(
+            reading, sample_ns, {name: own.line for name, own in lines.items()},
+            {name: self._timelines[name].shift_of(f"{name} in {recorder}") for name in lines},
+        )  # fmt: skip
+        if owner is not None:
+            return [], self._exchanged.notices(reading, sample_ns, owner)
+        notices = lines[clock].take(replace(reading, stamp_ns=sample_ns))
         self._rates[recorder] = reading.sample_rate
         held, own = self._own[recorder]
         if held == clock:
@@ -86,31 +90,6 @@ class NamedClocks:
     def flush(self) -> Models:
         """The last models."""
         return [model for recorder in self._lines for model in self.due(recorder)]
-
-    # ------------------------------------------------------------------ channels that are exchanged
-
-    def _is_of_another(self, reading: TimecodeReading) -> bool:
-        """Whether a word has another frame rate than all of its clock before: no generator changes it."""
-        frames = reading.timecode.rate.nominal
-        known = self._counts.setdefault(f"{reading.clock} in {reading.device}", [frames, 0])
-        if frames != known[0] and known[1] >= SURE_WORDS:
-            return True
-        known[1] = known[1] + 1 if frames == known[0] else 1
-        known[0] = frames
-        return False
-
-    def _tell_of_another(self, reading: TimecodeReading) -> tuple[Notice, ...]:
-        """Say it once."""
-        line = f"{reading.clock} in {reading.device}"
-        if line in self._swapped:
-            return ()
-        self._swapped.add(line)
-        text = (
-            f"the timecode of {reading.clock} that {reading.device} hears had {self._counts[line][0]} frames "
-            f"per second, and has {reading.timecode.rate.nominal} now: are channels swapped? Such words are "
-            "left out; a clock that shall have another rate needs a new run"
-        )
-        return (Notice("clocks.other_timecode", "warning", text, {"device": reading.device}),)
 
     # ------------------------------------------------------------------ helpers
 

@@ -9,6 +9,7 @@ import numpy as np
 from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.clocks.device import DeviceClock, Samples
 from panoptic_ros.clocks.estimate import Point
+from panoptic_ros.clocks.exchanged import ExchangedChannels
 from panoptic_ros.clocks.named import NamedClocks
 from panoptic_ros.clocks.timeline import SECOND, SILENT_NS, Place, Timeline
 from panoptic_ros.domain import ClockModel, FrameRate, TimecodeReading
@@ -40,8 +41,9 @@ class ClocksStage(Stateful):
             Fields.named(
                 NamedClocks,
                 "_config _by_samples _master _timelines _lines _own _given _given_at _begun _rates _rate_off "
-                "_counts _swapped",
+                "_exchanged",
             ),
+            Fields.named(ExchangedChannels, "_counts _on_line _off_since _told"),
         ),
         shared=("_config", "_by_samples"),
         same={"configuration": "_config"},

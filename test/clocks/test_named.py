@@ -196,3 +196,39 @@ def test_channels_that_are_exchanged_on_the_way_move_no_clock():
     assert max(true_s for true_s, _ in models["B"]) < 8.2
     assert all(abs(error_ns(model, "B", true_s)) < 1000 for true_s, model in models["B"])
     assert abs(error_ns(models["B"][-1][1], "B", 20.0)) < 1000  # held over
+
+
+@pytest.fixture
+def alike(monkeypatch):
+    """Two generators of one frame rate, 7 s apart."""
+    monkeypatch.setitem(RATES, "B", RATES["A"])
+    monkeypatch.setitem(FIRST, "B", FIRST["A"] + 175)
+
+
+def test_channels_of_one_rate_that_are_exchanged_on_the_way_move_no_clock(alike):
+    def swapped(clock):
+        other = {"A": "B", "B": "A"}[clock]
+        rows = [row for row in readings(clock, seconds=20.0) if not 8.0 <= row[0] < 14.0]
+        return rows + [(s, replace(r, clock=clock)) for s, r in readings(other, seconds=14.0) if s >= 8.0]
+
+    models, notices = heard(swapped("A"), swapped("B"))
+    assert [n.code for n in notices] == ["clocks.other_timecode"] * 2  # told once, no jump
+    assert "goes on as that of" in notices[0].text and "are channels swapped" in notices[0].text
+    assert not any(8.2 < true_s < 14.0 for true_s, _ in models["B"])
+    assert max(true_s for true_s, _ in models["B"]) > 19.0  # they came back
+    assert all(abs(error_ns(model, "B", true_s)) < 1000 for true_s, model in models["B"])
+    assert {model.segment for _, model in models["B"]} == {0}
+
+
+def test_a_generator_that_is_set_to_the_time_of_another_has_jumped(alike):
+    def jam(clock):
+        rows = readings(clock, seconds=20.0)
+        if clock == "A":
+            return rows
+        other = dict((round(s, 2), r) for s, r in readings("A", seconds=20.0))
+        synced = [(s, replace(r, clock="B")) for s, r in other.items() if s >= 8.0]
+        return [row for row in rows if row[0] < 8.0] + synced
+
+    _, notices = heard(jam("A"), jam("B"))
+    assert "clocks.other_timecode" not in [n.code for n in notices]
+    assert any(n.code in ("clocks.timecode_jump", "clocks.jump") for n in notices)
