@@ -22,6 +22,7 @@ VERBS: dict[str, str] = {
     "bench": "measure this machine and this code against named baselines",
     "sync": "what the clocks of a capture do, what is wrong with them, and what to do",
     "rig": "check or convert a calibration",
+    "bag": "save what is whole in a cut bag, bring an older version's bag up to date",
     "bias": "measure the constant biases of a detector's joints against a reference",
     "models": "list, fetch and check pose models",
     "warm-up": "compile everything ahead, so that nothing waits for it later",

@@ -12,6 +12,7 @@ from typing import Any
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer, WriterError
 
 from panoptic_ros.errors import DataError
+from panoptic_ros.io.bag_connections import Connection, digest_of
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.messages.earlier import bringing_up
 from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
@@ -38,7 +39,7 @@ class BagWriter:
             self._part.mkdir()
             self._writer = Writer(self._part / self.path.name, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
-        self._connections: dict[str, Any] = {}
+        self._connections: dict[str | Connection, Any] = {}
         self._open = True
 
     def write_raw(self, topic: str, message_type: str, stamp_ns: int, data: bytes) -> None:
@@ -49,6 +50,21 @@ class BagWriter:
                     topic, message_type, typestore=bag_typestore()
                 )
             self._writer.write(self._connections[topic], stamp_ns, data)
+
+    def write_described(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
+        """Append a message as CDR bytes with the definition that another bag has of it."""
+        with file_errors(self.path, "write"):
+            if connection not in self._connections:
+                self._connections[connection] = self._writer.add_connection(
+                    connection.topic, connection.kind, msgdef=connection.definition,
+                    rihs01=digest_of(connection), offered_qos_profiles=connection.qualities,
+                )  # fmt: skip
+            self._writer.write(self._connections[connection], stamp_ns, data)
+
+    @property
+    def folder(self) -> Path:
+        """Where it is being written: for files that are needed meanwhile."""
+        return self._part
 
     def write(self, topic: str, stamp_ns: int, message: Any) -> None:
         """Append a message of the family `bag_messages()`."""
@@ -109,7 +125,7 @@ class BagReader:
         except Exception as error:  # rosbags trusts a file's lengths and offsets: damage shows as anything
             raise DataError(
                 f"{self.path} cannot be read as a rosbag2 ({_one_line(error)}); where a recording was "
-                "cut off, `mcap recover` mends the file and `ros2 bag reindex` a missing metadata.yaml"
+                f"cut off, `panoptic bag repair {self.path}` saves what is whole"
             ) from None
         return reader
 
@@ -137,7 +153,7 @@ class BagReader:
         chosen = [c for c in self._reader.connections if not topics or c.topic in topics]
         if not chosen:
             return
-        up = {c.topic: self._brought_up(c.topic, c.msgtype, c.digest) for c in chosen}
+        up = {c.topic: self._brought_up(c) for c in chosen}
         try:
             for connection, stamp, data in self._reader.messages(chosen):
                 bring = up[connection.topic]
@@ -147,15 +163,31 @@ class BagReader:
         except Exception as error:  # as above
             raise DataError(f"{self.path} is damaged: {_one_line(error)}") from None
 
-    def _brought_up(self, topic: str, kind: str, digest: str) -> Callable[[bytes], bytes] | None:
-        """What brings messages up to now. Those of this project must be defined as they are here, or as
-        they were before fields were added; a bag holds the hash.
-        """
+    def is_outdated(self, topic: str) -> bool:
+        """Whether its messages are of this project, but of another version, as the hash in the bag tells."""
         store = bag_typestore()
-        ours = kind.startswith(f"{PACKAGE}/")
-        if not (ours and kind in store.types and digest and digest != store.hash_rihs01(kind)):
+        for c in self._reader.connections:
+            if c.topic == topic and c.msgtype.startswith(f"{PACKAGE}/") and c.msgtype in store.types:
+                return bool(c.digest) and c.digest != store.hash_rihs01(c.msgtype)
+        return False
+
+    def can_be_brought_up(self, topic: str) -> bool:
+        """Whether messages of another version can be read as those of now."""
+        connection = self.connection(topic)
+        return bringing_up(connection.kind, connection.definition) is not None
+
+    def connection(self, topic: str) -> Connection:
+        """A topic with the definition that the bag keeps."""
+        c = next(c for c in self._reader.connections if c.topic == topic)
+        qualities = tuple(getattr(c.ext, "offered_qos_profiles", ()))
+        return Connection(topic, c.msgtype, c.msgdef.data, c.digest, qualities)
+
+    def _brought_up(self, connection: Any) -> Callable[[bytes], bytes] | None:
+        """What brings messages of other versions up to now."""
+        topic, kind = connection.topic, connection.msgtype
+        if not self.is_outdated(topic):
             return None
-        bring = bringing_up(kind, digest)
+        bring = bringing_up(kind, connection.msgdef.data)
         if bring is None:
             raise DataError(
                 f"{self.path} was recorded by another version of this program, whose {kind.split('/')[-1]} "

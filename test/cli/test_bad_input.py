@@ -191,7 +191,7 @@ class TestBag:
 
     def test_cut_off(self, capsys, out, recorded_bag):
         (recorded_bag / "metadata.yaml").unlink()
-        assert "metadata.yaml" in fails(capsys, out, "run", "--bag", recorded_bag)
+        assert "panoptic bag repair" in fails(capsys, out, "run", "--bag", recorded_bag)
 
     def test_disk_that_fills_up(self, out, recorded_bag):
         """A limit on the size of files stands for the full disk."""

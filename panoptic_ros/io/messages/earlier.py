@@ -1,52 +1,138 @@
-"""Messages of earlier versions that bags may hold, brought up to the definitions of now."""
+"""Messages of earlier versions, brought up to the definitions of now by those that bags keep inside.
+
+Fields have been added over time, and a few have changed their type. What is in both definitions is taken
+over; what is new says "not known", which for most fields is empty or 0.
+"""
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
-from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
+from panoptic_ros.io.bag_connections import types_of
+from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
 
-# As they were before fields were added at their ends, and what these fields then say.
-EARLIER: dict[str, tuple[str, dict[str, Any]]] = {
-    "AudioBlock": (
-        "std_msgs/Header header\nuint64 first_sample\nuint32 sample_rate\nfloat32[] samples\n",
-        {"channels": 1, "clocks": []},
-    ),
-    "TimecodeReading": (
-        "std_msgs/Header header\nuint8 hours\nuint8 minutes\nuint8 seconds\nuint8 frames\n"
-        "uint32 rate_numerator\nuint32 rate_denominator\nbool drop_frame\nfloat64 start_sample\n"
-        "float64 std_samples\nbool reverse\nuint32 user_bits\n",
-        {"clock": "", "sample_rate": 0},
-    ),
+Fill = Callable[[Any], Any]  # a field of now from the message as it was
+
+
+def _joint_count(people: Any) -> int:
+    return len(people[0].scores) if len(people) else 0
+
+
+# What fields say that were added, where empty or 0 does not mean "not known".
+ADDED: Mapping[str, Mapping[str, Fill]] = {
+    "AudioBlock": {"channels": lambda old: 1},
+    "Camera": {"lens": lambda old: "brown"},
+    "ClockModel": {"until_ns": lambda old: 2**63 - 1},
+    "Skeletons": {
+        "newest_stamp": lambda old: old.header.stamp,
+        "joint_count": lambda old: _joint_count(old.skeletons),
+    },
+    "ViewDetections": {
+        "joint_count": lambda old: len(old.scores) // old.person_count if old.person_count else 0,
+    },
 }
+# Without these, a message of that kind says nothing: it cannot be brought up.
+NEEDED: Mapping[str, frozenset[str]] = {"ProposalSet": frozenset({"association"})}
 
 
-def bringing_up(kind: str, digest: str) -> Callable[[bytes], bytes] | None:
-    """What makes CDR bytes of now of those of an earlier version; None: that version is not known.
+def bringing_up(kind: str, definition: str) -> Callable[[bytes], bytes] | None:
+    """What makes CDR bytes of now of those of an earlier version; None: they cannot be brought up.
 
     Args:
-        kind: "package/msg/Name". digest: of the definition in the bag.
+        kind: "package/msg/Name". definition: the one in the bag.
     """
-    name = kind.split("/")[-1]
-    if name not in EARLIER or _earlier().hash_rihs01(kind) != digest:
+    before, now = types_of(kind, definition), bag_typestore()
+    if before is None or not _can_follow(kind, before, now):
         return None
-    added = EARLIER[name][1]
 
     def bring(data: bytes) -> bytes:
-        store, before = bag_typestore(), decode_cdr(data, kind, _earlier())
-        message = store.types[kind](**{**vars(before), **added})
-        return bytes(store.serialize_cdr(message, kind))
+        message = _brought_up(decode_cdr(data, kind, before), kind, before, now)
+        return bytes(now.serialize_cdr(message, kind))
 
     return bring
 
 
-@lru_cache(maxsize=1)
-def _earlier() -> Typestore:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    for name, (text, _) in EARLIER.items():
-        store.register(get_types_from_msg(text, f"{PACKAGE}/msg/{name}"))
-    return store
+def _can_follow(kind: str, before: Typestore, now: Typestore) -> bool:
+    """Whether nothing that is needed is missing, in a message and all that it holds, and at least one field
+    of its own is the same.
+    """
+    if kind not in before.types:
+        return False
+    old, new = _fields(kind, before), _fields(kind, now)
+    if not (set(old) - {"header"}) & set(new) and set(new) - {"header"}:
+        return False
+    if NEEDED.get(_name(kind), frozenset()) - set(old):
+        return False
+    inner = [
+        part for name, node in new.items() if name in old and (part := _message_in(node)) is not None
+    ]
+    return all(_can_follow(part, before, now) for part in inner if part != kind)
+
+
+def _brought_up(old: Any, kind: str, before: Typestore, now: Typestore) -> Any:
+    had, added = _fields(kind, before), ADDED.get(_name(kind), {})
+    values = {}
+    for field, node in _fields(kind, now).items():
+        if field in had:
+            values[field] = _converted(getattr(old, field), node, before, now)
+        elif field in added:
+            values[field] = added[field](old)
+        else:
+            values[field] = _nothing(node, now)
+    return now.types[kind](**values)
+
+
+def _converted(value: Any, node: Any, before: Typestore, now: Typestore) -> Any:
+    what, about = node
+    if what == Nodetype.NAME:
+        return _brought_up(value, about, before, now)
+    if what == Nodetype.BASE:
+        return _base(value, about[0])
+    (inner, about_inner), _ = about
+    if inner == Nodetype.NAME:
+        return [_brought_up(item, about_inner, before, now) for item in value]
+    return list(value) if about_inner[0] == "string" else np.asarray(value).astype(_dtype(about_inner[0]))
+
+
+def _nothing(node: Any, now: Typestore) -> Any:
+    what, about = node
+    if what == Nodetype.NAME:
+        return now.types[about](**{name: _nothing(part, now) for name, part in _fields(about, now).items()})
+    if what == Nodetype.BASE:
+        return _base(0, about[0]) if about[0] != "string" else ""
+    (inner, about_inner), count = about
+    if inner == Nodetype.NAME or about_inner[0] == "string":
+        return []
+    return np.zeros(count if what == Nodetype.ARRAY else 0, _dtype(about_inner[0]))
+
+
+def _base(value: Any, name: str) -> Any:
+    if name == "string":
+        return str(value)
+    if name == "bool":
+        return bool(value)
+    return float(value) if name.startswith("float") else round(value)
+
+
+def _dtype(name: str) -> str:
+    return {"octet": "uint8", "byte": "uint8", "char": "uint8"}.get(name, name)
+
+
+def _message_in(node: Any) -> str | None:
+    """The kind of the messages that a field holds, if it holds any."""
+    what, about = node
+    if what in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        what, about = about[0]
+    return str(about) if what == Nodetype.NAME else None
+
+
+def _fields(kind: str, store: Typestore) -> dict[str, Any]:
+    return dict(store.fielddefs[kind][1])
+
+
+def _name(kind: str) -> str:
+    return kind.split("/")[-1]

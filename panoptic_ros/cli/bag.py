@@ -1,0 +1,57 @@
+"""`panoptic bag`: save what is whole in a cut bag, bring an older version's bag up to date."""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+ENDINGS = {"repair": "-repaired", "upgrade": "-upgraded"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    texts = {
+        "repair": "save what is whole in a bag that was cut, in a new bag",
+        "upgrade": "write a bag of an older version anew, with the messages of this one",
+    }
+    for action, text in texts.items():
+        usual = "BAG" + ENDINGS[action]
+        sub = actions.add_parser(action, help=text, description=text[0].upper() + text[1:] + ".")
+        sub.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or its file")
+        sub.add_argument("--out", type=Path, metavar="NEW", help=f"the new bag; default: {usual} beside it")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Repair or upgrade."""
+    source: Path = args.bag
+    name = source.with_suffix("").name if source.is_file() else source.resolve().name
+    target = args.out or source.resolve().with_name(name + ENDINGS[args.action])
+    return _repair(source, target) if args.action == "repair" else _upgrade(source, target)
+
+
+def _repair(source: Path, target: Path) -> int:
+    from panoptic_ros.io.salvage import repair  # only now: --help must be quick
+
+    made = repair(source, target)
+    seconds = (made.end_ns - made.begin_ns) * 1e-9
+    print(f"{target}: {sum(made.counts.values())} messages on {len(made.counts)} topics, {seconds:.1f} s")
+    for topic, count in sorted(made.counts.items()):
+        print(f"  {count:8d}  {topic}")
+    print("nothing was lost" if not made.lost else "lost:")
+    for line in made.lost:
+        print(f"  {line}")
+    return 0
+
+
+def _upgrade(source: Path, target: Path) -> int:
+    from panoptic_ros.io.bag_upgrade import upgrade
+
+    made = upgrade(source, target)
+    if made is None:
+        print(f"{source} is up to date; nothing was written")
+        return 0
+    print(f"{target}: {len(made.brought_up)} topics brought up to date, {len(made.kept)} as they were")
+    for topic, kind in sorted(made.left_out.items()):
+        name = kind.split("/")[-1]
+        print(f"left out: {topic}, as {name} has changed too much; `panoptic run` makes it anew")
+    return 0

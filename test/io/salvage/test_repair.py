@@ -1,0 +1,193 @@
+"""Bags that were cut anywhere come back with all that is whole, and open everywhere."""
+import shutil
+import signal
+import subprocess
+import sys
+
+import captures
+import numpy as np
+import pytest
+from recordings import write_bag
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.messages.family import bag_typestore
+from panoptic_ros.io.salvage import repair
+from panoptic_ros.io.salvage.found import Losses
+from panoptic_ros.io.salvage.mcap import mcap_messages
+
+KIND = "std_msgs/msg/String"
+COUNT = 60
+
+
+def text_bag(path, plugin=StoragePlugin.MCAP, mode=CompressionMode.NONE, size=40):
+    """A bag with numbered messages on two topics; gives what is in it."""
+    store = bag_typestore()
+    writer = Writer(path, version=9, storage_plugin=plugin)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    expected = []
+    with writer:
+        made = {topic: writer.add_connection(topic, KIND, typestore=store) for topic in ("/a", "/b")}
+        for k in range(COUNT):
+            topic = "/a" if k % 3 else "/b"
+            text = f"{k} " + "".join(chr(97 + (k * j) % 26) for j in range(size))
+            data = bytes(store.serialize_cdr(store.types[KIND](data=text), KIND))
+            writer.write(made[topic], 1000 + k, data)
+            expected.append((topic, 1000 + k, data))
+    return expected
+
+
+def only_file(path):
+    return next(p for p in path.iterdir() if p.name != "metadata.yaml")
+
+
+def content(path):
+    """As rosbags itself reads it."""
+    with Reader(path) as bag:
+        return [(c.topic, stamp, bytes(data)) for c, stamp, data in bag.messages()]
+
+
+def found_in(path, tmp_path):
+    losses = Losses()
+    return [(c.topic, stamp, data) for c, stamp, data in mcap_messages(path, losses, tmp_path)], losses.lines
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
+def test_a_file_cut_at_every_position_gives_its_whole_messages(tmp_path, mode):
+    expected = text_bag(tmp_path / "bag", mode=mode)
+    path = only_file(tmp_path / "bag")
+    whole = path.read_bytes()
+    assert found_in(path, tmp_path) == (expected, [])
+    counts = []
+    cut = tmp_path / "cut.mcap"
+    for size in range(0, len(whole), 7):
+        cut.write_bytes(whole[:size])
+        found, lost = found_in(cut, tmp_path)
+        assert found == expected[: len(found)] and len(lost) == 1
+        counts.append(len(found))
+    assert counts == sorted(counts)
+    if mode == CompressionMode.NONE:  # at most the message that was cut is lost
+        assert "the last 0 of" not in lost[0]
+        ends = [whole.find(data) + len(data) for _, _, data in expected]
+        assert counts == [sum(end <= size for end in ends) for size in range(0, len(whole), 7)]
+    else:
+        assert set(counts) == {0, COUNT}
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_a_cut_bag_opens_again(tmp_path, plugin):
+    expected = text_bag(tmp_path / "bag", plugin, size=900)
+    path = only_file(tmp_path / "bag")
+    whole = path.read_bytes()
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    rng = np.random.default_rng(3)
+    saved = []
+    for k, size in enumerate(sorted(rng.integers(0, len(whole), 25))):
+        path.write_bytes(whole[:size])
+        try:
+            made = repair(tmp_path / "bag", tmp_path / f"new{k}")
+        except DataError as error:
+            assert "no whole message" in str(error) and "\n" not in str(error)
+            saved.append(0)
+            continue
+        back = content(tmp_path / f"new{k}")
+        assert made.lost and back == [row for row in expected if row in back]
+        assert sum(made.counts.values()) == len(back)
+        saved.append(len(back))
+    assert max(saved) > 0.7 * COUNT and not list(tmp_path.glob(".*")) and path.read_bytes() == whole[:size]
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_a_whole_bag_without_metadata_loses_nothing(tmp_path, plugin):
+    expected = text_bag(tmp_path / "bag", plugin)
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    made = repair(tmp_path / "bag", tmp_path / "new")
+    assert made.lost == () and content(tmp_path / "new") == expected
+    assert (made.begin_ns, made.end_ns) == (1000, 1000 + COUNT - 1)
+
+
+def test_files_of_a_split_bag_follow_each_other(tmp_path):
+    rows = {number: text_bag(tmp_path / f"bag_{number}") for number in (2, 10)}
+    (tmp_path / "split").mkdir()
+    for number in rows:
+        shutil.move(only_file(tmp_path / f"bag_{number}"), tmp_path / "split" / f"bag_{number}.mcap")
+    repair(tmp_path / "split", tmp_path / "new")
+    assert len(content(tmp_path / "new")) == 2 * COUNT
+
+
+def test_messages_that_were_compressed_one_by_one(tmp_path):
+    expected = text_bag(tmp_path / "bag", mode=CompressionMode.MESSAGE)
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    repair(tmp_path / "bag", tmp_path / "new")
+    assert content(tmp_path / "new") == expected
+
+
+def test_damage_in_the_middle_costs_what_is_damaged(tmp_path):
+    expected = text_bag(tmp_path / "bag", size=60_000)  # some chunks
+    path = only_file(tmp_path / "bag")
+    whole = bytearray(path.read_bytes())
+    at = whole.find(expected[20][2])
+    whole[at - 40 : at] = bytes(40)  # the frame of a message within a chunk
+    path.write_bytes(whole)
+    made = repair(tmp_path / "bag", tmp_path / "new")
+    back = content(tmp_path / "new")
+    assert COUNT // 2 < len(back) < COUNT and back[-1] == expected[-1] and len(made.lost) == 1
+
+
+def test_random_damage_never_leaves_a_broken_bag(tmp_path):
+    write_bag(tmp_path / "bag", captures.views(10))
+    path = only_file(tmp_path / "bag")
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    opened = 0
+    for k in range(40):
+        changed = np.frombuffer(whole, np.uint8).copy()
+        changed[rng.integers(0, len(whole), 1 + k // 4)] = rng.integers(0, 256, 1 + k // 4)
+        path.write_bytes(changed.tobytes())
+        try:
+            repair(tmp_path / "bag", tmp_path / f"new{k}")
+        except DataError as error:
+            assert "\n" not in str(error)
+            continue
+        assert content(tmp_path / f"new{k}")
+        opened += 1
+    assert opened > 20 and not list(tmp_path.glob(".*"))
+
+
+def test_what_is_no_bag_is_told(tmp_path):
+    with pytest.raises(DataError, match="there is no bag"):
+        repair(tmp_path / "no", tmp_path / "new")
+    with pytest.raises(DataError, match="holds no file of a bag"):
+        repair(tmp_path, tmp_path / "new")
+    (tmp_path / "x.mcap").write_bytes(b"nothing of the kind")
+    (tmp_path / "y.db3").write_bytes(b"nothing of the kind")
+    with pytest.raises(DataError, match=r"no whole message: x.mcap: all of it.*; y.db3: all of it"):
+        repair(tmp_path, tmp_path / "new")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["x.mcap", "y.db3"]
+
+
+def test_a_killed_writer_of_sqlite_leaves_what_it_had_stored(tmp_path):
+    program = f"""
+import sqlite3, time
+base = sqlite3.connect({str(tmp_path / "cut.db3")!r})
+base.execute("PRAGMA journal_mode=WAL")
+base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
+base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+base.execute("INSERT INTO topics VALUES (1, '/a', {KIND!r}, 'cdr')")
+for k in range(5):
+    row = (k, bytes([0, 1, 0, 0, k]))
+    base.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, ?, ?)", row)
+    base.commit()
+base.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, 9, x'00010000')")
+print("ready", flush=True)
+time.sleep(60)
+"""
+    child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"ready\n"
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    made = repair(tmp_path / "cut.db3", tmp_path / "new")
+    assert made.counts == {"/a": 5} and made.lost == ()
+    with BagReader(tmp_path / "new") as bag:
+        assert [stamp for _, stamp, _, _ in bag.raw()] == [0, 1, 2, 3, 4]
