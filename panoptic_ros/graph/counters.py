@@ -8,6 +8,9 @@ import numpy as np
 
 from panoptic_ros.stage import Notice
 
+KEPT = 20000  # durations
+RECENT = 1800  # latencies: a minute at 30 Hz
+
 
 class StageStatistics:
     """What went in and out of a stage, what was dropped and why, and how long a step takes."""
@@ -18,7 +21,8 @@ class StageStatistics:
         self.dropped: Counter[str] = Counter()
         self.notices: Counter[str] = Counter()
         self._latest: dict[str, str] = {}  # texts of warnings by code
-        self._durations: deque[int] = deque(maxlen=20000)  # ns
+        self._durations: deque[int] = deque(maxlen=KEPT)  # ns
+        self._latencies: deque[int] = deque(maxlen=RECENT)  # ns
 
     def take(self, notice: Notice) -> None:
         """Count a notice, and remember the newest warning of its kind."""
@@ -30,18 +34,38 @@ class StageStatistics:
         """Remember how long one step took."""
         self._durations.append(duration_ns)
 
+    def add_latency(self, latency_ns: int) -> None:
+        """Remember how long after its stamp a record was given."""
+        self._latencies.append(latency_ns)
+
+    @property
+    def warned(self) -> Mapping[str, int]:
+        """How many notices there were of each kind that warns."""
+        return {code: self.notices[code] for code in self._latest}
+
+    def latest(self, code: str) -> str:
+        """The newest text of a kind of warning."""
+        return self._latest[code]
+
     def percentiles_ms(self, *quantiles: float) -> tuple[float, ...]:
         """Durations at these quantiles (0..100), ms; NaN before the first step."""
-        if not self._durations:
-            return tuple(float("nan") for _ in quantiles)
-        return tuple(float(q) * 1e-6 for q in np.percentile(np.array(self._durations), quantiles))
+        return _percentiles_ms(self._durations, quantiles)
 
     def values(self) -> Mapping[str, str]:
         """All of it as text, for /diagnostics."""
         p50, p99 = self.percentiles_ms(50, 99)
         rows = {"taken": str(self.taken), "given": str(self.given)}
         rows |= {"step_p50_ms": f"{p50:.3f}", "step_p99_ms": f"{p99:.3f}"}
-        rows |= {f"dropped.{cause}": str(n) for cause, n in sorted(self.dropped.items())}
-        rows |= {f"notice.{code}": str(n) for code, n in sorted(self.notices.items())}
-        rows |= {f"latest.{code}": text for code, text in sorted(self._latest.items())}
+        if self._latencies:
+            p50, p99 = _percentiles_ms(self._latencies, (50, 99))
+            rows |= {"latency_p50_ms": f"{p50:.2f}", "latency_p99_ms": f"{p99:.2f}"}
+        rows |= {f"dropped.{cause}": str(n) for cause, n in sorted(self.dropped.copy().items())}
+        rows |= {f"notice.{code}": str(n) for code, n in sorted(self.notices.copy().items())}
+        rows |= {f"latest.{code}": text for code, text in sorted(self._latest.copy().items())}
         return rows
+
+
+def _percentiles_ms(values: deque[int], quantiles: tuple[float, ...]) -> tuple[float, ...]:
+    if not values:
+        return tuple(float("nan") for _ in quantiles)
+    return tuple(float(q) * 1e-6 for q in np.percentile(np.array(values.copy()), quantiles))

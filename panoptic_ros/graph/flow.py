@@ -37,6 +37,7 @@ class Flow:
 WINDOW = 64  # instants: a detector runs on while the stages after it compile their kernels
 IMAGE_WINDOW = 4
 LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}}
+PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
 SPARE = 8  # the middleware's queues are longer than what can be under way
 
 

@@ -80,6 +80,7 @@ class Pipeline:
         self._on_step = on_step or (lambda stage, duration: None)
         self._clock = clock or (lambda: 0)
         self.place: Place = ()  # of the newest record that was given
+        self.stepping: tuple[str, int] = ("", 0)  # the stage in whose step this is, and since when
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -191,6 +192,7 @@ class Pipeline:
             return
         stage, name = self._stages[turn.stage], self.wiring.specs[turn.stage].name
         start = self._clock()
+        self.stepping = name, start
         try:
             result = stage.step(turn.record)
         except DataError as error:
@@ -198,6 +200,8 @@ class Pipeline:
                 raise
             self._on_refused(name, error)
             return
+        finally:
+            self.stepping = "", 0
         if not turn.beside:
             self._on_step(name, self._clock() - start)
         self._hand_on(turn, result)

@@ -7,8 +7,9 @@ import numpy as np
 from rclpy.node import Node
 
 from panoptic_ros.domain import ClockModel
+from panoptic_ros.graph.health import Status
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.nodes.diagnostics import OK, WARN
+from panoptic_ros.nodes.diagnostics import status_message
 from panoptic_ros.nodes.family import message_class, ros_messages
 
 FOREVER = 2**63 - 1
@@ -45,10 +46,10 @@ class ClockReports:
 
     def statuses(self) -> list[Any]:
         """One diagnostic_msgs/DiagnosticStatus per device."""
-        return [self._status(model) for model in self._models.values()]
+        namespace = self._node.get_namespace()
+        return [status_message(namespace, self._status(model)) for model in self._models.copy().values()]
 
-    def _status(self, model: ClockModel) -> Any:
-        family = ros_messages()
+    def _status(self, model: ClockModel) -> Status:
         stamp = _observed(model)
         master, std = model.master_from_device(stamp)
         values = {
@@ -56,14 +57,8 @@ class ClockReports:
             "drift_std_ppm": f"{1e6 * float(np.sqrt(model.covariance[1, 1])):.4f}",
             "std_us": f"{1e-3 * std:.3f}", "segment": str(model.segment),
         }  # fmt: skip
-        return family.make(
-            "diagnostic_msgs/msg/DiagnosticStatus",
-            level=WARN if std > UNSURE_NS else OK,
-            name=f"panoptic: clock of {model.device}",
-            message=f"uncertain to {1e-6 * std:.1f} ms" if std > UNSURE_NS else "ok",
-            hardware_id=model.device,
-            values=[family.make("diagnostic_msgs/msg/KeyValue", key=k, value=v) for k, v in values.items()],
-        )
+        trouble = f"uncertain to {1e-6 * std:.1f} ms" if std > UNSURE_NS else ""
+        return Status(f"clock of {model.device}", trouble, model.device, values)
 
 
 def _observed(model: ClockModel) -> int:

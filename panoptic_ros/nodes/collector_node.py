@@ -10,6 +10,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
+from panoptic_ros.nodes.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.quality import CLOCKS, collecting_quality
 from panoptic_ros.nodes.streams import StreamEnds
@@ -77,8 +78,6 @@ class CollectorNode(Node):
         self._open.discard(topic)
 
     def _take_status(self, message: Any) -> None:
-        for status in message.status:
-            if status.name.startswith("panoptic: "):
-                values = {pair.key: pair.value for pair in status.values}
-                self.diagnostics[status.name.removeprefix("panoptic: ")] = values
+        for name, status in own_statuses(message, self.get_namespace()):
+            self.diagnostics[name] = values_of(status)
         self._on_record("diagnostics", self.diagnostics)

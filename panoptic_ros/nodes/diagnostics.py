@@ -1,59 +1,110 @@
-"""The statistics of a node's stages on /diagnostics."""
+"""How a node is, on /diagnostics; the names of statuses, for those who read them (docs/ros.md)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from rclpy.node import Node
 
-from panoptic_ros.graph.counters import StageStatistics
+from panoptic_ros.graph.health import Health, Status
 from panoptic_ros.nodes.family import message_class, ros_messages
 
 OK, WARN = b"\x00", b"\x01"
+KIND = "diagnostic_msgs/msg/DiagnosticArray"
+TOPIC = "/diagnostics"
+PREFIX = "panoptic: "
+PERIOD_S = 1.0
+LOOK_S = 0.25  # whether something has changed, which is told at once
 
 
-class Diagnostics:
-    """Publishes once a second, and once more when told so.
+def status_name(namespace: str, what: str) -> str:
+    """The name of a status: "panoptic: sync", in a namespace "panoptic: lab/sync"."""
+    return f"{PREFIX}{namespace.strip('/')}/{what}" if namespace.strip("/") else f"{PREFIX}{what}"
 
-    Args:
-        statistics: by stage. A status has the name of its stage, of the only one that of the node.
-    """
 
-    def __init__(self, node: Node, statistics: Mapping[str, StageStatistics]):
-        self._node = node
-        self._statistics = statistics
-        kind = message_class("diagnostic_msgs/msg/DiagnosticArray")
-        self._publisher = node.create_publisher(kind, "/diagnostics", 10)
-        self._timer = node.create_timer(1.0, self.publish)
-        self.finished = False
-        self.more: Callable[[], list[Any]] = list  # further statuses
+def own_statuses(message: Any, namespace: str) -> Iterator[tuple[str, Any]]:
+    """Those of a DiagnosticArray that a graph in this namespace gave, each with its name there."""
+    head = status_name(namespace, "")
+    for status in message.status:
+        name = status.name.removeprefix(head)
+        if name != status.name and "/" not in name.split(": ")[0]:
+            yield name, status
+
+
+def values_of(status: Any) -> dict[str, str]:
+    """The values of a status by key."""
+    return {pair.key: pair.value for pair in status.values}
+
+
+def status_message(namespace: str, status: Status) -> Any:
+    """A diagnostic_msgs/DiagnosticStatus."""
+    family = ros_messages()
+    return family.make(
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=WARN if status.trouble else OK,
+        name=status_name(namespace, status.name),
+        message=status.trouble or "ok",
+        hardware_id=status.owner or "panoptic_ros",
+        values=[
+            family.make("diagnostic_msgs/msg/KeyValue", key=key, value=value)
+            for key, value in status.values.items()
+        ],
+    )
+
+
+class StatusPublisher:
+    """Publishes statuses once a second, and at once when one of them turns good or bad."""
+
+    def __init__(self, node: Node, statuses: Callable[[], Iterable[Status]]):
+        self._node, self._statuses = node, statuses
+        self._publisher = node.create_publisher(message_class(KIND), TOPIC, 10)
+        self._timer = node.create_timer(LOOK_S, self._look)
+        self._due = 0.0
+        self._told: dict[str, bool] = {}
+        self.more: Callable[[], list[Any]] = list  # further DiagnosticStatus messages
+
+    def _look(self) -> None:
+        found = list(self._statuses())
+        troubled = {status.name: bool(status.trouble) for status in found}
+        if time.monotonic() >= self._due or troubled != self._told:
+            self._send(found, troubled)
 
     def publish(self) -> None:
         """Publish the state of now."""
-        family = ros_messages()
-        only = len(self._statistics) == 1
-        statuses = [
-            self._status(self._node.get_name() if only else stage, own)
-            for stage, own in self._statistics.items()
-        ]
-        header = family.header(self._node.get_clock().now().nanoseconds, "")
-        self._publisher.publish(
-            family.make(
-                "diagnostic_msgs/msg/DiagnosticArray", header=header, status=[*statuses, *self.more()]
-            )
-        )
+        found = list(self._statuses())
+        self._send(found, {status.name: bool(status.trouble) for status in found})
 
-    def _status(self, name: str, statistics: StageStatistics) -> Any:
-        family = ros_messages()
-        values = dict(statistics.values())
-        values["finished"] = str(self.finished).lower()
-        dropped = sum(statistics.dropped.values())
-        return family.make(
-            "diagnostic_msgs/msg/DiagnosticStatus",
-            level=WARN if dropped else OK,
-            name=f"panoptic: {name}",
-            message=f"{dropped} dropped" if dropped else "ok",
-            hardware_id="panoptic_ros",
-            values=[family.make("diagnostic_msgs/msg/KeyValue", key=k, value=v) for k, v in values.items()],
-        )
+    def _send(self, found: list[Status], troubled: Mapping[str, bool]) -> None:
+        self._told = dict(troubled)
+        self._due = time.monotonic() + PERIOD_S - 0.5 * LOOK_S
+        messages = [status_message(self._node.get_namespace(), status) for status in found]
+        header = ros_messages().header(self._node.get_clock().now().nanoseconds, "")
+        self._publisher.publish(ros_messages().make(KIND, header=header, status=[*messages, *self.more()]))
+
+
+class Diagnostics(StatusPublisher):
+    """The health of a node's stages and inputs.
+
+    Args:
+        look: brings the health up to date.
+    """
+
+    def __init__(self, node: Node, health: Health, look: Callable[[], None] = lambda: None):
+        self.health, self._refresh = health, look
+        super().__init__(node, self._now)
+
+    def _now(self) -> list[Status]:
+        self._refresh()
+        return self.health.statuses(time.monotonic_ns())
+
+    @property
+    def finished(self) -> bool:
+        """Whether the node is through (replay)."""
+        return self.health.finished
+
+    def finish(self) -> None:
+        """The node is through: tell at once."""
+        self.health.finished = True
+        self.publish()

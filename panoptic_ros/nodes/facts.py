@@ -55,6 +55,11 @@ class Facts:
         record: SkeletonModel = self._taken["skeleton_model"][1]
         return record
 
+    @property
+    def missing(self) -> list[str]:
+        """Those that have not come."""
+        return [TOPICS[key].name for key in ("rig", "skeleton_model") if key not in self._taken]
+
     def take_over(self, rig: Rig) -> None:
         """Work with another rig from now on."""
         self._taken["rig"] = self._taken["rig"][0], rig

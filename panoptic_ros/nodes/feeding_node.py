@@ -11,6 +11,7 @@ from panoptic_ros.domain import ViewDetections
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import stamp_of, to_message
+from panoptic_ros.nodes.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.quality import collecting_quality, data_quality
 
@@ -64,7 +65,5 @@ class FeedingNode(Node):
         self._on_skeletons(stamp_of(message.header), when, ids)
 
     def _take_status(self, message: Any) -> None:
-        for status in message.status:
-            if status.name.startswith("panoptic: "):
-                values = {pair.key: pair.value for pair in status.values}
-                self.diagnostics[status.name.removeprefix("panoptic: ")] = values
+        for name, status in own_statuses(message, self.get_namespace()):
+            self.diagnostics[name] = values_of(status)

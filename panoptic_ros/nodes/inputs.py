@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -11,34 +12,37 @@ from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.graph.arrivals import Arrivals
+from panoptic_ros.graph.floods import MOST_BYTES, MOST_MESSAGES, FloodGuard
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.nodes import Port
 from panoptic_ros.graph.topics import TOPICS, variants
-from panoptic_ros.io.messages import stamp_of
 from panoptic_ros.nodes.audio_common import audio_common_class
 from panoptic_ros.nodes.decoding import Decoder, decoder_of
 from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.negotiation import Negotiated
+from panoptic_ros.nodes.packets import header_of, unpacked
 from panoptic_ros.nodes.quality import CLOCKS, data_quality
 from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice
 
 ALL = "*"
-MOST_MISSING = 3600  # records: minutes of a camera
 
 
 class Takers(NamedTuple):
     """Who takes what comes of an input.
 
     Args:
-        receive: (input, key of a queue, stamp, message).
+        receive: (input, key of a queue, stamp, bytes of the message).
         refuse: told of messages without a stamp that could be one.
-        tell: about publishers that do not fit.
+        tell: about publishers that do not fit, and topics that are left alone for a while.
+        lost: told how many messages did not arrive.
     """
 
-    receive: Callable[[Input, str, int, Any], None]
+    receive: Callable[[Input, str, int, bytes], None]
     refuse: Callable[[Input, DataError], None]
     tell: Callable[[Input, Notice], None]
+    lost: Callable[[Input, int], None]
 
 
 @dataclass
@@ -48,28 +52,30 @@ class Input:
     Args:
         topic: key of the port's topic. carrier: of the one that is subscribed to, a variant or the same.
         owner: camera, sensor or device; "" for topics of the graph.
-        name: full name. decode: makes records of its messages.
+        name: full name. kind: class of its messages. decode: makes records of them.
     """
 
     topic: str
     carrier: str
     owner: str
     name: str
+    kind: Any
     decode: Decoder
+    arrivals: Arrivals
     count: int = 0
-    last_number: int | None = None
+
+    def record(self, data: bytes) -> Any:
+        """The record of a message.
+
+        Raises:
+            DataError: if it is none.
+        """
+        return self.decode(unpacked(data, self.kind), self.count)
 
     def missing_before(self, record: Any) -> int:
-        """How many records did not come before this one, told by their numbers.
-
-        More than `MOST_MISSING` are none: a device that began anew, or an odd number.
-        """
+        """How many records did not come before this one though nothing was lost on the way."""
         number = getattr(record, "index", getattr(record, "frame_number", None))
-        if number is None:
-            return 0
-        before, self.last_number = self.last_number, number
-        missing = 0 if before is None else number - before - 1
-        return missing if 0 < missing <= MOST_MISSING else 0
+        return 0 if number is None else self.arrivals.numbered(number)
 
 
 class InputChoice:
@@ -153,26 +159,51 @@ def subscribe(
 def _subscribe(
     node: Node, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow, takers: Takers
 ) -> Input:
-    row = TOPICS[carrier]
-    quality = (
-        CLOCKS
-        if row.latched
-        else data_quality(flow, images=row.message.startswith("sensor_msgs"), sound=row.scope == "device")
-    )
+    row, live = TOPICS[carrier], flow.name == "live"
+    images, sound = row.message.startswith("sensor_msgs"), row.scope == "device"
+    quality = CLOCKS if row.latched else data_quality(flow, images=images, sound=sound)
+    guard = FloodGuard(0 if sound else MOST_MESSAGES, MOST_BYTES if carrier == "detections" else 0)
 
-    def take(message: Any) -> None:
-        # what comes of many devices on one topic does not push each other out
-        queue = f"{topic} of {message.header.frame_id}" if row.latched else f"{topic} {owner}".strip()
+    def take(data: bytes, sequence: int) -> None:
+        now_ns, lost = time.monotonic_ns(), arrivals.lost
+        flood = guard.came(now_ns, len(data), arrivals.bad) if live and not row.latched else ""
         try:
-            stamp_ns = stamp_of(message.header)
+            stamp_ns, frame_id = header_of(data)
         except DataError as error:
+            arrivals.came(now_ns, sequence)
             takers.refuse(found, error)
-            return
-        takers.receive(found, queue, stamp_ns, message)
+        else:
+            latency = node.get_clock().now().nanoseconds - stamp_ns if live and not row.latched else None
+            arrivals.came(now_ns, sequence, latency)
+            # what comes of many devices on one topic does not push each other out
+            queue = f"{topic} of {frame_id}" if row.latched else f"{topic} {owner}".strip()
+            takers.receive(found, queue, stamp_ns, data)
+        if arrivals.lost > lost:
+            takers.lost(found, arrivals.lost - lost)
+        if flood:
+            leave_alone(flood, now_ns)
+
+    def leave_alone(why: str, now_ns: int) -> None:
+        seconds = 1e-9 * guard.pause(now_ns)
+        arrivals.paused = f"{arrivals.title}: {why} came; nothing of it is taken for {seconds:g} s"
+        subscription.pause(seconds, resume)
+        values = {"camera": owner}
+        takers.tell(found, Notice("graph.flood", "warning", arrivals.paused, values))
+
+    def resume() -> None:
+        arrivals.paused = ""
 
     subscription = Negotiated(
         node, message_class(row.message), choice.name(carrier, owner), take, quality,
-        gives_way=flow.name == "live" and not row.latched, tell=lambda notice: takers.tell(found, notice),
+        gives_way=live and not row.latched, tell=lambda notice: takers.tell(found, notice),
     )  # fmt: skip
-    found = Input(topic, carrier, owner, subscription.topic_name, choice.decoder(carrier, owner))
+    name = subscription.topic_name
+    arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
+    decoder = choice.decoder(carrier, owner)
+    found = Input(topic, carrier, owner, name, message_class(row.message), decoder, arrivals)
     return found
+
+
+def _is_regular(topic: str, carrier: str) -> bool:
+    """Whether messages come at a rate, so that their absence is an outage. Sound comes as one of two."""
+    return not TOPICS[topic].latched and topic not in ("timecode", "audio") and carrier != "audio_common"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
@@ -22,24 +22,27 @@ class Negotiated:
     what else does not fit is told, with the remedy.
 
     Args:
-        topic: name. take: called with every message. quality: what is asked for at first.
+        topic: name. take: called with the bytes of every message, and its number by the middleware.
+        quality: what is asked for at first.
         gives_way: whether it may become best effort (live).
         tell: about what does not fit.
     """
 
     def __init__(
-        self, node: Node, kind: Any, topic: str, take: Callable[[Any], None], quality: QoSProfile,
+        self, node: Node, kind: Any, topic: str, take: Callable[[bytes, int], None], quality: QoSProfile,
         gives_way: bool, tell: Callable[[Notice], None],
     ):  # fmt: skip
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._quality, self._gives_way, self._tell = quality, gives_way, tell
         self._again: Any = None  # a timer
+        self._pause: Any = None  # a timer
         self._subscription = self._subscribe()
+        self._name = str(self._subscription.topic_name)
 
     @property
     def topic_name(self) -> str:
         """The full name."""
-        return str(self._subscription.topic_name)
+        return self._name
 
     @property
     def is_reliable(self) -> bool:
@@ -48,9 +51,31 @@ class Negotiated:
 
     def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(incompatible_qos=self._does_not_fit)
+
+        def take(data: bytes, info: Mapping[str, Any]) -> None:
+            if self._pause is None:
+                self._take(data, info["publication_sequence_number"])
+
+        of_bytes: Any = take
         return self._node.create_subscription(
-            self._kind, self._topic, self._take, self._quality, event_callbacks=events
+            self._kind, self._topic, of_bytes, self._quality, event_callbacks=events, raw=True
         )
+
+    def pause(self, seconds: float, resumed: Callable[[], None]) -> None:
+        """Take nothing for so long; publishers do not even send."""
+
+        def begin() -> None:  # not within a callback of the subscription itself
+            self._node.destroy_timer(self._pause)
+            self._node.destroy_subscription(self._subscription)
+            self._pause = self._node.create_timer(seconds, end)
+
+        def end() -> None:
+            self._node.destroy_timer(self._pause)
+            self._pause = None
+            self._subscription = self._subscribe()
+            resumed()
+
+        self._pause = self._node.create_timer(0.0, begin)
 
     def _does_not_fit(self, info: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = QoSPolicyKind(info.last_policy_kind)
@@ -68,10 +93,12 @@ class Negotiated:
     def _give_way(self) -> None:
         self._node.destroy_timer(self._again)
         self._again = None
-        self._node.destroy_subscription(self._subscription)
+        if self._pause is None:
+            self._node.destroy_subscription(self._subscription)
         self._quality = copy.copy(self._quality)
         self._quality.reliability = ReliabilityPolicy.BEST_EFFORT
         self._quality.depth = max(self._quality.depth, BEST_EFFORT_DEPTH)
-        self._subscription = self._subscribe()
+        if self._pause is None:
+            self._subscription = self._subscribe()
         text = f"{self.topic_name} is taken as best effort, as a publisher offers no more"
         self._tell(Notice("graph.best_effort", "info", text, {"device": self._topic}))

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from panoptic_ros.graph.flow import Flow
+from panoptic_ros.graph.flow import PATIENT, Flow
 
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -34,7 +34,6 @@ PROGRESS = QoSProfile(  # longer than what can be under way; readers may be matc
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
 AHEAD = 1024  # replay: blocks of sound, which is ahead of images
 
 

@@ -14,7 +14,8 @@ from panoptic_ros.capture import DepthSource
 from panoptic_ros.domain import AudioBlock, Camera
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.flow import WINDOW, make_flow
+from panoptic_ros.graph.flow import PATIENT, WINDOW, make_flow
+from panoptic_ros.graph.health import Health
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import (
     camera_info_message,
@@ -26,7 +27,7 @@ from panoptic_ros.io.messages import (
 from panoptic_ros.nodes.credit import Credit, SoundCredit
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
-from panoptic_ros.nodes.quality import PATIENT, data_quality
+from panoptic_ros.nodes.quality import data_quality
 from panoptic_ros.nodes.runtime import quiet_once
 from panoptic_ros.nodes.streams import StreamEnds
 
@@ -87,7 +88,9 @@ class SourceNode(Node):
         self._sent = dict.fromkeys(topics, 0)
         self._ended: set[str] = set()
         self._statistics = StageStatistics()
-        self._diagnostics = Diagnostics(self, {name: self._statistics})
+        self._diagnostics = Diagnostics(
+            self, Health(name, {name: self._statistics}, live=self._flow.name == "live")
+        )
         self._ends = StreamEnds(self, lambda topic: None)
         self._instants: Credit | None = None
         self._images: dict[str, Credit] = {}
@@ -166,8 +169,7 @@ class SourceNode(Node):
             return
         for key in self._publishers_by_key.keys() - self._ended:
             self._end(key)
-        self._diagnostics.finished = True
-        self._diagnostics.publish()
+        self._diagnostics.finish()
 
     def _end(self, key: str) -> None:
         """Tell that no more comes of a publisher."""

@@ -3,38 +3,39 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Rig, SkeletonModel
-from panoptic_ros.errors import ConfigError, DataError, PanopticError
+from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import resolve
 from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.flow import WINDOW, live_defaults, make_flow
+from panoptic_ros.graph.health import Doing, Health
 from panoptic_ros.graph.host import Host, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.queues import InOrder, InstantsAndOthers, NewestInstant, Waiting
+from panoptic_ros.graph.queue_choice import queue_for
 from panoptic_ros.graph.schedule import Place
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.graph.wiring import Wiring
-from panoptic_ros.nodes.compilation import compilation_told
+from panoptic_ros.nodes.compilation import Compilation
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.inputs import Input, InputChoice, Takers, subscribe
 from panoptic_ros.nodes.kept_states import KeptStates
-from panoptic_ros.nodes.notice_log import NoticeLog
 from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.parameters import declare_config
 from panoptic_ros.nodes.progress import ProgressTold
-from panoptic_ros.nodes.quality import PATIENT
 from panoptic_ros.nodes.reports import reports_of
+from panoptic_ros.nodes.rig_changes import RigChanges
 from panoptic_ros.nodes.streams import StreamEnds
+from panoptic_ros.nodes.tally import Tally
 from panoptic_ros.nodes.worker import Worker
 from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice, StageContext
@@ -88,26 +89,29 @@ class StageNode(Node):
             )
             for stage, prefix in self.prefixes.items()
         }
-        self._statistics = {stage: StageStatistics() for stage in names}
-        logger = self.get_logger()
-        self._notice_logs = {stage: NoticeLog(logger, own) for stage, own in self._statistics.items()}
+        self._tally = Tally(self.get_logger(), names)
         self._choice = InputChoice(self, Wiring(names).inputs)
-        self._diagnostics = Diagnostics(self, self._statistics)
-        self._reports = reports_of(self, Wiring(names))
-        self._diagnostics.more = lambda: [
-            status for report in self._reports.values() for status in report.statuses()
-        ]
         self._pipeline: Pipeline | None = None
         self._host: Host | None = None
         self._companions = Companions((), ())
         self._inputs: dict[str, Input] = {}  # by full name
         self._fault: PanopticError | None = None
-        self._next_rig: Rig | None = None
+        self._health = Health(self.get_name(), self._tally.statistics, live=self._flow.name == "live")
+        self._diagnostics = Diagnostics(self, self._health, self._look)
+        self._compilation = Compilation(self.get_logger(), self._diagnostics.publish)
+        self._reports = reports_of(self, Wiring(names))
+        self._diagnostics.more = lambda: [
+            status for report in self._reports.values() for status in report.statuses()
+        ]
         self._worker = Worker(self._work, self._dropped)
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
         self._kept = KeptStates(self, names, self._hand_over) if self._flow.name == "live" else None
-        self._facts = Facts(self, self._begin, self._refuse_message, self._rig_changed)
+        self._rig_changes = RigChanges(self, self._cameras, self._worker.note, self._change_rig)
+        self._facts = Facts(
+            self, self._begin, self._refuse_message,
+            lambda rig: self._rig_changes.offer(rig, self._facts.rig),
+        )  # fmt: skip
 
     def _names(self, parameter: str) -> list[str]:
         return list(self.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
@@ -125,11 +129,18 @@ class StageNode(Node):
     @property
     def statistics(self) -> Mapping[str, StageStatistics]:
         """What each stage counted."""
-        return self._statistics
+        return self._tally.statistics
 
     def close(self) -> None:
         """Stop the worker."""
         self._worker.stop()
+        self._compilation.close()
+
+    def _look(self) -> None:
+        """What the stages are at, for /diagnostics."""
+        stage, since_ns = self._pipeline.stepping if self._pipeline is not None else ("", 0)
+        self._health.doing = Doing(stage, since_ns, self._compilation.kernel)
+        self._health.awaited = self._facts.missing
 
     # -------------------------------------------------------------- start
 
@@ -152,12 +163,11 @@ class StageNode(Node):
             if stage in self._extras:
                 extras |= self._extras[stage](self, prefix, skeleton)
         around = [name for name in NODES if name in {*self._graph, *self.prefixes}]
-        with compilation_told(self.get_logger()):
-            self._pipeline = pipeline = Pipeline(
-                self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
-                on_record=self._gave, on_notice=self._tell, on_refused=self._refuse,
-                on_end=self._owner_over, on_step=self._stepped, clock=time.perf_counter_ns, everywhere=around,
-            )  # fmt: skip
+        self._pipeline = pipeline = Pipeline(
+            self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
+            on_record=self._gave, on_notice=self._tally.tell, on_refused=self._tally.refuse,
+            on_end=self._owner_over, on_step=self._tally.stepped, clock=time.monotonic_ns, everywhere=around,
+        )  # fmt: skip
         self._take_over(states)
         replay = self._flow.name == "replay"
         progress = ProgressTold(self, self._progress_heard) if replay and self._marked else None
@@ -179,11 +189,12 @@ class StageNode(Node):
         else:
             ports = [port for port in pipeline.wiring.inputs if port.patience_ns]
             self._companions = Companions(ports, present)
-        self._worker.start(self._queue(present))
-        takers = Takers(self._receive, self._refuse_input, self._tell_of_input)
+        self._worker.start(queue_for(pipeline.wiring, self._flow, present))
+        takers = Takers(self._receive, self._refuse_input, self._tell_of_input, self._lost)
         for topic, owner in present:
             for entry in subscribe(self, self._choice, topic, owner, self._flow, takers):
                 self._inputs[entry.name] = entry
+                self._health.add(entry.arrivals, self._taker(topic))
                 if self._is_waited_for(topic) and entry.carrier != "audio_common":
                     self._ends.watch(entry.name)
         self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
@@ -220,33 +231,11 @@ class StageNode(Node):
         assert self._pipeline is not None
         return not TOPICS[topic].latched or (self._marked and topic in self._pipeline.wiring.given_around)
 
-    def _queue(self, present: Collection[tuple[str, str]]) -> Waiting:
-        """Live: images wait as instants; a few of everything else, or all where every message counts."""
-        assert self._pipeline is not None
-        if self._flow.queue_limit is None:
-            return InOrder()
-        wiring = self._pipeline.wiring
-        kinds = {
-            topic: {wiring.specs[reader.stage].queue for reader in readers}
-            for topic, readers in wiring.readers.items()
-        }
-        limits = {
-            topic: PATIENT if kind == {"all"} else self._flow.queue_limit for topic, kind in kinds.items()
-        }
-        others = InOrder(lambda key: limits[key.split(" ")[0]])
-        beside = {port.topic for port in wiring.inputs if port.patience_ns}
-        instants = [
-            f"{topic} {owner}"
-            for topic, owner in present
-            if "instant" in kinds[topic] and topic not in beside
-        ]
-        return InstantsAndOthers(NewestInstant(instants), instants, others) if instants else others
-
     # --------------------------------------------------------------- work
 
-    def _receive(self, entry: Input, queue: str, stamp_ns: int, message: Any) -> None:
+    def _receive(self, entry: Input, queue: str, stamp_ns: int, data: bytes) -> None:
         """Enqueue a message, with those that belong to it."""
-        for bundle in self._companions.put(Item(entry.topic, entry.owner, stamp_ns, (entry, message))):
+        for bundle in self._companions.put(Item(entry.topic, entry.owner, stamp_ns, (entry, data))):
             last = bundle[-1]
             key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
             self._worker.put(key, last.stamp_ns, lambda bundle=bundle: self._work_on(bundle))
@@ -258,8 +247,8 @@ class StageNode(Node):
     def _work_on(self, bundle: tuple[Item, ...]) -> None:
         assert self._pipeline is not None
         for item in bundle:
-            entry, message = item.message
-            record = self._record(entry, message)
+            entry, data = item.message
+            record = self._record(entry, data)
             if self._host is not None:
                 self._host.put(entry.topic, entry.owner, item.stamp_ns, record)
             elif record is not None:
@@ -270,17 +259,15 @@ class StageNode(Node):
             self._host.advance()
             self._after_host()
 
-    def _record(self, entry: Input, message: Any) -> Any | None:
+    def _record(self, entry: Input, data: bytes) -> Any | None:
         """The record of a message, None if it cannot be used."""
         try:
-            record = entry.decode(message, entry.count)
+            record = entry.record(data)
             check_record(record, entry.owner, self._facts.rig, self._facts.skeleton)
         except DataError as error:
             self._refuse_input(entry, error)
             return None
-        missing = entry.missing_before(record)
-        if missing:
-            self._statistics[self._taker(entry.topic)].dropped["never_came"] += missing
+        entry.missing_before(record)
         report = self._reports.get(type(record).__name__)
         if report is not None:
             report.take(record)
@@ -295,60 +282,40 @@ class StageNode(Node):
     def _gave(self, topic: str, record: Any) -> None:
         assert self._pipeline is not None
         giver = next(spec.name for spec in self._pipeline.wiring.specs if topic in spec.outputs)
-        self._statistics[giver].given += 1
+        self._tally.gave(giver, self._age_ns(record))
         if self._outputs.publish(topic, record, self._facts.rig) and self._host is not None:
             if topic in self._pipeline.wiring.leaving:
                 self._host.gave(topic, owner_of(topic, record))
 
-    def _stepped(self, stage: str, duration_ns: int) -> None:
-        self._statistics[stage].taken += 1
-        self._statistics[stage].add_duration(duration_ns)
-
-    def _tell(self, stage: str, notice: Notice) -> None:
-        self._notice_logs[stage].tell(notice)
-
-    def _refuse(self, stage: str, error: PanopticError) -> None:
-        self._statistics[stage].dropped["bad_message"] += 1
-        self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+    def _age_ns(self, record: Any) -> int | None:
+        """Since the stamp of a record (live)."""
+        stamp_ns = getattr(record, "stamp_ns", None)
+        if stamp_ns is None or self._flow.name != "live":
+            return None
+        return int(self.get_clock().now().nanoseconds - stamp_ns)
 
     def _refuse_input(self, entry: Input, error: PanopticError) -> None:
-        self._refuse(self._taker(entry.topic), error)
+        entry.arrivals.bad += 1
+        self._tally.refuse(self._taker(entry.topic), error)
 
     def _tell_of_input(self, entry: Input, notice: Notice) -> None:
-        self._tell(self._taker(entry.topic), notice)
+        self._tally.tell(self._taker(entry.topic), notice)
+
+    def _lost(self, entry: Input, count: int) -> None:
+        self._tally.dropped(self._taker(entry.topic), "lost", count)
 
     def _refuse_message(self, error: PanopticError) -> None:
-        self._refuse(next(iter(self._statistics)), error)
+        self._tally.refuse(self._tally.first, error)
 
     def _dropped(self, count: int) -> None:
-        next(iter(self._statistics.values())).dropped["queue_full"] += count
+        self._tally.dropped(self._tally.first, "queue_full", count)
 
     # ---------------------------------------------------------------- what changes, and the end
 
-    def _rig_changed(self, rig: Rig) -> None:
-        """Another rig of the same cameras is taken over between two records, the newest if several have
-        come; of others the node does not know.
-        """
-        if self._used_names(rig) != self._used_names(self._facts.rig):
-            raise ConfigError(
-                f"another /rig has other cameras: restart node {self.get_name()} to work with it"
-            )
-
-        waits, self._next_rig = self._next_rig is not None, rig
-        if not waits:
-            self._worker.note(self._change_rig)
-
-    def _change_rig(self) -> None:
-        rig, self._next_rig = self._next_rig, None
-        assert self._pipeline is not None and rig is not None
+    def _change_rig(self, rig: Rig) -> Sequence[str]:
+        assert self._pipeline is not None
         self._facts.take_over(rig)
-        anew = self._pipeline.change_rig(self._used(rig))
-        kept = f"; {', '.join(anew)} begin anew" if anew else ""
-        self.get_logger().info(f"another /rig was taken over{kept}", throttle_duration_sec=5.0)
-
-    def _used_names(self, rig: Rig) -> list[tuple[str, tuple[int, int]]]:
-        wanted = self._cameras or list(rig.names)
-        return [(camera.name, camera.image_size) for camera in rig.cameras if camera.name in wanted]
+        return self._pipeline.change_rig(self._used(rig))
 
     def _progress_heard(self, name: str, place: Place, count: int) -> None:
         """Where a topic has come to; on the executor's thread."""
@@ -376,8 +343,7 @@ class StageNode(Node):
 
     def _after_host(self) -> None:
         if self._host is not None and self._host.over and not self._diagnostics.finished:
-            self._diagnostics.finished = True
-            self._diagnostics.publish()
+            self._diagnostics.finish()
 
     def _owner_over(self, topic: str, owner: str) -> None:
         if self._host is not None:

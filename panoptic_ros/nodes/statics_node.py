@@ -1,6 +1,7 @@
 """The latched facts of a capture: rig and skeleton model, and static transforms where ROS has TF."""
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from rclpy.node import Node
@@ -9,17 +10,21 @@ from scipy.spatial.transform import Rotation
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.graph.graph_health import GraphHealth
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import to_message
 from panoptic_ros.io.messages.images import optical_frame
+from panoptic_ros.nodes.diagnostics import KIND, OK, TOPIC, StatusPublisher, own_statuses, values_of
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.kept_states import StateKeeper
 from panoptic_ros.nodes.quality import LATCHED
 
 
 class StaticsNode(Node):
-    """Publishes rig, skeleton model and, where tf2_msgs is there, /tf_static; keeps what stages remember."""
+    """Publishes rig, skeleton model and, where tf2_msgs is there, /tf_static; keeps what stages remember, and
+    tells on /diagnostics how the graph is as a whole.
+    """
 
     fault = None
     healthy = True
@@ -31,9 +36,18 @@ class StaticsNode(Node):
         ]
         self._publish_transforms(rig)
         self._keeper = StateKeeper(self, NODES)
+        self._graph = GraphHealth()
+        self._status = StatusPublisher(self, lambda: self._graph.statuses(time.monotonic_ns()))
+        self._kept.append(self.create_subscription(message_class(KIND), TOPIC, self._take_status, 100))
 
     def close(self) -> None:
         """Nothing to stop."""
+
+    def _take_status(self, message: Any) -> None:
+        now_ns = time.monotonic_ns()
+        for name, status in own_statuses(message, self.get_namespace()):
+            trouble = status.message if status.level != OK else ""
+            self._graph.heard(name, values_of(status), trouble, now_ns)
 
     def _latch(self, key: str, record: Rig | SkeletonModel) -> Any:
         topic = TOPICS[key]

@@ -90,7 +90,7 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
     for stage in NODES:
         for name in sorted(name for name in counted if name.rsplit("_", 1)[0] == stage):
             values = counted[name]
-            if int(values["taken"]):
+            if int(values["taken"]) and "step_p50_ms" in values:
                 p50, p99 = float(values["step_p50_ms"]), float(values["step_p99_ms"])
                 rows[name] = Latency(int(values["taken"]), p50, p99)
     return rows

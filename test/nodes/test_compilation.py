@@ -2,7 +2,7 @@
 import numba
 import numpy as np
 
-from panoptic_ros.nodes.compilation import TEXT, compilation_told
+from panoptic_ros.nodes.compilation import TEXT, Compilation
 
 
 class Log:
@@ -23,13 +23,14 @@ def fresh_kernel(name):
     return numba.njit(kernel)
 
 
-def test_compilation_is_told_once_and_ready_kernels_are_not():
-    log, kernels = Log(), [fresh_kernel("one"), fresh_kernel("two")]
-    with compilation_told(log):
-        assert [kernel(np.float64(1.0)) for kernel in kernels] == [2.0, 2.0]
-    assert log.texts == [TEXT]
-    with compilation_told(log):
-        assert kernels[0](np.float64(1.0)) == 2.0
-    assert log.texts == [TEXT]
+def test_compilation_is_told_once_in_the_log_and_while_it_goes_on():
+    log, kernels, seen = Log(), [fresh_kernel("one"), fresh_kernel("two")], []
+    compilation = Compilation(log, lambda: seen.append(compilation.kernel))
+    assert [kernel(np.float64(1.0)) for kernel in kernels] == [2.0, 2.0]
+    assert log.texts == [TEXT] and seen == ["nodes.compilation.one"]
+    assert kernels[0](np.float64(1.0)) == 2.0
+    assert compilation.kernel == "" and log.texts == [TEXT]
+    compilation.close()
+    other = Log()
     fresh_kernel("three")(np.float64(1.0))
-    assert log.texts == [TEXT]
+    assert log.texts == [TEXT] and len(seen) == 1 and not other.texts

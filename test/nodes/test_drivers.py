@@ -8,6 +8,7 @@ from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.serialization import deserialize_message  # noqa: E402
 
 from panoptic_ros.domain import ViewFrame  # noqa: E402
 from panoptic_ros.errors import EnvironmentProblem  # noqa: E402
@@ -28,7 +29,11 @@ def picture():
 
 def taker(node, quality, gives_way=True):
     taken, told = [], []
-    subscription = Negotiated(node, IMAGE, "/driver/image_raw", taken.append, quality, gives_way, told.append)
+
+    def take(data, number):
+        taken.append(deserialize_message(data, IMAGE))
+
+    subscription = Negotiated(node, IMAGE, "/driver/image_raw", take, quality, gives_way, told.append)
     return subscription, taken, told
 
 

@@ -1,0 +1,137 @@
+"""What comes on one topic: its rate, how old the newest message is, and what was lost before it came."""
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+SECOND = 1_000_000_000
+SILENT_PERIODS = 3  # without a message, after which a topic is silent
+LEAST_SILENCE_NS = SECOND  # but not before so long
+RECENT = 64  # messages, from which rate and latency are told
+MOST_PUBLISHERS = 4  # of one topic
+MOST_LOST = 3600  # messages at once: more is a publisher that began anew, or an odd number
+
+
+class Arrivals:
+    """Counts the messages of one topic; bounded in memory. Times are of one monotonic clock, ns.
+
+    Args:
+        topic: key of `TOPICS`. owner: camera, sensor or device; "" for topics of the graph.
+        name: full name of the topic.
+        regular: whether messages come at a rate, so that their absence is an outage.
+        since_ns: from when on they are expected.
+    """
+
+    def __init__(self, topic: str, owner: str, name: str, regular: bool, since_ns: int):
+        self.topic, self.owner, self.name, self.regular = topic, owner, name, regular
+        self.taken = 0
+        self.lost = 0  # between publisher and here
+        self.left_out = 0  # numbers that the publisher never sent
+        self.bad = 0
+        self.paused = ""  # why nothing is taken at the moment, if so
+        self._since_ns = since_ns
+        self._newest_ns: int | None = None
+        self._publishers = _Publishers()
+        self._number: int | None = None
+        self._lost_before = 0  # messages lost since the newest record that has a number
+        self._intervals: deque[int] = deque(maxlen=RECENT)
+        self._latencies: deque[int] = deque(maxlen=RECENT)
+
+    @property
+    def title(self) -> str:
+        """The owner and the topic, e.g. "left detections"."""
+        return f"{self.owner} {self.topic}".strip()
+
+    def came(self, now_ns: int, sequence: int | None = None, latency_ns: int | None = None) -> None:
+        """A message has come.
+
+        Args:
+            sequence: its number by the middleware of the publisher, which begins with 1.
+            latency_ns: since its stamp.
+        """
+        self.taken += 1
+        if self._newest_ns is not None:
+            self._intervals.append(now_ns - self._newest_ns)
+        self._newest_ns = now_ns
+        if sequence is not None:
+            missing = self._publishers.missing_before(sequence)
+            self.lost += missing
+            self._lost_before += missing
+        if latency_ns is not None:
+            self._latencies.append(latency_ns)
+
+    def numbered(self, number: int) -> int:
+        """A record with this number has come; how many before it nobody sent, as far as numbers tell."""
+        before, self._number = self._number, number
+        gap = 0 if before is None else number - before - 1
+        lost, self._lost_before = self._lost_before, 0
+        missing = gap - lost if 0 < gap <= MOST_LOST else 0
+        self.left_out += max(0, missing)
+        return max(0, missing)
+
+    def period_ns(self) -> int:
+        """Between messages, the median; 0 while that is not known."""
+        return int(np.median(self._intervals)) if self._intervals else 0
+
+    def age_ns(self, now_ns: int) -> int:
+        """Of the newest message; since they are expected, if none has come."""
+        return now_ns - (self._since_ns if self._newest_ns is None else self._newest_ns)
+
+    def is_silent(self, now_ns: int) -> bool:
+        """Whether messages are overdue."""
+        return self.regular and self.age_ns(now_ns) > max(
+            LEAST_SILENCE_NS, SILENT_PERIODS * self.period_ns()
+        )
+
+    def rate_hz(self, now_ns: int) -> float:
+        """Messages per second of late; falls while none come."""
+        if not self._intervals:
+            return 0.0
+        mean = sum(self._intervals) / len(self._intervals)
+        return SECOND / max(1.0, mean, self.age_ns(now_ns) - mean)
+
+    def values(self, now_ns: int) -> dict[str, str]:
+        """All of it as text, for /diagnostics."""
+        p50, p99 = _percentiles_ms(self._latencies)
+        return {
+            "topic": self.name, "taken": str(self.taken), "rate_hz": f"{self.rate_hz(now_ns):.2f}",
+            "age_s": f"{self.age_ns(now_ns) / SECOND:.2f}", "period_ms": f"{self.period_ns() * 1e-6:.1f}",
+            "latency_p50_ms": p50, "latency_p99_ms": p99, "lost": str(self.lost),
+            "left_out": str(self.left_out), "bad": str(self.bad),
+        }  # fmt: skip
+
+    def trouble(self, now_ns: int) -> str:
+        """What is wrong, in words; "" if nothing is."""
+        if self.paused:
+            return self.paused
+        if not self.is_silent(now_ns):
+            return ""
+        age = self.age_ns(now_ns) / SECOND
+        if self._newest_ns is None:
+            return f"no {self.title} has come yet, {age:.1f} s after the start"
+        return f"no {self.title} for {age:.1f} s"
+
+
+class _Publishers:
+    """How far the publishers of a topic have counted; the middleware does not tell them apart.
+
+    A message is of the one that has come nearest to its number.
+    """
+
+    def __init__(self) -> None:
+        self._newest: list[int] = []  # the one that was heard last comes last
+
+    def missing_before(self, sequence: int) -> int:
+        """How many messages of its publisher are missing before this one."""
+        gaps = [(sequence - newest - 1, newest) for newest in self._newest]
+        gap, newest = min(((g, n) for g, n in gaps if 0 <= g <= MOST_LOST), default=(0, -1))
+        self._newest = [*(n for n in self._newest if n != newest), sequence][-MOST_PUBLISHERS:]
+        return gap
+
+
+def _percentiles_ms(values: deque[int]) -> tuple[str, str]:
+    if not values:
+        return "nan", "nan"
+    p50, p99 = np.percentile(np.array(values), (50, 99)) * 1e-6
+    return f"{p50:.2f}", f"{p99:.2f}"

@@ -1,0 +1,29 @@
+"""How what comes to a node waits for its stages."""
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from panoptic_ros.graph.flow import PATIENT, Flow
+from panoptic_ros.graph.queues import InOrder, InstantsAndOthers, NewestInstant, Waiting
+from panoptic_ros.graph.wiring import Wiring
+
+
+def queue_for(wiring: Wiring, flow: Flow, present: Collection[tuple[str, str]]) -> Waiting:
+    """Live: images wait as instants; a few of everything else, or all where every message counts.
+
+    Args:
+        present: (topic, owner) of what comes.
+    """
+    if flow.queue_limit is None:
+        return InOrder()
+    kinds = {
+        topic: {wiring.specs[reader.stage].queue for reader in readers}
+        for topic, readers in wiring.readers.items()
+    }
+    limits = {topic: PATIENT if kind == {"all"} else flow.queue_limit for topic, kind in kinds.items()}
+    others = InOrder(lambda key: limits[key.split(" ")[0]])
+    beside = {port.topic for port in wiring.inputs if port.patience_ns}
+    instants = [
+        f"{topic} {owner}" for topic, owner in present if "instant" in kinds[topic] and topic not in beside
+    ]
+    return InstantsAndOthers(NewestInstant(instants), instants, others) if instants else others
