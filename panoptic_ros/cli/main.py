@@ -1,4 +1,5 @@
 """Entry point: parse, call the verb, catch the error family once."""
+
 from __future__ import annotations
 
 import argparse
@@ -15,6 +16,7 @@ from panoptic_ros.io.kernel_cache import full_disk_told
 
 VERBS: dict[str, str] = {
     "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
+    "watch": "how a live graph is: nodes, rates, ages, latency, drops, warnings",
     "solve": "2D people to skeletons, no images, no ROS",
     "simulate": "a capture folder or 2D people with exact truth",
     "evaluate": "compare skeletons with the truth",

@@ -1,7 +1,8 @@
 """How a node and its stages are, in words and numbers: what /diagnostics tells."""
+
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from panoptic_ros.graph.counters import StageStatistics
 
 CALM_NS = 10 * SECOND  # so long after the last drop or notice, a warning clears
 STALLED_NS = SECOND  # in one step
+RATE_NS = 5 * SECOND  # over which rates are told
 
 
 class Status(NamedTuple):
@@ -26,6 +28,22 @@ class Status(NamedTuple):
     trouble: str
     owner: str
     values: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Told:
+    """A status of a graph as somebody heard it.
+
+    Args:
+        namespace: of its graph; "" = none. name: without prefix and namespace.
+        trouble: "" if all is well. heard_s: a moment of a monotonic clock.
+    """
+
+    namespace: str
+    name: str
+    trouble: str
+    values: Mapping[str, str]
+    heard_s: float
 
 
 class Doing(NamedTuple):
@@ -64,6 +82,15 @@ class _StageHealth:
     warnings: _Changes = field(default_factory=_Changes)
     taken: int = 0
     newest_ns: int | None = None  # when `taken` was seen to go up
+    seen: deque[tuple[int, int]] = field(default_factory=deque)  # time and `taken`, of the last seconds
+
+    def rate_hz(self, now_ns: int) -> float:
+        """Records per second of late."""
+        self.seen.append((now_ns, self.statistics.taken))
+        while len(self.seen) > 2 and now_ns - self.seen[0][0] > RATE_NS:
+            self.seen.popleft()
+        (begun_ns, before), (ended_ns, after) = self.seen[0], self.seen[-1]
+        return SECOND * (after - before) / max(1, ended_ns - begun_ns)
 
 
 class Health:
@@ -111,13 +138,12 @@ class Health:
         reasons += [own.statistics.latest(code) for code in warned]
         age = "nan" if own.newest_ns is None else f"{(now_ns - own.newest_ns) / SECOND:.2f}"
         values = {
-            "node": self._node, "state": state, "waiting_for": ", ".join(waiting), "age_s": age,
+            "node": self._node, "state": state, "waiting_for": ", ".join(waiting),
+            "rate_hz": f"{own.rate_hz(now_ns):.2f}", "age_s": age,
             "compiling": self.doing.kernel, **own.statistics.values(),
             "finished": str(self.finished).lower(),
         }  # fmt: skip
-        return Status(
-            self._node if len(self._stages) == 1 else name, "; ".join(reasons), "", values
-        )
+        return Status(self._node if len(self._stages) == 1 else name, "; ".join(reasons), "", values)
 
     def _state(self, name: str, waiting: Sequence[str], now_ns: int) -> tuple[str, str]:
         """In a word, and what is wrong with it."""

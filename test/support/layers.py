@@ -1,4 +1,5 @@
 """The ranks of the house and a checker for them; see docs/architecture.md."""
+
 from __future__ import annotations
 
 import ast
@@ -39,7 +40,7 @@ THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in back
 STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", "socket"}
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
-NEED_ROS = {f"panoptic_ros.running.{name}" for name in ("driver_plan", "over_dds", "fed_graph")}
+NEED_ROS = {f"panoptic_ros.running.{name}" for name in ("driver_plan", "over_dds", "fed_graph", "watching")}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
 # no stage, no graph and no arrays.
 THIN = {"errors", "domain", "stage", "io", "view", "bench", "running"}
@@ -50,7 +51,7 @@ INNER_ROOMS = {"timecode": ("config", "signal", "word", "label", "follow")}
 
 
 def room_of(module: str) -> str:
-    """"voting" of "panoptic_ros.voting.stage"; "" for the package itself."""
+    """ "voting" of "panoptic_ros.voting.stage"; "" for the package itself."""
     parts = module.split(".")
     return parts[1] if len(parts) > 1 else ""
 

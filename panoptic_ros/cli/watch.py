@@ -1,0 +1,48 @@
+"""`panoptic watch`: how a live graph is, from another shell."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import time
+
+from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.view.watch_table import watch_lines
+
+HOME, REST, CLEAR = "\x1b[H", "\x1b[K", "\x1b[J"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("--namespace", metavar="NAME", help="of one graph; default: all in this ROS domain")
+    parser.add_argument("--once", action="store_true", help="print how it is now, and end")
+    parser.add_argument("--json", action="store_true", help="one JSON document for each look")
+    parser.add_argument("--period", type=float, default=1.0, metavar="S", help="between looks; default 1")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show until interrupted, or once."""
+    from panoptic_ros.running.watching import watched  # needs ROS
+
+    drawn = sys.stdout.isatty() and not args.once and not args.json
+    with first_request_told(True) as asked:
+        for told in watched(args.namespace, max(0.1, args.period), asked):
+            if args.json:
+                rows = [
+                    {"namespace": t.namespace, "name": t.name, "trouble": t.trouble, **t.values} for t in told
+                ]
+                print(json.dumps(rows), flush=True)
+            else:
+                lines = watch_lines(told, time.monotonic())
+                print(_screen(lines) if drawn else "\n".join(lines), flush=True)
+            if args.once:
+                break
+    return 0
+
+
+def _screen(lines: list[str]) -> str:
+    """The lines from the top of the terminal on, cut to its size."""
+    width, height = shutil.get_terminal_size()
+    return HOME + "\n".join(line[:width] + REST for line in lines[: height - 1]) + CLEAR

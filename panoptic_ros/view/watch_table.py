@@ -1,0 +1,85 @@
+"""How a live graph is, as lines for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from panoptic_ros.graph.health import Told
+
+PERIOD_S = 1.0  # of statuses
+STALE_S = 2.5  # a node that has not told of itself for so long
+STAGES = ("stage", "node", "state", "/s", "age s", "step ms p50", "p99", "latency ms p50", "p99", "dropped")
+INPUTS = ("input", "of", "/s", "age s", "latency ms p50", "p99", "lost", "left out", "bad")
+
+
+def watch_lines(told: Sequence[Told], now_s: float) -> list[str]:
+    """Per graph: its warnings, its stages, its inputs."""
+    lines: list[str] = []
+    for namespace in sorted({item.namespace for item in told}):
+        own = [item for item in told if item.namespace == namespace]
+        lines += [*([""] if lines else []), *_graph_lines(namespace, own, now_s)]
+    return lines
+
+
+def _graph_lines(namespace: str, told: Sequence[Told], now_s: float) -> list[str]:
+    warned = [item for item in told if item.trouble and item.name != "graph"]
+    gone = sorted({
+        item.values["node"] for item in told if "node" in item.values and now_s - item.heard_s > STALE_S
+    })  # fmt: skip
+    nodes = {item.values["node"] for item in told if "node" in item.values}
+    count = len(warned) + len(gone)
+    how = "all is well" if not count else "1 warning" if count == 1 else f"{count} warnings"
+    lines = [f"graph /{namespace}: {len(nodes)} node{'s' * (len(nodes) != 1)}, {how}"]
+    lines += [f"  WARN  node {name} has not been heard for {STALE_S:g} s and more" for name in gone]
+    lines += [f"  WARN  {item.name}: {item.trouble}" for item in warned]
+    stages = [_stage_row(item, now_s) for item in told if "state" in item.values]
+    inputs = [_input_row(item, now_s) for item in told if "rate_hz" in item.values and "topic" in item.values]
+    return [*lines, "", *_columns(STAGES, stages), "", *_columns(INPUTS, inputs)]
+
+
+def _stage_row(item: Told, now_s: float) -> list[str]:
+    values = item.values
+    dropped = [
+        f"{key.removeprefix('dropped.')} {count}" for key, count in values.items()
+        if key.startswith("dropped.")
+    ]  # fmt: skip
+    return [
+        item.name, values["node"], values["state"], *_numbers(values, "rate_hz"), _age(item, now_s),
+        *_numbers(values, "step_p50_ms", "step_p99_ms", "latency_p50_ms", "latency_p99_ms"),
+        ", ".join(dropped) or "-",
+    ]  # fmt: skip
+
+
+def _input_row(item: Told, now_s: float) -> list[str]:
+    values = item.values
+    return [
+        item.name.partition(": ")[2], values["node"], *_numbers(values, "rate_hz"), _age(item, now_s),
+        *_numbers(values, "latency_p50_ms", "latency_p99_ms"), values["lost"], values["left_out"],
+        values["bad"],
+    ]  # fmt: skip
+
+
+def _numbers(values: Mapping[str, str], *keys: str) -> list[str]:
+    found = (float(values.get(key, "nan")) for key in keys)
+    return ["-" if number != number else f"{number:.1f}" for number in found]
+
+
+def _age(item: Told, now_s: float) -> str:
+    """Of the newest message, when the status told of it; of old statuses, now."""
+    age = float(item.values["age_s"]) + max(0.0, now_s - item.heard_s - PERIOD_S)
+    return "-" if age != age else f"{age:.1f}"
+
+
+def _columns(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Names on the left, numbers on the right; nothing without rows."""
+    if not rows:
+        return []
+    widths = [max(len(row[k]) for row in (titles, *rows)) for k in range(len(titles))]
+    left = [titles[k] in ("stage", "node", "state", "input", "of", "dropped") for k in range(len(titles))]
+    return [
+        "  ".join(
+            cell.ljust(width) if to_left else cell.rjust(width)
+            for cell, width, to_left in zip(row, widths, left)
+        ).rstrip()
+        for row in (titles, *rows)
+    ]
