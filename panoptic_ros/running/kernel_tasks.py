@@ -50,16 +50,17 @@ def _take() -> Simulation:
     return simulate(Scene("to compile", ("walk",), Ring(2), frames=1), 0, 1)
 
 
-# the longest first; two processes that take them in turn compile little of the same
+# The longest first. Two processes that take them in turn compile little of the same: one comes to have sound,
+# images and offsets, the other voting and what solves for joints.
 TASKS: dict[str, Callable[[], None]] = {
     "votes": partial(_stage, "voting"),
     "timecode": partial(_stage, "timecode"),
     "assembly": partial(_stage, "assembly"),
-    "exact votes": partial(_stage, "voting", method="exact", parts=True),
-    "association": partial(_stage, "association"),
-    "refinement": partial(_stage, "refinement"),
-    "offsets": partial(_stage, "offsets", active=True),
     "rendering": _rendering,
+    "association": partial(_stage, "association"),
+    "offsets": partial(_stage, "offsets", active=True),
+    "refinement": partial(_stage, "refinement"),
+    "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "tracking": partial(_stage, "tracking"),
     "occluders": _occluders,
     "all votes": partial(_stage, "voting", explain_away=False),
