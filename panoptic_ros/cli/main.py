@@ -16,6 +16,7 @@ from panoptic_ros.io.kernel_cache import full_disk_told
 
 VERBS: dict[str, str] = {
     "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
+    "view": "see results, a bag or the live graph in a page of any browser",
     "watch": "how a live graph is: nodes, rates, ages, latency, drops, warnings",
     "solve": "2D people to skeletons, no images, no ROS",
     "simulate": "a capture folder or 2D people with exact truth",

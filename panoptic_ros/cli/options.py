@@ -2,6 +2,8 @@
 from __future__ import annotations
 
 import argparse
+import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +14,14 @@ def add_occluder_option(parser: argparse.ArgumentParser) -> None:
     """What stands between cameras and people."""
     parser.add_argument("--occluders", type=Path, metavar="FILE",
                         help="fixed things that hide people: occluders.json, PLY or OBJ")  # fmt: skip
+
+
+def program_shown() -> str:
+    """How a person calls this program here: by its name where the shell finds it, else by its path."""
+    path = Path(sys.argv[0]).absolute()
+    if shutil.which(path.name) == str(path):
+        return path.name
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def add_parameter_options(parser: argparse.ArgumentParser) -> None:

@@ -19,6 +19,7 @@ from panoptic_ros.domain.detections import (
 from panoptic_ros.domain.joint_map import JointMap
 from panoptic_ros.domain.occluders import Occluders
 from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.domain.preview import Preview
 from panoptic_ros.domain.proposals import ProposalSet
 from panoptic_ros.domain.rig import Rig
 from panoptic_ros.domain.skeleton import SkeletonModel
@@ -52,6 +53,7 @@ __all__ = [
     "Occluders",
     "PoseSet",
     "Prediction",
+    "Preview",
     "ProposalSet",
     "RefinedPoseSet",
     "Rig",

@@ -46,6 +46,8 @@ TOPICS: dict[str, Topic] = {
         Topic("image", "{owner}/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera", by_stamp=True),
         Topic("compressed_image", "{owner}/image_raw/compressed", "ViewFrame",
               "sensor_msgs/msg/CompressedImage", "camera", by_stamp=True, variant_of="image"),
+        Topic("preview", "{owner}/preview/compressed", "Preview", "sensor_msgs/msg/CompressedImage", "camera",
+              by_stamp=True),
         Topic("depth", "{owner}/depth_registered/image_raw", "DepthFrame", "sensor_msgs/msg/Image", "camera",
               by_stamp=True),
         Topic("compressed_depth", "{owner}/depth_registered/image_raw/compressedDepth", "DepthFrame",

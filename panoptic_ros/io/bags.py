@@ -117,6 +117,7 @@ class BagReader:
             name: info.msgcount for name, info in self._reader.topics.items()
         }
         self.length_s = self._reader.duration * 1e-9
+        self.begin_ns, self.end_ns = self._reader.start_time, self._reader.end_time
 
     def _opened(self) -> Reader:
         try:
@@ -144,8 +145,10 @@ class BagReader:
         for topic, stamp, data, kind in self.raw(*topics):
             yield topic, stamp, self._decode(topic, data, kind)
 
-    def raw(self, *topics: str) -> Iterator[tuple[str, int, bytes, str]]:
-        """(topic, recording stamp ns, CDR bytes, type).
+    def raw(
+        self, *topics: str, begin_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterator[tuple[str, int, bytes, str]]:
+        """(topic, recording stamp ns, CDR bytes, type), of recording stamps in [begin_ns, end_ns).
 
         Raises:
             DataError: if the bag is damaged, or its messages of this project are of another version.
@@ -155,7 +158,7 @@ class BagReader:
             return
         up = {c.topic: self._brought_up(c) for c in chosen}
         try:
-            for connection, stamp, data in self._reader.messages(chosen):
+            for connection, stamp, data in self._reader.messages(chosen, begin_ns, end_ns):
                 bring = up[connection.topic]
                 yield connection.topic, stamp, bring(data) if bring else data, connection.msgtype
         except DataError:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from panoptic_ros.io.files import file_errors
 
+MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
+
 
 @contextmanager
 def staged_folder(folder: Path) -> Iterator[Path]:

@@ -1,7 +1,7 @@
 """The launcher's own node: takes what the graph gives, and knows when it is over."""
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from rclpy.node import Node
@@ -25,7 +25,7 @@ class CollectorNode(Node):
     """
 
     def __init__(
-        self, flow: Flow, cameras: Iterable[str], on_record: Callable[[str, Any], None],
+        self, flow: Flow, cameras: Sequence[str], on_record: Callable[[str, Any], None],
         devices: Iterable[str] = (),
     ):  # fmt: skip
         super().__init__("collector")
@@ -42,6 +42,7 @@ class CollectorNode(Node):
             self._open.add(subscription.topic_name)
             self._ends.watch(subscription.topic_name)
         self._kept.append(self._subscribe("clock_models", ""))  # has no end
+        self._kept += [self._subscribe("preview", camera) for camera in cameras]  # none is waited for
         self._kept.append(
             self.create_subscription(
                 message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", self._take_status, 100

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.nodes.clock_reports import ClockReports
+from panoptic_ros.nodes.preview_reports import PreviewReports
 
 
 class Report(Protocol):
@@ -22,7 +23,10 @@ class Report(Protocol):
         """diagnostic_msgs/DiagnosticStatus of now."""
 
 
-REPORTS: Mapping[str, Callable[[Node], Report]] = {"ClockModel": ClockReports}
+REPORTS: Mapping[str, Callable[[Node], Report]] = {
+    "ClockModel": ClockReports,
+    "ViewFrame": PreviewReports,
+}
 
 
 def reports_of(node: Node, wiring: Wiring) -> dict[str, Report]:

@@ -8,11 +8,12 @@ from panoptic_ros.capture import open_source
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.evaluation.capture_report import summarise_capture
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.io.folders import MARK
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.regrouping import regrouped
-from panoptic_ros.running.results import MARK, Results
+from panoptic_ros.running.results import Results
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.overlay_run import write_overlays
 from panoptic_ros.view.plot3d import plot_capture

@@ -25,7 +25,7 @@ from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.results import Results
 from panoptic_ros.stage import Notice, StageContext
 
-TAKEN = ("detections", SOUND_KEY)  # what results keep of what comes from outside
+TAKEN = ("image", "detections", SOUND_KEY)  # what results keep of what comes from outside
 Records = dict[Key, Iterator[Any]]  # of each topic of each camera
 
 

@@ -15,14 +15,14 @@ from panoptic_ros.io.bag_streams import SOUND_KEY
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.clock_offsets import write_models
 from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.plain_formats import write_skeletons
+from panoptic_ros.io.previews import Previews
 from panoptic_ros.params import config_of, named_numbers, of_name
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.sync.config import SyncConfig
-
-MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
 
 
 @contextmanager
@@ -73,11 +73,13 @@ class Results:
         self._plan = plan
         self._on_record = on_record
         self._bag = BagWriter(folder / "bag")
+        self._previews = Previews()
         self._shown: set[int] = set()
         self._started = False
 
     def take(self, key: str, record: Any) -> None:
-        """A record of the topic of that key; detections, sound, skeletons and clocks are kept."""
+        """A record of the topic of that key; detections, sound, skeletons, clocks and previews of
+        images are kept."""
         if key == "detections":
             when = self._plan.at(record.camera, record.stamp_ns)
             self._start(when)
@@ -87,6 +89,14 @@ class Results:
             when = self._plan.at(TOPICS[key].of(record.device), record.stamp_ns)
             self._start(when)
             self._write(key, record, when, record.device)
+        elif key == "preview":
+            when = self._plan.at(record.camera, record.stamp_ns)
+            self._start(when)
+            self._write(key, record, when, record.camera)
+        elif key == "image":
+            preview = self._previews.take(record)
+            if preview is not None:
+                self.take("preview", preview)
         elif key == "skeletons":
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns)

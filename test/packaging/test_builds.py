@@ -48,6 +48,8 @@ def test_the_wheel_holds_modules_data_and_one_command(checkout: Path, tmp_path: 
         ]  # fmt: skip
     modules = {name for name in _names(checkout) if name.startswith("panoptic_ros/") and name.endswith(".py")}
     assert modules <= names
+    page = {name for name in _names(checkout) if name.startswith("panoptic_ros/view/page/static/")}
+    assert "panoptic_ros/view/page/static/vendor/three.js" in page and page <= names
     share = next(name for name in names if name.endswith("/share/panoptic_ros/package.xml"))
     installed = {name.removeprefix(share.removesuffix("package.xml")) for name in names}
     wanted = {name for name in _names(checkout) if name.startswith(("config/", "launch/"))}

@@ -19,7 +19,7 @@ from panoptic_ros.graph.topics import TOPICS
 
 ROOT = Path(panoptic_ros.__file__).resolve().parent.parent
 ROSDEP_KEYS = {"opencv-python-headless": "python3-opencv", "pyyaml": "python3-yaml"}
-BY_PIP = ("av", "numba", "onnx", "onnxruntime", "rosbags")  # named in package.xml's comment
+BY_PIP = ("av", "numba", "onnx", "onnxruntime", "rosbags", "websockets")  # named in package.xml's comment
 ONLY_PYTHON_3_10 = "tomli"
 
 

@@ -2,15 +2,21 @@
 import json
 
 import captures
+import numpy as np
 import pytest
 from recordings import write_bag
 
+from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.running.bag_plan import plan_bags
 from panoptic_ros.running.bag_topics import BagChoice
 from panoptic_ros.running.observer import RunObserver
 from panoptic_ros.running.options import RunOptions
+from panoptic_ros.running.results import Results
 from panoptic_ros.running.run import run
 
 FRAMES = 6
@@ -72,3 +78,14 @@ def test_a_rig_goes_before_the_one_of_the_bag(bag, tmp_path):
     path = tmp_path / "rig.json"
     write_rig(path, captures.RIG.subset(captures.RIG.names[1:]))
     assert plan_bags([bag], rig=path).rig.names == captures.RIG.names[1:]
+
+
+def test_results_keep_previews_of_images(bag, tmp_path):
+    with Results(tmp_path / "out", plan_bags([bag])) as results:
+        for number in range(30):
+            image = np.full((48, 64, 3), number, np.uint8)
+            results.take("image", ViewFrame(captures.RIG.names[0], number * 33_333_333, number, image))
+    with BagReader(tmp_path / "out" / "bag") as kept:
+        topic = "/" + TOPICS["preview"].of(captures.RIG.names[0])
+        previews = [from_message(message, "Preview") for _, _, message in kept.messages(topic)]
+    assert len(previews) == 10 and {preview.camera for preview in previews} == {captures.RIG.names[0]}

@@ -30,7 +30,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
     "capture": {"numpy", "cv2", "av"},
-    "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits"},
+    "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
     "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
     "running": {"numpy", "cv2", "av", "onnxruntime", "rclpy"},  # those of the doctor among them
@@ -40,7 +40,8 @@ THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in back
 STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", "socket"}
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
-NEED_ROS = {f"panoptic_ros.running.{name}" for name in ("driver_plan", "over_dds", "fed_graph", "watching")}
+_NEED = ("driver_plan", "over_dds", "fed_graph", "watching", "view_live")
+NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
 # no stage, no graph and no arrays.
 THIN = {"errors", "domain", "stage", "io", "view", "bench", "running"}

@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 
 from panoptic_ros.cli.offsets import add_apart_option, add_saved_option
-from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, number
+from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, number, program_shown
 from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 
@@ -85,6 +85,7 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     print(outcome.report.table())
     print(f"\nresults in {args.out}: {', '.join(outcome.files)}")
+    print(f"see them: {program_shown()} view {args.out}")
     if outcome.fault is not None:
         raise outcome.fault
     return 0

@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from panoptic_ros.domain import Camera, DepthFrame, ViewFrame
+from panoptic_ros.domain import Camera, DepthFrame, Preview, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.distortion_models import DISTORTION_MODELS
@@ -24,12 +24,13 @@ _TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "bgra8": cv2.COLOR_BGRA2BGR, "rgba8": cv2.
            "bayer_rggb8": cv2.COLOR_BayerRGGB2BGR, "bayer_bggr8": cv2.COLOR_BayerBGGR2BGR,
            "bayer_gbrg8": cv2.COLOR_BayerGBRG2BGR, "bayer_grbg8": cv2.COLOR_BayerGRBG2BGR,
            "yuv422_yuy2": cv2.COLOR_YUV2BGR_YUY2, "yuv422": cv2.COLOR_YUV2BGR_UYVY}  # fmt: skip
+OPTICAL = "_optical_frame"
 ENCODINGS = tuple(_CHANNELS)  # of raw images
 
 
 def optical_frame(camera: str) -> str:
     """The frame id of a camera's images (REP-103: z forward, x right, y down)."""
-    return f"{camera}_optical_frame"
+    return f"{camera}{OPTICAL}"
 
 
 def image_message(frame: ViewFrame, family: Messages) -> Any:
@@ -56,6 +57,22 @@ def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -
         format="bgr8; jpeg compressed bgr8",
         data=family.sequence(data.reshape(-1)),
     )
+
+
+def write_preview(preview: Preview, family: Messages, frame_id: str) -> Any:
+    """sensor_msgs/CompressedImage."""
+    return family.make(
+        "sensor_msgs/msg/CompressedImage",
+        header=family.header(preview.stamp_ns, optical_frame(preview.camera)),
+        format="jpeg",
+        data=family.sequence(np.frombuffer(preview.jpeg, np.uint8)),
+    )
+
+
+def read_preview(message: Any) -> Preview:
+    """The camera is that of the message's frame."""
+    camera = str(message.header.frame_id).removesuffix(OPTICAL)
+    return Preview(camera, stamp_of(message.header), byte_array(message).tobytes())
 
 
 def depth_message(frame: DepthFrame, family: Messages) -> Any:

@@ -12,6 +12,7 @@ from panoptic_ros.domain import (
     ClockModel,
     DetectionSet,
     PoseSet,
+    Preview,
     ProposalSet,
     RefinedPoseSet,
     Rig,
@@ -24,7 +25,7 @@ from panoptic_ros.domain import (
     ViewSources,
 )
 from panoptic_ros.errors import CalibrationError, ClockError, ContractError, DataError
-from panoptic_ros.io.messages import associations, detections, statics
+from panoptic_ros.io.messages import associations, detections, images, statics
 from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
@@ -205,9 +206,11 @@ _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {
     AudioBlock: statics.write_audio,
     TimecodeReading: statics.write_timecode,
     ClockModel: statics.write_clock,
+    Preview: images.write_preview,
 }
 _READERS: dict[str, Callable[[Any], Any]] = {
     "ViewDetections": detections.read_view,
+    "Preview": images.read_preview,
     "DetectionSet": detections.read_set,
     "AssociationSet": associations.read,
     "TrackSet": associations.read_tracks,

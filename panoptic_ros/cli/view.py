@@ -1,0 +1,47 @@
+"""`panoptic view`: results, a bag, or the live graph in a page of any browser."""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+
+from panoptic_ros.cli.options import number
+from panoptic_ros.errors import UsageError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.add_argument("path", nargs="?", type=Path, metavar="RESULTS|BAG",
+                        help="what `panoptic run` left, or a bag")  # fmt: skip
+    parser.add_argument("--live", action="store_true", help="the graph that runs now, in this ROS domain")
+    parser.add_argument("--rig", type=Path, help="calibration, for bags without /rig")
+    parser.add_argument("--skeleton", default="", help="skeleton model, for bags without /skeleton_model")
+    parser.add_argument("--host", default="127.0.0.1",
+                        help="where to listen: 0.0.0.0 lets other machines see the page, with the token that "
+                        "is printed")  # fmt: skip
+    parser.add_argument("--port", type=number(int, 0, 65535), default=8765, help="0: any that is free")
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until Ctrl-C."""
+    if bool(args.path) == args.live:
+        raise UsageError("give the results of a run, a bag, or --live")
+    if args.live and (args.rig or args.skeleton):
+        raise UsageError("--rig and --skeleton have no meaning with --live: the graph publishes both")
+
+    def ready(address: str) -> None:
+        print(f"open {address} in a browser; Ctrl-C ends it", flush=True)
+        if not args.no_browser:
+            webbrowser.open(address)
+
+    if args.live:
+        from panoptic_ros.running.view_live import view_live  # needs ROS
+
+        view_live(args.host, args.port, ready)
+        return 0
+    from panoptic_ros.running.view import open_recorded, view_recorded
+
+    view_recorded(open_recorded(args.path, args.rig, args.skeleton), args.host, args.port, ready)
+    return 0

@@ -1,0 +1,107 @@
+"""What a page is told first, as JSON: cameras, skeleton, topics, and how their messages are made up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from panoptic_ros.domain import Camera, Rig, SkeletonModel
+from panoptic_ros.io.messages.family import bag_typestore
+
+
+@dataclass(frozen=True)
+class PageTopic:
+    """A topic that a page can have.
+
+    Args:
+        key: of `graph.topics.TOPICS`. owner: camera, sensor or device; "" of the graph.
+        message: its type.
+    """
+
+    key: str
+    owner: str
+    message: str
+
+
+@dataclass(frozen=True)
+class SceneFacts:
+    """What does not change while a scene is shown.
+
+    Args:
+        kind: "live" or "recorded". title: for people.
+        begin_ns, end_ns: of a recording; 0 live.
+        report: what report.json of a run holds that a page shows; empty if there is none.
+    """
+
+    kind: str
+    title: str
+    rig: Rig
+    skeleton: SkeletonModel
+    topics: Sequence[PageTopic]
+    begin_ns: int = 0
+    end_ns: int = 0
+    report: Mapping[str, Any] = field(default_factory=dict)
+
+    def document(self) -> dict[str, Any]:
+        """For JSON; integers beyond 2^53 are texts."""
+        return {
+            "type": "facts", "kind": self.kind, "title": self.title,
+            "begin_ns": str(self.begin_ns), "end_ns": str(self.end_ns),
+            "frame_id": self.rig.frame_id,
+            "cameras": [camera_document(camera) for camera in self.rig.cameras],
+            "skeleton": {
+                "name": self.skeleton.name, "joints": list(self.skeleton.joint_names),
+                "bones": [list(bone) for bone in self.skeleton.bones],
+                "root": self.skeleton.root, "head": self.skeleton.head,
+            },
+            "topics": [[topic.key, topic.owner, topic.message] for topic in self.topics],
+            "schemas": schemas(topic.message for topic in self.topics),
+            "report": dict(self.report),
+        }  # fmt: skip
+
+
+def camera_document(camera: Camera) -> dict[str, Any]:
+    """A camera with its whole lens: what `lens.js` projects with."""
+    lens, pose = camera.intrinsics, camera.cam_from_world
+    return {
+        "name": camera.name, "size": list(camera.image_size), "lens": lens.lens,
+        "matrix": lens.matrix.reshape(-1).tolist(), "distortion": lens.distortion.tolist(),
+        "radius_limit": lens.radius_limit if math.isfinite(lens.radius_limit) else None,
+        "rotation": pose.rotation.reshape(-1).tolist(), "translation": pose.translation.tolist(),
+        "centre": camera.centre.tolist(),
+        "type": camera.type, "panel": camera.panel, "clock": camera.clock,
+    }  # fmt: skip
+
+
+def schemas(kinds: Iterable[str]) -> dict[str, list[list[Any]]]:
+    """Definitions of message types and of those inside of them: {type: [[field, type, count], ...]}.
+
+    count: -1 = a sequence, 0 = one value, else an array of so many.
+    """
+    store, found = bag_typestore(), dict[str, list[list[Any]]]()
+    waiting = list(kinds)
+    while waiting:
+        kind = waiting.pop()
+        if kind in found:
+            continue
+        found[kind] = []
+        for name, (node, detail) in store.fielddefs[kind][1]:
+            inner, count = _field(int(node), detail)
+            found[kind].append([name, inner, count])
+            if "/" in inner:
+                waiting.append(inner)
+    return found
+
+
+_BASE, _NAME, _ARRAY = 1, 2, 3  # rosbags.interfaces.Nodetype
+
+
+def _field(node: int, detail: Any) -> tuple[str, int]:
+    if node == _BASE:
+        return str(detail[0]), 0
+    if node == _NAME:
+        return str(detail), 0
+    (inner, inner_detail), count = detail
+    return _field(int(inner), inner_detail)[0], int(count) if node == _ARRAY else -1

@@ -1,0 +1,96 @@
+"""What pairs messages, read from the beginning of their CDR bytes without decoding the rest."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from panoptic_ros.errors import DataError
+
+SECOND = 1_000_000_000
+ENCAPSULATION = 4  # bytes; alignment counts from behind them
+
+
+class SkeletonsHead(NamedTuple):
+    """Of a panoptic_msgs/Skeletons: its stamp, and the frame number of every view that it rests on."""
+
+    stamp_ns: int
+    frames: dict[str, int]
+
+
+def stamp_of_bytes(data: bytes) -> int:
+    """Stamp, ns, of a message that begins with a header.
+
+    Raises:
+        DataError: if the bytes are too few.
+    """
+    try:
+        seconds, nanoseconds = struct.unpack_from("<iI" if data[1] else ">iI", data, ENCAPSULATION)
+    except (struct.error, IndexError):
+        raise DataError(f"a message of {len(data)} bytes has no header") from None
+    return int(seconds) * SECOND + int(nanoseconds)
+
+
+def detections_head(data: bytes) -> tuple[int, int]:
+    """Stamp, ns, and frame number of a panoptic_msgs/ViewDetections.
+
+    Raises:
+        DataError: if the bytes are no such message.
+    """
+    try:
+        cursor = _Cursor(data)
+        stamp = cursor.time()
+        cursor.text()
+        return stamp, cursor.number("Q", 8)
+    except (struct.error, IndexError, UnicodeDecodeError) as error:
+        raise DataError(f"no detections: {error}") from None
+
+
+def skeletons_head(data: bytes) -> SkeletonsHead:
+    """Stamp and views of a panoptic_msgs/Skeletons.
+
+    Raises:
+        DataError: if the bytes are no such message.
+    """
+    try:
+        cursor = _Cursor(data)
+        stamp = cursor.time()
+        cursor.text()  # frame id
+        cursor.time()  # of the newest view
+        cursor.number("Q", 8)  # index
+        cursor.text()  # hash of the skeleton
+        cursor.number("I", 4)  # joints
+        cameras = [cursor.text() for _ in range(cursor.number("I", 4))]
+        frames = [cursor.number("Q", 8) for _ in range(cursor.number("I", 4))]
+    except (struct.error, IndexError, UnicodeDecodeError) as error:
+        raise DataError(f"no skeletons: {error}") from None
+    return SkeletonsHead(stamp, dict(zip(cameras, frames)))
+
+
+class _Cursor:
+    """Reads fields one after another."""
+
+    def __init__(self, data: bytes):
+        self._data = data
+        self._order = "<" if data[1] else ">"
+        self._at = ENCAPSULATION
+
+    def number(self, code: str, size: int) -> int:
+        """An integer of `struct`'s code and so many bytes."""
+        self._at += (ENCAPSULATION - self._at) % size
+        (value,) = struct.unpack_from(self._order + code, self._data, self._at)
+        self._at += size
+        return int(value)
+
+    def time(self) -> int:
+        """builtin_interfaces/Time, ns."""
+        return self.number("i", 4) * SECOND + self.number("I", 4)
+
+    def text(self) -> str:
+        """A string."""
+        length = self.number("I", 4)
+        if self._at + length > len(self._data):
+            raise IndexError(f"a text of {length} bytes")
+        text = bytes(self._data[self._at : self._at + max(0, length - 1)]).decode()
+        self._at += length
+        return text

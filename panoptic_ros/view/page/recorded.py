@@ -1,0 +1,156 @@
+"""A bag as a scene: a second of it at a time, read when a page asks for it."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.domain import Rig, SkeletonModel
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.messages import bag_messages, frame_from_message, from_message, to_message
+from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
+from panoptic_ros.io.previews import Previews
+from panoptic_ros.view.page.facts import PageTopic, SceneFacts
+from panoptic_ros.view.page.packets import Kind, Message, pack
+from panoptic_ros.view.page.peek import skeletons_head
+from panoptic_ros.view.page.presence import Presence, ids_of
+
+BLOCK_NS = 1_000_000_000
+SHOWN = ("skeletons", "detections", "preview", "proposals", "skeletons_raw", "associations")
+IMAGES = ("compressed_image", "image")  # previews are made of these where there are none
+MOST_AT_ONCE = 2000  # messages of a block: beyond, a bag whose clock stands still would fill the memory
+
+
+class RecordedScene:
+    """A bag that has the rig, or is given one.
+
+    Args:
+        rig, skeleton: in place of those of the bag.
+        title: for people. report: see `SceneFacts`.
+
+    Raises:
+        DataError: if it cannot be read, or says nothing of its rig or skeleton.
+    """
+
+    kind = "recorded"
+
+    def __init__(
+        self, bag: Path, title: str, rig: Rig | None = None, skeleton: SkeletonModel | None = None,
+        report: Mapping[str, Any] = {},
+    ):  # fmt: skip
+        self._path = Path(bag)
+        self._bag = BagReader(self._path)
+        self._lock = threading.Lock()  # one file, many pages
+        self._names: dict[str, PageTopic] = {}  # by the name in the bag
+        self._sources: dict[int, tuple[str, PageTopic]] = {}  # by the page's number of a topic
+        self.rig = rig if rig is not None else self._latched("rig", "the bag lacks /rig: give --rig")
+        self.skeleton = skeleton or self._latched("skeleton_model", "the bag lacks /skeleton_model")
+        self._choose_topics()
+        self._facts = SceneFacts(
+            "recorded", title, self.rig, self.skeleton, [topic for _, topic in self._sources.values()],
+            self._bag.begin_ns, self._bag.end_ns, report,
+        )  # fmt: skip
+        self.presence = Presence()
+
+    @property
+    def block_count(self) -> int:
+        """How many seconds it has."""
+        return max(1, math.ceil((self._bag.end_ns - self._bag.begin_ns + 1) / BLOCK_NS))
+
+    def facts(self) -> dict[str, Any]:
+        """What a page is told first."""
+        return self._facts.document()
+
+    def block(self, number: int, keys: Collection[str] = ()) -> bytes:
+        """A packet of all messages of one second, of the topics that are always shown and of those named.
+
+        Raises:
+            DataError: if the bag is damaged there.
+        """
+        return pack(Kind.BLOCK, number, self.messages(number, keys))
+
+    def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
+        """As `block`, one by one."""
+        begin = self._bag.begin_ns + number * BLOCK_NS
+        wanted = {"skeletons", "detections", "preview", *keys}
+        chosen = {name: place for place, (name, topic) in self._sources.items() if topic.key in wanted}
+        if not chosen:
+            return
+        previews = Previews()
+        with self._lock:
+            found = list(self._bag.raw(*chosen, begin_ns=begin, end_ns=begin + BLOCK_NS))
+        for name, _, data, kind in found:
+            topic = self._sources[chosen[name]][1]
+            if name in self._made:
+                small = self._preview(topic.owner, bytes(data), kind, previews)
+                if small is not None:
+                    yield Message(chosen[name], small)
+            else:
+                yield Message(chosen[name], bytes(data))
+
+    def scan(self, stopped: Callable[[], bool], told: Callable[[], None]) -> None:
+        """Find out who is there when, from beginning to end; meant for a thread of its own.
+
+        Args:
+            told: called now and then when `presence` knows more.
+        """
+        names = [name for name, topic in self._sources.values() if topic.key == "skeletons"]
+        with BagReader(self._path) as bag:
+            for count, (_, _, data, _) in enumerate(bag.raw(*names)):
+                if stopped():
+                    return
+                stamp = skeletons_head(data).stamp_ns
+                self.presence.saw((stamp - self._bag.begin_ns) * 1e-9, ids_of(bytes(data)))
+                if count % 2000 == 1999:
+                    told()
+        self.presence.complete = True
+        told()
+
+    def close(self) -> None:
+        """Close the bag."""
+        self._bag.close()
+
+    def _latched(self, key: str, missing: str) -> Any:
+        name = self._named(key, "")
+        if name is None:
+            raise DataError(f"{self._path}: {missing}")
+        for _, _, message in self._bag.messages(name):
+            return from_message(message, TOPICS[key].record)
+        raise DataError(f"{self._path}: {missing}")
+
+    def _named(self, key: str, owner: str) -> str | None:
+        """What the bag calls a topic, in whatever namespace."""
+        topic = TOPICS[key]
+        usual = "/" + topic.of(owner)
+        for name, kind in self._bag.topics.items():
+            if kind == topic.message and (name == usual or name.endswith(usual)):
+                return name
+        return None
+
+    def _choose_topics(self) -> None:
+        self._made: set[str] = set()
+        for key in SHOWN:
+            owners = self.rig.names if TOPICS[key].scope == "camera" else ("",)
+            for owner in owners:
+                name = self._named(key, owner)
+                if name is None and key == "preview":
+                    name = next(filter(None, (self._named(image, owner) for image in IMAGES)), None)
+                    self._made |= {name} if name is not None else set()
+                if name is not None:
+                    self._sources[len(self._sources)] = name, PageTopic(key, owner, TOPICS[key].message)
+
+    def _preview(self, camera: str, data: bytes, kind: str, previews: Previews) -> bytes | None:
+        """CDR bytes of the preview of an image, None if it is not due or cannot be decoded."""
+        try:
+            preview = previews.take(frame_from_message(decode_cdr(data, kind), camera, 0))
+        except DataError:
+            return None
+        if preview is None:
+            return None
+        message = to_message(preview, bag_messages())
+        return bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))

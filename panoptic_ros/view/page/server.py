@@ -1,0 +1,121 @@
+"""The page and its data on one port."""
+
+from __future__ import annotations
+
+import gzip
+import hmac
+import json
+import secrets
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.view.page.html import page
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]", "::1")
+MOST_ASKED = 4096  # bytes of what a page may say at once
+
+
+Talk = Callable[[ServerConnection], Any]  # a coroutine that serves one page
+
+
+class PageServer:
+    """Serves one page; `talk` speaks with every page that is opened, over its WebSocket.
+
+    On this machine alone the address is enough. Pages of other sites that a browser on this machine shows
+    are refused by their origin, and names that were made to lead here by the host that was asked for. For
+    other machines a token in the address is asked for, as these are pictures of people.
+
+    Args:
+        host: to listen on. port: 0 = any that is free.
+    """
+
+    def __init__(self, talk: Talk, host: str = "127.0.0.1", port: int = 0):
+        self._talk, self._host, self._port = talk, host, port
+        self.token = "" if host in LOOPBACK else secrets.token_urlsafe(9)
+        self._html = page()
+        self._zipped = gzip.compress(self._html, 6, mtime=0)
+
+    @asynccontextmanager
+    async def listening(self) -> AsyncIterator[str]:
+        """Listen; gives the address of the page.
+
+        Raises:
+            EnvironmentProblem: if the port is taken, or the host is none of this machine's.
+        """
+        try:
+            server = await serve(
+                self._talk, self._host, self._port, process_request=self._answer, compression=None,
+                max_size=MOST_ASKED, server_header=None,
+            )  # fmt: skip
+        except OSError as error:
+            raise EnvironmentProblem(
+                f"nothing can listen on {self._host}, port {self._port} ({error.strerror or error}); "
+                "give another --port or --host"
+            ) from None
+        async with server:
+            yield self._address(server)
+
+    def _address(self, server: Server) -> str:
+        port = next(iter(server.sockets)).getsockname()[1]
+        host = self._host if self._host not in ("0.0.0.0", "::", "") else "<this machine's name>"
+        return f"http://{host}:{port}/" + (f"?token={self.token}" if self.token else "")
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """A page, an error, or None to go on to the WebSocket."""
+        address = urlsplit(request.path)
+        asked, origin = request.headers.get("Host", ""), request.headers.get("Origin")
+        name = asked.rsplit(":", 1)[0]
+        if (not self.token and name not in LOOPBACK) or (origin and urlsplit(origin).netloc != asked):
+            return _response(403, "Forbidden", b"another site asked for this")
+        given = parse_qs(address.query).get("token", [""])[0]
+        if not hmac.compare_digest(given.encode(), self.token.encode()):
+            return _response(403, "Forbidden", b"the address lacks the token that `panoptic view` printed")
+        if address.path == "/data":
+            return None
+        if address.path != "/":
+            return _response(404, "Not Found", b"there is one page: /")
+        if "gzip" in request.headers.get("Accept-Encoding", ""):
+            return _response(200, "OK", self._zipped, "text/html; charset=utf-8", "gzip")
+        return _response(200, "OK", self._html, "text/html; charset=utf-8")
+
+
+def _response(
+    status: int, reason: str, body: bytes, kind: str = "text/plain; charset=utf-8", encoding: str = ""
+) -> Response:
+    headers = Headers({
+        "Content-Type": kind, "Content-Length": str(len(body)), "Cache-Control": "no-store",
+        "Connection": "close", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer",
+    })  # fmt: skip
+    if encoding:
+        headers["Content-Encoding"] = encoding
+    return Response(status, reason, headers, body)
+
+
+def as_json(document: Any) -> str:
+    """Text of a document."""
+    return json.dumps(document, separators=(",", ":"))
+
+
+async def asked_by(connection: ServerConnection) -> AsyncIterator[dict[str, Any]]:
+    """What a page says, until it goes; what is no JSON object is left out."""
+    with suppress(ConnectionClosed):
+        async for text in connection:
+            with suppress(ValueError):
+                said = json.loads(text)
+                if isinstance(said, dict):
+                    yield said
+
+
+def seconds() -> float:
+    """A clock that never goes back, s."""
+    return time.monotonic()
+
