@@ -4,6 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import partial
+from math import isfinite
 
 import numpy as np
 
@@ -76,16 +77,13 @@ class PoseSet:
         states = shapes.store("states", np.uint8, "P J")
         check_scores(self, "scores", scores)
         check_scores(self, "person_scores", shapes.store("person_scores", np.float64, "P"))
-        check_missing(self, "positions", positions, scores)
-        there = states != _MISSING
         if states.size and states.max() > _LAST:
             raise DataError(f"PoseSet.states has the unknown state {states.max()}")
-        finite = np.isfinite(positions)
-        known = finite.all(axis=-1) & np.isfinite(covariances).all(axis=(-2, -1))
-        if (there & ~known).any():
-            raise DataError("a joint that is not missing has a position or covariance that is not finite")
-        if (finite.any(axis=-1) & ~there).any():
-            raise DataError("a missing joint has a position; missing is NaN")
+        there = states != _MISSING
+        if not (isfinite(positions[there].sum()) and isfinite(covariances[there].sum())):
+            self._check_missing(there)
+        elif not there.all() and (scores[~there].any() or not np.isnan(positions[~there]).all()):
+            self._check_missing(there)
         if not len(positions):
             object.__setattr__(self, "time_shift", None)
         elif self.time_shift is not None and self.time_shift.delays.shape[:2] != positions.shape[:2]:
@@ -101,6 +99,16 @@ class PoseSet:
             shapes.store("corrections", np.float64, "P J 3")
         ).all():
             raise DataError("PoseSet.corrections is not finite")
+
+    def _check_missing(self, there: Array) -> None:
+        """Joints (P, J) that are there are finite, the others NaN."""
+        check_missing(self, "positions", self.positions, self.scores)
+        finite = np.isfinite(self.positions)
+        known = finite.all(axis=-1) & np.isfinite(self.covariances).all(axis=(-2, -1))
+        if (there & ~known).any():
+            raise DataError("a joint that is not missing has a position or covariance that is not finite")
+        if (finite.any(axis=-1) & ~there).any():
+            raise DataError("a missing joint has a position; missing is NaN")
 
     def _check_sources(self, sources: ViewSources) -> None:
         """The sources are those of these people; without a view they say nothing."""
