@@ -102,7 +102,7 @@ def chosen_nodes(
         positions, expected, item.nodes, item.node_joints, item.node_scores, item.node_views, float(gate)
     )
     for joint in choose_clear(choice, _mapped_joints(item, len(skeleton)), chosen):
-        nodes, cost = choice_costs(choice, joint, *_neighbours(skeleton, joint))
+        nodes, cost = choice_costs(choice, joint, *compared_bones(skeleton, joint))
         people, columns = linear_sum_assignment(cost)
         taken = (columns < len(nodes)) & (cost[people, columns] < _NEVER)
         chosen[people[taken], joint] = nodes[columns[taken]]
@@ -199,20 +199,8 @@ def _cost(distance, vote):
     return min(0.5 * (distance / CHOICE_SIGMA) ** 2, WORST_DISTANCE) - np.log(vote)
 
 
-def bone_differences(places: Array, positions: Array, joint: int, skeleton: SkeletonModel) -> Array:
-    """Half squared deviations (P, N) of the bones of a joint from those of the other side, summed.
-
-    Args:
-        places: (P, N, 3) m, where the joint could be. positions: (P, J, 3) m, all others; NaN = missing.
-    """
-    ends, mirror = _neighbours(skeleton, joint)
-    places, positions = np.ascontiguousarray(places), np.ascontiguousarray(positions)
-    differences: Array = sum_differences(places, positions, joint, ends, mirror)
-    return differences
-
-
 @lru_cache(maxsize=1024)
-def _neighbours(skeleton: SkeletonModel, joint: int) -> tuple[Array, Array]:
+def compared_bones(skeleton: SkeletonModel, joint: int) -> tuple[Array, Array]:
     """Joints that bones connect with a joint and whose bones have another side, and the mirror (J,)."""
     mirror = np.array(skeleton.mirror, np.int64)
     ends = [b if a == joint else a for a, b in skeleton.bones if joint in (a, b)]
@@ -221,7 +209,12 @@ def _neighbours(skeleton: SkeletonModel, joint: int) -> tuple[Array, Array]:
 
 @njit(cache=True, error_model="numpy")
 def sum_differences(places, positions, joint, ends, mirror):
-    """The loops of `bone_differences`, over the bones to the joints `ends`."""
+    """Half squared deviations (P, N) of the bones of a joint from those of the other side, summed.
+
+    Args:
+        places: (P, N, 3) m, where the joint could be. positions: (P, J, 3) m, all others; NaN = missing.
+        ends, mirror: as `compared_bones` tells.
+    """
     people, count = places.shape[:2]
     total = np.zeros((people, count))
     for p in range(people):

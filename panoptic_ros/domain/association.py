@@ -67,7 +67,7 @@ class Prediction:
 
     Args:
         positions: (K, J, 3) m, NaN = unknown. velocities: (K, J, 3) m/s, 0 where unknown.
-        ages: (K, J) s since measured. variances: (K, J, 3), see `geometry.motion`.
+        ages: (K, J) s since measured. variances: (K, J, 3), see `identity.motion`.
         firm: (K, J) whether three or more views agreed on the joint a moment ago.
 
     Raises:
@@ -180,7 +180,7 @@ class TrackSet:
     Args:
         index, stamp_ns, skeleton_hash: those of the skeletons that were taken last.
         ids: (T,) public identities, -1 = not confirmed yet.
-        states (T, J, 6) m and m/s, NaN = unknown, and variances (T, J, 3): see `geometry.motion`.
+        states (T, J, 6) m and m/s, NaN = unknown, and variances (T, J, 3): see `identity.motion`.
         ages: (T, J) s since each joint was measured. unagreed: (T, J) s since three views agreed on it.
         unseen: (T,) s since the person was seen.
 

@@ -122,19 +122,3 @@ class Wiring:
     def _given_below(self, reader: Reader) -> bool:
         topic, row = self.port(reader).topic, self._around.index(self.specs[reader.stage])
         return any(topic in spec.outputs for spec in self._around[row + 1 :])
-
-
-def require_order(table: Table) -> None:
-    """Whether every row stands below the rows that it takes from, but for feedback.
-
-    Raises:
-        ContractError: naming the row and the port.
-    """
-    rows = list(table.values())
-    for place, spec in enumerate(rows):
-        for port in spec.inputs:
-            later = [row.name for row in rows[place:] if port.topic in row.outputs]
-            if later and not port.feedback:
-                raise ContractError(
-                    f"row {spec.name} takes {port.topic} of {later[0]}, which stands below it"
-                )

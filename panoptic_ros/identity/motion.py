@@ -1,7 +1,7 @@
 """The constant-velocity filter of all joints of everybody who is followed, compiled.
 
-`geometry.motion` is the numpy reference of the filter. Predictions serve for choices only: association,
-starting points, sides, time shifts, identity. The positions of skeletons are functions of the present images.
+Predictions serve for choices only: association, starting points, sides, time shifts, identity. The positions
+of skeletons are functions of the present images.
 """
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ FIRM_TIME = 0.08  # s, how long it stays firm
 class JointMotion(NamedTuple):
     """Filters of T people's J joints.
 
-    states (T, J, 6) m and m/s, NaN = unknown; variances (T, J, 3), see `geometry.motion`; ages (T, J) s since
-    measured; unagreed (T, J) s since FIRM_VIEWS views agreed on the joint, infinite if never.
+    states (T, J, 6) m and m/s, NaN = unknown; variances (T, J, 3) of position, of position with velocity, of
+    velocity, per axis; ages (T, J) s since measured; unagreed (T, J) s since FIRM_VIEWS views agreed on the joint, infinite if never.
     """
 
     states: Array
@@ -107,7 +107,7 @@ def update_joints(motion, t, positions, covariances, views):
 
 @njit(cache=True, error_model="numpy")
 def _update_joint(state, variance, point, noise):
-    """Update one joint with a measurement, in place; see `geometry.motion.update_motion`."""
+    """Update one joint with a measurement, in place: a Kalman filter with one variance for all axes."""
     if not np.isfinite(state[0]):
         for k in range(3):
             state[k], state[3 + k] = point[k], 0.0

@@ -4,18 +4,15 @@ from __future__ import annotations
 import io
 import struct
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from scipy.io import wavfile
 
-from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.files import file_errors, read_bytes, write_bytes
 
 Array = np.ndarray
-BLOCK_SAMPLES = 4096
 
 
 def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
@@ -93,13 +90,3 @@ def write_wav(path: Path, sample_rate: int, samples: Array) -> None:
     buffer = io.BytesIO()
     wavfile.write(buffer, sample_rate, levels.astype(np.int16))
     write_bytes(path, buffer.getvalue())
-
-
-def wav_blocks(
-    path: Path, device: str, channel: int = 0, stamp_ns: int = 0, block_samples: int = BLOCK_SAMPLES
-) -> Iterator[AudioBlock]:
-    """One channel of a file as the blocks of a device whose first sample is at `stamp_ns`."""
-    sample_rate, samples = read_wav(path, channel)
-    for first in range(0, len(samples), block_samples):
-        since = first * 1_000_000_000 // sample_rate
-        yield AudioBlock(device, stamp_ns + since, first, sample_rate, samples[first : first + block_samples])

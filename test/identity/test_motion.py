@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import TrackSet
-from panoptic_ros.geometry.motion import predict_motion, update_motion
 from panoptic_ros.identity.motion import (
     ACCELERATION,
     FADE_TIME,
@@ -15,6 +14,7 @@ from panoptic_ros.identity.motion import (
     predicted,
     update_joints,
 )
+from test.support.motion_filter import predict_motion, update_motion
 
 DT = 0.04
 SECOND = 10**9

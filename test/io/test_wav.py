@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.io import wavfile
 
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.io.wav import read_wav, wav_blocks, write_wav
+from panoptic_ros.io.wav import read_wav, write_wav
 
 TONE = np.sin(np.arange(4000) / 7.0) * 0.8
 
@@ -30,17 +30,11 @@ def test_all_sample_formats(tmp_path: Path, dtype: type, scale: int, offset: int
     np.testing.assert_allclose(samples, TONE, atol=within)
 
 
-def test_channels_and_blocks(tmp_path: Path) -> None:
+def test_channels(tmp_path: Path) -> None:
     write_wav(tmp_path / "a.wav", 48000, np.stack([TONE, -TONE], axis=1))
     np.testing.assert_allclose(read_wav(tmp_path / "a.wav", 1)[1], -TONE, atol=1e-4)
     with pytest.raises(UsageError, match="has 2 channels, counted from 0; there is no 2"):
         read_wav(tmp_path / "a.wav", 2)
-    blocks = list(wav_blocks(tmp_path / "a.wav", "mic", stamp_ns=7, block_samples=1500))
-    assert [block.first_sample for block in blocks] == [0, 1500, 3000]
-    assert [block.stamp_ns for block in blocks] == [7, 7 + 31_250_000, 7 + 62_500_000]
-    np.testing.assert_array_equal(
-        np.concatenate([block.samples[:, 0] for block in blocks]), read_wav(tmp_path / "a.wav")[1]
-    )
 
 
 @pytest.mark.parametrize("extensible", [False, True])

@@ -1,7 +1,6 @@
 """Colours of the pixels that see somebody: material, folds, face and light.
 
-`paint_pixels` is compiled (1 ms per VGA view in place of 10); `paint_reference` is the same in numpy and the
-oracle of its test.
+`paint_pixels` is compiled (1 ms per VGA view in place of 10).
 """
 from __future__ import annotations
 
@@ -87,49 +86,3 @@ def _face_gain(x: float, y: float, z: float) -> float:
     brow = abs(z - EYE_HEIGHT - BROW_ABOVE) < 0.045 and abs(y - EYE_SIDE) < 0.2
     mouth = abs(z - MOUTH) < 0.06 and y < 0.3
     return 0.45 if brow or mouth else 1.0
-
-
-def paint_reference(
-    frames: Array, origins: Array, lengths: Array, radii: Array, materials: Array, seeds: Array,
-    colours: Array, people: Array, eye: Array, world_from_camera: Array, plane: Array, depth: Array,
-    hits: Array, image: Array, ids: Array,
-) -> None:  # fmt: skip
-    """As `paint_pixels`, in numpy."""
-    rows, columns = np.nonzero(hits >= 0)
-    n = hits[rows, columns]
-    rays = np.column_stack([plane[rows, columns], np.ones(len(n))]) @ world_from_camera.T
-    points = eye + depth[rows, columns, None] * rays
-    local = (frames[n] @ (points - origins[n])[..., None])[..., 0]
-    normals = _normals(local, radii[n], lengths[n])
-    away = (frames[n].swapaxes(-1, -2) @ normals[..., None])[..., 0]
-    away /= np.linalg.norm(away, axis=-1, keepdims=True)
-    gain = AMBIENT + SKY * away[:, 2] + KEY * np.maximum(away @ LIGHT, 0.0)
-    x, y, z = local.T
-    folds = np.sin(42.0 * z + 9.0 * np.sin(19.0 * x + seeds[n])) * np.sin(27.0 * y + seeds[n])
-    kind = materials[n]
-    gain *= np.where((kind == CLOTH) | (kind == STRIPES), 1.0 + 0.10 * folds, 1.0)
-    gain *= np.where((kind == STRIPES) & (np.floor(STRIPES_PER_M * z) % 2 == 0), STRIPE_GAIN, 1.0)
-    gain *= np.where(kind == FACE, _face_reference(local / radii[n, :1]), 1.0)
-    image[rows, columns] = np.clip(colours[n] * gain[:, None], 0.0, 255.0).astype(np.uint8)
-    ids[rows, columns] = people[n] + 1
-
-
-def _normals(local: Array, radii: Array, lengths: Array) -> Array:
-    """Directions (M, 3) away from the surface at points (M, 3), in the local frames, not normalised."""
-    slope = np.clip((radii[:, 0] - radii[:, 1]) / lengths, -1.0, 1.0)
-    tangent = slope / np.sqrt(np.maximum(1.0 - slope * slope, 1e-6))
-    rho = np.linalg.norm(local[:, :2], axis=-1)
-    foot = np.clip(local[:, 2] - rho * tangent, 0.0, lengths)  # where the normal starts on the axis
-    normals: Array = local - np.stack([np.zeros_like(foot), np.zeros_like(foot), foot], axis=-1)
-    return normals
-
-
-def _face_reference(unit: Array) -> Array:
-    x, y, z = unit[:, 0], np.abs(unit[:, 1]), unit[:, 2]
-    eye = 4.0 * (y - EYE_SIDE) ** 2 + 14.0 * (z - EYE_HEIGHT) ** 2
-    brow = (np.abs(z - EYE_HEIGHT - BROW_ABOVE) < 0.045) & (np.abs(y - EYE_SIDE) < 0.2)
-    mouth = (np.abs(z - MOUTH) < 0.06) & (y < 0.3)
-    gain = np.where(brow | mouth, 0.45, 1.0)
-    gain = np.where(eye < 0.10, 0.85, gain)
-    gain = np.where(eye < 0.06, np.where(np.abs(y - EYE_SIDE) < 0.1, 0.18, 1.35), gain)
-    return np.where(x > FRONT, gain, 1.0)

@@ -5,8 +5,7 @@ the slope s = (a - b) / length and its side is rho * c = a - s * z with c = sqrt
 z = a * s and z = length + b * s. With p = o + t * d this is a quadratic in t; outside of that range the
 spheres are hit. Rays have z = 1 in the camera, so t is the depth in metres, in every frame.
 
-`cast_rays` is compiled (some 5 ms per VGA view in place of 0.5 s); `cast_rays_reference` is the same in
-numpy and the oracle of its test.
+`cast_rays` is compiled (some 5 ms per VGA view in place of 0.5 s).
 """
 from __future__ import annotations
 
@@ -84,43 +83,3 @@ def cast_rays(
                         continue
                 depth[v, u] = t
                 hits[v, u] = n
-
-
-def cast_rays_reference(
-    frames: Array, origins: Array, lengths: Array, radii: Array, materials: Array, boxes: Array,
-    plane: Array, depth: Array, hits: Array,
-) -> None:  # fmt: skip
-    """As `cast_rays`, in numpy; boxes are not used."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        for n in range(len(lengths)):
-            direction = plane @ frames[n][:, :2].T + frames[n][:, 2]
-            t = _nearest_hit(origins[n], direction, float(lengths[n]), *radii[n])
-            p = (origins[n] + t[..., None] * direction) / radii[n, 0]
-            face = (p[..., 0] > FACE_FROM) & (p[..., 2] < FACE_TOP - FACE_SLOPE * np.abs(p[..., 1]))
-            cut = (materials[n] == HAIR) & (face | (p[..., 2] < NECK_BELOW))
-            nearer = (t > NEAR) & (t < depth) & ~cut
-            depth[nearer], hits[nearer] = t[nearer], n
-
-
-def _nearest_hit(o: Array, d: Array, length: float, a: float, b: float) -> Array:
-    """Depth (H, W) of the first hit of rays o + t * d, inf where there is none."""
-    spheres = [_sphere_hit(o - [0.0, 0.0, z], d, r) for z, r in ((0.0, a), (length, b))]
-    nearest: Array = np.minimum(*spheres)
-    s = (a - b) / length
-    if abs(s) >= 1.0:
-        return nearest
-    c2, rest = 1.0 - s * s, a - s * o[2]
-    qa = (d[..., 0] ** 2 + d[..., 1] ** 2) * c2 - (s * d[..., 2]) ** 2
-    qb = (o[0] * d[..., 0] + o[1] * d[..., 1]) * c2 + s * d[..., 2] * rest
-    qc = (o[0] ** 2 + o[1] ** 2) * c2 - rest**2
-    side = (-qb - np.sqrt(qb * qb - qa * qc)) / qa
-    z = o[2] + side * d[..., 2]
-    on_side = (z > a * s) & (z < length + b * s) & (np.abs(qa) > 1e-12)
-    depths: Array = np.where(on_side, side, nearest)
-    return depths
-
-
-def _sphere_hit(o: Array, d: Array, radius: float) -> Array:
-    half, dd = d @ o, (d * d).sum(-1)
-    root = half * half - dd * (o @ o - radius * radius)
-    return np.where(root > 0.0, (-half - np.sqrt(np.maximum(root, 0.0))) / dd, np.inf)

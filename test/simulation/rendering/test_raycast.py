@@ -4,9 +4,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from panoptic_ros.simulation.rendering.paint import paint_pixels, paint_reference
-from panoptic_ros.simulation.rendering.raycast import NOTHING, cast_rays, cast_rays_reference
+from panoptic_ros.simulation.rendering.paint import paint_pixels
+from panoptic_ros.simulation.rendering.raycast import NOTHING, cast_rays
 from panoptic_ros.simulation.rendering.shapes import Material, ShapeBuilder
+from test.support.rendered_in_numpy import cast_rays_reference, paint_reference
 
 WIDTH, HEIGHT = 80, 60
 PLANE = np.stack(
