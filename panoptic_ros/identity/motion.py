@@ -26,7 +26,8 @@ class JointMotion(NamedTuple):
     """Filters of T people's J joints.
 
     states (T, J, 6) m and m/s, NaN = unknown; variances (T, J, 3) of position, of position with velocity, of
-    velocity, per axis; ages (T, J) s since measured; unagreed (T, J) s since FIRM_VIEWS views agreed on the joint, infinite if never.
+    velocity, per axis; ages (T, J) s since measured; unagreed (T, J) s since FIRM_VIEWS views agreed on the
+    joint, infinite if never.
     """
 
     states: Array
