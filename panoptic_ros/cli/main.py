@@ -18,6 +18,7 @@ VERBS: dict[str, str] = {
     "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
     "view": "see results, a bag or the live graph in a page of any browser",
     "watch": "how a live graph is: nodes, rates, ages, latency, drops, warnings",
+    "export": "results or a bag as one HTML file with its images, to send to others",
     "solve": "2D people to skeletons, no images, no ROS",
     "simulate": "a capture folder or 2D people with exact truth",
     "evaluate": "compare skeletons with the truth",

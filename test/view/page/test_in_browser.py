@@ -8,6 +8,7 @@ from browser import Browser, find_browser
 from recorded_scene import GREY, SIZE, START_NS, make_poses, make_rig, places
 
 from panoptic_ros.view.colors import rgb_of
+from panoptic_ros.view.page.one_file import one_file
 from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.server import PageServer
 from panoptic_ros.view.page.talk import RecordedTalk
@@ -152,3 +153,17 @@ def test_every_layer_can_be_switched_on(page):
     page.wait("panoptic.ready && panoptic.page.instant.index === 60")
 
 
+
+
+def test_one_file_is_opened_from_a_disk(browser, recording, tmp_path):
+    scene = RecordedScene(recording, "a file")
+    scene.scan(lambda: False, lambda: None)
+    path = tmp_path / "result.html"
+    path.write_bytes(one_file(scene))
+    page = browser.open(path.as_uri())
+    page.wait("panoptic.ready && panoptic.stats().images === 4")
+    page.evaluate("panoptic.seek(3.5e9)")
+    page.wait("panoptic.ready && panoptic.stats().ids.join() === '7' && panoptic.stats().images === 4")
+    assert page.complaints() == []
+    assert page.hosts() <= {None}
+    page.call("Page.close")

@@ -260,6 +260,9 @@ def test_health_of_statuses_and_of_a_report():
          "values": {"taken": "0", "step_p50_ms": "nan", "step_p99_ms": "nan", "dropped.overtaken": "4"}},
         {"name": "panoptic: clock of cam1", "owner": "cam1", "level": 0, "message": "ok",
          "values": {"offset_s": "0.012", "std_us": "40"}},
+        {"name": "panoptic: fusion: cam1 detections", "owner": "cam1", "level": 1,
+         "message": "silent for 3 s",
+         "values": {"taken": "9", "lost": "2", "left_out": "1", "bad": "0", "step_p50_ms": "1"}},
     ]  # fmt: skip
     cameras = {"cam0": {"rate_hz": 30, "age_s": 0.01}, "cam1": {"rate_hz": 0, "age_s": 3.2}}
     found = run_js(
@@ -272,7 +275,9 @@ def test_health_of_statuses_and_of_a_report():
     )
     health, captions = found
     assert health["stages"] == [{"stage": "sync", "p50": 0.5, "p99": 2.5}]
-    assert health["cameras"]["cam1"]["dropped"] == 4
+    assert health["cameras"]["cam1"]["dropped"] == 4 + 3
+    assert health["dropped"] == [["sync: late", 3], ["camera_cam1: overtaken", 4]]
+    assert ["fusion: cam1 detections", "silent for 3 s"] in health["warnings"]
     assert health["cameras"]["cam1"]["clock"] == "12.00 ms ± 40 µs"
-    assert captions == [[["30 Hz"], "good"], [["0.0 Hz", "silent 3 s", "4 dropped"], "bad"]]
+    assert captions == [[["30 Hz"], "good"], [["0.0 Hz", "silent 3 s", "7 dropped"], "bad"]]
     assert SKELETON.head == 1

@@ -15,6 +15,7 @@ import { place } from "#view/people.js";
 
 const SECOND = 1e9;
 const KEPT_LIVE_S = 20;
+const PATIENCE_S = 1.5; // behind images, before skeletons count as missing
 const AROUND = 2; // seconds of a recording that are kept before, and three times as many behind, the one that is shown
 const AHEAD = 3; // seconds that are asked for ahead
 const $ = (id) => document.getElementById(id);
@@ -57,8 +58,7 @@ const source = openSource({
     for (const message of messages) page.store.add(message);
     if (kind === LIVE) {
       page.undrawn.push(number);
-      const newest = page.store.newest;
-      if (newest) page.store.forget(newest.t - KEPT_LIVE_S * SECOND);
+      page.store.forget(page.store.front(PATIENCE_S * SECOND) - KEPT_LIVE_S * SECOND);
     } else page.blocks.set(number, "there");
     redraw();
   },
@@ -67,7 +67,7 @@ const source = openSource({
 function begin(facts) {
   const live = facts.kind === "live";
   page.facts = facts;
-  page.store = new Store(facts, live ? KEPT_LIVE_S : Infinity);
+  page.store = new Store(facts);
   page.player = new Player(live, 0, live ? 0 : Number(BigInt(facts.end_ns) - BigInt(facts.begin_ns)));
   page.cameras = new Map(facts.cameras.map((camera) => [camera.name, makeCamera(camera)]));
   page.blocks.clear();
@@ -129,13 +129,12 @@ function frame(now) {
   for (const number of page.undrawn.splice(0)) source.drawn(number);
 }
 
-// Live, the newest instant of which images are there, too, if there is one that is hardly older.
+// Live, the newest instant; where nobody makes skeletons, the newest image.
 function followNewest() {
-  const newest = page.store.newest;
-  const times = [...page.store.previews.values()].map((kept) => kept.times.at(-1)).filter((t) => t !== undefined);
-  const t = newest ? newest.t : Math.max(...times, 0);
-  page.player.begin = Math.max(0, t - KEPT_LIVE_S * SECOND);
-  page.player.t = page.player.end = Math.max(t, 0);
+  const t = page.store.front(PATIENCE_S * SECOND);
+  if (t === null) return;
+  page.player.begin = t - KEPT_LIVE_S * SECOND;
+  page.player.t = page.player.end = t;
 }
 
 function draw() {
@@ -177,7 +176,7 @@ function drawLine() {
 
 function drawWords(scene) {
   const { player, facts, health } = page, live = player.live;
-  const found = live ? health && fromHealth(health) : fromReport(facts.report, [...page.cameras.keys()], page.store, player.t);
+  const found = live ? health && fromHealth(health) : fromReport(facts, [...page.cameras.keys()], page.store, player.t);
   for (const name of page.cameras.keys()) {
     const [parts, tone] = captionOf(found?.cameras[name], live);
     const pair = tiles.tiles.get(name)?.pair, lag = pair?.instant && scene.instant ? (scene.instant.t - pair.instant.t) / 1e6 : 0;
@@ -188,7 +187,7 @@ function drawWords(scene) {
   const said = [`<b>${people}</b> ${people === 1 ? "person" : "people"}`, `<b>${page.cameras.size}</b> cameras`];
   if (live && health) {
     said.push(`<b>${health.skeletons.rate_hz.toFixed(0)}</b> Hz`);
-    if (health.latency_ms) said.push(`latency <b>${health.latency_ms[0].toFixed(0)}</b> ms (p99 ${health.latency_ms[1].toFixed(0)})`);
+    if (health.latency_ms) said.push(`<b>${health.latency_ms[0].toFixed(0)}</b> ms`);
   } else if (!live) said.push(`<b>${page.store.instantRate(player.t).toFixed(0)}</b> Hz`);
   setHtml($("summary"), said.join(" · "));
   const silent = live && health && (health.skeletons.age_s === null || health.skeletons.age_s > 1);

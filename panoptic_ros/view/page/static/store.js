@@ -8,11 +8,9 @@ const REACH = 2 * SECOND; // how far back a tile looks for an image
 const NEAR = 0.025 * SECOND; // 2D people of an instant that does not name its frames
 
 export class Store {
-  // keep: seconds that are kept behind the newest (live); Infinity: all blocks until `forget`.
-  constructor(facts, keep = Infinity) {
+  constructor(facts) {
     this.decoder = new Decoder(facts.schemas);
     this.topics = facts.topics;
-    this.keep = keep * SECOND;
     this.origin = facts.kind === "live" ? null : BigInt(facts.begin_ns);
     this.instants = []; // {t, people, frames}, sorted
     this.views = new Map(); // by camera: {byFrame, byTime, times}
@@ -49,6 +47,14 @@ export class Store {
 
   get newest() {
     return this.instants.length ? this.instants[this.instants.length - 1] : null;
+  }
+
+  // The time of the newest instant; of the newest image if that is more than `patience` newer; null without both.
+  front(patience) {
+    const images = [...this.previews.values()].map((kept) => kept.times.at(-1)).filter((t) => t !== undefined);
+    const image = images.length ? Math.max(...images) : null, instant = this.newest?.t ?? null;
+    if (instant === null || (image !== null && image - instant > patience)) return image ?? instant;
+    return instant;
   }
 
   // The instant at or before a time, null if there is none.
