@@ -26,6 +26,8 @@ VERBS: dict[str, str] = {
     "bench": "measure this machine and this code against named baselines",
     "sync": "what the clocks of a capture do, what is wrong with them, and what to do",
     "rig": "check or convert a calibration",
+    "record": "a live graph to a self-contained bag; on all hosts at once",
+    "replay": "a bag onto the live graph, from any stage's topic, at any rate",
     "bag": "save what is whole in a cut bag, bring an older version's bag up to date",
     "bias": "measure the constant biases of a detector's joints against a reference",
     "models": "list, fetch and check pose models",

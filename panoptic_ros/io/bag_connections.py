@@ -4,6 +4,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -24,6 +25,29 @@ class Connection(NamedTuple):
     definition: str = ""
     digest: str = ""
     qualities: tuple[Any, ...] = ()
+
+    @property
+    def is_latched(self) -> bool:
+        """Whether all of its publishers keep messages for subscribers who come late."""
+        durable = [q.durability == QosDurability.TRANSIENT_LOCAL for q in self.qualities]
+        return bool(durable) and all(durable)
+
+    @property
+    def is_best_effort(self) -> bool:
+        """Whether none of its publishers sends lost messages again."""
+        effort = [q.reliability == QosReliability.BEST_EFFORT for q in self.qualities]
+        return bool(effort) and all(effort)
+
+    def offered(self, reliable: bool, latched: bool) -> Connection:
+        """The same topic as publishers offer it."""
+        always = QosTime(9223372036, 854775807)
+        quality = Qos(
+            QosHistory.KEEP_LAST, 64 if latched else 10,
+            QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
+            QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+            always, always, QosLiveliness.AUTOMATIC, always, False,
+        )  # fmt: skip
+        return self._replace(qualities=(quality,))
 
 
 @lru_cache(maxsize=256)

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import heapq
-import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
@@ -13,6 +12,7 @@ from typing import Any
 from panoptic_ros.domain import StampLine
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
 from panoptic_ros.io.messages.family import decode_cdr
 
@@ -21,7 +21,6 @@ JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recordi
 TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
 DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the last is read
 SOUND_KEY = "audio"
-STAMPED = 12  # bytes of CDR up to the end of a header's stamp
 LOOKED_AT = 20  # messages that tell the rate
 
 
@@ -63,12 +62,12 @@ class BagStream:
     def messages(self, bag: BagReader) -> Iterator[BagMessage | DataError]:
         """All messages, and an error in the place of each that cannot be decoded."""
         for _, arrival_ns, data, kind in bag.raw(self.topic):
-            data = _with_stamp(data, arrival_ns) if self.arrival_stamps else data
-            if self.line is not None and len(data) >= STAMPED:
-                stamp = self.line.corrected(_stamp(data))
+            data = with_stamp(data, arrival_ns) if self.arrival_stamps else data
+            if self.line is not None and (before := stamp_in(data)) is not None:
+                stamp = self.line.corrected(before)
                 if stamp < 0:
                     continue
-                data = _with_stamp(data, stamp)
+                data = with_stamp(data, stamp)
             try:
                 message = decode_cdr(data, kind)
             except DataError as error:
@@ -222,20 +221,3 @@ def _placed(
         last = item
         yield place, order, replace(item, place_ns=place)
     yield place, order, StreamEnd(stream, place)
-
-
-def _stamp(data: bytes) -> int:
-    """The stamp, ns, in CDR bytes of a message that begins with a header."""
-    seconds, rest = struct.unpack_from(f"{_order(data)}iI", data, 4)
-    return int(seconds) * SECOND + int(rest)
-
-
-def _with_stamp(data: bytes, stamp_ns: int) -> bytes:
-    """The same bytes with another stamp."""
-    stamp = struct.pack(f"{_order(data)}iI", *divmod(stamp_ns, SECOND))
-    return bytes(data[:4]) + stamp + bytes(data[STAMPED:])
-
-
-def _order(data: bytes) -> str:
-    """Of the bytes, as `struct` calls it."""
-    return ">" if data[1:2] == b"\0" else "<"

@@ -5,6 +5,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -23,21 +24,28 @@ class BagWriter:
 
     Use as a context manager; after an exception nothing is left behind.
 
+    Args:
+        in_place: under its name from the beginning, without metadata.yaml until it is closed; what it has
+            then stays, whatever happens, and `io.salvage` reads it. For what cannot be recorded again.
+
     Raises:
         DataError: if something of that name is there already.
         EnvironmentProblem: on a full disk or missing permission.
     """
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, in_place: bool = False):
         self.path = Path(path)
         if self.path.exists():
             raise DataError(f"{self.path} is there already; choose another name or remove it")
+        self._in_place = in_place
         self._part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         with file_errors(self.path, "write"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            shutil.rmtree(self._part, ignore_errors=True)
-            self._part.mkdir()
-            self._writer = Writer(self._part / self.path.name, version=9, storage_plugin=StoragePlugin.MCAP)
+            if not in_place:
+                shutil.rmtree(self._part, ignore_errors=True)
+                self._part.mkdir()
+            place = self.path if in_place else self._part / self.path.name
+            self._writer = Writer(place, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
         self._connections: dict[str | Connection, Any] = {}
         self._open = True
@@ -77,16 +85,26 @@ class BagWriter:
             self._open = False
             with file_errors(self.path, "write"):
                 self._writer.close()
-                os.replace(self._part / self.path.name, self.path)
-                self._part.rmdir()
+                if not self._in_place:
+                    os.replace(self._part / self.path.name, self.path)
+                    self._part.rmdir()
+
+    def flush(self) -> None:
+        """Hand what was written to the system, as a chunk of its own: a kill costs what comes after."""
+        storage: Any = self._writer.storage
+        with file_errors(self.path, "write"):
+            if storage.chunk.bio.tell():
+                storage.close_chunk()
+            storage.bio.flush()
 
     def discard(self) -> None:
-        """Stop and leave nothing behind."""
+        """Stop and leave nothing behind; in place, what was written stays."""
         if self._open:
             self._open = False
             with suppress(OSError, WriterError):
-                self._writer.close()
-            shutil.rmtree(self._part, ignore_errors=True)
+                self._writer.abort()
+            if not self._in_place:
+                shutil.rmtree(self._part, ignore_errors=True)
 
     def __enter__(self) -> BagWriter:
         return self
@@ -144,6 +162,11 @@ class BagReader:
         """
         for topic, stamp, data, kind in self.raw(*topics):
             yield topic, stamp, self._decode(topic, data, kind)
+
+    def first(self, *topics: str) -> Iterator[tuple[str, int, bytes, str]]:
+        """The first message of these topics together, as `raw`; nothing if there is none."""
+        if set(topics) & set(self.topics):
+            yield from islice(self.raw(*topics), 1)
 
     def raw(
         self, *topics: str, begin_ns: int | None = None, end_ns: int | None = None

@@ -20,9 +20,22 @@ def message_class(name: str) -> Any:
     Raises:
         EnvironmentProblem: if its package is not installed.
     """
-    package, _, kind = name.split("/")
+    return _interface(name)
+
+
+def service_class(name: str) -> Any:
+    """The class of "package/srv/Name".
+
+    Raises:
+        EnvironmentProblem: if its package is not installed.
+    """
+    return _interface(name)
+
+
+def _interface(name: str) -> Any:
+    package, folder, kind = name.split("/")
     try:
-        return getattr(importlib.import_module(f"{package}.msg"), kind)
+        return getattr(importlib.import_module(f"{package}.{folder}"), kind)
     except ImportError as error:
         raise EnvironmentProblem(
             f"the ROS package {package} is not installed here ({error}); `panoptic doctor` tells more"

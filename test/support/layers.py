@@ -40,7 +40,9 @@ THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in back
 STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", "socket"}
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
-_NEED = ("driver_plan", "over_dds", "fed_graph", "watching", "view_live")
+_NEED = (
+    "driver_plan", "over_dds", "fed_graph", "watching", "view_live", "record", "recording_facts", "replay",
+)  # fmt: skip
 NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
 # no stage, no graph and no arrays.

@@ -1,0 +1,79 @@
+"""`panoptic record`: a live graph to a self-contained bag."""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.cli.options import number
+from panoptic_ros.errors import UsageError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.add_argument("--out", type=Path, metavar="BAG",
+                        help="the bag; with --standby, a folder for bags named by their time")  # fmt: skip
+    parser.add_argument("--topic", action="append", default=[], metavar="PATTERN",
+                        help="record topics of this name, e.g. '/cam*/image_raw', in place of all that "
+                        "a run needs and gives; may be given several times")  # fmt: skip
+    parser.add_argument("--no-images", action="store_true", help="leave out images and depth maps")
+    parser.add_argument("--rig", type=Path, help="calibration for the bag, where no /rig is published")
+    parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
+                        help="end after so many seconds")  # fmt: skip
+    parser.add_argument("--budget", type=number(float, 0.001, 1e6), default=0.0, metavar="GB",
+                        help="end when the messages have so many GB")  # fmt: skip
+    parser.add_argument("--keep-free", type=number(float, 0, 1e6), default=1.0, metavar="GB",
+                        help="end when the disk has less room; default 1")  # fmt: skip
+    parser.add_argument("--standby", action="store_true", help="wait for --start and --stop, on every host")
+    parser.add_argument("--start", action="store_true", help="let the recorders of all hosts start")
+    parser.add_argument("--stop", action="store_true", help="let the recorders of all hosts stop")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record, or tell others to."""
+    if sum((args.start, args.stop, args.out is not None)) != 1:
+        raise UsageError("give one of --out BAG, --start and --stop; --standby goes with --out FOLDER")
+    if args.start or args.stop:
+        return _ask(args.start)
+    # only now: --help must be quick
+    from panoptic_ros.running.record import RecordOptions, Selection, record, stand_by
+
+    options = RecordOptions(
+        Selection(args.topic, not args.no_images), args.duration, args.budget, args.keep_free, args.rig
+    )
+    if args.standby:
+        stand_by(args.out, options, _tell)
+        return 0
+    recorded = record(args.out, options, _tell)
+    _print(recorded)
+    return 0
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)
+
+
+def _ask(start: bool) -> int:
+    """Exit code 2 if a host did not do it."""
+    from panoptic_ros.running.record import ask_all
+
+    answers = ask_all(start)
+    for host, _, text in answers:
+        print(f"{host}: {text}")
+    return 0 if all(done for _, done, _ in answers) else 2
+
+
+def _print(recorded: Any) -> None:
+    rows = sorted(recorded.counters.items())
+    width = max([len(topic) for topic, _ in rows] or [5])
+    print(f"{'topic':{width}}  messages      Hz  missing  longest gap s        MB")
+    for topic, counter in rows:
+        print(
+            f"{topic:{width}}  {counter.count:8d}  {counter.rate:6.2f}  {counter.missing:7d}  "
+            f"{counter.longest_s:13.3f}  {counter.size / 1e6:8.2f}"
+        )
+    for topic, count in sorted(recorded.dropped.items()):
+        print(f"the disk was too slow for {count} messages on {topic}")
+    if recorded.ended_by:
+        print(f"ended: {recorded.ended_by}")
+    print(f"recorded {recorded.path}")

@@ -1,0 +1,163 @@
+"""A bag that is written while messages come: in a thread of its own, with counters by topic."""
+from __future__ import annotations
+
+import queue
+import shutil
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from panoptic_ros.errors import EnvironmentProblem, PanopticError
+from panoptic_ros.io.bag_connections import Connection
+from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.cdr_heads import number_in, stamp_in
+
+GB = 1_000_000_000
+FLUSH_S = 1.0  # what a kill may cost
+MOST_WAITING = 256_000_000  # bytes that wait for a slow disk
+NUMBERED = "panoptic_msgs/msg/ViewDetections"
+FIRST_STEPS = 20  # stamps that tell the period of a topic without numbers
+MOST_MISSING = 100_000  # more are none: a device that began anew, or a clock that was set
+
+
+@dataclass
+class TopicCounter:
+    """What came on a topic.
+
+    Args:
+        missing: messages that did not come, told by gaps of frame numbers, or else of stamps.
+        longest_s: between two stamps.
+    """
+
+    kind: str
+    count: int = 0
+    size: int = 0
+    missing: int = 0
+    longest_s: float = 0.0
+    last_ns: int | None = None
+    _number: int | None = None
+    _stepped: int = 0  # times that stamps went on, and by how much
+    _stepped_ns: int = 0
+    _steps: list[int] = field(default_factory=list)
+
+    def add(self, data: bytes) -> None:
+        """Count one more message."""
+        self.count += 1
+        self.size += len(data)
+        stamp = stamp_in(data)
+        step = 0 if stamp is None or self.last_ns is None else stamp - self.last_ns
+        self.longest_s = max(self.longest_s, step * 1e-9)
+        missing = self._by_number(data) if self.kind == NUMBERED else self._by_step(step)
+        self.missing += missing if 0 < missing <= MOST_MISSING else 0
+        if step > 0:
+            self._stepped_ns, self._stepped = self._stepped_ns + step, self._stepped + 1
+        if stamp is not None:
+            self.last_ns = stamp
+
+    @property
+    def rate(self) -> float:
+        """Messages per second of stamps; 0 if not known."""
+        return 1e9 * self._stepped / self._stepped_ns if self._stepped_ns else 0.0
+
+    def _by_number(self, data: bytes) -> int:
+        before, self._number = self._number, number_in(data)
+        return 0 if before is None or self._number is None else self._number - before - 1
+
+    def _by_step(self, step: int) -> int:
+        if step <= 0:
+            return 0
+        if len(self._steps) < FIRST_STEPS:
+            self._steps.append(step)
+            return 0
+        period = sorted(self._steps)[FIRST_STEPS // 2]
+        return round(step / period) - 1
+
+
+class BagRecorder:
+    """Writes messages to a bag in place, whatever ends it (see `BagWriter`).
+
+    Args:
+        budget: bytes at most, 0 = as many as there is room for. keep_free: bytes that stay free on the disk.
+
+    Raises:
+        DataError: if something of that name is there already.
+    """
+
+    def __init__(self, path: Path, budget: int = 0, keep_free: int = GB):
+        self.counters: dict[str, TopicCounter] = {}
+        self.dropped: Counter[str] = Counter()  # by topic, as the disk was too slow
+        self._bag = BagWriter(path, in_place=True)
+        self._budget, self._keep_free = budget, keep_free
+        self._size, self._waiting = 0, 0
+        self._lock = threading.Lock()
+        self._messages: queue.SimpleQueue[tuple[Connection, int, bytes] | None] = queue.SimpleQueue()
+        self.fault: PanopticError | None = None  # what ended it before its end
+        self._thread = threading.Thread(target=self._write, daemon=True)
+        self._thread.start()
+
+    @property
+    def size(self) -> int:
+        """Bytes of messages so far."""
+        return self._size
+
+    def put(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
+        """Take a message that came at `stamp_ns`."""
+        with self._lock:
+            if self._waiting + len(data) > MOST_WAITING:
+                self.dropped[connection.topic] += 1
+                return
+            self._waiting += len(data)
+        self._messages.put((connection, stamp_ns, data))
+
+    def close(self) -> None:
+        """Write what waits and finish the bag.
+
+        Raises:
+            PanopticError: what ended it before, or ends it now.
+        """
+        self._messages.put(None)
+        self._thread.join()
+        if isinstance(self.fault, EnvironmentProblem) and not isinstance(self.fault, DiskFull):
+            self._bag.discard()
+            raise self.fault
+        self._bag.close()
+
+    def _write(self) -> None:
+        flushed = time.monotonic()
+        try:
+            while (item := self._next()) is not None:
+                if item:
+                    self._take(*item)
+                if time.monotonic() - flushed > FLUSH_S:
+                    flushed = time.monotonic()
+                    self._bag.flush()
+                    self._check_room()
+        except PanopticError as error:
+            self.fault = error
+
+    def _next(self) -> tuple[Connection, int, bytes] | tuple[()] | None:
+        try:
+            return self._messages.get(timeout=FLUSH_S / 2)
+        except queue.Empty:
+            return ()
+
+    def _take(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
+        with self._lock:
+            self._waiting -= len(data)
+        self._bag.write_described(connection, stamp_ns, data)
+        self._size += len(data)
+        self.counters.setdefault(connection.topic, TopicCounter(connection.kind)).add(data)
+
+    def _check_room(self) -> None:
+        """Raises: DiskFull: if no more may be written."""
+        if self._budget and self._size > self._budget:
+            raise DiskFull(f"{self._bag.path} has reached its budget of {self._budget / GB:g} GB")
+        free = shutil.disk_usage(self._bag.path).free
+        if free < self._keep_free:
+            raise DiskFull(f"only {free / GB:.2f} GB are free beside {self._bag.path}; see --keep-free")
+
+
+class DiskFull(EnvironmentProblem):
+    """There is no room for more; what was written is whole."""
