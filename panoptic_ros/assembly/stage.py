@@ -21,7 +21,7 @@ from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion,
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
-from panoptic_ros.solving.evidence import RigArrays, check_association
+from panoptic_ros.solving.evidence import RigArrays, carried_ages, check_association
 from panoptic_ros.solving.joint_records import SolvedJoints
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, scene_of
@@ -29,6 +29,7 @@ from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
+CARRIED_NOISE = 0.022  # of the diagonal of a 2D person, after a second of being carried by motion
 
 
 class AssemblyStage(Stateful):
@@ -96,11 +97,11 @@ class AssemblyStage(Stateful):
     def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
         """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
         evidence, prediction = item.association.evidence, item.association.prediction
-        sizes = self._sizes(evidence)
-        scene = self._scene(item, sizes)
+        sizes, ages = self._sizes(evidence), carried_ages(item.detections, evidence)
+        scene = self._scene(item, sizes, ages)
         found = associated_people(scene, item.association)
         kinds = self._kinds(scene, found)
-        scene = replace(scene, precision=self._precision(evidence, kinds, sizes))
+        scene = replace(scene, precision=self._precision(evidence, kinds, sizes, ages))
         found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
         if self._config.lost_people and has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
@@ -110,7 +111,8 @@ class AssemblyStage(Stateful):
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
         people = people.rows(inside)
         if self._config.learn_noise:
-            self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept)
+            seen = ages == 0.0
+            self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept, seen)
         return people, found, observed, motion
 
     def _without_biases(self, poses: PoseSet) -> PoseSet:
@@ -120,16 +122,22 @@ class AssemblyStage(Stateful):
         corrections = self._biases.corrections(poses.positions)
         return replace(poses, positions=poses.positions + corrections, corrections=corrections)
 
-    def _scene(self, item: ProposalSet, sizes: Array) -> Scene:
+    def _scene(self, item: ProposalSet, sizes: Array, ages: Array) -> Scene:
         """The evidence with the noise learnt so far, as if all joints were visible."""
         evidence = item.association.evidence
-        precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64), sizes)
+        precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64), sizes, ages)
         return scene_of(item.detections, evidence, precision, self._mirror, self._rig)
 
-    def _precision(self, evidence: Evidence, kinds: Array, sizes: Array) -> Array:
-        """1 / standard deviation (D, J) on the normalised plane of 2D joints of these kinds, 0 = missing."""
+    def _precision(self, evidence: Evidence, kinds: Array, sizes: Array, ages: Array) -> Array:
+        """1 / standard deviation (D, J) on the normalised plane of 2D joints of these kinds, 0 = missing.
+
+        People who were carried for `ages` (D,) s have gone astray by a random walk besides.
+        """
         cameras = evidence.cameras[evidence.view]
         sigmas = self._noise.sigmas(evidence.scores, kinds, cameras, sizes, self._rig.diagonals)
+        if ages.any():
+            astray = CARRIED_NOISE * np.sqrt(ages) * sizes * self._rig.diagonals[cameras]
+            sigmas = np.hypot(sigmas, astray[:, None])
         focals = self._rig.focals[cameras][:, None] * evidence.magnification
         return np.where(evidence.scores > 0.0, focals / sigmas, 0.0)
 
@@ -162,11 +170,14 @@ class AssemblyStage(Stateful):
         return more, solved, motion
 
     def _learn(
-        self, scene: Scene, solved: SolvedJoints, shifts: Array, kinds: Array, sizes: Array, kept: Array
-    ) -> None:
-        """Update the noise table from this instant's residuals."""
+        self, scene: Scene, solved: SolvedJoints, shifts: Array, kinds: Array, sizes: Array, kept: Array,
+        seen: Array,
+    ) -> None:  # fmt: skip
+        """Update the noise table from this instant's residuals of 2D people who were seen (D,)."""
         evidence = scene.evidence
         rows, joints, pixels = residuals_to_learn(kept, solved, shifts, scene.observations, scene.focals)
+        own = seen[rows]
+        rows, joints, pixels = rows[own], joints[own], pixels[own]
         pixels = pixels * evidence.magnification[rows, joints]
         cameras = evidence.cameras[evidence.view[rows]]
         scores, kinds = evidence.scores[rows, joints], kinds[rows, joints]

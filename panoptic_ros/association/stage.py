@@ -12,7 +12,7 @@ from panoptic_ros.association.newcomers import find_people
 from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, Groups, Prediction, TrackSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.motion import predicted
-from panoptic_ros.solving.evidence import RigArrays, gather
+from panoptic_ros.solving.evidence import RigArrays, carried_ages, gather
 from panoptic_ros.solving.example import easy_instants
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limbs_of
 from panoptic_ros.solving.scene import Scene, even_precision, scene_of
@@ -87,6 +87,7 @@ class AssociationStage(Stateful):
         scene = scene_of(item, evidence, precision, self._mirror, self._rig)
         prediction = self._predict(item.stamp_ns)
         known, who, free = self._known(scene, prediction)
+        free &= carried_ages(item, evidence) == 0.0  # who is only carried is nobody new
         fresh, places = self._new(scene, free)
         return AssociationSet(
             item, evidence, known.joined(fresh), np.concatenate([who, np.full(len(places), -1)]),

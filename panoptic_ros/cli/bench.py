@@ -7,10 +7,11 @@ import json
 from types import ModuleType
 
 from panoptic_ros.bench import BENCHES
-from panoptic_ros.running import graph_bench
+from panoptic_ros.running import detection_bench, graph_bench
 from panoptic_ros.view.progress import PassBar
 
-TITLES = {**BENCHES, "graph": graph_bench.ABOUT}
+BENCHES_OF_RUNS = {"detection": detection_bench, "graph": graph_bench}  # of more than a stage
+TITLES = {**BENCHES, **{name: bench.ABOUT for name, bench in BENCHES_OF_RUNS.items()}}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +33,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bench(name: str) -> ModuleType:
-    if name == "graph":  # it runs a graph, which benches of single stages know nothing of
-        return graph_bench
+    if name in BENCHES_OF_RUNS:
+        return BENCHES_OF_RUNS[name]
     return importlib.import_module(f"panoptic_ros.bench.{name}")

@@ -32,6 +32,23 @@ class DetectionConfig(Config):
         -1.0, ge=-1.0, le=1.0,
         doc="Joints with lower scores are missing; negative = as the model card says (0.13 for the default).",
     )
+    looks_per_s: float = param(
+        0.0, unit="1/s", ge=0.0, le=240.0,
+        doc="How often a second the network looks at each camera, in turn over the rig; in between, 2D "
+        "people are carried from image to image by optical flow. 0 = at every image.",
+        when="processors are too slow for your cameras: 8 is nearly as accurate as every image.",
+    )
+    regions: str = param(
+        "auto", choices=("auto", "on", "off"),
+        doc="Whether the network looks where tracked people should be, and at whole images in turn for "
+        "newcomers; auto = where looks are rationed (looks_per_s).",
+        when="every image shall be looked at, in half of the time: on.",
+    )
+    region_height: int = param(
+        220, ge=64, le=1024, unit="px",
+        doc="Regions: height of the tallest person of a region in the network's input, at most. Less is "
+        "quicker and less accurate.",
+    )
     map_cut: float = param(
         0.05, ge=0.004, le=0.9, doc="Values of score maps below this are 0 and not carried."
     )
@@ -54,6 +71,11 @@ class DetectionConfig(Config):
         doc="With depth maps: a camera sees a joint that lies so little behind the measured surface, as nets "
         "know joints behind the person's own arm, or just behind somebody. Above 65: nothing is hidden.",
     )
+
+    @property
+    def guided(self) -> bool:
+        """Whether tracking tells where to look."""
+        return self.regions == "on" or (self.regions == "auto" and self.looks_per_s > 0.0)
 
 
 def with_card_thresholds(config: DetectionConfig, card: ModelCard) -> DetectionConfig:

@@ -1,7 +1,7 @@
 """Networks that take the whole image: preprocessing, session, decoder, and back to its pixels."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +20,14 @@ from panoptic_ros.detection.decoders.points import (
 )
 from panoptic_ros.detection.input_size import input_size
 from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.detection.people import People, boxes_of_points, without_duplicates
+from panoptic_ros.detection.people import People, boxes_of_points, concatenate, without_duplicates
 from panoptic_ros.detection.preprocess import composed, input_tensor, inverted, letterbox
+from panoptic_ros.detection.region_maps import RegionMaps, merged_maps
+from panoptic_ros.detection.regions import Region
 from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patches, quantised
 
 Array = np.ndarray
+REGION_VARIANCE = 36.0  # cells^2 of the search for a joint, where the map does not tell the image's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,25 +56,58 @@ class FullImageNetwork:
         self.multiple = model.card.input.multiple
         self.person_px = model.card.person_px
 
-    def find(self, image: Array, side: int) -> Finding:
+    def find(self, image: Array, side: int, maps: bool = True) -> Finding:
         """The people in an image (H, W, 3) uint8 BGR, with `side` net px on its longer side.
 
-        Networks of a fixed size ignore `side`.
+        Networks of a fixed size ignore `side`; without `maps` none are carried.
         """
         card = self.card
-        size = card.input.size or input_size(side, (image.shape[1], image.shape[0]), card.input.multiple)
-        picture, net_from_image = letterbox(image, (size[0], size[1]), card.input)
-        outputs = activated(card, self.session.run(input_tensor([picture], card.input)))
-        outputs = {role: values[0] for role, values in outputs.items()}
+        size = card.input.size or self.size_of(side, image)
+        outputs, net_from_image = self._run(image, (size[0], size[1]))
         people = decode_image(card, outputs, (size[0], size[1]), self.config.person_threshold)
         people = people.transformed(net_from_model(card))
         if card.joints:
             people, _ = seen_people(people, self.config)
         patches = None
-        if self.config.maps and card.family == "center_heads":
+        if maps and self.config.maps and card.family == "center_heads":
             patches = self._patches(outputs["heat"], people, net_from_image, image.shape, size)
         image_from_net = inverted(net_from_image)
         return Finding(people.transformed(image_from_net), patches, float(net_from_image[1, 1]))
+
+    def size_of(self, side: int, image: Array) -> tuple[int, int]:
+        """(height, width) net px of an image with `side` net px on its longer side."""
+        return input_size(side, (image.shape[1], image.shape[0]), self.card.input.multiple)
+
+    def find_in(self, image: Array, regions: Sequence[Region]) -> Finding:
+        """The people in some regions of an image; for networks that take any size.
+
+        The scale is that of the finest region, 0 if there is none.
+        """
+        card, parts, maps = self.card, [], []
+        for region in regions:
+            left, top, right, bottom = region.box
+            outputs, net_from_cut = self._run(image[top:bottom, left:right], region.net_size)
+            net_from_image = composed(net_from_cut, np.array([[1.0, 0.0, -left], [0.0, 1.0, -top]]))
+            people = decode_image(
+                card, outputs, region.net_size, self.config.person_threshold, REGION_VARIANCE
+            )
+            parts.append(people.transformed(net_from_model(card)).transformed(inverted(net_from_image)))
+            if self.config.maps and card.family == "center_heads":
+                grid = grid_from_net(card, region.net_size, outputs["heat"].shape[1:])
+                maps.append(RegionMaps(outputs["heat"], composed(grid, net_from_image), (right, bottom)))
+        everybody = concatenate(parts, len(card.joints))
+        people, _ = seen_people(
+            everybody.select(np.argsort(-everybody.person_scores, kind="stable")), self.config
+        )
+        patches = merged_maps(maps, people, self.config) if maps else None
+        scale = max([region.net_size[1] / (region.box[2] - region.box[0]) for region in regions], default=0.0)
+        return Finding(people, patches, scale)
+
+    def _run(self, image: Array, size: tuple[int, int]) -> tuple[dict[str, Array], Array]:
+        """Outputs by role for an image that is fitted into (height, width), and net_from_image."""
+        picture, net_from_image = letterbox(image, size, self.card.input)
+        outputs = activated(self.card, self.session.run(input_tensor([picture], self.card.input)))
+        return {role: values[0] for role, values in outputs.items()}, net_from_image
 
     def _patches(
         self, heat: Array, people: People, net_from_image: Array, image_shape: tuple[int, ...],
@@ -100,12 +136,13 @@ def activated(card: ModelCard, outputs: Mapping[str, Array]) -> dict[str, Array]
 
 
 def decode_image(
-    card: ModelCard, outputs: Mapping[str, Array], net_size: tuple[int, int], threshold: float
-) -> People:
-    """The people of one image in the network's own coordinates."""
+    card: ModelCard, outputs: Mapping[str, Array], net_size: tuple[int, int], threshold: float,
+    variance: float | None = None,
+) -> People:  # fmt: skip
+    """The people of one image in the network's own coordinates; variance: see `decode_center_heads`."""
     iou, most = card.nms_iou, card.max_people
     if card.family == "center_heads":
-        return decode_center_heads(outputs, card.stride, most, threshold)
+        return decode_center_heads(outputs, card.stride, most, threshold, variance)
     if card.variant == "rtmo":
         return decode_rtmo(outputs, threshold, iou, most)
     if card.variant == "yolo":

@@ -78,6 +78,11 @@ class SideChooser:
     _patience: int = field(init=False, default=PROBE_AFTER)
     _probes: int = field(init=False, default=0)
 
+    @property
+    def now(self) -> int:
+        """The present side; before the first frame the one that is tried first."""
+        return self.side or self.plan()[0]
+
     def plan(self) -> tuple[int, ...]:
         """Sides to run the next frame with; the first is the present one."""
         if not self.side:

@@ -81,14 +81,29 @@ def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> l
         cells: (P, K, 2) column and row of the people's joints; seen: (P, K) whether they count.
         radius: (P,) cells.
     """
-    owners = _owners(levels, cells, seen, radius)
-    patches = []
-    for person, joint in zip(*np.nonzero(seen)):
-        x, y = cells[person, joint]
-        left, top, right, bottom = _window(x, y, radius[person], levels.shape)
-        values = levels[joint, top:bottom, left:right] * (owners[joint, top:bottom, left:right] == person)
-        patches += _trimmed(int(joint), int(person), (left, top), values)
-    return patches + _blobs(np.where(owners == NOBODY, levels, 0))
+    rest, own = levels.copy(), []
+    places: list[list[tuple[float, float]]] = cells.tolist()
+    gates: list[float] = radius.tolist()
+    for joint in np.flatnonzero(seen.any(axis=0)).tolist():
+        people = np.flatnonzero(seen[:, joint]).tolist()
+        windows = [_window(*places[p][joint], gates[p], levels.shape) for p in people]
+        owners = None
+        if _overlap(windows):
+            alone = np.s_[joint : joint + 1]
+            owners = _owners(levels[alone], cells[:, alone], seen[:, alone], radius)[0]
+        for person, (left, top, right, bottom) in zip(people, windows):
+            part = rest[joint, top:bottom, left:right]
+            if not part.any():
+                continue
+            if owners is None:
+                mine = _disc(*places[person][joint], gates[person], (left, top, right, bottom))
+            else:
+                mine = owners[top:bottom, left:right] == person
+            values = part * mine
+            part -= values
+            own += _trimmed(joint, person, (left, top), values)
+    own.sort(key=lambda patch: patch.person)  # stable: joints stay in order
+    return own + _blobs(rest)
 
 
 def person_patches(levels: Array, person: int, corner: tuple[int, int] = (0, 0)) -> list[Patch]:
@@ -103,6 +118,23 @@ def gated(levels: Array, cells: Array, seen: Array, radius: float) -> Array:
     """Maps (K, h, w) with 0 outside of the gates round one person's joints (K, 2)."""
     owners = _owners(levels, cells[None], seen[None], np.array([radius]))
     return np.where(owners == NOBODY, 0, levels)
+
+
+def _overlap(windows: list[tuple[int, int, int, int]]) -> bool:
+    """Whether any two windows share a cell."""
+    return any(
+        one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+        for k, one in enumerate(windows) for other in windows[:k]
+    )  # fmt: skip
+
+
+def _disc(x: float, y: float, radius: float, window: tuple[int, int, int, int]) -> Array:
+    """Which cells of a window lie within `radius` of a place; distances are rounded as in `_owners`."""
+    left, top, right, bottom = window
+    across = (np.arange(left, right) - x) ** 2
+    down = (np.arange(top, bottom) - y) ** 2
+    inside: Array = (down[:, None] + across[None, :]).astype(np.float32) <= np.float64(radius**2)
+    return inside
 
 
 def _owners(levels: Array, cells: Array, seen: Array, radius: Array) -> Array:
@@ -142,15 +174,23 @@ def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) ->
 def _blobs(levels: Array) -> list[Patch]:
     """One patch for each connected blob of each map (K, h, w)."""
     count, rows, columns = levels.shape
-    # All maps in one tall picture, an empty row between them, so that one call finds all blobs.
-    tall = np.zeros((count, rows + 1, columns), np.uint8)
-    tall[:, :rows] = levels
-    tall = tall.reshape(-1, columns)
-    number, labels, boxes, _ = cv2.connectedComponentsWithStats((tall > 0).astype(np.uint8), connectivity=8)
+    # All maps in one tall picture, an empty row between them, so that one call finds all blobs. Most pairs of
+    # its rows are empty: they are left out, but for one behind each blob.
+    height = count * (rows + 1)
+    tall = np.zeros((height + height % 2, columns), np.uint8)
+    tall[:height].reshape(count, rows + 1, columns)[:, :rows] = levels
+    pairs = tall.reshape(-1, 2 * columns)
+    shown: Array = np.asarray(pairs.any(axis=1))
+    shown[1:] |= shown[:-1]
+    kept = np.flatnonzero(shown)
+    short = pairs[kept].reshape(-1, columns)
+    if not len(kept):
+        return []
+    number, labels, boxes, _ = cv2.connectedComponentsWithStats((short > 0).view(np.uint8), connectivity=8)
     patches = []
-    for label in range(1, number):
-        left, top, width, height = (int(v) for v in boxes[label, :4])
-        part = np.s_[top : top + height, left : left + width]
-        values = np.where(labels[part] == label, tall[part], 0)
-        patches.append(Patch(top // (rows + 1), NOBODY, (left, top % (rows + 1)), values))
+    for label, (left, top, width, extent, _) in enumerate(boxes[1:number].tolist(), start=1):
+        part = np.s_[top : top + extent, left : left + width]
+        values = np.where(labels[part] == label, short[part], 0)
+        joint, row = divmod(2 * int(kept[top // 2]) + top % 2, rows + 1)
+        patches.append(Patch(joint, NOBODY, (left, row), values))
     return patches

@@ -8,11 +8,21 @@ import numpy as np
 from panoptic_ros.detection.card import CROP_FAMILIES
 from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.crops import CropNetwork
+from panoptic_ros.detection.flow import Memory
 from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
+from panoptic_ros.detection.looking import CameraLooks, Ignored
 from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.detection.people import boxes_of_points
-from panoptic_ros.domain import DepthFrame, JointMap, ViewDetections, ViewFrame, VisibilityLimit
+from panoptic_ros.detection.people import People, boxes_of_points
+from panoptic_ros.detection.watching import Watch
+from panoptic_ros.domain import (
+    DepthFrame,
+    JointMap,
+    TrackSet,
+    ViewDetections,
+    ViewFrame,
+    VisibilityLimit,
+)
 from panoptic_ros.errors import ContractError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -36,7 +46,11 @@ class DetectionStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "detection", ("_sides", "_outside", "_noticed", "_depths"), (SideChooser, DepthFrame),
+        "detection",
+        ("_sides", "_outside", "_noticed", "_depths", "_watch.memories", "_watch.known.tracks",
+         "_watch.known.places", "_watch.known.doors", "_watch.lookout.cameras", "_watch.lookout.alarm_ns",
+         "_watch.lookout.ignored"),
+        (SideChooser, DepthFrame, Memory, People, TrackSet, CameraLooks, Ignored),
         same={"configuration": "config", "model": "model_name", "skeleton": "skeleton_hash"},
     )  # fmt: skip
 
@@ -63,9 +77,15 @@ class DetectionStage(Stateful):
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()
         self._depths: dict[str, deque[DepthFrame]] = {}
+        self._watch: Watch | None = None  # None: all of every image is looked at
+        if config.guided or config.looks_per_s:
+            self._watch = Watch(
+                self.config, self.network, context.rig, joint_map, self._whole,
+                lambda item: self._chooser(item).now,
+            )  # fmt: skip
 
-    def step(self, item: ViewFrame | DepthFrame) -> StepResult[ViewDetections]:
-        """The people in one image, or a depth map that waits for the image of its stamp.
+    def step(self, item: ViewFrame | DepthFrame | TrackSet) -> StepResult[ViewDetections]:
+        """The people in one image; takes depth maps before images of their stamps, and what tracking knows.
 
         Raises:
             DataError: if the depth map of an image has another shape; the next image goes without it.
@@ -73,17 +93,27 @@ class DetectionStage(Stateful):
         if isinstance(item, DepthFrame):
             self._depths.setdefault(item.camera, deque(maxlen=DEPTHS)).append(item)
             return StepResult()
+        if isinstance(item, TrackSet):
+            if self._watch is not None:
+                self._watch.take(item)
+            return StepResult()
         limit = self._limit(item)
-        image_side = max(item.image_size)
-        if self.network.any_size:
-            chooser = self._chooser(item)
-            sides = chooser.plan()
-            findings = [self.network.find(item.image, side) for side in sides]
-            answers = [self._answer(finding, side) for finding, side in zip(findings, sides)]
-            finding = findings[chooser.learn(answers, image_side)]
+        if self._watch is None:
+            finding, carried = self._whole(item), None
         else:
-            finding = self.network.find(item.image, 0)
-        return StepResult((self._record(item, finding, limit),), self._size_notice(item.camera, finding))
+            finding, carried = self._watch.find(item)
+        record = self._record(item, finding, limit, carried)
+        return StepResult((record,), self._size_notice(item.camera, finding))
+
+    def _whole(self, item: ViewFrame) -> Finding:
+        """The people in all of an image, at the size that suits its camera."""
+        if not self.network.any_size:
+            return self.network.find(item.image, 0)
+        chooser = self._chooser(item)
+        sides = chooser.plan()
+        findings = [self.network.find(item.image, side) for side in sides]
+        answers = [self._answer(finding, side) for finding, side in zip(findings, sides)]
+        return findings[chooser.learn(answers, max(item.image_size))]
 
     def flush(self) -> StepResult[ViewDetections]:
         """Nothing is buffered."""
@@ -96,6 +126,8 @@ class DetectionStage(Stateful):
         self._outside.clear()
         self._noticed.clear()
         self._depths.clear()
+        if self._watch is not None:
+            self._watch.reset()
 
     def _chooser(self, item: ViewFrame) -> SideChooser:
         if item.camera not in self._sides:
@@ -121,7 +153,7 @@ class DetectionStage(Stateful):
         return sizes
 
     def _record(
-        self, item: ViewFrame, finding: Finding, limit: VisibilityLimit | None
+        self, item: ViewFrame, finding: Finding, limit: VisibilityLimit | None, carried: Array | None
     ) -> ViewDetections:
         people = finding.people
         scores = np.where(people.scores >= self.config.joint_threshold, people.scores, 0.0)
@@ -137,6 +169,7 @@ class DetectionStage(Stateful):
             person_scores=people.person_scores,
             maps=finding.patches.score_maps(self.joint_map) if finding.patches else None,
             limit=limit,
+            carried=carried,
         )
 
     def _limit(self, item: ViewFrame) -> VisibilityLimit | None:
@@ -159,7 +192,7 @@ class DetectionStage(Stateful):
     def _size_notice(self, camera: str, finding: Finding) -> tuple[Notice, ...]:
         """A notice when people stay too small or too large for the network, once each time."""
         sure = finding.people.person_scores >= SURE
-        if not sure.any():
+        if not finding.scale or not sure.any():
             return ()
         heights = self._heights(finding)[sure] * finding.scale
         smallest, largest = self.network.person_px

@@ -137,6 +137,9 @@ class ViewDetections:
         person_scores: (P,) in 0..1.
         maps: score maps, or None if the detector has none.
         limit: how far the view sees, or None if only its image limits that.
+        carried: (P,) s over which each person was carried here from an image in which the detector saw
+            him, by motion between the images; 0 = seen here. None = all are. Carried people say where
+            somebody is who is known, never that somebody is there.
     """
 
     camera: str
@@ -149,6 +152,7 @@ class ViewDetections:
     person_scores: Array
     maps: ScoreMaps | None = None
     limit: VisibilityLimit | None = None
+    carried: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.camera:
@@ -164,6 +168,10 @@ class ViewDetections:
         check_scores(self, "scores", scores)
         check_scores(self, "person_scores", shapes.store("person_scores", np.float64, "P"))
         check_missing(self, "points", points, scores)
+        if self.carried is not None:
+            ages = shapes.store("carried", np.float64, "P")
+            if not (ages >= 0.0).all() or not np.isfinite(ages).all():
+                raise DataError(f"ViewDetections.carried of camera {self.camera} has times below 0, or none")
         limit = float(FARTHEST * max(width, height))
         check_magnitude(f"ViewDetections.points of camera {self.camera}", points, limit, "px")
         if self.maps is not None and self.maps.persons.size:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 from panoptic_ros.errors import ConfigError
@@ -92,6 +93,31 @@ def switched_on(
     return tuple(
         spec.name for spec in table.values()
         if spec.name in names and (not spec.switch or getattr(configs[spec.name], spec.switch))
+    )  # fmt: skip
+
+
+def ports_in_use(configs: Mapping[str, Config], table: Mapping[str, NodeSpec] = NODES) -> tuple[str, ...]:
+    """The ports that a parameter switches on, as "stage.topic"."""
+    return tuple(
+        f"{spec.name}.{port.topic}" for spec in table.values() if spec.name in configs
+        for port in spec.inputs if port.switch and getattr(configs[spec.name], port.switch)
+    )  # fmt: skip
+
+
+def rows_in_use(used: Collection[str], table: Mapping[str, NodeSpec] = NODES) -> dict[str, NodeSpec]:
+    """The rows without ports that are not used. What comes back to all cameras merges their inputs.
+
+    Args:
+        used: see `ports_in_use`.
+    """
+    return {spec.name: _row_in_use(spec, used) for spec in table.values()}
+
+
+def _row_in_use(spec: NodeSpec, used: Collection[str]) -> NodeSpec:
+    ports = tuple(port for port in spec.inputs if not port.switch or f"{spec.name}.{port.topic}" in used)
+    guided = any(port.switch and port.feedback for port in ports)
+    return spec if ports == spec.inputs and not guided else replace(
+        spec, inputs=ports, apart=spec.apart and not guided
     )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ class Port:
         patience_ns: live, a record of another port waits so long for it, in stamps.
         tells_end: the stage takes an `EndOfStream` when a camera or device gives no more.
         first: it takes a record before other stages do, and before what follows from it.
+        switch: name of what in the stage's configuration says whether the port is used; "" = it always is.
     """
 
     topic: str
@@ -32,6 +33,7 @@ class Port:
     patience_ns: int = 0
     tells_end: bool = False
     first: bool = False
+    switch: str = ""
 
     @property
     def latched(self) -> bool:
@@ -99,7 +101,11 @@ NODES: dict[str, NodeSpec] = {
     for spec in (
         stage_row("timecode", (Port("audio"),), ("timecode",), apart=True, queue="all"),
         stage_row("clocks", (Port("timecode"),), ("clock_models",), queue="all"),
-        stage_row("detection", (DEPTH, Port("image")), ("detections",), apart=True, queue="instant"),
+        stage_row(
+            "detection",
+            (Port("tracks", optional=True, feedback=True, switch="guided"), DEPTH, Port("image")),
+            ("detections",), apart=True, queue="instant",
+        ),
         stage_row(
             "sync",
             (Port("clock_models", optional=True, feedback=True), Port("detections", tells_end=True)),

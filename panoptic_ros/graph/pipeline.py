@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from panoptic_ros.domain import EndOfStream, Rig
 from panoptic_ros.errors import DataError
-from panoptic_ros.graph.build import make_stage, switched_on
+from panoptic_ros.graph.build import make_stage, ports_in_use, rows_in_use, switched_on
 from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
 from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Turn
 from panoptic_ros.graph.topics import TOPICS, number_of
@@ -49,7 +49,8 @@ class Pipeline:
         on_step: called with (stage, nanoseconds) after every step, but for records of optional ports.
         clock: a monotonic clock in ns; the pipeline itself reads none.
         everywhere: all stages of the graph that this is a part of; None = these are all.
-        table: the rows.
+        table: the rows. used: ports that a parameter of any stage of the graph switches on (see
+            `graph.build.ports_in_use`); None = those of the configurations.
     """
 
     def __init__(
@@ -66,7 +67,9 @@ class Pipeline:
         clock: Callable[[], int] | None = None,
         everywhere: Collection[str] | None = None,
         table: Table = NODES,
+        used: Collection[str] | None = None,
     ):
+        table = rows_in_use(ports_in_use(configs, table) if used is None else used, table)
         names = switched_on(stages, configs, table)
         self.wiring = Wiring(names, names if everywhere is None else everywhere, table)
         self.schedule = Schedule(self.wiring)

@@ -46,15 +46,20 @@ class Turn(NamedTuple):
 
 @dataclass
 class _Open:
-    """The record that a head has at hand: its turn, and how many records were given for it."""
+    """The record that a head has at hand: its turn, and how many records were given for it.
+
+    Args:
+        last: place of the newest that was given, if its stamp tells it.
+    """
 
     turn: Turn
     given: int = 0
+    last: Place = ()
 
     @property
     def floor(self) -> Place:
         """All that follows from what was given has places before this one."""
-        return (*self.turn.time, self.given + 1)
+        return (*self.last, DONE) if self.last else (*self.turn.time, self.given + 1)
 
 
 class Schedule:
@@ -106,11 +111,18 @@ class Schedule:
 
     def place_of_next(self, turn: Turn, topic: str) -> Place:
         """The place of the next record that a stage gives at its turn."""
+        head = self._open[-1] if self._open else None
+        if head is not None and (head.turn.stage, head.turn.time) != (turn.stage, turn.time):
+            head = None
+        if head is not None:
+            head.given += 1
         if TOPICS[topic].by_stamp:
-            return (*turn.time[:-2], number_of(topic))
-        if self._open and self._open[-1].turn.stage == turn.stage and self._open[-1].turn.time == turn.time:
-            self._open[-1].given += 1
-            return (*turn.time, self._open[-1].given)
+            place = (*turn.time[:-2], number_of(topic))
+            if head is not None:
+                head.last = place
+            return place
+        if head is not None:
+            return (*turn.time, head.given)
         count = self._given[1] + 1 if self._given[0] == turn.time else 1
         self._given = turn.time, count
         return (*turn.time, count)

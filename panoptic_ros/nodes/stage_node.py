@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import DataError, PanopticError
-from panoptic_ros.graph.build import resolve
+from panoptic_ros.graph.build import ports_in_use, resolve, rows_in_use
 from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.entrance import check_record
@@ -53,8 +53,9 @@ class StageNode(Node):
 
     Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
     replay), `window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all stages
-    that run in the graph (empty: those that this node needs); `marked`: whether nodes tell each other
-    places (replay, see `graph.host`); `shifts`: "camera or topic=ns", see `graph.lanes.Lane` (replay);
+    that run in the graph (empty: those that this node needs), and the ports that parameters of them switch
+    on; `marked`: whether nodes tell each other places (replay, see `graph.host`);
+    `shifts`: "camera or topic=ns", see `graph.lanes.Lane` (replay);
     inputs as in `nodes.inputs.InputChoice`.
 
     Args:
@@ -89,8 +90,9 @@ class StageNode(Node):
             )
             for stage, prefix in self.prefixes.items()
         }
+        self._ports_used = {*self._graph, *ports_in_use(self._configs)}
         self._tally = Tally(self.get_logger(), names)
-        self._choice = InputChoice(self, Wiring(names).inputs)
+        self._choice = InputChoice(self, Wiring(names, table=rows_in_use(self._ports_used)).inputs)
         self._pipeline: Pipeline | None = None
         self._host: Host | None = None
         self._companions = Companions((), ())
@@ -167,6 +169,7 @@ class StageNode(Node):
             self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
             on_record=self._gave, on_notice=self._tally.tell, on_refused=self._tally.refuse,
             on_end=self._owner_over, on_step=self._tally.stepped, clock=time.monotonic_ns, everywhere=around,
+            used=self._ports_used,
         )  # fmt: skip
         self._take_over(states)
         replay = self._flow.name == "replay"

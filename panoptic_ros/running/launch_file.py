@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.graph.build import switched_on
+from panoptic_ros.graph.build import ports_in_use, rows_in_use, switched_on
 from panoptic_ros.graph.flow import live_defaults
 from panoptic_ros.graph.nodes import SLOW, SOUND
 from panoptic_ros.graph.topics import TOPICS, given_inputs, ros_name
@@ -29,6 +29,7 @@ def write_launch_file(
 
     Args:
         one_per_stage: a node and a process for each stage, in place of one for all after detection.
+            In replay, where tracking tells detection where to look, one process runs all stages.
     """
     rig = folder / "rig.json"
     write_rig(rig, plan.rig)
@@ -53,22 +54,26 @@ def write_launch_file(
         few = len(plan.sounds) <= SOUND_PROCESSES
         name = f"sound-{ros_name(device)}" if few else f"sounds-{i % SOUND_PROCESSES}"
         processes.setdefault(name, []).append(node)
-    if plan.stage == "detection":
+    guided = plan_of_nodes.guided and not plan.live  # then what comes back must come at its place
+    if plan.stage == "detection" and not guided:
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
             inputs = _inputs_of_detection(plan, cameras, bool(jpeg_quality))
             processes[f"detection-{k}"] = [
                 plan_of_nodes.node(("detection",), f"detection_{k}", cameras=cameras, **inputs)
             ]
     apart = [name for name in plan_of_nodes.stages if plan.live and name in SLOW]
-    together = [name for name in plan_of_nodes.stages if name not in ("detection", *apart)]
-    hosts = _divided(together) if one_per_stage else [tuple(together)]
+    alone = apart if guided else ["detection", *apart]
+    together = [name for name in plan_of_nodes.stages if name not in alone]
+    divided = one_per_stage and not guided
+    hosts = _divided(together) if divided else [tuple(together)]
+    inputs = _inputs_of_detection(plan, list(plan.rig.names), bool(jpeg_quality)) if guided else {}
     for host in (*hosts, *((name,) for name in apart)):
-        name = host[0] if len(host) == 1 else "sync" if one_per_stage else "fusion"
-        processes.setdefault("fusion" if host in hosts and not one_per_stage else name, []).append(
-            plan_of_nodes.node(host, name)
+        name = host[0] if len(host) == 1 else "sync" if divided else "fusion"
+        processes.setdefault("fusion" if host in hosts and not divided else name, []).append(
+            plan_of_nodes.node(host, name, **(inputs if "detection" in host else {}))
         )
     markers = {"kind": "markers", "parameters": {"flow": flow}}
-    processes.setdefault("markers" if one_per_stage else "fusion", []).append(markers)
+    processes.setdefault("markers" if divided else "fusion", []).append(markers)
     path = folder / "launch.json"
     write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
     return path
@@ -88,6 +93,8 @@ class _Nodes:
     def __init__(self, plan: Plan, flow: str, window: int):
         self._plan, self._flow = plan, flow
         self.stages = switched_on(plan.stages, plan.configs)
+        self._used = ports_in_use({name: plan.configs[name] for name in self.stages})
+        self.guided = any(port.startswith("detection.") for port in self._used)
         self.common = {"flow": flow, "window": window}
 
     def source(self, owner: str) -> dict[str, Any]:
@@ -97,7 +104,9 @@ class _Nodes:
 
     def node(self, stages: tuple[str, ...], name: str, **more: Any) -> dict[str, Any]:
         """The node of connected stages."""
-        parameters = {**self.common, "graph": list(self.stages), "marked": self._is_marked(stages), **more}
+        parameters = {
+            **self.common, "graph": [*self.stages, *self._used], "marked": self._is_marked(stages), **more,
+        }  # fmt: skip
         if set(SOUND) & set(stages):
             parameters |= {"devices": list(self._plan.devices)}
         if self._plan.shifts:
@@ -115,8 +124,9 @@ class _Nodes:
 
     def _is_marked(self, stages: tuple[str, ...]) -> bool:
         """Whether something comes back over the borders of processes, in replay."""
-        everything = Wiring(self.stages)
-        inside = Wiring(stages, self.stages)
+        table = rows_in_use(self._used)
+        everything = Wiring(self.stages, table=table)
+        inside = Wiring(stages, self.stages, table)
         return self._flow == "replay" and bool(everything.heads) and set(inside.given_around) != inside.given
 
 

@@ -153,5 +153,5 @@ def _without_maps(view: ViewDetections) -> ViewDetections:
         return view
     return ViewDetections(
         view.camera, view.stamp_ns, view.frame_number, view.image_size, view.skeleton_hash,
-        view.points, view.scores, view.person_scores,
+        view.points, view.scores, view.person_scores, carried=view.carried,
     )  # fmt: skip

@@ -96,6 +96,17 @@ def gather(
     )  # fmt: skip
 
 
+def carried_ages(detections: DetectionSet, evidence: Evidence) -> Array:
+    """For how long (D,) s each 2D person was carried by motion; 0 = seen in its image."""
+    ages = np.zeros(len(evidence.rows))
+    for v, slot in enumerate(evidence.slots.tolist()):
+        carried = detections.views[slot].carried
+        if carried is not None:
+            own = slice(evidence.starts[v], evidence.starts[v + 1])
+            ages[own] = carried[evidence.rows[own]]
+    return ages
+
+
 def _check(
     detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str
 ) -> None:

@@ -14,6 +14,7 @@ from blobs import JOINT_MAP, SKELETON, Blobs
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.domain import (
     AudioBlock,
+    Camera,
     ClockModel,
     DepthFrame,
     EndOfStream,
@@ -22,8 +23,10 @@ from panoptic_ros.domain import (
     Timecode,
     TimecodeReading,
     TrackedPoseSet,
+    TrackSet,
     VisibilityLimit,
 )
+from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
@@ -222,6 +225,55 @@ def frames(often="left", rarely="right", count=21):
     return found
 
 
+FOCAL, DEPTH = 300.0, 2.0  # px, m: of the cameras that watch, and of those whom they watch
+
+
+def watching_rig(size=(256, 192), names=("left", "right", "third")):
+    """Cameras in one place, so that a pixel is the same place for all of them."""
+    matrix = np.array([[FOCAL, 0.0, 127.5], [0.0, FOCAL, 95.5], [0.0, 0.0, 1.0]])
+    return Rig(tuple(Camera(name, size, Intrinsics(matrix, [0.0] * 5), Rigid(np.eye(3), np.zeros(3)))
+        for name in names))
+
+
+def known_people(places, stamp_ns, index=0, unseen=0.0):
+    """What tracking says of people with blobs at places (P, 3, 2) px; the fourth joint is their mean."""
+    pixels = np.concatenate([places, places.mean(axis=1, keepdims=True)], axis=1)
+    people, joints = pixels.shape[:2]
+    states = np.zeros((people, joints, 6))
+    states[..., :2] = (pixels - (127.5, 95.5)) * DEPTH / FOCAL
+    states[..., 2] = DEPTH
+    rest = np.zeros((people, joints))
+    return TrackSet(
+        index, stamp_ns, SKELETON.hash, np.arange(people), states, np.full((people, joints, 3), 1e-5), rest,
+        rest, np.full(people, unseen),
+    )  # fmt: skip
+
+
+def watched(cameras=("left", "right"), count=22, start=0):
+    """Two people who walk, and what tracking says of them; somebody comes in; a cut; nobody."""
+    places = 4.0 * CELLS + 1.5
+    found: list[Any] = []
+    for k in range(start, start + count):
+        here = places + (0.9 * k - 8.0, 0.0)
+        shown = np.concatenate([here, here[:1] + (150.0, 90.0)]) if k % 11 in (6, 7, 8, 9) else here
+        stamp = SECOND + k * 40_000_000
+        for c, camera in enumerate(cameras):
+            picture = Blobs.picture((192, 256), shown if k % 17 != 16 else [], 4.0)
+            picture = picture if k % 11 != 10 else 255 - picture  # another scene
+            found.append(replace(Blobs.frame(picture, k, camera), stamp_ns=stamp + c * 1_000_000))
+        if k > start + 1:
+            found.append(known_people(here, stamp, k))
+    return found
+
+
+def watcher():
+    extras = {
+        "detector": DetectorModel(Blobs.heads_card(), Blobs.heads_network([-10, -2, 0, 0, 10, 2])),
+        "joint_map": JOINT_MAP,
+    }  # fmt: skip
+    return StageContext(watching_rig(), SKELETON, extras)
+
+
 def detector():
     network = Blobs.heads_network([-10, -2, 0, 0, 10, 2])
     extras = {"detector": DetectorModel(Blobs.heads_card(), network), "joint_map": JOINT_MAP}
@@ -249,6 +301,10 @@ def cases():
             named_readings(5000, ("B", "A")),
         ),
         "detection": Case("detection", sizes, frames(), frames("right", "third", 12)[::-1], detector()),
+        "detection-looks": Case(
+            "detection", {**sizes, "looks_per_s": 9.0, "region_height": 64}, watched(),
+            watched(("third", "left"), 9, 50), watcher(),
+        ),
         "offsets": Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
             f"sync-{kind}": Case("sync", values, disturbed(), views(9, start=300)[::-1])
@@ -262,7 +318,7 @@ def cases():
 
 
 NAMES = (
-    "timecode", "clocks", "clocks-named", "detection", "offsets",
+    "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
     *FUSION, "refinement-lag",
 )  # fmt: skip

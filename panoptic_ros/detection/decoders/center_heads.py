@@ -19,19 +19,22 @@ COUNTED = 0.127  # joints above this make up a person's score
 
 
 def decode_center_heads(
-    heads: Mapping[str, Array], stride: int, max_people: int, threshold: float
-) -> People:
+    heads: Mapping[str, Array], stride: int, max_people: int, threshold: float,
+    variance: float | None = None,
+) -> People:  # fmt: skip
     """The people of one image, in net px told from the image's corner.
 
     Args:
         heads: `center` (1, h, w) and `heat` (K, h, w) in 0..1; `regress` and `offset` (2 K, h, w),
             `box_scale` and `box_offset` (2, h, w) in cells, y before x.
         threshold: people below this score are left out.
+        variance: squared width of the search for a joint, cells^2; None: by the size of the map, which is
+            that of the image.
     """
     center, heat = heads["center"][0], heads["heat"]
     joint_count, rows, columns = heat.shape
     offset = heads["offset"].reshape(joint_count, 2, rows, columns)
-    variance = SPREAD * min(rows, columns)
+    variance = SPREAD * min(rows, columns) if variance is None else variance
     joints, scores, person_scores, boxes = [], [], [], []
     for y, x in _peaks(center, max_people, threshold):
         guess = heads["regress"][:, y, x].reshape(joint_count, 2) + (y, x)

@@ -10,6 +10,7 @@ from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of
 
 _NO_CELLS = np.zeros(0, np.uint16)
+_NO_TIMES = np.zeros(0)
 
 
 def _write_maps(maps: ScoreMaps | None, family: Messages) -> Any:
@@ -60,6 +61,7 @@ def write_view(view: ViewDetections, family: Messages, frame_id: str) -> Any:
         limit_rows=0 if view.limit is None else view.limit.cells.shape[0],
         limit_columns=0 if view.limit is None else view.limit.cells.shape[1],
         limits=flat(family, _NO_CELLS if view.limit is None else view.limit.cells, np.uint16),
+        carried=flat(family, _NO_TIMES if view.carried is None else view.carried, np.float64),
     )
 
 
@@ -77,6 +79,7 @@ def read_view(message: Any) -> ViewDetections:
         np.asarray(message.person_scores),
         _read_maps(message.maps) if message.has_maps else None,
         _read_limit(message),
+        np.asarray(message.carried) if len(message.carried) else None,
     )
 
 

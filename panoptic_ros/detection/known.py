@@ -1,0 +1,156 @@
+"""Whom tracking follows, and where a camera should see them."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from panoptic_ros.detection.regions import Region, person_boxes, regions_of
+from panoptic_ros.domain import Camera, TrackSet
+
+Array = np.ndarray
+MEMORY = 2.0  # s, how long people who are not seen are looked for
+FARTHEST = 0.5  # s, over which motion is predicted
+STRAY = 0.7  # m/s, at which those who are not seen may have gone anywhere
+NEAREST = 0.1  # m, depth before a camera
+DOORS = 8  # places where people appeared that are remembered
+SAME_DOOR = 1.0  # m
+EXPLAINED = 0.2  # of a person's height: the median distance of one person's joints, seen and predicted
+COMMON = 3  # joints that must be known of both
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """Where a camera should see P people.
+
+    Args:
+        pixels: (P, J, 2). there: (P, J) which of them are known and before the camera.
+        doubts: (P,) px, standard deviation.
+    """
+
+    pixels: Array
+    there: Array
+    doubts: Array
+    image_size: tuple[int, int]
+
+    @classmethod
+    def of_nobody(cls, image_size: tuple[int, int]) -> Expected:
+        """Nobody is expected."""
+        return cls(np.zeros((0, 1, 2)), np.zeros((0, 1), bool), np.zeros(0), image_size)
+
+    @cached_property
+    def _boxes(self) -> tuple[Array, Array]:
+        return person_boxes(self.pixels, self.there, self.doubts, self.image_size)
+
+    @property
+    def heights(self) -> Array:
+        """Of those (N,) px who are in the image."""
+        return self._boxes[1]
+
+    def regions(self, tallest: float, multiple: int) -> list[Region]:
+        """Where to look for those who are in the image; see `regions_of`."""
+        return regions_of(*self._boxes, self.image_size, tallest, multiple)
+
+    def strangers(self, points: Array, scores: Array) -> Array:
+        """Which of the 2D people (N,) nobody explains who is expected.
+
+        Args:
+            points: (N, J, 2) px, scores: (N, J), 0 = missing; joints of the skeleton of the tracks.
+        """
+        if not len(points) or not len(self.pixels):
+            return np.ones(len(points), bool)
+        seen = scores > 0.0
+        both = seen[:, None] & self.there[None]
+        with np.errstate(invalid="ignore"):
+            apart = np.linalg.norm(points[:, None] - self.pixels[None], axis=-1)
+        apart = np.where(both, apart, np.nan).reshape(-1, both.shape[-1])
+        middle = _median(apart).reshape(both.shape[:2])
+        extent = np.maximum(_extents(points, seen)[:, None], _extents(self.pixels, self.there)[None])
+        strange: Array = ~((both.sum(axis=-1) >= COMMON) & (middle <= EXPLAINED * extent)).any(axis=1)
+        return strange
+
+
+@dataclass
+class KnownPeople:
+    """Everybody who is followed, and the places where people appeared.
+
+    Args:
+        tracks: the newest; None: none have come.
+        places: (J, 3) m, where each identity was seen last. doors: (3,) m, the newest last.
+    """
+
+    tracks: TrackSet | None = None
+    places: dict[int, Array] = field(default_factory=dict)
+    doors: list[Array] = field(default_factory=list)
+
+    def take(self, tracks: TrackSet) -> None:
+        """What tracking says of an instant."""
+        first = self.tracks is None
+        self.tracks = tracks
+        kept: dict[int, Array] = {}
+        for k, number in enumerate(tracks.ids.tolist()):
+            if number < 0:
+                continue
+            known = np.isfinite(tracks.states[k, :, 0])
+            before = self.places.get(number)
+            if before is None and known.any() and not first:
+                self._add_door(tracks.states[k, known, :3].mean(axis=0))
+            place = np.full((len(known), 3), np.nan) if before is None else before.copy()
+            place[known] = tracks.states[k, known, :3]
+            kept[number] = place
+        self.places = kept
+
+    def _add_door(self, place: Array) -> None:
+        others = [door for door in self.doors if np.linalg.norm(door - place) > SAME_DOOR]
+        self.doors = [*others, place][-DOORS:]
+
+    @property
+    def nobody(self) -> bool:
+        """Whether nobody is followed."""
+        return self.tracks is None or not len(self.tracks.ids)
+
+    def seen_by(self, camera: Camera, stamp_ns: int) -> Expected:
+        """Whom a camera should see.
+
+        Args:
+            stamp_ns: of an image. One that is far from that of the tracks is on another clock, or after a
+                gap: nobody is moved then.
+        """
+        tracks = self.tracks
+        if tracks is None or not len(tracks.ids):
+            return Expected.of_nobody(camera.image_size)
+        dt = 1e-9 * (stamp_ns - tracks.stamp_ns)
+        dt = dt if 0.0 <= dt <= FARTHEST else 0.0
+        wanted = tracks.unseen + dt <= MEMORY
+        moving = (tracks.ages <= 0.0)[..., None]
+        places = tracks.states[..., :3] + np.where(moving, dt * tracks.states[..., 3:], 0.0)
+        for k, number in enumerate(tracks.ids.tolist()):
+            last = self.places.get(number)
+            if last is not None:  # joints that are forgotten are looked for where they were
+                places[k] = np.where(np.isfinite(places[k]), places[k], last)
+        places = places[wanted]
+        known = np.isfinite(tracks.states[wanted, :, 0])
+        spread = np.sqrt(_median(np.where(known, tracks.variances[wanted, :, 0], np.nan)))
+        spread += STRAY * np.where(tracks.unseen[wanted] > 0.0, tracks.unseen[wanted] + dt, 0.0)
+        pixels, there = camera.project(places)
+        depth = _median(np.where(there, camera.cam_from_world.apply(places)[..., 2], np.nan))
+        focal = float(camera.intrinsics.matrix[0, 0])
+        return Expected(pixels, there, spread * focal / np.maximum(depth, NEAREST), camera.image_size)
+
+
+def _extents(points: Array, there: Array) -> Array:
+    """Longer sides (P,) of the boxes round points (P, J, 2)."""
+    low = np.where(there[..., None], points, np.inf).min(axis=1)
+    high = np.where(there[..., None], points, -np.inf).max(axis=1)
+    extents: Array = np.maximum((high - low).max(axis=1), 0.0)
+    return extents
+
+
+def _median(values: Array) -> Array:
+    """Median (P,) of what is not NaN in each row (P, J); 0 where all is."""
+    found = np.isfinite(values)
+    ordered = np.sort(np.where(found, values, np.inf), axis=1)
+    middle = np.maximum(found.sum(axis=1) - 1, 0) // 2
+    medians: Array = np.where(found.any(axis=1), ordered[np.arange(len(values)), middle], 0.0)
+    return medians

@@ -1,0 +1,144 @@
+"""When a camera looks, and whether at all of its image.
+
+Looks are spread over the rig by stamps: camera i of N looks when its stamps pass (m - i / N) / looks_per_s, m
+being whole numbers. So the cameras of one trigger look in turn. Small whole images go round the rig for
+newcomers; somebody whom nobody explains makes all cameras look at whole images.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+Array = np.ndarray
+SECOND = 10**9
+LONGEST_GAP_NS = 150_000_000  # between two images, over which nobody is carried
+SCANS_PER_S = 12  # small whole images, of all cameras together
+WHOLE_IMAGES = 2  # of every camera after an alarm
+FIRST_WAIT_NS = SECOND // 2  # until the same stranger raises another alarm; doubles each time
+LONGEST_WAIT_NS = 32 * SECOND
+SAME_PLACE = 0.3  # intersection over union of the boxes of a stranger who has not moved
+
+
+class Look(Enum):
+    """What is done with an image."""
+
+    WHOLE = "whole"
+    REGIONS = "regions"
+    CARRY = "carry"
+
+
+@dataclass
+class CameraLooks:
+    """What is known of one camera's looks.
+
+    Args:
+        last_ns: stamp of its newest image. answered_ns: of the alarm that it answers; left: whole images
+            that it still looks at for it. whole_ns: stamp of the newest of these.
+    """
+
+    last_ns: int
+    answered_ns: int = -1
+    left: int = 0
+    whole_ns: int = -1
+
+
+@dataclass
+class Ignored:
+    """A stranger who raised an alarm: box (4,) px of a camera, until when nobody minds, and for how long."""
+
+    camera: str
+    box: Array
+    until_ns: int
+    wait_ns: int
+
+
+@dataclass
+class Lookout:
+    """Decides for every image of every camera, by stamps alone.
+
+    Args:
+        names: of the cameras, in the order of the rig.
+        looks_per_s: of each camera; 0 = at every image.
+        guided: whether regions are looked at, where anybody is known.
+    """
+
+    names: tuple[str, ...]
+    looks_per_s: float
+    guided: bool
+    cameras: dict[str, CameraLooks] = field(default_factory=dict)
+    alarm_ns: int = -1
+    ignored: list[Ignored] = field(default_factory=list)
+
+    def reset(self) -> None:
+        """Forget all cameras and strangers."""
+        self.cameras.clear()
+        self.alarm_ns, self.ignored = -1, []
+
+    def look(self, camera: str, stamp_ns: int, nobody: bool) -> tuple[Look, bool]:
+        """What to do with an image, and whether to scan it for newcomers besides; call it once for each.
+
+        Args:
+            nobody: whether nobody is known.
+        """
+        known = self.cameras.get(camera)
+        step = stamp_ns - known.last_ns if known is not None else -1
+        if known is None or not 0 < step <= LONGEST_GAP_NS:
+            self.cameras[camera] = known = CameraLooks(stamp_ns, self.alarm_ns)
+            return (Look.REGIONS if self.guided and not nobody else Look.WHOLE), False
+        before, known.last_ns = known.last_ns, stamp_ns
+        if self.alarm_ns > known.answered_ns and stamp_ns > self.alarm_ns:
+            known.answered_ns, known.left = self.alarm_ns, WHOLE_IMAGES
+        if known.left:
+            known.left, known.whole_ns = known.left - 1, stamp_ns
+            return Look.WHOLE, False
+        place = self.names.index(camera)
+        due = not self.looks_per_s or self._phase(place, stamp_ns) != self._phase(place, before)
+        if self.guided and not nobody:
+            return (Look.REGIONS if due else Look.CARRY), self._scans(place, before, stamp_ns)
+        return (Look.WHOLE if due else Look.CARRY), False
+
+    def raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
+        """All cameras shall look at whole images, for strangers with boxes (N, 4) px in one of them.
+
+        Returns:
+            whether anybody is heard: the same stranger at the same place is not, for longer each time; nor is
+            somebody in an image that answers an alarm.
+        """
+        self.ignored = [entry for entry in self.ignored if entry.until_ns + entry.wait_ns > stamp_ns]
+        heard = False
+        for box in boxes:
+            before = next((entry for entry in self.ignored if entry.camera == camera and
+                           _overlap(entry.box, box) > SAME_PLACE), None)  # fmt: skip
+            if before is None:
+                self.ignored.append(Ignored(camera, np.array(box), stamp_ns + FIRST_WAIT_NS, FIRST_WAIT_NS))
+                heard = True
+            elif before.until_ns <= stamp_ns:
+                before.wait_ns = min(2 * before.wait_ns, LONGEST_WAIT_NS)
+                before.until_ns, before.box = stamp_ns + before.wait_ns, np.array(box)
+                heard = True
+        known = self.cameras.get(camera)
+        heard = heard and not (known is not None and known.whole_ns == stamp_ns)
+        if heard:
+            self.alarm_ns = max(self.alarm_ns, stamp_ns)
+        return heard
+
+    def _phase(self, place: int, stamp_ns: int) -> int:
+        """How many looks a camera has had since stamp 0; whole numbers, so that nothing is rounded."""
+        rate, count = round(1000 * self.looks_per_s), len(self.names)
+        return (stamp_ns * rate * count + place * 1000 * SECOND) // (1000 * SECOND * count)
+
+    def _scans(self, place: int, before_ns: int, stamp_ns: int) -> bool:
+        """Whether this camera's turn to scan came between two of its images."""
+        first, last = (stamp * SCANS_PER_S // SECOND for stamp in (before_ns, stamp_ns))
+        count = len(self.names)
+        return (last - place) // count > (first - place) // count
+
+
+def _overlap(one: Array, other: Array) -> float:
+    """Intersection over union of two boxes."""
+    low, high = np.maximum(one[:2], other[:2]), np.minimum(one[2:], other[2:])
+    shared = float(np.prod(np.maximum(high - low, 0.0)))
+    total = float(np.prod(one[2:] - one[:2]) + np.prod(other[2:] - other[:2])) - shared
+    return shared / max(total, 1e-9)

@@ -1,0 +1,81 @@
+"""The score maps of several regions of an image as patches on one grid."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.people import People
+from panoptic_ros.detection.preprocess import composed, inverted
+from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patches, quantised
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class RegionMaps:
+    """Maps (K, h, w) of a region, the (2, 3) map to their cells from px of the image, and the region's end.
+
+    Cells beyond the end (right, bottom) show padding.
+    """
+
+    maps: Array
+    grid_from_image: Array
+    end: tuple[int, int]
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Columns and rows that show the image."""
+        grid = self.grid_from_image
+        border = grid[:, :2] @ (self.end[0] - 0.5, self.end[1] - 0.5) + grid[:, 2]
+        columns, rows = np.minimum(np.ceil(border + 0.5).astype(int), self.maps.shape[:0:-1])
+        return int(columns), int(rows)
+
+
+def merged_maps(parts: Sequence[RegionMaps], people: People, config: DetectionConfig) -> PatchSet:
+    """Patches of one or more regions; people in px of the image.
+
+    One region keeps its grid. Of several, the finest grid goes on over all of them, and the others are
+    resampled; where they overlap the larger value counts.
+    """
+    finest = max(parts, key=lambda part: float(part.grid_from_image[0, 0]))
+    if len(parts) == 1:
+        columns, rows = finest.cells
+        levels, grid = quantised(finest.maps[:, :rows, :columns], config.map_cut), finest.grid_from_image
+    else:
+        levels, grid = _common(parts, finest.grid_from_image, config.map_cut)
+    on_grid = people.transformed(grid)
+    seen = people.scores >= config.joint_threshold
+    patches = merged_patches(levels, on_grid.points, seen, gate_radius(on_grid.heights()))
+    return PatchSet((levels.shape[2], levels.shape[1]), grid, patches)
+
+
+def _common(parts: Sequence[RegionMaps], grid: Array, cut: float) -> tuple[Array, Array]:
+    """Levels (K, h, w) uint8 on a grid that holds all parts, and its (2, 3) map from the image."""
+    windows = []
+    for part in parts:
+        ours = composed(grid, inverted(part.grid_from_image))
+        low = np.floor(ours[:, 2]).astype(int)
+        high = np.ceil(ours[:, :2] @ (np.array(part.cells) - 1.0) + ours[:, 2]).astype(int) + 1
+        windows.append((low, high))
+    first = np.min([low for low, _ in windows], axis=0)
+    width, height = np.max([high for _, high in windows], axis=0) - first
+    levels = np.zeros((len(parts[0].maps), height, width), np.uint8)
+    for part, (low, high) in zip(parts, windows):
+        (left, top), (columns, rows) = low - first, high - low
+        theirs = composed(part.grid_from_image, inverted(grid))
+        cells = composed(theirs, np.array([[1.0, 0.0, low[0]], [0.0, 1.0, low[1]]]))
+        window = levels[:, top : top + rows, left : left + columns]
+        used = part.cells
+        moved = np.empty(window.shape, np.float32)
+        for plane, target in zip(part.maps, moved):
+            cv2.warpAffine(
+                plane[: used[1], : used[0]], cells, (int(columns), int(rows)), dst=target,
+                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            )  # fmt: skip
+        np.maximum(window, quantised(moved, cut), out=window)
+    shift = np.array([[1.0, 0.0, -first[0]], [0.0, 1.0, -first[1]]])
+    return levels, composed(shift, grid)

@@ -1,0 +1,82 @@
+"""Where cameras should see whom tracking follows."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stage_cases import DEPTH, FOCAL, known_people, watching_rig
+
+from panoptic_ros.detection.known import KnownPeople
+
+CAMERA = watching_rig().cameras[0]
+PLACES = np.array([[[60.0, 40], [70, 90], [65, 150]], [[180.0, 50], [190, 95], [185, 140]]])
+SECOND = 10**9
+
+
+def known(*tracks):
+    people = KnownPeople()
+    for each in tracks:
+        people.take(each)
+    return people
+
+
+def test_people_are_expected_where_they_are():
+    seen = known(known_people(PLACES, SECOND)).seen_by(CAMERA, SECOND)
+    np.testing.assert_allclose(seen.pixels[:, :3], PLACES, atol=1e-9)
+    assert seen.there.all() and len(seen.heights) == 2
+    assert len(seen.regions(220.0, 32)) == 2
+
+
+def test_they_go_on_as_they_moved_but_not_over_a_gap_or_another_clock():
+    tracks = known_people(PLACES, SECOND)
+    states = tracks.states.copy()
+    states[..., 3] = 1.0  # m/s
+    people = known(replace(tracks, states=states))
+    shift = 0.1 * FOCAL / DEPTH
+    later = people.seen_by(CAMERA, SECOND + 10**8)
+    np.testing.assert_allclose(later.pixels[:, :3], PLACES + (shift, 0.0), atol=1e-9)
+    for stamp in (SECOND - 1, 50 * SECOND):
+        np.testing.assert_allclose(people.seen_by(CAMERA, stamp).pixels[:, :3], PLACES, atol=1e-9)
+
+
+def test_who_is_behind_the_camera_or_outside_is_in_no_region():
+    tracks = known_people(PLACES, SECOND)
+    states = tracks.states.copy()
+    states[0, :, 2] = -2.0
+    states[1, :, 0] += 9.0
+    assert known(replace(tracks, states=states)).seen_by(CAMERA, SECOND).regions(220.0, 32) == []
+
+
+def test_joints_that_are_forgotten_are_looked_for_where_they_were():
+    first = known_people(PLACES, SECOND)
+    states = first.states.copy()
+    states[0] = np.nan
+    unseen = np.array([0.3, 0.0])
+    people = known(first, replace(first, states=states, stamp_ns=SECOND + 10**8, unseen=unseen))
+    seen = people.seen_by(CAMERA, SECOND + 10**8)
+    np.testing.assert_allclose(seen.pixels[0, :3], PLACES[0], atol=1e-9)
+    assert seen.doubts[0] > 10.0 * seen.doubts[1]
+    late = replace(first, states=states, unseen=np.array([2.5, 0.0]))
+    assert len(known(first, late).seen_by(CAMERA, SECOND).pixels) == 1
+
+
+def test_places_where_people_appear_are_doors():
+    first = known_people(PLACES, SECOND)
+    people = known(known_people(PLACES[:1], SECOND))
+    assert people.doors == []  # they were there from the beginning
+    people.take(first)
+    people.take(first)
+    assert len(people.doors) == 1
+    np.testing.assert_allclose(people.doors[0], first.states[1, :, :3].mean(axis=0))
+
+
+@pytest.mark.parametrize(("shift", "strange"), [(0.0, False), (15.0, False), (60.0, True)])
+def test_a_stranger_is_nobody_who_is_expected(shift, strange):
+    seen = known(known_people(PLACES[:1], SECOND)).seen_by(CAMERA, SECOND)
+    points = np.concatenate([PLACES[:1], PLACES[:1].mean(axis=1, keepdims=True)], axis=1) + (shift, 0.0)
+    assert seen.strangers(points, np.ones((1, 4))).tolist() == [strange]
+
+
+def test_without_tracks_everybody_is_a_stranger():
+    people = KnownPeople()
+    seen = people.seen_by(CAMERA, SECOND)
+    assert people.nobody and seen.strangers(np.zeros((2, 4, 2)), np.ones((2, 4))).all()

@@ -1,0 +1,89 @@
+"""Looks go round the rig by stamps alone; strangers raise alarms, and posters soon do not."""
+import numpy as np
+import pytest
+
+from panoptic_ros.detection.looking import FIRST_WAIT_NS, WHOLE_IMAGES, Look, Lookout
+
+NAMES = tuple(f"cam{k}" for k in range(6))
+PERIOD = 40_000_000
+BOX = np.array([[100.0, 100.0, 150.0, 250.0]])
+
+
+def looks(lookout, frames, nobody=False, start=0, names=NAMES):
+    """What is done (frames, cameras), and which of them are scanned."""
+    found = [
+        [lookout.look(name, start + k * PERIOD, nobody) for name in names] for k in range(frames)
+    ]  # fmt: skip
+    return np.array([[what.value for what, _ in row] for row in found]), np.array(
+        [[scan for _, scan in row] for row in found]
+    )
+
+
+def test_every_image_is_looked_at_without_a_rate():
+    what, _ = looks(Lookout(NAMES, 0.0, True), 9)
+    assert (what == "regions").all()
+
+
+@pytest.mark.parametrize("period", [2, 3, 4])
+def test_cameras_look_in_turn_and_as_often_as_asked(period):
+    what, _ = looks(Lookout(NAMES, 25.0 / period, True), 60)
+    due = what[1:] == "regions"
+    assert set(what[1:].ravel()) == {"regions", "carry"}
+    assert abs(due.mean() - 1 / period) < 0.02
+    per_instant = due.sum(axis=1)
+    assert per_instant.max() - per_instant.min() <= 1 + (6 % period > 0)
+    gaps = [np.diff(np.flatnonzero(column)).max() for column in due.T]
+    assert max(gaps) <= period + 1
+
+
+def test_the_order_of_arrival_does_not_matter():
+    one, other = Lookout(NAMES, 8.0, True), Lookout(NAMES, 8.0, True)
+    straight, scans = looks(one, 30)
+    back, again = looks(other, 30, names=NAMES[::-1])
+    np.testing.assert_array_equal(straight, back[:, ::-1])
+    np.testing.assert_array_equal(scans, again[:, ::-1])
+
+
+def test_whole_images_are_looked_at_while_nobody_is_known_and_without_guidance():
+    for lookout, nobody in ((Lookout(NAMES, 8.0, True), True), (Lookout(NAMES, 8.0, False), False)):
+        what, scans = looks(lookout, 30, nobody)
+        assert set(what.ravel()) == {"whole", "carry"} and not scans.any()
+
+
+def test_a_pause_or_a_clock_that_goes_back_makes_a_camera_look():
+    lookout = Lookout(NAMES, 1.0, True)
+    looks(lookout, 3)
+    assert lookout.look("cam2", 20 * PERIOD, False)[0] is Look.REGIONS
+    assert lookout.look("cam2", 5 * PERIOD, False)[0] is Look.REGIONS
+    assert lookout.look("cam2", 6 * PERIOD, False)[0] is Look.CARRY
+
+
+def test_scans_come_to_every_camera_equally_often():
+    _, scans = looks(Lookout(NAMES, 8.0, True), 251)
+    assert scans.sum() == pytest.approx(120, abs=6) and np.ptp(scans.sum(axis=0)) <= 1
+
+
+def test_an_alarm_makes_all_cameras_look_at_whole_images_later_than_it():
+    lookout = Lookout(NAMES, 8.0, True)
+    looks(lookout, 3)
+    assert lookout.raise_alarm("cam1", BOX, 3 * PERIOD)
+    assert lookout.look("cam4", 3 * PERIOD, False)[0] is not Look.WHOLE  # of the same instant
+    what, _ = looks(lookout, WHOLE_IMAGES + 2, start=4 * PERIOD)
+    assert (what[:WHOLE_IMAGES] == "whole").all() and (what[WHOLE_IMAGES:] != "whole").all()
+
+
+def test_somebody_who_stays_unexplained_is_minded_more_and_more_seldom():
+    lookout, heard = Lookout(NAMES, 8.0, True), []
+    for k in range(400):
+        if lookout.raise_alarm("cam1", BOX + 0.1 * (k % 5), k * PERIOD):
+            heard.append(k * PERIOD)
+    waits = np.diff(heard)
+    assert waits[0] >= FIRST_WAIT_NS and (waits[1:] >= 1.9 * waits[:-1]).all() and 4 <= len(heard) <= 7
+
+
+def test_others_are_heard_while_a_poster_is_not():
+    lookout = Lookout(NAMES, 8.0, True)
+    assert lookout.raise_alarm("cam1", BOX, PERIOD)
+    assert not lookout.raise_alarm("cam1", BOX, 2 * PERIOD)
+    assert lookout.raise_alarm("cam1", BOX + 100.0, 2 * PERIOD)
+    assert lookout.raise_alarm("cam2", BOX, 2 * PERIOD)
