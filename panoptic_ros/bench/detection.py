@@ -11,6 +11,7 @@ from typing import Any
 
 from panoptic_ros.bench.stage1.rows import of_poses
 from panoptic_ros.capture import open_capture_folder
+from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.evaluation import SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.report import report_of
@@ -18,6 +19,7 @@ from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.compared_skeletons import spelt_alike
 from panoptic_ros.io.detector_context import detector_extras
+from panoptic_ros.params import config_of
 from panoptic_ros.stage import StageContext
 
 Settings = Mapping[str, Mapping[str, Any]]
@@ -74,7 +76,7 @@ def measured(
     configs = configure(values)
     with closing(open_capture_folder(footage.folder, cameras=footage.cameras)) as capture:
         rig = capture.rig
-    skeleton, extras = detector_extras(str(configs["detection"].model), SKELETON)  # type: ignore[attr-defined]
+    skeleton, extras = detector_extras(config_of(configs, DetectionConfig).model, SKELETON)
     taken: Counter[str] = Counter()
     poses: list[Any] = []
     carried = images = 0

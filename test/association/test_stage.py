@@ -105,3 +105,17 @@ def test_tracks_of_another_skeleton_are_refused(stage, wrong):
     with pytest.raises(DataError, match="tracks of skeleton"):
         stage.step(tracks(0, **wrong))
     assert len(stage.step(seen(1)).outputs) == 1
+
+
+def test_people_who_were_only_carried_are_nobody_new_but_go_on(stage):
+    def carried(item):
+        ages = [np.full(len(view.points), 0.04) for view in item.views]
+        views = (replace(view, carried=age) for view, age in zip(item.views, ages))
+        return replace(item, views=tuple(views))
+
+    (found,) = stage.step(carried(seen(0))).outputs
+    assert len(found.who) == 0
+    stage.step(seen(1))
+    stage.step(tracks(1))
+    (found,) = stage.step(carried(seen(2))).outputs
+    assert sorted(found.who.tolist()) == [0, 1]

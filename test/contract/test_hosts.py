@@ -13,8 +13,11 @@ from hypothesis import strategies as st
 from toy_graph import OWNERS, TABLE, Transport, View, Wide
 
 from panoptic_ros.graph import topics
+from panoptic_ros.graph.build import rows_in_use
 from panoptic_ros.graph.nodes import NODES, Port
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.schedule import Schedule
+from panoptic_ros.graph.topics import number_of
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.stage import StageContext
 
@@ -138,7 +141,31 @@ def test_every_topic_of_a_row_is_in_the_table_and_its_marks_fit():
 
 
 def test_only_offsets_comes_back_to_sync_and_tracking_to_association():
-    wiring = Wiring(NODES)
-    heads = [wiring.specs[number].name for number in sorted(wiring.heads)]
-    assert heads == ["sync", "association"]
-    assert Wiring([name for name in NODES if name not in ("offsets", "tracking")]).heads == frozenset()
+    table = rows_in_use(())
+    assert heads_of(Wiring(NODES, table=table)) == ["sync", "association"]
+    others = [name for name in NODES if name not in ("offsets", "tracking")]
+    assert Wiring(others, table=table).heads == frozenset()
+
+
+def test_tracking_comes_back_to_detection_where_it_looks_at_regions():
+    table = rows_in_use(("detection.tracks",))
+    assert heads_of(Wiring(NODES, table=table)) == ["detection", "sync", "association"]
+    assert rows_in_use(())["detection"].apart and not table["detection"].apart
+
+
+def test_what_comes_back_to_a_stage_is_taken_before_its_next_record_also_if_stamps_tell_places():
+    wiring = Wiring(("detection", "sync", "tracking"), NODES, rows_in_use(("detection.tracks",)))
+    schedule = Schedule(wiring)
+    for owner in (0, 1):
+        schedule.add("image", f"image {owner}", (100, owner, number_of("image")))
+    turn = schedule.next(None)
+    place = schedule.place_of_next(turn, "detections")
+    schedule.add("detections", "people", place, turn.stage)
+    following = schedule.next(None)
+    assert (turn.record, following.record) == ("image 0", "people")
+    schedule.add("tracks", "tracks", (*following.time, 1), 2)
+    assert [schedule.next(None).record for _ in range(2)] == ["tracks", "image 1"]
+
+
+def heads_of(wiring):
+    return [wiring.specs[number].name for number in sorted(wiring.heads)]
