@@ -33,6 +33,20 @@ class Restart:
 
 
 @dataclass(frozen=True)
+class Flooded:
+    """A flood of bad messages, in its words.
+
+    Args:
+        messages: bad ones that were sent. begun_ns, ended_ns: of the monotonic clock.
+    """
+
+    title: str
+    messages: int
+    begun_ns: int
+    ended_ns: int
+
+
+@dataclass(frozen=True)
 class Observation:
     """One run of the graph. Times are of one monotonic clock.
 
@@ -43,7 +57,7 @@ class Observation:
         started_ns: when the processes were started. measured_ns: since when latencies count.
         before, after: what the processes had used at the beginning and at the end of the measured part.
         stages: the last diagnostics of every stage.
-        restarts: of processes that were killed after the measured part.
+        restarts: of processes that were killed after the measured part. floods: after it, too.
     """
 
     sent: Sequence[tuple[int, int]]
@@ -55,6 +69,7 @@ class Observation:
     after: Usage
     stages: Mapping[str, Mapping[str, str]]
     restarts: Sequence[Restart] = ()
+    floods: Sequence[Flooded] = ()
 
 
 def figures_of(seen: Observation) -> dict[str, Any]:
@@ -69,6 +84,7 @@ def figures_of(seen: Observation) -> dict[str, Any]:
              "kept": len(each.before & each.after)}
             for each in seen.restarts
         ],
+        "floods": [_flood_figures(flood, seen, came) for flood in seen.floods],
         "sent": len(measured), "received": len(latencies), "lost": len(measured) - len(latencies),
         **{f"latency_{name}_ms": value for name, value in _percentiles(latencies).items()},
         "first_skeletons_s": 1e-9 * (min(when for _, when in seen.received) - seen.started_ns),
@@ -83,6 +99,23 @@ def figures_of(seen: Observation) -> dict[str, Any]:
             f"{stage}.{key.removeprefix('dropped.')}": int(count) for stage, values in seen.stages.items()
             for key, count in values.items() if key.startswith("dropped.")
         },
+    }  # fmt: skip
+
+
+def _flood_figures(flood: Flooded, seen: Observation, came: Mapping[int, int]) -> dict[str, Any]:
+    """What a flood cost: instants without skeletons, the longest time without any, stamps of no instant."""
+    meanwhile = [k for k, (_, sent) in enumerate(seen.sent) if flood.begun_ns <= sent <= flood.ended_ns]
+    moments = [flood.begun_ns, *sorted(when for _, when in seen.received), flood.ended_ns]
+    inside = [when for when in moments if flood.begun_ns <= when <= flood.ended_ns]
+    stamps = np.array([stamp for stamp, _ in seen.sent])
+    odd = [
+        stamp for stamp, when in seen.received if flood.begun_ns <= when <= flood.ended_ns
+        and int(np.abs(stamps - stamp).min()) > seen.period_ns // 2
+    ]  # fmt: skip
+    return {
+        "title": flood.title, "messages": flood.messages, "instants": len(meanwhile),
+        "lost": sum(k not in came for k in meanwhile),
+        "longest_gap_s": 1e-9 * float(np.diff(inside).max()), "odd_stamps": len(odd),
     }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 SECOND = 1_000_000_000
 MOST_BAD = 60  # messages a second: a camera may send nothing else, at its rate
 MOST_MESSAGES = 600  # a second
-MOST_BYTES = 48_000_000  # a second: 120 Hz with dense score maps
+MOST_BYTES = 24_000_000  # a second: 60 Hz with dense score maps
 PAUSE_NS = SECOND
 LONGEST_PAUSE_NS = 8 * SECOND
 

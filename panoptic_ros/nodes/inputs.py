@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.graph.arrivals import Arrivals
+from panoptic_ros.graph.continuity import Continuity
 from panoptic_ros.graph.floods import MOST_BYTES, MOST_MESSAGES, FloodGuard
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.nodes import Port
@@ -27,6 +28,7 @@ from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice
 
 ALL = "*"
+FLOODED = 128  # messages that wait in the middleware while bad ones are sorted out from among them
 
 
 class Takers(NamedTuple):
@@ -36,13 +38,13 @@ class Takers(NamedTuple):
         receive: (input, key of a queue, stamp, bytes of the message).
         refuse: told of messages without a stamp that could be one.
         tell: about publishers that do not fit, and topics that are left alone for a while.
-        lost: told how many messages did not arrive.
+        lost: told how many messages are gone, and why.
     """
 
     receive: Callable[[Input, str, int, bytes], None]
     refuse: Callable[[Input, DataError], None]
     tell: Callable[[Input, Notice], None]
-    lost: Callable[[Input, int], None]
+    lost: Callable[[Input, str, int], None]
 
 
 @dataclass
@@ -62,6 +64,7 @@ class Input:
     kind: Any
     decode: Decoder
     arrivals: Arrivals
+    continuity: Continuity | None = None
     count: int = 0
 
     def record(self, data: bytes) -> Any:
@@ -162,11 +165,14 @@ def _subscribe(
     row, live = TOPICS[carrier], flow.name == "live"
     images, sound = row.message.startswith("sensor_msgs"), row.scope == "device"
     quality = CLOCKS if row.latched else data_quality(flow, images=images, sound=sound)
+    if live and row.scope == "graph" and not row.latched:
+        quality.depth = FLOODED
+    is_guarded = live and row.scope != "graph"
     guard = FloodGuard(0 if sound else MOST_MESSAGES, MOST_BYTES if carrier == "detections" else 0)
 
     def take(data: bytes, sequence: int) -> None:
         now_ns, lost = time.monotonic_ns(), arrivals.lost
-        flood = guard.came(now_ns, len(data), arrivals.bad) if live and not row.latched else ""
+        flood = guard.came(now_ns, len(data), arrivals.bad) if is_guarded else ""
         try:
             stamp_ns, frame_id = header_of(data)
         except DataError as error:
@@ -175,11 +181,15 @@ def _subscribe(
         else:
             latency = node.get_clock().now().nanoseconds - stamp_ns if live and not row.latched else None
             arrivals.came(now_ns, sequence, latency)
+            odd = found.continuity.judge(stamp_ns, now_ns) if found.continuity is not None else ""
+            if odd:
+                takers.lost(found, odd, 1)
+                return
             # what comes of many devices on one topic does not push each other out
             queue = f"{topic} of {frame_id}" if row.latched else f"{topic} {owner}".strip()
             takers.receive(found, queue, stamp_ns, data)
         if arrivals.lost > lost:
-            takers.lost(found, arrivals.lost - lost)
+            takers.lost(found, "lost", arrivals.lost - lost)
         if flood:
             leave_alone(flood, now_ns)
 
@@ -200,7 +210,11 @@ def _subscribe(
     name = subscription.topic_name
     arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
     decoder = choice.decoder(carrier, owner)
-    found = Input(topic, carrier, owner, name, message_class(row.message), decoder, arrivals)
+    in_order = live and row.scope == "graph" and not row.latched
+    found = Input(
+        topic, carrier, owner, name, message_class(row.message), decoder, arrivals,
+        Continuity() if in_order else None,
+    )  # fmt: skip
     return found
 
 

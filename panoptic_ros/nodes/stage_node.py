@@ -271,6 +271,8 @@ class StageNode(Node):
             self._refuse_input(entry, error)
             return None
         entry.missing_before(record)
+        if entry.continuity is not None:
+            entry.continuity.used(record.stamp_ns, time.monotonic_ns())
         report = self._reports.get(type(record).__name__)
         if report is not None:
             report.take(record)
@@ -304,8 +306,8 @@ class StageNode(Node):
     def _tell_of_input(self, entry: Input, notice: Notice) -> None:
         self._tally.tell(self._taker(entry.topic), notice)
 
-    def _lost(self, entry: Input, count: int) -> None:
-        self._tally.dropped(self._taker(entry.topic), "lost", count)
+    def _lost(self, entry: Input, cause: str, count: int) -> None:
+        self._tally.dropped(self._taker(entry.topic), cause, count)
 
     def _refuse_message(self, error: PanopticError) -> None:
         self._tally.refuse(self._tally.first, error)

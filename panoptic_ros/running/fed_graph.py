@@ -4,6 +4,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.bench.graph_feed import Feed
-from panoptic_ros.bench.graph_figures import Observation, Restart, Usage, figures_of
+from panoptic_ros.bench.graph_figures import Flooded, Observation, Restart, Usage, figures_of
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.flow import LIVE_DEFAULTS, WINDOW
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
 from panoptic_ros.nodes.feeding_node import FeedingNode
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
+from panoptic_ros.running.flooding import Flood, Flooder, floods_of
 from panoptic_ros.running.launch_file import write_launch_file
 from panoptic_ros.running.parameters import with_defaults
 from panoptic_ros.running.plan import Plan
@@ -31,12 +33,13 @@ LAST_WORDS_S = 1.2  # for the last skeletons, and for diagnostics, which come on
 
 
 def run_fed_graph(
-    feed: Feed, seconds: float, node_per_stage: bool, kill: bool = False
+    feed: Feed, seconds: float, node_per_stage: bool, kill: bool = False, flood_s: float = 0.0
 ) -> dict[str, Any]:
     """Feed the graph until skeletons have come for so long; see `bench.graph_figures.figures_of`.
 
     Args:
         kill: afterwards kill each process in turn, to see how long it is silent and whom it still knows.
+        flood_s: afterwards send floods of bad messages, each for so long; 0: none.
 
     Raises:
         UserError: as a node printed it, if one ended.
@@ -49,7 +52,8 @@ def run_fed_graph(
         launch = write_launch_file(plan, Path(folder), "live", WINDOW, 0, node_per_stage)
         start_ros([])
         try:
-            return figures_of(_Run(feed, seconds, kill).observe(launch))
+            floods = floods_of(feed.rig.names[0], node_per_stage) if flood_s else []
+            return figures_of(_Run(feed, seconds, kill, floods, flood_s).observe(launch))
         finally:
             try_shutdown()
 
@@ -57,8 +61,9 @@ def run_fed_graph(
 class _Run:
     """One run: the clock, and what was sent and received so far."""
 
-    def __init__(self, feed: Feed, seconds: float, kill: bool):
+    def __init__(self, feed: Feed, seconds: float, kill: bool, floods: Sequence[Flood], flood_s: float):
         self._feed, self._seconds, self._kill = feed, seconds, kill
+        self._floods, self._flood_s = floods, flood_s
         self._number = 0  # of the next instant
         self._newest: tuple[int, frozenset[int]] = (0, frozenset())  # stamp and identities
         self._sent: list[tuple[int, int]] = []
@@ -99,10 +104,13 @@ class _Run:
         after = usage_of(ids)
         sent = list(self._sent)
         restarts = [self._restart(processes, name) for name in processes.names] if self._kill else []
+        floods = [self._flood(processes, flood) for flood in self._floods]
+        if floods:
+            sent = list(self._sent)
         self._spin_until(time.monotonic_ns() + round(1e9 * LAST_WORDS_S))
         return Observation(
             sent, self._received, self._feed.period_ns, started, before.at_ns, before, after,
-            self._node.diagnostics, restarts,
+            self._node.diagnostics, restarts, floods,
         )  # fmt: skip
 
     def _restart(self, processes: Processes, name: str) -> Restart:
@@ -120,6 +128,20 @@ class _Run:
         came = [when for stamp, when in self._received if stamp > since]
         silence_s = 1e-9 * (min(came) - killed) if came else None
         return Restart(name, silence_s, before, self._newest[1])
+
+    def _flood(self, processes: Processes, flood: Flood) -> Flooded:
+        """Play on while bad messages come."""
+        self._play_until(time.monotonic_ns() + SETTLE_NS)
+        begun = time.monotonic_ns()
+        with Flooder(flood, self._flood_s) as flooder:
+            while not flooder.over:
+                self._play()
+                if self._number % 15 == 0:
+                    processes.check()
+            messages = flooder.sent()
+        ended = self._sent[-1][1]
+        self._play_until(time.monotonic_ns() + SETTLE_NS)
+        return Flooded(flood.title, messages, begun, ended)
 
     def _is_settled(self, started: int) -> bool:
         now = time.monotonic_ns()

@@ -33,6 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--people", type=int, metavar="N", help="in place of the scenario's")
     parser.add_argument("--views", type=int, metavar="N", help="in place of the scenario's")
     parser.add_argument("--kill", action="store_true", help="then kill each process, and see who comes back")
+    parser.add_argument(
+        "--flood", type=float, nargs="?", const=10.0, default=0.0, metavar="S",
+        help="then send bad messages on every topic, S seconds each (default 10; 42 are 100,000 messages)",
+    )  # fmt: skip
     parser.add_argument("--bag", metavar="DIR", help="2D people of a bag in place of simulated ones")
 
 
@@ -54,7 +58,7 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         "bench": "graph", "source": feed.title, "views": len(feed.rig), "rate_hz": feed.rate,
         "seconds": args.seconds, "cores": os.cpu_count(), "load": os.getloadavg()[0],
         "rows": [
-            {"hosts": hosts, **run_fed_graph(feed, args.seconds, hosts == "stage", args.kill)}
+            {"hosts": hosts, **run_fed_graph(feed, args.seconds, hosts == "stage", args.kill, args.flood)}
             for hosts in each(chosen, len(chosen), progress, "the graph runs")
         ],
     }  # fmt: skip
@@ -76,6 +80,7 @@ def lines(result: dict[str, Any]) -> list[str]:
         out.append(f"{'  ' + stage:<28}" + "".join(_cell(row["steps_ms"].get(stage), 2) for row in rows))
     for row in rows:
         out += [_restart_line(restart) for restart in row["restarts"]]
+        out += [_flood_line(flood) for flood in row["floods"]]
     for row in rows:
         told = ", ".join(f"{cause} {count}" for cause, count in row["dropped"].items())
         if told:
@@ -87,6 +92,13 @@ def _restart_line(restart: dict[str, Any]) -> str:
     silence = restart["silence_s"]
     came = "no skeletons came back" if silence is None else f"skeletons after {silence:.2f} s"
     return f"{restart['process']} killed: {came}, {restart['kept']} of {restart['people']} identities kept"
+
+
+def _flood_line(flood: dict[str, Any]) -> str:
+    return (
+        f"{flood['title']} ({flood['messages']} in all): {flood['lost']} of {flood['instants']} instants "
+        f"lost, longest gap {flood['longest_gap_s']:.2f} s, {flood['odd_stamps']} odd stamps"
+    )
 
 
 def _cell(value: float | None, digits: int) -> str:

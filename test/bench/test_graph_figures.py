@@ -4,7 +4,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from panoptic_ros.bench.graph_figures import Observation, Usage, figures_of
+from panoptic_ros.bench.graph_figures import Flooded, Observation, Usage, figures_of
 
 MS = 1_000_000
 FROM = 100_000 * MS  # stamps are on another clock
@@ -52,3 +52,20 @@ def test_steps_and_drops_are_those_of_the_diagnostics():
     told = {"sync": {"step_p50_ms": "0.250", "dropped.queue_full": "3"}, "markers": {}}
     found = observed(answers({5: 8.0}), told)
     assert found["steps_ms"] == {"sync": 0.25} and found["dropped"] == {"sync.queue_full": 3}
+
+
+def test_a_flood_costs_instants_and_moves_stamps():
+    sent = [(FROM + 30 * MS * k, 30 * MS * k) for k in range(10)]
+    received = [(stamp, when + 8 * MS) for k, (stamp, when) in enumerate(sent) if k not in (4, 5)]
+    received.append((FROM + 9000 * MS, 200 * MS))
+    usage = Usage(0, 1.0, 80.0)
+    floods = [Flooded("cam00", 99, 60 * MS, 215 * MS)]
+    observation = Observation(
+        sent, sorted(received, key=lambda pair: pair[1]), 30 * MS, 0, 0, usage, Usage(300 * MS, 1.0, 80.0),
+        {}, (), floods,
+    )  # fmt: skip
+    (found,) = figures_of(observation)["floods"]
+    assert found == {
+        "title": "cam00", "messages": 99, "instants": 6, "lost": 2, "odd_stamps": 1,
+        "longest_gap_s": pytest.approx(0.09),
+    }  # fmt: skip

@@ -1,0 +1,56 @@
+"""Live: which stamps go on from those before, on topics whose records come one after another.
+
+A stage refuses what is older than the newest that it has seen. One wild stamp ahead would therefore cost all
+that follows, and must not get to it.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+SECOND = 1_000_000_000
+LEAST_AHEAD_NS = SECOND // 4  # beyond the time that has gone by
+FASTER = 1.5  # stamps may go by this much faster than the clock, e.g. while a backlog comes
+GONE_NS = SECOND  # without a good record, after which another time line may be the right one
+SURE = 5  # records in a row that agree with each other make it certain
+OLD_NS = 60 * SECOND  # a copy of what came long ago, not a clock that was set back
+
+Verdict = Literal["", "stale", "odd_stamp"]
+
+
+@dataclass
+class Continuity:
+    """Judges stamps by the newest that was used. Times are of a monotonic clock, ns."""
+
+    _newest: int | None = None  # stamp that was used
+    _used_ns: int = 0  # when
+    _other: int = 0  # the newest stamp of what may be another time line
+    _agreeing: int = 0
+
+    def judge(self, stamp_ns: int, now_ns: int) -> Verdict:
+        """What is wrong with a stamp; "" if nothing is."""
+        if self._newest is None:
+            return ""
+        step, farthest = stamp_ns - self._newest, self._farthest(now_ns - self._used_ns)
+        if 0 < step <= farthest:
+            return ""
+        if now_ns - self._used_ns >= GONE_NS and self._is_other(stamp_ns):
+            return ""
+        return "stale" if -OLD_NS < step <= 0 else "odd_stamp"
+
+    def used(self, stamp_ns: int, now_ns: int) -> None:
+        """A record with this stamp was good, and is the newest now."""
+        self._newest, self._used_ns, self._agreeing = stamp_ns, now_ns, 0
+
+    def _is_other(self, stamp_ns: int) -> bool:
+        """Whether enough records one after another are of another time line."""
+        if self._agreeing and 0 < stamp_ns - self._other <= LEAST_AHEAD_NS:
+            self._agreeing += 1
+        elif not self._agreeing or stamp_ns != self._other:
+            self._agreeing = 1
+        self._other = stamp_ns
+        return self._agreeing >= SURE
+
+    @staticmethod
+    def _farthest(passed_ns: int) -> float:
+        return LEAST_AHEAD_NS + FASTER * passed_ns

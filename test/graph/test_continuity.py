@@ -1,0 +1,65 @@
+"""Wild stamps do not get to stages; another time line does, once it is certain."""
+from panoptic_ros.graph.continuity import SECOND, SURE, Continuity
+
+PERIOD = SECOND // 30
+BEGIN = 1_700_000_000 * SECOND
+
+
+def running(count=30):
+    gate = Continuity()
+    for k in range(count):
+        assert gate.judge(BEGIN + k * PERIOD, k * PERIOD) == ""
+        gate.used(BEGIN + k * PERIOD, k * PERIOD)
+    return gate, count
+
+
+def test_a_wild_stamp_is_refused_and_the_next_good_one_goes_on():
+    gate, k = running()
+    for wild in (3600 * SECOND, -3600 * SECOND, SECOND, 2**62 - BEGIN):
+        assert gate.judge(BEGIN + k * PERIOD + wild, k * PERIOD) == "odd_stamp"
+    assert gate.judge(BEGIN + k * PERIOD, k * PERIOD) == ""
+
+
+def test_copies_of_old_messages_are_stale():
+    gate, k = running()
+    for age in (1, 5, 20, 60):
+        assert gate.judge(BEGIN + (k - age) * PERIOD, k * PERIOD) == "stale"
+
+
+def test_a_plausible_stamp_that_was_not_used_moves_nothing():
+    gate, k = running()
+    assert gate.judge(BEGIN + (k + 5) * PERIOD, k * PERIOD) == ""  # its content was bad
+    assert gate.judge(BEGIN + k * PERIOD, k * PERIOD) == ""
+
+
+def test_a_pause_is_no_jump():
+    gate, k = running()
+    assert gate.judge(BEGIN + k * PERIOD + 60 * SECOND, k * PERIOD + 60 * SECOND) == ""
+
+
+def test_another_time_line_is_taken_when_nothing_of_the_old_one_comes_between():
+    gate, k = running()
+    verdicts = [gate.judge(5 * SECOND + n * PERIOD, (k + n) * PERIOD) for n in range(60)]
+    first = verdicts.index("")
+    assert 30 <= first <= 30 + SURE and set(verdicts[:first]) == {"odd_stamp"}
+    gate.used(5 * SECOND + first * PERIOD, (k + first) * PERIOD)
+    assert gate.judge(5 * SECOND + (first + 1) * PERIOD, (k + first + 1) * PERIOD) == ""
+
+
+def test_copies_of_some_old_messages_time_and_again_are_no_time_line():
+    gate, k = running(90)
+    for n in range(2000):
+        now = k * PERIOD + n * SECOND // 2400
+        assert gate.judge(BEGIN + (n % 8) * PERIOD, now) == "stale"
+        if n % 80 == 0:
+            assert gate.judge(BEGIN + now, now) == ""
+            gate.used(BEGIN + now, now)
+
+
+def test_an_odd_time_line_beside_the_good_one_is_never_taken():
+    gate, k = running()
+    for n in range(50):
+        now = (k + n) * PERIOD
+        assert gate.judge(BEGIN + now + 100 * SECOND, now) == "odd_stamp"
+        assert gate.judge(BEGIN + now, now) == ""
+        gate.used(BEGIN + now, now)
