@@ -1,4 +1,4 @@
-"""Build panoptic_msgs with pip alone, from the generators, headers and libraries in the ROS wheels.
+"""Build the messages in the current folder with pip alone, from what is in the ROS wheels.
 
 The rosidl pipeline, as rosidl_generate_interfaces() runs it under CMake:
 
@@ -7,6 +7,8 @@ The rosidl pipeline, as rosidl_generate_interfaces() runs it under CMake:
 which becomes three shared objects inside the Python package: one library per type support that
 rmw_fastrtps asks for (it needs both) and the extension module that Python imports. The type support
 dispatcher opens the two libraries by their SONAME; linking the module to both has them loaded by then.
+
+package.xml names the package and those it depends on. foreign/ holds packages of others that are not on PyPI.
 
 A colcon workspace never runs this file: package.xml names ament_cmake, so CMakeLists.txt is used.
 """
@@ -21,14 +23,16 @@ import sys
 import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
-PACKAGE = "panoptic_msgs"
-DEPENDENCIES = ("builtin_interfaces", "std_msgs", "geometry_msgs")  # with the indirect ones
-SOURCE = Path(__file__).resolve().parent
+SOURCE = Path.cwd()  # builders run a setup.py in its folder
+ABOUT = ElementTree.parse(SOURCE / "package.xml").getroot()
+PACKAGE = str(ABOUT.findtext("name"))
+DEPENDENCIES = tuple(str(node.text) for node in ABOUT.findall("depend"))  # with the indirect ones
 MESSAGES = [path.relative_to(SOURCE) for path in sorted((SOURCE / "msg").glob("*.msg"))]
 
 FASTRTPS = "rosidl_typesupport_fastrtps_c"

@@ -55,6 +55,8 @@ TOPICS: dict[str, Topic] = {
         Topic("camera_info", "{owner}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
         Topic("sensor_depth", "{owner}/depth/image_raw", "DepthFrame", "sensor_msgs/msg/Image", "sensor",
               by_stamp=True),
+        Topic("compressed_sensor_depth", "{owner}/depth/image_raw/compressedDepth", "DepthFrame",
+              "sensor_msgs/msg/CompressedImage", "sensor", by_stamp=True, variant_of="sensor_depth"),
         Topic("sensor_info", "{owner}/depth/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "sensor"),
         Topic("detections", "{owner}/detections", "ViewDetections",
               "panoptic_msgs/msg/ViewDetections", "camera", by_stamp=True),

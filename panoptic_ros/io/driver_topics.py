@@ -5,6 +5,10 @@
       camera_info: /zed/left/camera_info       # optional; of rectified images beside the image unless named
       depth: /zed/depth/image_raw              # optional, registered to the image; or .../compressedDepth
       encoding: bayer_rggb8                    # optional: in place of what the driver's images say
+    kinect3:                                   # a depth sensor alone, on its own clock: no image
+      depth: /kinect3/depth/image_raw
+      camera_info: /kinect3/depth/camera_info
+    fixed_frame: map                           # optional, without --rig: the frame of TF that is the world
 """
 from __future__ import annotations
 
@@ -18,9 +22,9 @@ from panoptic_ros.io.files import read_yaml
 
 @dataclass(frozen=True)
 class DriverTopics:
-    """The topics of one camera; "" = none."""
+    """The topics of one camera, or of a depth sensor that has no image; "" = none."""
 
-    image: str
+    image: str = ""
     camera_info: str = ""
     depth: str = ""
     encoding: str = ""
@@ -32,8 +36,26 @@ class DriverTopics:
         return {key: getattr(self, key) for key in keys if getattr(self, key)}
 
 
-def read_driver_topics(path: Path) -> Mapping[str, DriverTopics]:
-    """The topics by camera, in the order of the file.
+@dataclass(frozen=True)
+class DriverFile:
+    """What such a file says, in its order.
+
+    Args:
+        cameras: by name. sensors: depth sensors alone, by name. fixed_frame: of TF; "" = not said.
+    """
+
+    cameras: Mapping[str, DriverTopics]
+    sensors: Mapping[str, DriverTopics]
+    fixed_frame: str = ""
+
+    @property
+    def everything(self) -> Mapping[str, DriverTopics]:
+        """Cameras, then sensors."""
+        return {**self.cameras, **self.sensors}
+
+
+def read_driver_topics(path: Path) -> DriverFile:
+    """The topics of every camera and depth sensor.
 
     Raises:
         DataError: naming the file, the camera and the key.
@@ -41,19 +63,30 @@ def read_driver_topics(path: Path) -> Mapping[str, DriverTopics]:
     document = read_yaml(path)
     if not isinstance(document, Mapping) or not document:
         raise DataError(f"{path}: expected a table of cameras, e.g. left: {{image: /left/image_raw}}")
+    document = dict(document)
+    fixed = document.pop("fixed_frame", "")
+    if not isinstance(fixed, str):
+        raise DataError(f"{path}: fixed_frame is {fixed!r}, expected the name of a frame")
     found = {str(camera): _topics(path, str(camera), entry) for camera, entry in document.items()}
-    owners: dict[str, str] = {}
-    for camera, topics in found.items():
-        other = owners.setdefault(topics.image, camera)
-        if other != camera:
-            raise DataError(f"{path}: cameras {other} and {camera} have the same image {topics.image}")
-    return found
+    cameras = {name: topics for name, topics in found.items() if topics.image}
+    sensors = {name: topics for name, topics in found.items() if not topics.image}
+    for key, group in (("image", cameras), ("depth", sensors)):
+        owners: dict[str, str] = {}
+        for name, topics in group.items():
+            topic = topics.named[key]
+            other = owners.setdefault(topic, name)
+            if other != name:
+                raise DataError(f"{path}: {other} and {name} have the same {key} {topic}")
+    return DriverFile(cameras, sensors, fixed)
 
 
 def _topics(path: Path, camera: str, entry: object) -> DriverTopics:
     known = [field.name for field in fields(DriverTopics)]
-    if not isinstance(entry, Mapping) or "image" not in entry:
-        raise DataError(f"{path}: camera {camera} has no 'image', the topic of its images")
+    if not isinstance(entry, Mapping) or not {"image", "depth"} & set(entry):
+        raise DataError(
+            f"{path}: camera {camera} has no 'image', the topic of its images (a depth sensor alone: 'depth' "
+            "and 'camera_info')"
+        )
     for key, value in entry.items():
         if key not in known:
             raise DataError(f"{path}: camera {camera} has an unknown key {key!r}; known: {', '.join(known)}")
@@ -61,4 +94,6 @@ def _topics(path: Path, camera: str, entry: object) -> DriverTopics:
             raise DataError(f"{path}: camera {camera}: {key} is {value!r}, expected a name")
         if key != "encoding" and not value.startswith("/"):
             raise DataError(f"{path}: camera {camera}: {key} is {value!r}; write the whole name, /{value}")
+    if "image" not in entry and "encoding" in entry:
+        raise DataError(f"{path}: depth sensor {camera} has an encoding, which is one of images")
     return DriverTopics(**{str(key): str(value) for key, value in entry.items()})

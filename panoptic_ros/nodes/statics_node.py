@@ -6,7 +6,6 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from scipy.spatial.transform import Rotation
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel
 from panoptic_ros.errors import EnvironmentProblem
@@ -15,6 +14,7 @@ from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import to_message
 from panoptic_ros.io.messages.images import optical_frame
+from panoptic_ros.io.messages.transforms import transform_message
 from panoptic_ros.nodes.diagnostics import KIND, OK, TOPIC, StatusPublisher, own_statuses, values_of
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.kept_states import StateKeeper
@@ -69,17 +69,5 @@ class StaticsNode(Node):
 
 def _transform(camera: Camera, frame_id: str) -> Any:
     """The optical frame of a camera in the world."""
-    family = ros_messages()
     world_from_cam = camera.cam_from_world.inverse()
-    x, y, z, w = (float(value) for value in Rotation.from_matrix(world_from_cam.rotation).as_quat())
-    position = dict(zip("xyz", map(float, world_from_cam.translation)))
-    return family.make(
-        "geometry_msgs/msg/TransformStamped",
-        header=family.header(0, frame_id),
-        child_frame_id=optical_frame(camera.name),
-        transform=family.make(
-            "geometry_msgs/msg/Transform",
-            translation=family.make("geometry_msgs/msg/Vector3", **position),
-            rotation=family.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
-        ),
-    )
+    return transform_message(ros_messages(), 0, frame_id, optical_frame(camera.name), world_from_cam)

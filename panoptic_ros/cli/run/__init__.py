@@ -32,7 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",
                         help="V4L2 device or RTSP/HTTP address")  # fmt: skip
     parser.add_argument("--topics", type=Path, metavar="FILE",
-                        help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}")
+                        help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}; "
+                        "without --rig, poses come from TF")  # fmt: skip
+    parser.add_argument("--fixed-frame", default="", metavar="FRAME",
+                        help="with --topics and without --rig: the world among the frames of TF")  # fmt: skip
     parser.add_argument("--microphone", action="append", default=[], metavar="NAME=DEVICE",
                         help="with --device: an input that hears timecode, as PortAudio calls it, e.g. "
                         "mic=hw:1, or a WAV file that is played")  # fmt: skip

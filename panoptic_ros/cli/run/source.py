@@ -32,7 +32,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
     if args.topics:
         from panoptic_ros.running.driver_plan import plan_drivers  # needs ROS
 
-        return plan_drivers(args.topics, args.rig, options)
+        return plan_drivers(args.topics, args.rig, options, args.fixed_frame)
     rate = args.frame_rate
     if args.device:
         devices = pairs(args.device, "--device")

@@ -10,6 +10,7 @@ _MEANS_SOMETHING_FOR = {
     "arrival_stamps": ("bag",),
     "depth_topic": ("bag",),
     "cameras": ("capture", "demo", "bag"),
+    "fixed_frame": ("topics",),
     "frame_rate": (*_FILES, "device"),
     "hardware": _FILES,
     "jpeg": (*_FILES, "device"),
@@ -37,7 +38,7 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
     if len(given) != 1:
         raise UsageError(
             "give one of: a capture folder, --bag BAG, --rig R --video CAMERA=FILE ..., "
-            "--rig R --device CAMERA=DEVICE ..., --rig R --topics FILE, --demo; found "
+            "--rig R --device CAMERA=DEVICE ..., --topics FILE, --demo; found "
             f"{', '.join(given) or 'none'}"
         )
     for option, sources in _MEANS_SOMETHING_FOR.items():
@@ -46,7 +47,7 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
                 f"--{option.replace('_', '-')} has no meaning with {_SHOWN[given[0]]}, only with "
                 f"{', '.join(_SHOWN[name] for name in sources)}"
             )
-    if given[0] in ("video", "device", "topics") and not args.rig:
+    if given[0] in ("video", "device") and not args.rig:
         raise UsageError(f"--{given[0]} needs --rig, the calibration of the cameras")
     for option in ("jpeg", "node_per_stage"):
         if getattr(args, option) and args.in_process:

@@ -1,0 +1,43 @@
+"""geometry_msgs/TransformStamped, which TF carries, to rigid transforms and back."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.io.messages.family import Messages
+
+
+def transform_message(
+    family: Messages, stamp_ns: int, parent: str, child: str, parent_from_child: Rigid
+) -> Any:
+    """A TransformStamped."""
+    x, y, z, w = (float(v) for v in Rotation.from_matrix(parent_from_child.rotation).as_quat())
+    position = dict(zip("xyz", map(float, parent_from_child.translation)))
+    return family.make(
+        "geometry_msgs/msg/TransformStamped",
+        header=family.header(stamp_ns, parent),
+        child_frame_id=child,
+        transform=family.make(
+            "geometry_msgs/msg/Transform",
+            translation=family.make("geometry_msgs/msg/Vector3", **position),
+            rotation=family.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+        ),
+    )
+
+
+def read_transform(message: Any) -> tuple[str, str, Rigid]:
+    """(parent, child, parent_from_child); names without a slash before them, as TF 2 has them.
+
+    Raises:
+        DataError: on numbers that are not finite, or a quaternion of no length.
+    """
+    move, turn = message.transform.translation, message.transform.rotation
+    numbers = np.array([move.x, move.y, move.z, turn.x, turn.y, turn.z, turn.w], float)
+    parent, child = (str(name).lstrip("/") for name in (message.header.frame_id, message.child_frame_id))
+    if not np.isfinite(numbers).all() or np.linalg.norm(numbers[3:]) < 1e-6 or not (parent and child):
+        raise DataError(f"the transform from {child!r} to {parent!r} is none: {numbers.tolist()}")
+    return parent, child, Rigid(Rotation.from_quat(numbers[3:]).as_matrix(), numbers[:3])
