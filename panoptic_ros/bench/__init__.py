@@ -1,9 +1,9 @@
 """Bench: time and memory of stages against named baselines, and the quality of timecode decoders.
 
 Each bench is one module with `add_arguments(parser)`, `measure(args, progress) -> dict` (JSON, SI units in
-the names) and `lines(result) -> list[str]` (the table), and is named in `BENCHES`; that of the live graph
-needs processes, and is `running.graph_bench`. Times of the others are those of one thread, inputs already in
-arrays, first call excluded. Benches only measure: tests never assert a time.
+the names) and `lines(result) -> list[str]` (the table), and is named in `BENCHES`; those of the live
+graph need processes, and are `running.graph_bench` and `running.view_bench`. Times of the others are those
+of one thread, inputs already in arrays, first call excluded. Benches only measure: tests never assert a time.
 """
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", nargs="?", type=Path, metavar="RESULTS|BAG",
                         help="what `panoptic run` left, or a bag")  # fmt: skip
     parser.add_argument("--live", action="store_true", help="the graph that runs now, in this ROS domain")
+    parser.add_argument("--namespace", default="", help="with --live: of the graph")
     parser.add_argument("--rig", type=Path, help="calibration, for bags without /rig")
     parser.add_argument("--skeleton", default="", help="skeleton model, for bags without /skeleton_model")
     parser.add_argument("--host", default="127.0.0.1",
@@ -39,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     if args.live:
         from panoptic_ros.running.view_live import view_live  # needs ROS
 
-        view_live(args.host, args.port, ready)
+        view_live(args.host, args.port, ready, args.namespace.strip("/"))
         return 0
     from panoptic_ros.running.view import open_recorded, view_recorded
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Protocol
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -14,12 +15,14 @@ from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
+from panoptic_ros.nodes.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.quality import LATCHED
 
-LOOK_S = 0.2  # whether somebody looks at other topics
-QUALITY = QoSProfile(  # a publisher never waits for who looks on
-    history=HistoryPolicy.KEEP_LAST, depth=4, reliability=ReliabilityPolicy.BEST_EFFORT,
+LOOK_S = 0.1  # for other topics that somebody looks at, and for messages where no skeletons come
+WAKING = "skeletons"
+QUALITY = QoSProfile(  # a publisher never waits for who looks on; what comes between two looks is held
+    history=HistoryPolicy.KEEP_LAST, depth=16, reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
 )  # fmt: skip
 
@@ -40,18 +43,37 @@ class Taker(Protocol):
         """What a node says of itself."""
 
 
+class _Unattended(CallbackGroup):
+    """What belongs to it wakes nobody: an executor takes 30 ms of every second for each camera."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Never."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Never."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Nothing to do."""
+
+
 class ViewerNode(Node):
-    """Subscribes to what a taker wants, while it wants it. Messages are not decoded."""
+    """Subscribes to what a taker wants, while it wants it. Messages are not decoded.
+
+    Only skeletons wake it. They come last of an instant, so what else has come is taken then.
+    """
 
     fault = None
     healthy = True
 
-    def __init__(self, taker: Taker):
-        super().__init__("viewer")
+    def __init__(self, taker: Taker, namespace: str = ""):
+        super().__init__("viewer", namespace=namespace)
         self._taker = taker
         self._facts: dict[str, Any] = {}
         self._rig: Rig | None = None
         self._taken: dict[tuple[str, str], Any] = {}  # subscriptions by topic
+        self._unattended = _Unattended()
         self._kept = [
             self.create_subscription(
                 message_class(TOPICS[key].message), TOPICS[key].name, partial(self._take_fact, key), LATCHED
@@ -79,15 +101,14 @@ class ViewerNode(Node):
             self._taker.begin(self._facts["rig"], self._facts["skeleton_model"])
 
     def _take_status(self, message: Any) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
+        for name, status in own_statuses(message, self.get_namespace()):
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
-            said = {"name": status.name, "level": level, "message": status.message,
-                    "owner": status.hardware_id, "values": values}  # fmt: skip
-            self._taker.tell(status.name, said)
+            said = {"name": name, "level": level, "message": status.message,
+                    "owner": status.hardware_id, "values": values_of(status)}  # fmt: skip
+            self._taker.tell(name, said)
 
     def _look(self) -> None:
-        """Subscribe to what is wanted now, and to nothing else."""
+        """Subscribe to what is wanted now, and to nothing else; take what has come."""
         if self._rig is None:
             return
         wanted = {
@@ -99,9 +120,20 @@ class ViewerNode(Node):
             self.destroy_subscription(self._taken.pop(topic))
         for key, owner in sorted(wanted - self._taken.keys()):
             self._taken[key, owner] = self.create_subscription(
-                message_class(TOPICS[key].message), TOPICS[key].of(owner), partial(self._take, key, owner),
-                QUALITY, raw=True,
+                message_class(TOPICS[key].message), TOPICS[key].of(owner), self._take_skeletons, QUALITY,
+                raw=True, callback_group=None if key == WAKING else self._unattended,
             )  # fmt: skip
+        self._drain()
 
-    def _take(self, key: str, owner: str, data: bytes) -> None:
-        self._taker.take(key, owner, data, time.monotonic(), time.time_ns())
+    def _take_skeletons(self, data: bytes) -> None:
+        self._drain()
+        self._taker.take(WAKING, "", data, time.monotonic(), time.time_ns())
+
+    def _drain(self) -> None:
+        """Take all that has come of what does not wake this node."""
+        for (key, owner), subscription in self._taken.items():
+            if key == WAKING:
+                continue
+            with subscription.handle:
+                while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+                    self._taker.take(key, owner, found[0], time.monotonic(), time.time_ns())

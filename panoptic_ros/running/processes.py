@@ -127,15 +127,15 @@ class Processes:
         self.stop(8.0 if exception[0] is None else 3.0)
 
 
-def prepare_environment() -> None:
+def prepare_environment(sends_images: bool = True) -> None:
     """Settings for this process's own part in the graph; what the user has set stays.
 
-    Large images need a larger shared memory segment than the middleware's default, and a replay is
-    nobody else's business: discovery stays on this machine.
+    Large images need a larger shared memory segment than the middleware's default, in the process that
+    sends them, and a replay is nobody else's business: discovery stays on this machine.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     profile = share_folder() / "config" / "fastdds.xml"
-    if profile.is_file():
+    if sends_images and profile.is_file():
         os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
 
 

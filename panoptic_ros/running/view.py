@@ -14,8 +14,8 @@ from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.io.skeletons import load_skeleton
 from panoptic_ros.view.page.recorded import RecordedScene
+from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
-from panoptic_ros.view.page.talk import RecordedTalk
 
 LOOK_S = 0.2
 Ready = Callable[[str], None]  # called with the address of the page

@@ -13,22 +13,27 @@ from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.viewer_node import ViewerNode
 from panoptic_ros.running.processes import prepare_environment
-from panoptic_ros.running.view import LOOK_S, Ready
 from panoptic_ros.view.page.live import LiveScene
+from panoptic_ros.view.page.live_talk import LiveTalk
 from panoptic_ros.view.page.server import PageServer
-from panoptic_ros.view.page.talk import LiveTalk
+
+LOOK_S = 0.2
+Ready = Callable[[str], None]  # called with the address of the page
 
 
-def view_live(host: str, port: int, ready: Ready) -> None:
+def view_live(host: str, port: int, ready: Ready, namespace: str = "") -> None:
     """Serve the live graph until somebody ends it.
+
+    Args:
+        namespace: of the graph.
 
     Raises:
         EnvironmentProblem: if nothing can listen there, or ROS does not start.
     """
-    prepare_environment()
-    scene = LiveScene()
+    prepare_environment(sends_images=False)
+    scene = LiveScene(f"live graph{f' /{namespace}' if namespace else ''}")
     start_ros([])
-    node, executor, over = ViewerNode(scene), SingleThreadedExecutor(), threading.Event()
+    node, executor, over = ViewerNode(scene, namespace), SingleThreadedExecutor(), threading.Event()
     executor.add_node(node)
 
     def spin() -> None:

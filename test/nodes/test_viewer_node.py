@@ -92,7 +92,7 @@ def test_what_nodes_say_of_themselves_is_handed_on(executor):
     header = family.header(1, "")
     sender.publish(family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status]))
     spin_until(executor, lambda: taker.told)
-    name = "panoptic: sync"
+    name = "sync"
     said = {"name": name, "level": 1, "message": "3 dropped", "owner": "cam1", "values": {"taken": "9"}}
     assert taker.told[0] == (name, said)
 

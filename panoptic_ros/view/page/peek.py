@@ -12,9 +12,12 @@ ENCAPSULATION = 4  # bytes; alignment counts from behind them
 
 
 class SkeletonsHead(NamedTuple):
-    """Of a panoptic_msgs/Skeletons: its stamp, and the frame number of every view that it rests on."""
+    """Of a panoptic_msgs/Skeletons: its stamp, that of its newest view, and the frame number of every view
+    that it rests on.
+    """
 
     stamp_ns: int
+    newest_ns: int
     frames: dict[str, int]
 
 
@@ -56,7 +59,7 @@ def skeletons_head(data: bytes) -> SkeletonsHead:
         cursor = _Cursor(data)
         stamp = cursor.time()
         cursor.text()  # frame id
-        cursor.time()  # of the newest view
+        newest = cursor.time()
         cursor.number("Q", 8)  # index
         cursor.text()  # hash of the skeleton
         cursor.number("I", 4)  # joints
@@ -64,7 +67,7 @@ def skeletons_head(data: bytes) -> SkeletonsHead:
         frames = [cursor.number("Q", 8) for _ in range(cursor.number("I", 4))]
     except (struct.error, IndexError, UnicodeDecodeError) as error:
         raise DataError(f"no skeletons: {error}") from None
-    return SkeletonsHead(stamp, dict(zip(cameras, frames)))
+    return SkeletonsHead(stamp, newest, dict(zip(cameras, frames)))
 
 
 class _Cursor:

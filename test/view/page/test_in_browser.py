@@ -10,8 +10,8 @@ from recorded_scene import GREY, SIZE, START_NS, make_poses, make_rig, places
 from panoptic_ros.view.colors import rgb_of
 from panoptic_ros.view.page.one_file import one_file
 from panoptic_ros.view.page.recorded import RecordedScene
+from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
-from panoptic_ros.view.page.talk import RecordedTalk
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="NO BROWSER: the viewer's page is not tested (apt-get install chromium)"

@@ -254,13 +254,13 @@ def test_lanes_of_the_time_line_do_not_overlap():
 
 def test_health_of_statuses_and_of_a_report():
     statuses = [
-        {"name": "panoptic: sync", "owner": "panoptic_ros", "level": 1, "message": "",
+        {"name": "sync", "owner": "panoptic_ros", "level": 1, "message": "",
          "values": {"taken": "9", "step_p50_ms": "0.5", "step_p99_ms": "2.5", "dropped.late": "3"}},
-        {"name": "panoptic: camera_cam1", "owner": "", "level": 0, "message": "",
+        {"name": "camera_cam1", "owner": "", "level": 0, "message": "",
          "values": {"taken": "0", "step_p50_ms": "nan", "step_p99_ms": "nan", "dropped.overtaken": "4"}},
-        {"name": "panoptic: clock of cam1", "owner": "cam1", "level": 0, "message": "ok",
+        {"name": "clock of cam1", "owner": "cam1", "level": 0, "message": "ok",
          "values": {"offset_s": "0.012", "std_us": "40"}},
-        {"name": "panoptic: fusion: cam1 detections", "owner": "cam1", "level": 1,
+        {"name": "fusion: cam1 detections", "owner": "cam1", "level": 1,
          "message": "silent for 3 s",
          "values": {"taken": "9", "lost": "2", "left_out": "1", "bad": "0", "step_p50_ms": "1"}},
     ]  # fmt: skip

@@ -15,7 +15,7 @@ STAMP = 1_234_567_890_123_456_789
 @pytest.mark.parametrize("index", [0, 40, 110])
 def test_heads_are_what_was_written(index, little):
     poses = make_poses(RIG, index, STAMP)
-    assert skeletons_head(as_bytes(poses, little)) == (STAMP, dict.fromkeys(RIG.names, 1000 + index))
+    assert skeletons_head(as_bytes(poses, little)) == (STAMP, STAMP, dict.fromkeys(RIG.names, 1000 + index))
     view = make_view(RIG.cameras[2], poses, STAMP - 5)
     assert detections_head(as_bytes(view, little)) == (STAMP - 5, 1000 + index)
     assert stamp_of_bytes(as_bytes(make_preview("cam1", STAMP), little)) == STAMP
@@ -26,7 +26,7 @@ def test_skeletons_that_name_no_views():
     poses = make_poses(RIG, 40, STAMP)
     names = [name for name in PoseSet.__dataclass_fields__ if name != "sources"]
     alone = PoseSet(**{name: getattr(poses, name) for name in names})
-    assert skeletons_head(as_bytes(alone)) == (STAMP, {})
+    assert skeletons_head(as_bytes(alone)) == (STAMP, STAMP, {})
 
 
 def test_what_is_cut_off_is_told():

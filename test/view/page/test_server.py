@@ -12,9 +12,10 @@ from websockets.exceptions import InvalidStatus
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.view.page.html import page
 from panoptic_ros.view.page.live import LiveScene
+from panoptic_ros.view.page.live_talk import LiveTalk
 from panoptic_ros.view.page.recorded import RecordedScene
+from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
-from panoptic_ros.view.page.talk import LiveTalk, RecordedTalk
 
 
 def run(coroutine):

@@ -11,8 +11,7 @@ export function fromHealth(health) {
   for (const [name, { rate_hz, age_s }] of Object.entries(health.cameras)) {
     cameras[name] = { rate: rate_hz, age: age_s, dropped: 0, clock: null };
   }
-  for (const { name, owner, values } of health.statuses) {
-    const what = name.replace(/^panoptic: /, "");
+  for (const { name: what, owner, values } of health.statuses) {
     const clock = what.match(/clock of (.*)$/)?.[1];
     if (clock && cameras[clock]) cameras[clock].clock = `${(1000 * Number(values.offset_s)).toFixed(2)} ms ± ${Number(values.std_us).toFixed(0)} µs`;
     const input = what.includes(": ");
@@ -22,14 +21,14 @@ export function fromHealth(health) {
     const camera = cameras[owner] ?? cameras[what.replace(/^camera_/, "")];
     if (camera) camera.dropped += input ? lostOf(values) : droppedOf(values);
   }
-  return { cameras, stages, dropped: causes(health.statuses), warnings: health.statuses.filter(({ level }) => level > 0).map(({ name, message }) => [name.replace(/^panoptic: /, ""), message]) };
+  return { cameras, stages, dropped: causes(health.statuses), warnings: health.statuses.filter(({ level }) => level > 0).map(({ name, message }) => [name, message]) };
 }
 
 // [["stage: cause", how many]]
 function causes(statuses) {
   return statuses.flatMap(({ name, values }) => Object.entries(values)
     .filter(([key, n]) => key.startsWith("dropped.") && Number(n))
-    .map(([key, n]) => [`${name.replace(/^panoptic: /, "")}: ${key.slice(8)}`, Number(n)]));
+    .map(([key, n]) => [`${name}: ${key.slice(8)}`, Number(n)]));
 }
 
 function lostOf(values) {

@@ -3,7 +3,7 @@
 import { cssOf } from "#view/colors.js";
 import { clockText } from "#view/player.js";
 
-const LANE = 7, GAP = 2, MOST_LANES = 6;
+const TOP = 8, BOTTOM = 15, HIGHEST_LANE = 9, MOST_LANES = 10; // px
 
 export class TimeLine {
   constructor(canvas, tip, seek) {
@@ -35,7 +35,7 @@ export class TimeLine {
     c.setTransform(dpr, 0, 0, dpr, 0, 0);
     c.clearRect(0, 0, w, h);
     this._ground(c, w, h, loaded);
-    this._people(c, w);
+    this._people(c, w, h);
     const x = this._x(t, w);
     c.fillStyle = "#fff";
     c.fillRect(x - 1, 0, 2, h);
@@ -63,19 +63,21 @@ export class TimeLine {
     }
   }
 
-  _people(c, w) {
+  _people(c, w, h) {
+    const count = Math.min(MOST_LANES, Math.max(1, ...this.lanes.map((lane) => lane + 1)));
+    const pitch = Math.min(HIGHEST_LANE + 2, (h - TOP - BOTTOM) / count), high = Math.max(1.5, pitch - (pitch > 5 ? 2 : 1));
     this.spans.forEach(([id, first, last], i) => {
-      const lane = this.lanes[i] % MOST_LANES, y = 9 + lane * (LANE + GAP);
+      const y = TOP + (this.lanes[i] % MOST_LANES) * pitch;
       const x = this._x(this.begin + first * 1e9, w), wide = Math.max(2, this._x(this.begin + last * 1e9, w) - x);
       c.fillStyle = cssOf(id, 0.55);
-      c.fillRect(x, y, wide, LANE);
+      c.fillRect(x, y, wide, high);
       c.fillStyle = cssOf(id);
-      c.fillRect(x, y - 1, 2, LANE + 2); // an id begins
-      c.fillRect(x + wide - 2, y - 1, 2, LANE + 2); // and ends
-      if (wide > 26) {
-        c.font = "600 8px system-ui, sans-serif";
-        c.fillStyle = "#0b0f14";
-        c.fillText(`id ${id}`, x + 5, y + LANE - 0.5);
+      c.fillRect(x, y - 0.5, 2, high + 1); // an id begins
+      c.fillRect(x + wide - 2, y - 0.5, 2, high + 1); // and ends
+      if (wide > 30 && high >= 8) {
+        c.font = "600 9px system-ui, sans-serif";
+        c.fillStyle = "#fff";
+        c.fillText(`id ${id}`, x + 5, y + high - 1);
       }
     });
   }

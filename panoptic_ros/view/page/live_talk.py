@@ -1,23 +1,18 @@
-"""What is said between the server and one page, over its WebSocket.
+"""What is said between the server and one page of a live graph, over its WebSocket.
 
-Texts are JSON. To the page: `facts` first, `health` twice a second (live), `presence` (recorded). From it:
-`{"drawn": n}` after each live packet, `{"keys": [...]}` for topics of layers, `{"block": n}` for a second of
-a recording, answered by a packet of that number.
+Texts are JSON. To the page: `facts` first, `health` twice a second. From it: `{"drawn": n}` after a packet,
+`{"keys": [...]}` for topics of layers.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
 from typing import Any
 
 from websockets.asyncio.server import ServerConnection
-from websockets.exceptions import ConnectionClosed
 
-from panoptic_ros.errors import DataError
 from panoptic_ros.view.page.live import LiveScene
 from panoptic_ros.view.page.packets import Kind, pack
-from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.server import as_json, asked_by, seconds
 
 HEALTH_S = 0.5
@@ -70,44 +65,3 @@ class LiveTalk:
             self._scene.detach(client)
             sending.cancel()
             await asyncio.gather(sending, return_exceptions=True)
-
-
-class RecordedTalk:
-    """Answers for seconds of a recording; what a page asks for last is answered last, and nothing twice."""
-
-    def __init__(self, scene: RecordedScene):
-        self._scene = scene
-        self._pages: list[ServerConnection] = []
-
-    async def __call__(self, connection: ServerConnection) -> None:
-        self._pages.append(connection)
-        try:
-            await connection.send(as_json(self._scene.facts()))
-            await connection.send(as_json(self._presence()))
-            async for said in asked_by(connection):
-                number, keys = said.get("block"), said.get("keys", [])
-                if isinstance(number, int) and isinstance(keys, list):
-                    await self._block(connection, number, [str(key) for key in keys])
-        except ConnectionClosed:
-            return
-        finally:
-            self._pages.remove(connection)
-
-    async def tell_presence(self) -> None:
-        """Tell all pages who is there when, as far as that is known."""
-        text = as_json(self._presence())
-        for connection in list(self._pages):
-            try:
-                await connection.send(text)
-            except ConnectionClosed:
-                continue
-
-    def _presence(self) -> dict[str, Any]:
-        presence = self._scene.presence
-        return {"type": "presence", "spans": presence.spans, "complete": presence.complete}
-
-    async def _block(self, connection: ServerConnection, number: int, keys: Sequence[str]) -> None:
-        try:
-            await connection.send(await asyncio.to_thread(self._scene.block, number, keys))
-        except DataError as error:
-            await connection.send(as_json({"type": "problem", "text": str(error)}))
