@@ -20,6 +20,7 @@ from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.markers_node import MarkersNode
+from panoptic_ros.nodes.people_node import PeopleNode
 from panoptic_ros.nodes.runtime import leave, run_nodes
 from panoptic_ros.nodes.stage_node import StageNode
 from panoptic_ros.nodes.statics_node import StaticsNode
@@ -60,6 +61,11 @@ def fusion() -> None:
 def markers() -> None:
     """Skeletons for RViz and Foxglove."""
     leave(run_nodes(lambda: [MarkersNode()]))
+
+
+def people() -> None:
+    """Skeletons for other packages: roots, TF, REP-155 bodies, boxes."""
+    leave(run_nodes(lambda: [PeopleNode()]))
 
 
 class _Arguments(Node):
@@ -129,6 +135,8 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
         return make_stage_node(entry["stages"], overrides, entry["name"])
     if entry["kind"] == "markers":
         return MarkersNode(overrides.get("flow", "live"))
+    if entry["kind"] == "people":
+        return PeopleNode(overrides.pop("flow", "live"), overrides)
     return _source(entry, rig_of_run, overrides)
 
 

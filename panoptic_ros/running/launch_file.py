@@ -74,6 +74,9 @@ def write_launch_file(
         )
     markers = {"kind": "markers", "parameters": {"flow": flow}}
     processes.setdefault("markers" if divided else "fusion", []).append(markers)
+    if plan.publish:
+        people = {"kind": "people", "parameters": {"flow": flow, "publish": list(plan.publish)}}
+        processes.setdefault("markers" if one_per_stage else "fusion", []).append(people)
     path = folder / "launch.json"
     write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
     return path

@@ -29,6 +29,7 @@ class Plan:
         extras: what detection and assembly need besides; empty if nothing.
         frame_count: of all cameras together, None if not known; instants: of the longest camera.
         live: devices, in place of recordings.
+        publish: what `nodes.people_node` makes of skeletons for other packages.
         notices: one line each about what was adapted.
     """
 
@@ -49,6 +50,7 @@ class Plan:
     instants: int | None = None
     frame_rate: float = 30.0
     live: bool = False
+    publish: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
 
     @property

@@ -46,7 +46,7 @@ def test_skeletons_of_another_model_are_dropped_and_the_node_lives(executor):
             executor.spin_once(timeout_sec=0.05)
         assert ready()
 
-    spin_until(lambda: node._skeleton is not None and node._publisher.get_subscription_count())
+    spin_until(lambda: node._reader._skeleton is not None and node._publisher.get_subscription_count())
     sender.publish(skeletons(3, "cafe0123"))
     sender.publish(skeletons(len(captures.SKELETON), captures.SKELETON.hash))
     spin_until(lambda: got)

@@ -2,10 +2,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from panoptic_ros.cli.offsets import add_apart_option, add_saved_option
-from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, number, program_shown
+from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, number, program_shown
 from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 
@@ -59,6 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="a node and a process for every stage after detection too")  # fmt: skip
     parser.add_argument("--jpeg", type=number(int, 0, 100), default=0, metavar="QUALITY",
                         help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
+    parser.add_argument("--publish", default="", metavar="WORDS",
+                        help="skeletons in other words too, separated by commas: roots (PoseArray), tf (of "
+                        "joints), bodies (REP 155), boxes (Detection3DArray)")  # fmt: skip
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
     parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
@@ -79,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.cli.run.watch import Watch
     from panoptic_ros.running.run import run as run_plan
 
-    plan = make_plan(args)
+    plan = replace(make_plan(args), publish=tuple(names(args.publish) or ()))
     with Watch(args.live_view) as watch:
         outcome = run_plan(
             plan, args.out, in_process=args.in_process, jpeg_quality=args.jpeg,

@@ -3,8 +3,10 @@ from __future__ import annotations
 
 import argparse
 
+from panoptic_ros.cli.options import names
 from panoptic_ros.errors import UsageError
 
+PUBLISHABLE = ("roots", "tf", "bodies", "boxes")  # see `nodes.people_node`
 _FILES = ("capture", "demo", "video")
 _MEANS_SOMETHING_FOR = {
     "arrival_stamps": ("bag",),
@@ -49,7 +51,10 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
             )
     if given[0] in ("video", "device") and not args.rig:
         raise UsageError(f"--{given[0]} needs --rig, the calibration of the cameras")
-    for option in ("jpeg", "node_per_stage"):
+    unknown = [word for word in names(args.publish) or () if word not in PUBLISHABLE]
+    if unknown:
+        raise UsageError(f"--publish {unknown[0]}: there is no such thing, only {', '.join(PUBLISHABLE)}")
+    for option in ("jpeg", "node_per_stage", "publish"):
         if getattr(args, option) and args.in_process:
             name = option.replace("_", "-")
             raise UsageError(f"--{name} has no meaning with --in-process, where there are no nodes")
