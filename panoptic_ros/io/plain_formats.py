@@ -196,11 +196,14 @@ def read_skeletons(path: Path) -> PlainSkeletons:
 
 def write_skeletons(path: Path, joint_names: Iterable[str], sets: Iterable[TrackedPoseSet]) -> None:
     """Write skeletons; equal sets give equal bytes."""
-    frames = []
-    for item in sets:
-        people = [_person(item, k) for k in range(len(item.ids))]
-        frames.append({"index": item.index, "stamp_ns": item.stamp_ns, "skeletons": people})
+    frames = [skeletons_frame(item) for item in sets]
     write_json(path, {"format": SKELETONS, "joint_names": list(joint_names), "frames": frames})
+
+
+def skeletons_frame(item: TrackedPoseSet) -> dict[str, Any]:
+    """One entry of "frames"."""
+    people = [_person(item, k) for k in range(len(item.ids))]
+    return {"index": item.index, "stamp_ns": item.stamp_ns, "skeletons": people}
 
 
 def _person(item: TrackedPoseSet, k: int) -> dict[str, Any]:

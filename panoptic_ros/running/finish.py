@@ -43,13 +43,16 @@ def finish(
     """
     views = [view for own in results.views.values() for view in own]
     sets = regrouped(plan, results.clocks.values(), views)
-    summary = summarise_capture(plan.rig, plan.skeleton, results.poses, sets)
+    summary = summarise_capture(plan.rig, plan.skeleton, list(results.poses), sets)
     report = RunReport(
         summary,
-        frames_in={name: len(views) for name, views in results.views.items()},
+        frames_in=dict(results.frames_in),
         dropped=_dropped(counted),
         latency_ms=_latencies(counted),
-        notices=[*_plan_notices(plan), *_clock_notices(plan, results), *warnings_of(counted), *notices],
+        notices=[
+            *_plan_notices(plan), *_newest_only(results), *_clock_notices(plan, results),
+            *warnings_of(counted), *notices,
+        ],
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
     )
     if pictures:
@@ -62,7 +65,7 @@ def _pictures(
     plan: Plan, results: Results, sets: list[DetectionSet], on_picture: Callable[[int, int], None]
 ) -> None:
     path = results.folder / "skeletons.png"
-    plot_capture(path, plan.rig, plan.skeleton, results.poses, title=plan.title)
+    plot_capture(path, plan.rig, plan.skeleton, list(results.poses), title=plan.title)
     if plan.live or plan.streams:
         return
     with ExitStack() as stack:
@@ -70,7 +73,7 @@ def _pictures(
             stack.enter_context(open_source(name, plan.rig, plan.sources[name])[0]) for name in plan.rig.names
         ]
         write_overlays(
-            results.folder, plan.rig, plan.skeleton, sources, sets, results.poses,
+            results.folder, plan.rig, plan.skeleton, sources, sets, list(results.poses),
             on_frame=lambda done: on_picture(done, len(sets)),
         )  # fmt: skip
 
@@ -108,6 +111,17 @@ def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
 
 def _plan_notices(plan: Plan) -> list[Notice]:
     return [Notice(f"capture.{i}", "info", text) for i, text in enumerate(plan.notices)]
+
+
+def _newest_only(results: Results) -> list[Notice]:
+    """Said where the report is not about everything."""
+    if results.instants <= len(results.poses):
+        return []
+    text = (
+        f"people, errors and frames out are those of the last {len(results.poses)} of {results.instants} "
+        "instants; skeletons.json.gz and the bag hold all"
+    )
+    return [Notice("run.newest_only", "info", text)]
 
 
 def _clock_notices(plan: Plan, results: Results) -> list[Notice]:

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,11 +19,13 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.markers import marker_array
-from panoptic_ros.io.plain_formats import write_skeletons
 from panoptic_ros.io.previews import Previews
+from panoptic_ros.io.skeleton_stream import SkeletonStream
 from panoptic_ros.params import config_of, named_numbers, of_name
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.sync.config import SyncConfig
+
+KEPT_LIVE = 3600  # instants that the report of a live run, which has no end, is about: two minutes
 
 
 @contextmanager
@@ -55,7 +58,8 @@ def result_folder(out: Path) -> Iterator[Path]:
 
 
 class Results:
-    """Takes the records of a run as they come: into the bag at once, the rest is kept for the end.
+    """Takes the records of a run as they come: into the bag and skeletons.json.gz at once. What the report
+    needs is kept for the end; of a live run, the newest.
 
     A context manager: leaving it normally writes the skeletons, leaving it with an error gives all up.
 
@@ -67,8 +71,11 @@ class Results:
         self, folder: Path, plan: Plan, on_record: Callable[[str, Any], None] = lambda key, record: None
     ):
         self.folder = folder
-        self.poses: list[RefinedPoseSet] = []
-        self.views: dict[str, list[ViewDetections]] = {name: [] for name in plan.rig.names}
+        kept = KEPT_LIVE if plan.live else None
+        self.poses: deque[RefinedPoseSet] = deque(maxlen=kept)
+        self.views: dict[str, deque[ViewDetections]] = {name: deque(maxlen=kept) for name in plan.rig.names}
+        self.frames_in = dict.fromkeys(plan.rig.names, 0)
+        self._skeletons = SkeletonStream(folder / "skeletons.json.gz", plan.skeleton.joint_names)
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
         self._on_record = on_record
@@ -85,6 +92,7 @@ class Results:
             self._start(when)
             self._write(key, record, when, record.camera)
             self.views[record.camera].append(_without_maps(record))
+            self.frames_in[record.camera] += 1
         elif key == SOUND_KEY:
             when = self._plan.at(TOPICS[key].of(record.device), record.stamp_ns)
             self._start(when)
@@ -101,16 +109,22 @@ class Results:
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns)
             self._write_markers(record)
+            self._skeletons.add(record)
             self.poses.append(record)
         elif key == "clock_models":
             self.clocks[record.device] = record
         self._on_record(key, record)
 
+    @property
+    def instants(self) -> int:
+        """How many sets of skeletons there were."""
+        return self._skeletons.count
+
     def close(self) -> None:
-        """Write the skeletons, and the clocks that were found, and finish the bag."""
+        """Finish the skeletons, write the clocks that were found, and finish the bag."""
         self._start(0)
         self._bag.close()
-        write_skeletons(self.folder / "skeletons.json.gz", self._plan.skeleton.joint_names, self.poses)
+        self._skeletons.close()
         found = {name: model for name, model in self.clocks.items() if name in self.views}
         if found:
             given = named_numbers("SyncConfig.delays_ms", config_of(self._plan.configs, SyncConfig).delays_ms)
@@ -125,6 +139,7 @@ class Results:
             self.close()
         else:
             self._bag.discard()
+            self._skeletons.discard()
 
     def _start(self, stamp_ns: int) -> None:
         """The latched facts stand first in the bag."""

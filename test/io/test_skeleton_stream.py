@@ -1,0 +1,31 @@
+"""Skeletons written one by one are the same file as those written at once."""
+import pytest
+from stage_cases import cases
+
+from panoptic_ros.domain import RefinedPoseSet
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.pipeline import records_of
+from panoptic_ros.io.plain_formats import read_skeletons, write_skeletons
+from panoptic_ros.io.skeleton_stream import SkeletonStream
+
+
+@pytest.fixture(scope="module")
+def poses():
+    case = cases()["refinement"]
+    configs = configure({"refinement": case.values})
+    return case.context.skeleton, records_of("skeletons", case.items, configs, case.context, ["refinement"])
+
+
+@pytest.mark.parametrize("count", [0, 1, None])
+def test_the_bytes_are_the_same(poses, count, tmp_path):
+    skeleton, found = poses
+    found = found[:count]
+    assert all(isinstance(item, RefinedPoseSet) for item in found)
+    write_skeletons(tmp_path / "at_once.json.gz", skeleton.joint_names, found)
+    stream = SkeletonStream(tmp_path / "stream.json.gz", skeleton.joint_names)
+    for item in found:
+        stream.add(item)
+    stream.close()
+    at_once, streamed = ((tmp_path / f"{name}.json.gz").read_bytes() for name in ("at_once", "stream"))
+    assert streamed == at_once and stream.count == len(found)
+    read_skeletons(tmp_path / "stream.json.gz")
