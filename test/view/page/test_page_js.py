@@ -3,7 +3,7 @@ import base64
 
 import numpy as np
 from node_js import needs_node, run_js
-from recorded_scene import SKELETON, START_NS, as_bytes, make_poses, make_rig, make_view, places
+from recorded_scene import SKELETON, START_NS, as_bytes, make_poses, make_rig, make_view, places, write_scene
 
 from panoptic_ros.domain import Camera
 from panoptic_ros.geometry import Intrinsics, Rigid
@@ -174,6 +174,23 @@ def test_a_tile_pairs_an_image_with_the_people_of_its_own_stamp(recording):
         assert shown == now - now % 3 and frame == 1000 + shown and apart == 0
     assert found["steps"] == [31, 29, 35, 25] and found["edge"] == 119
     assert np.isclose(found["rate"], 30.0, atol=0.1)
+
+
+def test_people_are_shown_where_there_are_no_images(tmp_path):
+    write_scene(tmp_path / "bag", 10, previews=False)
+    scene = RecordedScene(tmp_path / "bag", "test")
+    found = run_js(
+        BYTES + """
+        import { Store } from "#view/store.js";
+        import { unpack } from "#view/packets.js";
+        const store = new Store(data.facts);
+        for (const message of unpack(bytes(data.block).buffer).messages) store.add(message);
+        const pair = store.pairAt("cam1", 0.2e9);
+        console.log(JSON.stringify([pair.preview, pair.instant.index, pair.view.message.frame_number]));
+        """,
+        {"facts": scene.facts(), "block": text(scene.block(0))},
+    )
+    assert found == [None, 6, 1006]
 
 
 def test_evidence_tells_views_and_residuals(recording):

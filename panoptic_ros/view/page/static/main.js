@@ -314,7 +314,7 @@ window.panoptic = {
   },
   stats() {
     return { t: page.player.t, drawn: page.drawn, ids: (page.instant?.people ?? []).map(({ id }) => id), images: page.pictures.size, problems: page.store.problems,
-      tiles: [...tiles.tiles.values()].map(({ camera, pair }) => [camera.name, pair ? pair.preview.t : null]), newest: page.store.newest?.t ?? null };
+      tiles: [...tiles.tiles.values()].map(({ camera, pair }) => [camera.name, pair?.preview?.t ?? null]), newest: page.store.newest?.t ?? null };
   },
 };
 requestAnimationFrame(frame);

@@ -84,9 +84,13 @@ export class Store {
   }
 
   // What a tile shows at a time: the newest image, with the people of its own stamp: {preview, view, instant}.
+  // Of a camera without images the people alone.
   pairAt(camera, t) {
     const previews = this.previews.get(camera);
-    if (!previews) return null;
+    if (!previews) {
+      const instant = this.instantAt(t), view = this.viewOf(camera, instant);
+      return view && instant.t > t - REACH ? { preview: null, view, instant } : null;
+    }
     for (let i = upper(this.instants, t) - 1; i >= 0 && this.instants[i].t > t - REACH; i--) {
       const view = this.viewOf(camera, this.instants[i]);
       const preview = view && previews.byTime.get(view.t);

@@ -68,9 +68,9 @@ export class Tiles {
     const pictures = new Map();
     for (const [name, tile] of this.tiles) {
       const wanted = scene.store.pairAt(name, scene.t);
-      const ready = wanted && this._image(wanted.preview);
+      const ready = wanted && (!wanted.preview || this._image(wanted.preview));
       if (ready || !wanted) tile.pair = wanted; // else the one before, whole, until the image is there
-      if (tile.pair?.preview.bitmap) pictures.set(name, tile.pair.preview.bitmap);
+      if (tile.pair?.preview?.bitmap) pictures.set(name, tile.pair.preview.bitmap);
       if (this.visible.has(name) && !tile.element.hidden) this._draw(tile, scene, layers, version);
     }
     return pictures;
@@ -85,20 +85,21 @@ export class Tiles {
 
   // Decode images that come next.
   prepare(pairs) {
-    for (const pair of pairs) if (pair) this._image(pair.preview);
+    for (const pair of pairs) if (pair?.preview) this._image(pair.preview);
   }
 
   _draw(tile, scene, layers, version) {
-    const { canvas, camera, pair } = tile, stamp = pair ? `${pair.preview.t} ${pair.instant?.t} ${version}` : `none ${version}`;
+    const { canvas, camera, pair } = tile, stamp = pair ? `${pair.preview?.t} ${pair.instant?.t} ${version}` : `none ${version}`;
     if (tile.drawn === stamp) return;
     tile.drawn = stamp;
     const context = canvas.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.fillStyle = "#141a22";
     context.fillRect(0, 0, canvas.width, canvas.height);
-    tile.empty.hidden = Boolean(pair);
+    tile.empty.hidden = Boolean(pair?.preview);
+    tile.empty.classList.toggle("corner", Boolean(pair));
     if (!pair) return;
-    context.drawImage(pair.preview.bitmap, 0, 0, canvas.width, canvas.height);
+    if (pair.preview) context.drawImage(pair.preview.bitmap, 0, 0, canvas.width, canvas.height);
     const drawing = new TileCanvas(context, camera, canvas.width, canvas.height);
     for (const layer of layers) if (layer.tile && layer.under) layer.tile(drawing, scene, pair);
     for (const layer of layers) if (layer.tile && !layer.under) layer.tile(drawing, scene, pair);
