@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,8 @@ from panoptic_ros.view.page.presence import Presence, ids_of
 
 BLOCK_NS = 1_000_000_000
 SHOWN = ("skeletons", "detections", "preview", "proposals", "skeletons_raw", "associations")
+GIVE_WAY_S = 0.002  # of the scan, while somebody waits for a block
 IMAGES = ("compressed_image", "image")  # previews are made of these where there are none
-MOST_AT_ONCE = 2000  # messages of a block: beyond, a bag whose clock stands still would fill the memory
 
 
 class RecordedScene:
@@ -46,6 +47,7 @@ class RecordedScene:
         self._path = Path(bag)
         self._bag = BagReader(self._path)
         self._lock = threading.Lock()  # one file, many pages
+        self._asked = 0  # blocks that somebody waits for
         self._names: dict[str, PageTopic] = {}  # by the name in the bag
         self._sources: dict[int, tuple[str, PageTopic]] = {}  # by the page's number of a topic
         self.rig = rig if rig is not None else self._latched("rig", "the bag lacks /rig: give --rig")
@@ -72,7 +74,11 @@ class RecordedScene:
         Raises:
             DataError: if the bag is damaged there.
         """
-        return pack(Kind.BLOCK, number, self.messages(number, keys))
+        self._asked += 1
+        try:
+            return pack(Kind.BLOCK, number, self.messages(number, keys))
+        finally:
+            self._asked -= 1
 
     def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
         """As `block`, one by one."""
@@ -102,6 +108,8 @@ class RecordedScene:
         names = [name for name, topic in self._sources.values() if topic.key == "skeletons"]
         with BagReader(self._path) as bag:
             for count, (_, _, data, _) in enumerate(bag.raw(*names)):
+                while self._asked and not stopped():
+                    time.sleep(GIVE_WAY_S)
                 if stopped():
                     return
                 stamp = skeletons_head(data).stamp_ns

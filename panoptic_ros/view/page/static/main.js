@@ -94,8 +94,9 @@ function keys() {
 function load() {
   if (page.player.live) return;
   const now = Math.floor(page.player.t / SECOND), last = Math.floor(page.player.end / SECOND);
-  for (let k = Math.max(0, now - 1); k <= Math.min(last, now + AHEAD); k++) {
-    if (page.blocks.has(k)) continue;
+  const order = [now, now - 1, ...Array.from({ length: AHEAD }, (_, i) => now + 1 + i)]; // the one that is shown first
+  for (const k of order) {
+    if (k < 0 || k > last || page.blocks.has(k)) continue;
     page.blocks.set(k, "asked");
     source.ask(k, keys());
   }
