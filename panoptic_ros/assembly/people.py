@@ -16,6 +16,7 @@ from panoptic_ros.assembly.judgement import (
     second_skeletons,
 )
 from panoptic_ros.assembly.map_votes import has_maps, move_to_votes
+from panoptic_ros.assembly.motion import Motion
 from panoptic_ros.assembly.view_sources import view_sources
 from panoptic_ros.domain import JointState, PoseSet, ProposalSet, SkeletonModel, TimeShift, ViewSources
 from panoptic_ros.geometry.robust import covariance_correction
@@ -70,19 +71,24 @@ class Finisher:
         self._inflation = covariance_correction(config.cauchy)
 
     def finish(
-        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array
-    ) -> People:
+        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
+        motion: Motion | None = None,
+    ) -> People:  # fmt: skip
         """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
 
         Args:
             found: the people that were solved; where they expect joints, nodes are looked for.
             observed: (P, J) number of views whose 2D person shows each joint.
+            motion: None where all stamps are equal.
         """
         config = self._config
         joints, good = self._judged(scene, solved, observed)
         if config.vote_distance > 0.0 and has_maps(item):
             expected = found.guide.positions
+            shifts = _since_voting(item, found, motion)
+            joints.positions[...] += shifts
             move_to_votes(joints, expected, item, self._skeleton, config.vote_distance, config.node_sigma)
+            joints.positions[...] -= shifts
         if config.two_view_joints:
             place_disputed(scene, found, joints, self._skeleton)
         joints.derive(self._skeleton)
@@ -110,3 +116,14 @@ class Finisher:
             np.where(good, scores, 0.0), np.where(good, views, 0), np.zeros(good.shape),
         )  # fmt: skip
         return joints, good
+
+
+def _since_voting(item: ProposalSet, found: Candidates, motion: Motion | None) -> Array | float:
+    """By how much (P, J, 3) m joints would lie elsewhere with the predicted velocities, which votes go by."""
+    if motion is None:
+        return 0.0
+    known, slower = found.who >= 0, np.zeros_like(found.guide.shifts)
+    slower[known] = found.guide.shifts[known]
+    slower[known] -= item.association.prediction.velocities[found.who[known]]
+    shifts: Array = (motion.delays @ slower[..., None])[..., 0]
+    return shifts

@@ -10,6 +10,7 @@ from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.map_votes import has_maps
+from panoptic_ros.assembly.motion import Motion
 from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.assembly.noise_growth import NoiseGrowth, box_diagonals
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
@@ -17,7 +18,7 @@ from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_ob
 from panoptic_ros.assembly.people import Finisher, People
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.solve import Solver, observed_views
-from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
+from panoptic_ros.assembly.time_shift import motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
@@ -106,7 +107,7 @@ class AssemblyStage(Stateful):
         if self._config.lost_people and has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(scene, found.grouping, found.source)
-        people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1))
+        people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), motion)
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
         people = people.rows(inside)

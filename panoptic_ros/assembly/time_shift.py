@@ -10,11 +10,12 @@ corrected velocity. Apart from that, positions remain functions of the images of
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from panoptic_ros.assembly.candidates import Candidates
+from panoptic_ros.assembly.motion import Motion
 from panoptic_ros.assembly.people import People
 from panoptic_ros.assembly.solve import Solver
 from panoptic_ros.domain import Prediction, SkeletonModel, TimeShift
@@ -27,20 +28,6 @@ from panoptic_ros.solving.scene import Scene
 Array = np.ndarray
 
 WEAKEST = 1e-6  # share of the largest information in the weakest direction of a joint, at least
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Motion:
-    """What the views say of K people's J joints in motion.
-
-    covariances: (K, J, 3, 3) m^2, of positions at the assumed velocity. delays (K, J, 3, 3) s,
-    velocities (K, J, 3) m/s and information (K, J, 3, 3): see `TimeShift`.
-    """
-
-    covariances: Array
-    delays: Array
-    velocities: Array
-    information: Array
 
 
 def solve_in_motion(

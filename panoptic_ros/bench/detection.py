@@ -3,11 +3,13 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from panoptic_ros.bench.stage1.rows import of_poses
 from panoptic_ros.capture import open_capture_folder
@@ -34,12 +36,15 @@ class Footage:
 
     Args:
         cameras: names; None = all. frames: of each camera at most. every: only each so manyth frame.
+        apart: every other camera has the frames in the middle between those of the others, as without a
+            common trigger.
     """
 
     folder: Path
     cameras: tuple[str, ...] | None = None
     frames: int | None = None
     every: int = 1
+    apart: bool = False
 
     def images(self) -> Iterator[ViewFrame]:
         """All images, instant by instant."""
@@ -48,8 +53,10 @@ class Footage:
             for index, instant in enumerate(zip(*streams)):
                 if self.frames is not None and index >= self.frames:
                     return
-                if index % self.every == 0:
-                    yield from instant
+                for place, frame in enumerate(instant):
+                    later = self.every // 2 if self.apart and place % 2 else 0
+                    if index % self.every == later:
+                        yield frame
 
 
 def variants(rate_hz: float) -> dict[str, dict[str, Any]]:
@@ -96,9 +103,12 @@ def measured(
         configs, StageContext(rig, skeleton, extras), on_record=saw, on_step=stepped,
         clock=time.process_time_ns,
     )  # fmt: skip
+    stamps = []  # of the first camera
     for frame in footage.images():
         pipeline.push("image", frame)
         images += 1
+        if frame.camera == rig.names[0]:
+            stamps.append(frame.stamp_ns)
     pipeline.flush()
     instants = images // len(rig)
     counted = max(instants - skip, 1)
@@ -106,14 +116,17 @@ def measured(
         "cpu_ms": 1e-6 * taken["detection"] / counted,
         "after_ms": 1e-6 * (sum(taken.values()) - taken["detection"]) / counted,
         "carried": carried / max(images, 1), "instants": instants,
-        **_scores(truth, SkeletonSequence(skeleton.joint_names, tuple(map(of_poses, poses))), skip),
+        **_scores(truth, SkeletonSequence(skeleton.joint_names, tuple(map(of_poses, poses))), stamps, skip),
     }  # fmt: skip
 
 
-def _scores(truth: SkeletonSequence, result: SkeletonSequence, skip: int) -> dict[str, Any]:
-    """Scores by the names of `panoptic evaluate --json`, of the frames that there are."""
-    newest = max((frame.stamp_ns for frame in result.frames), default=-1)
-    frames = tuple(frame for frame in truth.frames if frame.stamp_ns <= newest + HALF_A_FRAME_NS)
+def _scores(
+    truth: SkeletonSequence, result: SkeletonSequence, stamps: Sequence[int], skip: int
+) -> dict[str, Any]:
+    """Scores by the names of `panoptic evaluate --json`, at the instants of images with these stamps."""
+    instants = np.array([frame.stamp_ns for frame in truth.frames])
+    near = np.abs(instants[:, None] - np.array(stamps)).min(axis=1)
+    frames = tuple(frame for frame, away in zip(truth.frames, near) if away < HALF_A_FRAME_NS)
     within = SkeletonSequence(truth.joint_names, frames)
     pairs = pair_sequences(within, spelt_alike(result, within), skip)
     return report_of(pairs, within.joint_names).to_mapping()

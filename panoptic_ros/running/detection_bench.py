@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cameras", metavar="A,B", help="only these")
     parser.add_argument("--frames", type=int, metavar="N", help="the first of each camera")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th frame")
+    parser.add_argument("--apart", action="store_true", help="every other camera half a period later")
     parser.add_argument("--rate", type=float, default=25.0, metavar="HZ", help="of the frames; default 25")
     parser.add_argument("--joints", default="coco17", metavar="NAMES", help="that count; default coco17")
     parser.add_argument("--skip", type=int, default=6, metavar="N", help="first frames not scored; default 6")
@@ -52,7 +53,9 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         raise UsageError("--every, --rate and --frames must be positive")
     folder = Path(args.capture)
     cameras = tuple(args.cameras.split(",")) if args.cameras else None
-    footage = Footage(folder, cameras, args.frames, args.every)
+    if args.apart and args.every < 2:
+        raise UsageError("--apart needs --every 2 or more: cameras have frames that others leave out")
+    footage = Footage(folder, cameras, args.frames, args.every, args.apart)
     truth = only_joints(read_sequence(Path(args.truth or folder / "truth.json.gz")), args.joints)
     settings: dict[str, dict[str, Any]] = {}
     for text in args.set:

@@ -9,14 +9,18 @@ from panoptic_ros.voting import explain_kernels, kernels, soft_vote
 from panoptic_ros.voting.image_peaks import ImagePeaks
 from panoptic_ros.voting.proposals import Nodes, no_nodes
 from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.soft_kernels import Moving
 
 Array = np.ndarray
 
 
-def moved(scene: VoteScene, joints: Array, points: Array, view_threshold: float) -> Nodes:
-    """Nodes of joints (N,) at the centres of the votes about points (N, 3) m."""
-    points = soft_vote.move(points, joints, scene)
-    votes, support = kernels.vote_points(scene, joints, points, view_threshold)
+def moved(
+    scene: VoteScene, joints: Array, points: Array, view_threshold: float, moving: Moving | None = None
+) -> Nodes:
+    """Nodes of joints (N,) at the centres of the votes about points (N, 3) m, at the points' instant."""
+    moving = moving or soft_vote.at_rest(points, scene)
+    points = soft_vote.move(points, joints, scene, moving=moving)
+    votes, support = kernels.vote_moving(scene, joints, points, moving, view_threshold)
     return Nodes(points, joints, votes, support)
 
 

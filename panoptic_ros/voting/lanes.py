@@ -136,16 +136,34 @@ def score(scene, v, joint, strides, lanes, c):
 @inlined
 def vote(scene, joints, view_threshold, lanes):
     """Eq. 1 at the points for the joints (8,): VOTE, the mean over the views that see them, and SUPPORT."""
+    begin_vote(lanes)
+    for v in range(len(scene.cameras)):
+        add_vote(scene, v, joints, view_threshold, lanes)
+    end_vote(lanes)
+
+
+@inlined
+def begin_vote(lanes):
+    """No view has voted."""
     for c in range(LANES):
         lanes[VOTE + c] = lanes[SEEING + c] = lanes[SUPPORT + c] = 0.0
-    for v in range(len(scene.cameras)):
-        see(scene.cameras, scene.limits, v, lanes)
-        around = strides(scene.cameras[v])
-        for c in range(LANES):
-            if lanes[COVERED + c] > 0.0:
-                value = score(scene, v, joints[c], around, lanes, c)
-                lanes[VOTE + c] += value
-                lanes[SEEING + c] += 1.0
-                lanes[SUPPORT + c] += value > view_threshold
+
+
+@inlined
+def add_vote(scene, v, joints, view_threshold, lanes):
+    """What view v says of the points."""
+    see(scene.cameras, scene.limits, v, lanes)
+    around = strides(scene.cameras[v])
+    for c in range(LANES):
+        if lanes[COVERED + c] > 0.0:
+            value = score(scene, v, joints[c], around, lanes, c)
+            lanes[VOTE + c] += value
+            lanes[SEEING + c] += 1.0
+            lanes[SUPPORT + c] += value > view_threshold
+
+
+@inlined
+def end_vote(lanes):
+    """Sums become means."""
     for c in range(LANES):
         lanes[VOTE + c] /= max(lanes[SEEING + c], 1.0)

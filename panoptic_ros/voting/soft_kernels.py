@@ -52,6 +52,16 @@ class Ball(NamedTuple):
     softness: float
 
 
+class Moving(NamedTuple):
+    """How N points move.
+
+    velocities: (N, 3) m/s. delays: (V,) s, stamp of each view minus the instant of the points.
+    """
+
+    velocities: Array
+    delays: Array
+
+
 class _Line(NamedTuple):
     """A number in the middle of a ball, and by how much it grows to the rim along each axis."""
 
@@ -69,8 +79,10 @@ class _Scratch(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def move_to_votes(scene, joints, starts, ball):
+def move_to_votes(scene, joints, starts, moving, ball):
     """Where starts (N, 3) m of joints (N,) come to, step by step to the mean of the points of a ball.
+
+    Every view is asked for where the points are at its own stamp; moving: `Moving`.
 
     A place moves to the mean of the points of a ball about it, weighted by exp(vote / softness), with each
     radius until it stays. The vote is eq. 1 of the views that see the place. Where nothing votes, it stays.
@@ -86,7 +98,7 @@ def move_to_votes(scene, joints, starts, ball):
         nearest, seeing = _nearest_view(scene, places, n, scratch.lanes)
         for m in range(1 if seeing >= MANY_VIEWS else 0, len(radii) if seeing > 0 else 0):
             for _ in range(ball.rounds):
-                if _step(scene, joints[n], (places, n), nearest, radii[m], ball, scratch) < SETTLED:
+                if _step(scene, joints[n], (places, n, moving), nearest, radii[m], ball, scratch) < SETTLED:
                     break
     return places
 
@@ -108,14 +120,21 @@ def _nearest_view(scene, places, n, lanes):
 
 @inlined
 def _step(scene, joint, at, nearest, radius, ball, scratch):
-    """One step of places[n], `at` being (places, n), changed in place; returns its length, m."""
-    places, n = at
+    """One step of places[n], `at` being (places, n, moving), changed in place; returns its length, m."""
+    places, n, moving = at
     camera = scene.cameras[nearest]
-    _place_ball(camera, places[n, 0], places[n, 1], places[n, 2], radius, scratch.lanes)
+    placed = np.inf  # delay for which the ball lies in the lanes
     for g in range(POINTS):
         scratch.rows[VOTES + g] = 0.0
     covering = np.int64(0)  # no literal, which would be a type of its own
     for v in range(len(scene.cameras)):
+        if moving.delays[v] != placed:
+            placed = moving.delays[v]
+            _place_ball(
+                camera, places[n, 0] + placed * moving.velocities[n, 0],
+                places[n, 1] + placed * moving.velocities[n, 1],
+                places[n, 2] + placed * moving.velocities[n, 2], radius, scratch.lanes,
+            )  # fmt: skip
         see(scene.cameras, scene.limits, v, scratch.lanes)
         if scratch.lanes[COVERED] > 0.0 and scratch.lanes[DEPTH] > CLOSE * radius:
             covering += 1

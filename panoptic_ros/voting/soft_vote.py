@@ -5,6 +5,7 @@ import numpy as np
 
 from panoptic_ros.voting import kernels, soft_kernels
 from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.soft_kernels import Moving
 
 Array = np.ndarray
 SOFTNESS = 0.05  # vote difference that counts 1/e
@@ -37,9 +38,20 @@ def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array
     return moved, votes
 
 
-def move(points: Array, joints: Array, scene: VoteScene, rounds: int = 1) -> Array:
-    """The points (N, 3) m of `refine`; one round per ball does where points are close to joints."""
+def move(
+    points: Array, joints: Array, scene: VoteScene, rounds: int = 1, moving: Moving | None = None
+) -> Array:
+    """The points (N, 3) m of `refine`; one round per ball does where points are close to joints.
+
+    Args:
+        moving: how the points move from stamp to stamp of the views; None: they rest.
+    """
     starts, which = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(joints, np.int64)
     ball = soft_kernels.Ball(BALL, RADII, rounds, SOFTNESS)
-    moved: Array = soft_kernels.move_to_votes(scene, which, starts, ball)
+    moved: Array = soft_kernels.move_to_votes(scene, which, starts, moving or at_rest(starts, scene), ball)
     return moved
+
+
+def at_rest(points: Array, scene: VoteScene) -> Moving:
+    """Points (N, 3) that do not move, or views of one instant."""
+    return Moving(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)))

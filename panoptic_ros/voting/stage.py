@@ -17,6 +17,7 @@ from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
 from panoptic_ros.voting.proposals import Demands, Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.seeds import SeedSearch
+from panoptic_ros.voting.soft_kernels import Moving
 from panoptic_ros.voting.volume import Volume, volume_of_rig
 
 Array = np.ndarray
@@ -118,8 +119,10 @@ class VotingStage(Stateful):
         people = rough_people(association, self._arrays, self.skeleton)
         there = np.isfinite(people.positions[..., 0])
         joints = np.ascontiguousarray(np.nonzero(there)[1])  # kernels are compiled for one layout
-        nodes = moved(scene, joints, people.positions[there], wanted.view_threshold)
-        return Explainer(nodes, people.velocities[there], delays).rows(self._good(nodes, wanted))
+        velocities = people.velocities[there]
+        moving = Moving(velocities, delays)
+        nodes = moved(scene, joints, people.positions[there], wanted.view_threshold, moving)
+        return Explainer(nodes, velocities, delays).rows(self._good(nodes, wanted))
 
     def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:
         """Nodes at what known joints leave of a scene."""

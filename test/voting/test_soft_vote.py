@@ -2,9 +2,12 @@ import numpy as np
 import pytest
 from score_fields import ViewField, vote_reference
 
+from panoptic_ros.domain import DetectionSet
 from panoptic_ros.geometry import Intrinsics
+from panoptic_ros.voting import kernels
+from panoptic_ros.voting.explaining import moved
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.soft_kernels import MANY_VIEWS
+from panoptic_ros.voting.soft_kernels import MANY_VIEWS, Moving
 from panoptic_ros.voting.soft_vote import BALL, RADII, SOFTNESS, move, refine
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
@@ -73,3 +76,31 @@ def test_where_nothing_votes_a_point_stays(scenes):
     assert np.array_equal(points, away)
     assert (votes == 0.0).all()
     assert refine(np.zeros((0, 3)), np.zeros(0, int), scene)[0].shape == (0, 3)
+
+
+@pytest.mark.parametrize("maps", ["none", "merged", "mixed"])
+def test_views_of_several_stamps_vote_where_the_joint_was_at_theirs(scenes, maps):
+    rig, person = scenes.ring(6), scenes.person(0.3, 0.2)
+    velocity = np.tile([1.2, -0.8, 0.1], (19, 1))
+    delays = np.array([0.0, 0.04, -0.04, 0.0, 0.04, -0.02])
+    views = [
+        scenes.detect(rig, [person + late * velocity], maps).views[v] for v, late in enumerate(delays)
+    ]  # fmt: skip
+    scene = build_scene(rig.cameras, DetectionSet(0, 1, views[0].skeleton_hash, tuple(views)).views, 19)
+    joints, starts = np.arange(19), person + np.random.default_rng(0).uniform(-0.01, 0.01, (19, 3))
+    nodes = moved(scene, joints, starts, 0.1, Moving(velocity, delays))
+    still = moved(scene, joints, starts, 0.1)
+    error, wrong = (np.linalg.norm(each.points - person, axis=1) for each in (nodes, still))
+    assert error.max() < 0.012 and np.median(wrong) > 2.0 * np.median(error)
+    assert nodes.votes.min() > 0.8 and np.median(still.votes) < np.median(nodes.votes)
+    assert (nodes.support >= still.support).all()
+
+
+@pytest.mark.parametrize("maps", ["none", "merged"])
+def test_votes_of_one_stamp_do_not_depend_on_motion(scenes, maps):
+    _, people, scene, _ = setting(scenes, maps)
+    joints, moving = np.arange(19), Moving(np.ones((19, 3)), np.zeros(4))
+    assert move(people[0], joints, scene, moving=moving).tobytes() == move(people[0], joints, scene).tobytes()
+    one = kernels.vote_points(scene, joints, people[0], 0.1)
+    other = kernels.vote_moving(scene, joints, people[0], moving, 0.1)
+    assert all(np.array_equal(a, b) for a, b in zip(one, other))
