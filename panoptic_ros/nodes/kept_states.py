@@ -91,6 +91,6 @@ class KeptStates:
             self._ask()
 
     def publish(self, states: Mapping[str, bytes]) -> None:
-        """Hand over the states of those stages that are kept."""
-        for stage, publisher in self._publishers.items():
-            publisher.publish(self._kind(data=array.array("B", states[stage])))
+        """Hand over the states of those stages that are kept; one that is switched off has none."""
+        for stage in self._publishers.keys() & states.keys():
+            self._publishers[stage].publish(self._kind(data=array.array("B", states[stage])))

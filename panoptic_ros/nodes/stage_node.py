@@ -31,6 +31,7 @@ from panoptic_ros.nodes.inputs import Input, InputChoice, Takers, subscribe
 from panoptic_ros.nodes.kept_states import KeptStates
 from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.parameters import declare_config
+from panoptic_ros.nodes.pausing import Pausing
 from panoptic_ros.nodes.progress import ProgressTold
 from panoptic_ros.nodes.reports import reports_of
 from panoptic_ros.nodes.rig_changes import RigChanges
@@ -109,6 +110,7 @@ class StageNode(Node):
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
         self._kept = KeptStates(self, names, self._hand_over) if self._flow.name == "live" else None
+        self._pausing = Pausing(self) if self._flow.name == "live" else None
         self._rig_changes = RigChanges(self, self._cameras, self._worker.note, self._change_rig)
         self._facts = Facts(
             self, self._begin, self._refuse_message,
@@ -238,6 +240,8 @@ class StageNode(Node):
 
     def _receive(self, entry: Input, queue: str, stamp_ns: int, data: bytes) -> None:
         """Enqueue a message, with those that belong to it."""
+        if self._pausing is not None and self._pausing.leaves_out():
+            return
         for bundle in self._companions.put(Item(entry.topic, entry.owner, stamp_ns, (entry, data))):
             last = bundle[-1]
             key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
