@@ -125,6 +125,10 @@ class Pipeline:
             if name in states:
                 stage.begin(states[name])
 
+    def begin_anew(self, name: str) -> None:
+        """Let a stage forget everything."""
+        self._stages[self.names.index(name)].reset()
+
     def change_rig(self, rig: Rig) -> tuple[str, ...]:
         """Work with another rig from the next record on. Stages keep what they know where it still holds.
 

@@ -2,6 +2,7 @@
 
 A node hands over the state of its stages twice a second; the node of the rig keeps the newest of each. A node
 that is started anew begins with them: people keep their identities, and tables of noise what they learnt.
+A state is on trial until its stage has taken a record; one that fails twice is not handed out again.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.quality import LATCHED, NEWEST
 
 PERIOD_S = 0.5
+MOST_TRIALS = 2
+EMPTY = 16  # bytes of a message without a state: its beginner tries the kept one
 WAITING_S = 0.3  # for states, if somebody keeps any: they come with the rig
 SEVERAL = ("detection",)  # stages that several nodes of a graph may have, and that remember little
 KIND = "std_msgs/msg/UInt8MultiArray"
@@ -41,8 +44,20 @@ class StateKeeper:
             stage: node.create_publisher(kind, kept_topic(stage), LATCHED)
             for stage in stages if stage not in SEVERAL
         }  # fmt: skip
-        for stage, publisher in self._publishers.items():
-            node.create_subscription(kind, given_topic(stage), publisher.publish, NEWEST, raw=True)
+        self._kind, self._logger = kind, node.get_logger()
+        self._trials = dict.fromkeys(self._publishers, 0)
+        for stage in self._publishers:
+            node.create_subscription(kind, given_topic(stage), partial(self._take, stage), NEWEST, raw=True)
+
+    def _take(self, stage: str, data: bytes) -> None:
+        if len(data) > EMPTY:
+            self._trials[stage] = 0
+            self._publishers[stage].publish(data)
+            return
+        self._trials[stage] += 1
+        if self._trials[stage] == MOST_TRIALS:
+            self._publishers[stage].publish(self._kind())
+            self._logger.warning(f"what stage {stage} remembered is given up: it failed with it twice")
 
 
 class KeptStates:
@@ -50,10 +65,13 @@ class KeptStates:
 
     Args:
         ask: called twice a second: it calls `publish` where states may be taken.
+        proven: whether a stage has taken a record.
     """
 
-    def __init__(self, node: Node, stages: Collection[str], ask: Callable[[], None]):
-        self._node, self._ask = node, ask
+    def __init__(
+        self, node: Node, stages: Collection[str], ask: Callable[[], None], proven: Callable[[str], bool]
+    ):
+        self._node, self._ask, self._proven = node, ask, proven
         self._kept: dict[str, bytes] = {}
         self._kind = message_class(KIND)
         self._listening = {
@@ -62,35 +80,56 @@ class KeptStates:
             )
             for stage in stages if stage not in SEVERAL
         }  # fmt: skip
-        self._publishers: dict[str, Any] = {}
+        self._publishers = {
+            stage: node.create_publisher(self._kind, given_topic(stage), NEWEST) for stage in self._listening
+        }
+        self._begin: Callable[[Mapping[str, bytes]], None] | None = None
+        self._on_trial: set[str] = set()  # not told yet
         self._timer: Any = None
 
     def _take(self, stage: str, message: Any) -> None:
-        self._kept[stage] = bytes(message.data)
+        if len(message.data):
+            self._kept[stage] = bytes(message.data)
+        if self._begin is not None and self._kept.keys() == self._listening.keys():
+            self._node.destroy_timer(self._timer)  # not now, within a subscription's callback
+            self._timer = self._node.create_timer(0.0, self._end_waiting)
 
     def when_known(self, begin: Callable[[Mapping[str, bytes]], None]) -> None:
         """Call `begin` with the states that were kept, when they have come; with none if nobody keeps any."""
+        self._begin = begin
         if not any(self._node.count_publishers(kept_topic(stage)) for stage in self._listening):
-            self._end_waiting(begin)
+            self._end_waiting()
             return
-        self._timer = self._node.create_timer(WAITING_S, lambda: self._end_waiting(begin))
+        self._timer = self._node.create_timer(
+            0.0 if self._kept.keys() == self._listening.keys() else WAITING_S, self._end_waiting
+        )
 
-    def _end_waiting(self, begin: Callable[[Mapping[str, bytes]], None]) -> None:
+    def _end_waiting(self) -> None:
+        begin, self._begin = self._begin, None
+        assert begin is not None
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
         kept, self._kept = self._kept, {}
         for subscription in self._listening.values():
             self._node.destroy_subscription(subscription)
+        self._on_trial = set(kept)
+        self._tell_of_trials()  # before it can do harm
         begin(kept)
-        for stage in self._listening:
-            self._publishers[stage] = self._node.create_publisher(self._kind, given_topic(stage), NEWEST)
         self._timer = self._node.create_timer(PERIOD_S, self._ask_for)
 
+    def _tell_of_trials(self) -> None:
+        for stage in sorted(self._on_trial):
+            if self._publishers[stage].get_subscription_count():
+                self._publishers[stage].publish(self._kind())
+                self._on_trial.discard(stage)
+
     def _ask_for(self) -> None:
+        self._tell_of_trials()
         if any(publisher.get_subscription_count() for publisher in self._publishers.values()):
             self._ask()
 
     def publish(self, states: Mapping[str, bytes]) -> None:
         """Hand over the states of those stages that are kept; one that is switched off has none."""
         for stage in self._publishers.keys() & states.keys():
-            self._publishers[stage].publish(self._kind(data=array.array("B", states[stage])))
+            if self._proven(stage):
+                self._publishers[stage].publish(self._kind(data=array.array("B", states[stage])))

@@ -109,8 +109,9 @@ class StageNode(Node):
         self._worker = Worker(self._work, self._dropped)
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
-        self._kept = KeptStates(self, names, self._hand_over) if self._flow.name == "live" else None
-        self._pausing = Pausing(self) if self._flow.name == "live" else None
+        live = self._flow.name == "live"
+        self._kept = KeptStates(self, names, self._hand_over, self._tally.has_taken) if live else None
+        self._pausing = Pausing(self) if live else None
         self._rig_changes = RigChanges(self, self._cameras, self._worker.note, self._change_rig)
         self._facts = Facts(
             self, self._begin, self._refuse_message,
@@ -169,7 +170,7 @@ class StageNode(Node):
         around = [name for name in NODES if name in {*self._graph, *self.prefixes}]
         self._pipeline = pipeline = Pipeline(
             self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
-            on_record=self._gave, on_notice=self._tally.tell, on_refused=self._tally.refuse,
+            on_record=self._gave, on_notice=self._tally.tell, on_refused=self._refused,
             on_end=self._owner_over, on_step=self._tally.stepped, clock=time.monotonic_ns, everywhere=around,
             used=self._ports_used,
         )  # fmt: skip
@@ -302,6 +303,14 @@ class StageNode(Node):
         if stamp_ns is None or self._flow.name != "live":
             return None
         return int(self.get_clock().now().nanoseconds - stamp_ns)
+
+    def _refused(self, stage: str, error: DataError) -> None:
+        """A stage has refused a record. One that refuses all is spoilt, e.g. by a record that looked good."""
+        assert self._pipeline is not None
+        self._tally.refuse(stage, error)
+        if self._flow.name == "live" and self._tally.refuses_all(stage):
+            self._pipeline.begin_anew(stage)
+            self.get_logger().warning(f"stage {stage} has refused all of late: it forgets what it knew")
 
     def _refuse_input(self, entry: Input, error: PanopticError) -> None:
         entry.arrivals.bad += 1

@@ -12,6 +12,7 @@ from panoptic_ros.nodes.notice_log import NoticeLog
 from panoptic_ros.stage import Notice
 
 QUIET_S = 5.0  # between lines about what was refused
+MOST_REFUSED = 90  # records one after another: three seconds at 30 Hz
 FARTHEST_NS = 3_600_000_000_000  # a stamp that is farther from now is on another clock
 
 
@@ -26,6 +27,7 @@ class Tally:
         self._logger = logger
         self.statistics = {stage: StageStatistics() for stage in stages}
         self._logs = {stage: NoticeLog(logger, own) for stage, own in self.statistics.items()}
+        self._refused = dict.fromkeys(stages, 0)  # one after another
         self._said_s = -QUIET_S
 
     @property
@@ -35,6 +37,7 @@ class Tally:
 
     def stepped(self, stage: str, duration_ns: int) -> None:
         """A stage has taken a record."""
+        self._refused[stage] = 0
         self.statistics[stage].taken += 1
         self.statistics[stage].add_duration(duration_ns)
 
@@ -54,6 +57,18 @@ class Tally:
         if time.monotonic() - self._said_s >= QUIET_S:
             self._said_s = time.monotonic()
             self._logger.warning(f"dropped: {error}")
+
+    def has_taken(self, stage: str) -> bool:
+        """Whether a stage has taken anything."""
+        return self.statistics[stage].taken > 0
+
+    def refuses_all(self, stage: str) -> bool:
+        """Whether a stage that was asked has refused many records one after another; asked after each."""
+        self._refused[stage] += 1
+        spoilt = self._refused[stage] >= MOST_REFUSED
+        if spoilt:
+            self._refused[stage] = 0
+        return spoilt
 
     def dropped(self, stage: str, cause: str, count: int) -> None:
         """So many records for a stage are gone."""

@@ -84,7 +84,7 @@ class _Run:
             for node in (self._node, statics):
                 self._executor.add_node(node)
             started = time.monotonic_ns()
-            with Processes(launch, names, launch.parent / "logs") as processes:
+            with Processes(launch, names, launch.parent / "logs", self._kill) as processes:
                 return self._observe(processes, started)
         finally:
             self._executor.shutdown()

@@ -57,7 +57,7 @@ def _run(
         require_no_other_graph(collector)
         for node in (collector, statics):
             executor.add_node(node)
-        with Processes(launch, document["processes"], results.folder / "logs") as processes:
+        with Processes(launch, document["processes"], results.folder / "logs", plan.live) as processes:
             _spin(executor, collector, processes, stop, plan.live)
             deadline = time.monotonic() + LAST_WORDS_S
             while not plan.live and not collector.finished(names) and time.monotonic() < deadline:

@@ -12,6 +12,7 @@ from pathlib import Path
 from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import share_folder
+from panoptic_ros.running.successors import Child, ForkServer
 
 MOST_REVIVALS = 5  # of one process in a minute
 
@@ -21,18 +22,24 @@ class Processes:
 
     Each child leads a session of its own, so that Ctrl-C reaches the launcher alone, which then ends
     them in order. What they print goes to one log file each.
+
+    Args:
+        revived: whether `revive` will be called: a process stands by then that has everything loaded.
     """
 
-    def __init__(self, launch_file: Path, names: Iterable[str], logs: Path):
+    def __init__(self, launch_file: Path, names: Iterable[str], logs: Path, revived: bool = False):
         self._logs = logs
         self._launch_file = launch_file
-        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._children: dict[str, Child] = {}
+        self._server: ForkServer | None = None
         self._revived: dict[str, list[float]] = {}  # when, by process
         with file_errors(logs, "write"):
             logs.mkdir(parents=True, exist_ok=True)
         try:
             for name in names:
                 self._start(name)
+            if revived:
+                self._server = ForkServer(launch_file, logs / "successors.log", child_environment())
         except BaseException:  # nobody else knows of those that run already
             self.stop(3.0)
             raise
@@ -101,7 +108,11 @@ class Processes:
             if len(recent) >= MOST_REVIVALS:
                 break
             self._revived[name] = [*recent, now]
-            self._start(name)
+            successor = self._server.fork(name, self._logs / f"{name}.log") if self._server else None
+            if successor is None:
+                self._start(name)
+            else:
+                self._children[name] = successor
             how = f"was killed (signal {-code})" if code < 0 else f"broke down (exit code {code})"
             told.append(f"process {name} {how} and is started anew")
         self.check()
@@ -119,6 +130,8 @@ class Processes:
             except subprocess.TimeoutExpired:
                 child.kill()
                 child.wait()
+        if self._server is not None:
+            self._server.close()
 
     def __enter__(self) -> Processes:
         return self

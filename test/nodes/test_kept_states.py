@@ -1,0 +1,49 @@
+"""What stages remember is kept for their successors, but not what ends them."""
+import pytest
+from spinning import spin_until
+
+rclpy = pytest.importorskip("rclpy")
+from panoptic_ros.nodes.kept_states import KeptStates, StateKeeper  # noqa: E402
+
+pytestmark = pytest.mark.ros
+STAGE = "tracking"
+
+
+@pytest.fixture
+def lab(executor):
+    keeping = rclpy.create_node("keeping")
+    executor.add_node(keeping)
+    return executor, StateKeeper(keeping, [STAGE])
+
+
+def begun(executor, number, state=b"", proven=True):
+    """A node that is started, gives what it remembers, if it gets to, and dies: what it began with."""
+    node, found = rclpy.create_node(f"node_{number}"), []
+    executor.add_node(node)
+    kept = KeptStates(node, [STAGE], lambda: kept.publish({STAGE: state}), lambda stage: proven)
+    spin_until(executor, lambda: node.count_publishers(f"stages/{STAGE}/kept_state"))
+    for _ in range(5):
+        executor.spin_once(timeout_sec=0.1)
+    kept.when_known(found.append)
+    spin_until(executor, lambda: bool(found))
+    for _ in range(12):
+        executor.spin_once(timeout_sec=0.1)
+    executor.remove_node(node)
+    node.destroy_node()
+    return found[0].get(STAGE)
+
+
+def test_a_successor_begins_with_the_newest_state(lab):
+    executor, _ = lab
+    assert begun(executor, 1, b"one") is None
+    assert begun(executor, 2, b"two") == b"one"
+    assert begun(executor, 3) == b"two"
+
+
+def test_a_state_that_fails_twice_is_not_handed_out_again(lab):
+    executor, _ = lab
+    assert begun(executor, 1, b"poison") is None
+    assert begun(executor, 2, b"poison", proven=False) == b"poison"
+    assert begun(executor, 3, b"poison", proven=False) == b"poison"
+    assert begun(executor, 4, b"good") is None
+    assert begun(executor, 5, b"good") == b"good"
