@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=number(float, 0.01, 1e9), metavar="S", help="of the bag to replay")
     parser.add_argument("--namespace", default="", metavar="NAME", help="before all topics, e.g. /hall")
     parser.add_argument("--loops", type=number(int, 0, 1_000_000), default=1, metavar="N",
-                        help="how often; 0: until Ctrl-C")  # fmt: skip
+                        help="how often, with stamps that run on; 0: until Ctrl-C")  # fmt: skip
     parser.add_argument("--wait", type=number(float, 0, 3600), default=0.0, metavar="S",
                         help="for a subscriber, so long at most")  # fmt: skip
 

@@ -38,6 +38,13 @@ class Connection(NamedTuple):
         effort = [q.reliability == QosReliability.BEST_EFFORT for q in self.qualities]
         return bool(effort) and all(effort)
 
+    @property
+    def has_header(self) -> bool:
+        """Whether its messages begin with a header, by the definition."""
+        words = (line.split("#")[0].split() for line in self.definition.splitlines())
+        first = next((found for found in words if found), [""])
+        return first[0] in ("std_msgs/Header", "std_msgs/msg/Header", "Header")
+
     def offered(self, reliable: bool, latched: bool) -> Connection:
         """The same topic as publishers offer it."""
         always = QosTime(9223372036, 854775807)

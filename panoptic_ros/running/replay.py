@@ -15,6 +15,7 @@ from rclpy.utilities import try_shutdown
 from panoptic_ros.errors import DataError, EnvironmentProblem
 from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.nodes.replay_node import ReplayNode, is_latched
 from panoptic_ros.nodes.runtime import start_ros
@@ -86,7 +87,7 @@ def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], 
         player.wait()
         loop = 0
         while not asked() and (not options.loops or loop < options.loops):
-            player.play()
+            player.play(loop)
             loop += 1
         node_topics = node.topics
     if player.behind_s > BEHIND_S:
@@ -133,6 +134,11 @@ class _Player:
             stamp for bag in bags
             for _, stamp, _, _ in bag.first(*(t for t in node.topics if t not in self._latched))
         )  # fmt: skip
+        self._stamped = {connection.topic for connection in connections if connection.has_header}
+        length = options.duration_s or max(bag.length_s for bag in bags) - options.start_s
+        most = max(bag.counts[topic] for bag in bags for topic in bag.topics)
+        self._span_ns = round(max(length, 0.0) * (1 + 1 / max(1, most - 1)) * SECOND)  # a period more
+        self._shift_ns = 0
         self.count, self.behind_s = 0, 0.0
 
     def wait(self) -> None:
@@ -153,9 +159,12 @@ class _Player:
                 "this ROS_DOMAIN_ID and --namespace?"
             )
 
-    def play(self) -> None:
-        """Once from the start to the end."""
+    def play(self, loop: int) -> None:
+        """Once from the start to the end. From the second time on, stamps in headers and the clock run on, as
+        those of running devices do.
+        """
         options = self._options
+        self._shift_ns = loop * self._span_ns
         first = self._begin_ns + round(options.start_s * SECOND)
         last = None if options.duration_s is None else first + round(options.duration_s * SECOND)
         begin = time.monotonic()
@@ -168,6 +177,9 @@ class _Player:
                 continue
             if self._stop():
                 return
+            stamp_ns = stamp_in(data) if self._shift_ns and topic in self._stamped else None
+            if stamp_ns is not None:
+                data = with_stamp(data, stamp_ns + self._shift_ns)
             self._node.publish(topic, data)
             self.count += 1
         self._node.tell_time(self._now(first, begin))
@@ -183,12 +195,12 @@ class _Player:
 
     def _now(self, first_ns: int, begin: float) -> int:
         """The time of the bag."""
-        return first_ns + round((time.monotonic() - begin) * self._options.rate * SECOND)
+        return self._shift_ns + first_ns + round((time.monotonic() - begin) * self._options.rate * SECOND)
 
     def _sleep_until(self, stamp_ns: int, first_ns: int, begin: float) -> None:
         due = begin + (stamp_ns - first_ns) / SECOND / self._options.rate
         while (left := due - time.monotonic()) > 0 and not self._stop():
             self._node.tell_time(self._now(first_ns, begin))
             self._executor.spin_once(timeout_sec=min(left, CLOCK_PERIOD_S))
-        self._node.tell_time(stamp_ns)
+        self._node.tell_time(self._shift_ns + stamp_ns)
         self.behind_s = max(self.behind_s, -left)

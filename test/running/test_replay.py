@@ -1,4 +1,5 @@
 """Replays keep the times of the bag at any rate, and begin at any stage."""
+import itertools
 import threading
 import time
 
@@ -89,6 +90,19 @@ def test_a_part_of_the_bag(people):
             time.sleep(0.02)
     assert [round(30 * stamp) for stamp, _, _ in listener.seen] == list(range(15, 21))
     assert set(done.topics) == {"/cam0/detections", "/rig"} and len(listener.latched) == 1
+
+
+def test_stamps_run_on_from_one_loop_to_the_next(people):
+    with Listener("/cam0/detections") as listener:
+        options = ReplayOptions(rate=10, loops=3, patterns=["/cam0/*", "/rig"], wait_s=20, clock=True)
+        replay([people], options, lambda line: None)
+        end = time.monotonic() + 5
+        while len(listener.seen) < 93 and time.monotonic() < end:
+            time.sleep(0.02)
+    stamps = [stamp for stamp, _, _ in listener.seen]
+    assert len(stamps) == 93
+    steps = [b - a for a, b in itertools.pairwise(stamps)]
+    assert min(steps) > 0 and max(steps) < 0.04  # also where a loop begins
 
 
 def test_nobody_there_is_told(people, monkeypatch):
