@@ -21,6 +21,7 @@ VERBS: dict[str, str] = {
     "export": "results or a bag as one HTML file with its images, to send to others",
     "solve": "2D people to skeletons, no images, no ROS",
     "simulate": "a capture folder or 2D people with exact truth",
+    "kinematics": "bodies with joint angles from cameras and IMUs",
     "evaluate": "compare skeletons with the truth",
     "ltc": "decode or make LTC timecode",
     "bench": "measure this machine and this code against named baselines",

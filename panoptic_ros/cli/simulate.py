@@ -7,6 +7,7 @@ from pathlib import Path
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.simulate import scene_lines, write_take
+from panoptic_ros.running.simulated_bodies import BODY_SCENES, write_body_take
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,10 +29,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write a take of a scene, whole or not at all."""
     if args.list:
-        print("\n".join(f"{name:<20}{line}" for name, line in scene_lines().items()))
+        print("\n".join(f"{name:<20}{line}" for name, line in (scene_lines() | BODY_SCENES).items()))
         return 0
     if args.scene is None or args.out is None:
         raise UsageError("name a scene and a folder: panoptic simulate SCENE --out DIR (see --list)")
+    if args.scene in BODY_SCENES:
+        print(f"{args.out}: {write_body_take(args.scene, args.out, args.seed)}")
+        return 0
     take = write_take(
         args.scene, args.out, seed=args.seed, frames=args.frames, images=args.images, depth=args.depth,
         bag=args.bag, tracks=args.tracks, on_camera=_progress,

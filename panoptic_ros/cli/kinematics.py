@@ -1,0 +1,49 @@
+"""`panoptic kinematics`: bodies with joint angles from any mix of cameras and IMUs, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.add_argument("--rig", type=Path, help="calibration; with --detections")
+    parser.add_argument("--detections", type=Path, help="detections.json(.gz)")
+    parser.add_argument("--imu", type=Path, metavar="I", help="imu.csv(.gz); with or without cameras")
+    parser.add_argument(
+        "--subject", type=Path, required=True, action="append", metavar="FILE",
+        help="subject.json of a designated person; once for each",
+    )  # fmt: skip
+    parser.add_argument(
+        "--lag", type=float, metavar="S", help="delay over which poses are smoothed, 0 to 0.2"
+    )
+    parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the poses, default 60")
+    parser.add_argument(
+        "--preset", default="", metavar="NAME", help="malleson-2020: every frame as in the paper"
+    )
+    parser.add_argument("--prior", default="", metavar="FILE", help="pose prior, default: the installed one")
+    parser.add_argument(
+        "--set", action="append", default=[], dest="settings", metavar="NAME=VALUE",
+        help="a parameter of kinematics",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="K", help="kinematics.json(.gz) to write")
+    parser.add_argument("--quiet", action="store_true", help="no summary")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Solve files."""
+    from panoptic_ros.io.kinematic_files import write_bodies  # only now: --help must be quick
+    from panoptic_ros.running.kinematics import body_config, read_body_task, solve_bodies
+
+    config = body_config(args.preset, args.settings, lag=args.lag, rate_hz=args.rate)
+    task = read_body_task(args.subject, config, args.rig, args.detections, args.imu, args.prior)
+    solved = solve_bodies(task)
+    write_bodies(args.out, task.segment_names, solved.states)
+    if not args.quiet:
+        instants = len({state.stamp_ns for state in solved.states})
+        print(f"{args.out}: {instants} instants, {len(task.subjects)} subjects")
+    for line in solved.notices:
+        print(line, file=sys.stderr)
+    return 0

@@ -1,0 +1,151 @@
+"""The skeleton as data: segments, their order, lengths and limits, and where a detector's joints are on
+them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry.chain import Chain
+
+Array = np.ndarray
+SHORTEST, TALLEST = 0.4, 2.6  # m, statures that can be
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentModel:
+    """Segments of any person, lengths as shares of the stature.
+
+    In the reference posture, a T facing +x, every segment's frame equals the world's: x forward, y left, z
+    up.
+    A segment's position is its proximal joint. There are 3 + 3 S degrees of freedom: the root's position and
+    for each segment the rotation vector of its frame in its parent's.
+
+    Args:
+        names: (S) parents before children, the root first.
+        parents: (S,) indices, -1 = root.
+        shares: (S, 3) joint in the parent's frame, of the stature.
+        lower, upper: (S, 3) limits of the rotation vectors, rad; the root's are not used.
+        keypoints: {name of a detector's joint: (segment, (3,) share of the stature in its frame)}.
+        ground: segments that stand on the floor when the body stands, e.g. feet and toes.
+    """
+
+    names: tuple[str, ...]
+    parents: Array
+    shares: Array
+    lower: Array
+    upper: Array
+    keypoints: Mapping[str, tuple[str, Array]]
+    ground: tuple[str, ...] = ()
+
+    def index(self, name: str) -> int:
+        """Index of a segment.
+
+        Raises:
+            DataError: if there is none of this name.
+        """
+        if name not in self.names:
+            raise DataError(f"there is no segment {name!r}; the skeleton has {', '.join(self.names)}")
+        return self.names.index(name)
+
+    @property
+    def freedoms(self) -> int:
+        """Degrees of freedom."""
+        return 3 + 3 * len(self.names)
+
+    def body(self, stature: float) -> Body:
+        """The body of a person of this stature, m.
+
+        Raises:
+            DataError: if nobody is so tall.
+        """
+        if not SHORTEST <= stature <= TALLEST:
+            raise DataError(f"height_m = {stature} is no stature; expected {SHORTEST} to {TALLEST} m")
+        points = {name: (self.index(s), stature * share) for name, (s, share) in self.keypoints.items()}
+        return Body(self, stature * self.shares, points)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One person's segments: offsets (S, 3) m, and {joint of the detector: (segment, offset (3,) m)}."""
+
+    model: SegmentModel
+    offsets: Array
+    keypoints: Mapping[str, tuple[int, Array]]
+
+    @property
+    def chain(self) -> Chain:
+        """For compiled code."""
+        return Chain(self.model.parents, np.ascontiguousarray(self.offsets, np.float64))
+
+    def with_offsets(self, offsets: Mapping[str, Array]) -> Body:
+        """With these joints, in their parents' frames, in place of the scaled ones.
+
+        Raises:
+            DataError: on unknown segments.
+        """
+        own = self.offsets.copy()
+        for name, offset in offsets.items():
+            own[self.model.index(name)] = offset
+        own[0] = 0.0
+        return replace(self, offsets=own)
+
+    def with_keypoints(self, keypoints: Mapping[str, tuple[str, Array]]) -> Body:
+        """With these joints of the detector in place of the nominal ones."""
+        own = {name: (self.model.index(segment), offset) for name, (segment, offset) in keypoints.items()}
+        return replace(self, keypoints={**self.keypoints, **own})
+
+
+def read_model(document: Mapping[str, Any]) -> SegmentModel:
+    """A skeleton of segments from a YAML document, see `config/bodies/segments21.yaml`.
+
+    Raises:
+        DataError: naming what is missing or wrong.
+    """
+    names: list[str] = []
+    parents, shares, lower, upper = [], [], [], []
+    for name, row in _mapping(document, "segments").items():
+        parent = row.get("parent")
+        if (parent is None and names) or (parent is not None and parent not in names):
+            raise DataError(f"segment {name}: parent {parent!r} is not listed before it")
+        names.append(str(name))
+        parents.append(-1 if parent is None else names.index(parent))
+        shares.append(_numbers(row.get("offset", (0, 0, 0)), 3, f"segment {name}: offset"))
+        limits = row.get("limits_deg", [[-180, 180]] * 3)
+        if len(limits) != 3:
+            raise DataError(f"segment {name}: limits_deg has {len(limits)} pairs, expected 3")
+        pairs = [_numbers(pair, 2, f"segment {name}: limits_deg") for pair in limits]
+        lower.append(np.radians([pair[0] for pair in pairs]))
+        upper.append(np.radians([pair[1] for pair in pairs]))
+    points = {
+        str(name): (str(row["segment"]), _numbers(row.get("offset", (0, 0, 0)), 3, f"keypoint {name}"))
+        for name, row in _mapping(document, "keypoints").items()
+    }
+    model = SegmentModel(
+        tuple(names), np.array(parents, np.int64), np.array(shares), np.array(lower), np.array(upper), points,
+        tuple(document.get("ground", ())),
+    )  # fmt: skip
+    for segment in (*(s for s, _ in points.values()), *model.ground):
+        model.index(segment)
+    return model
+
+
+def _mapping(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = document.get(key)
+    if not isinstance(found, Mapping) or not found:
+        raise DataError(f"a skeleton of segments needs {key!r}, a mapping of names")
+    return found
+
+
+def _numbers(values: Any, count: int, where: str) -> Array:
+    try:
+        found = np.array(values, np.float64)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise DataError(f"{where} = {values!r} is not {count} numbers")
+    return found

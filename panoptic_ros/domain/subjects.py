@@ -1,0 +1,116 @@
+"""Designated people: their bodies, the IMUs on them, their data, and what is solved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain.segments import Body
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """An IMU on a segment.
+
+    Args:
+        segment: index. position: (3,) m in its frame.
+        mount: (3, 3), segment from device; None = unknown, a T-pose tells it.
+    """
+
+    name: str
+    segment: int
+    position: Array
+    mount: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class TPose:
+    """When the subject stands in a T, from and to in ns, and where it faces then, (3,) or None."""
+
+    from_ns: int
+    to_ns: int
+    facing: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """One designated person.
+
+    Args:
+        start: (3,) m, where the pelvis is at the first instant; None = only one person is there.
+        heading_known: whether the IMUs' inertial frame is the world's.
+    """
+
+    id: int
+    body: Body
+    devices: tuple[Device, ...] = ()
+    t_pose: TPose | None = None
+    start: Array | None = None
+    facing: Array | None = None
+    heading_known: bool = True
+
+
+class ImuReading(NamedTuple):
+    """Of a device at an instant: orientation (3, 3), inertial frame from device; specific force (3,) m/s^2
+    and angular velocity (3,) rad/s in the device's frame. NaN = none."""
+
+    orientation: Array
+    force: Array
+    rate: Array
+
+
+class ViewPeople(NamedTuple):
+    """2D people of a view on the plane at distance 1: points (P, K, 2), NaN = missing; scores (P, K)."""
+
+    points: Array
+    scores: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """All data of one instant: 2D people by the index of the camera, readings by the name of the device."""
+
+    stamp_ns: int
+    views: dict[int, ViewPeople]
+    readings: dict[str, ImuReading]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyState:
+    """A solved body: places (S, 3) m of the joints, frames (S, 3, 3), world from segment."""
+
+    stamp_ns: int
+    id: int
+    places: Array
+    frames: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ImuSeries:
+    """Samples of a device by time.
+
+    Args:
+        stamps: (N,) ns, rising. quaternions: (N, 4) w x y z, inertial frame from device; rates: (N, 3) rad/s;
+            forces: (N, 3) m/s^2; NaN = not there.
+    """
+
+    stamps: Array
+    quaternions: Array
+    rates: Array
+    forces: Array
+
+    def shifted(self, offset_ns: int) -> ImuSeries:
+        """With stamps that are later by so much."""
+        return ImuSeries(self.stamps + offset_ns, self.quaternions, self.rates, self.forces)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSeries:
+    """2D people of a camera by time: stamps (N,) ns, rising."""
+
+    stamps: Array
+    people: tuple[ViewPeople, ...]

@@ -1,0 +1,132 @@
+"""Rotations: exponential, logarithm and its derivative, quaternions w x y z."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+TINY = 1e-8
+NEAR_PI = 3.1  # rad, from which the logarithm is taken from the symmetric part
+
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@_jit
+def rotation_of(vector: Array, out: Array) -> None:
+    """Rotation (3, 3) of a rotation vector (3,) rad, Rodrigues' formula, into `out`."""
+    x, y, z = vector[0], vector[1], vector[2]
+    angle2 = x * x + y * y + z * z
+    if angle2 < TINY:
+        s, c = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+    else:
+        angle = math.sqrt(angle2)
+        s, c = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
+    out[0, 0], out[0, 1], out[0, 2] = 1.0 - c * (y * y + z * z), -s * z + c * x * y, s * y + c * x * z
+    out[1, 0], out[1, 1], out[1, 2] = s * z + c * x * y, 1.0 - c * (x * x + z * z), -s * x + c * y * z
+    out[2, 0], out[2, 1], out[2, 2] = -s * y + c * x * z, s * x + c * y * z, 1.0 - c * (x * x + y * y)
+
+
+@_jit
+def vector_of(rotation: Array, out: Array) -> None:
+    """Rotation vector (3,) rad, at most pi long, of a rotation (3, 3), into `out`."""
+    cosine = 0.5 * (rotation[0, 0] + rotation[1, 1] + rotation[2, 2] - 1.0)
+    angle = math.acos(max(-1.0, min(1.0, cosine)))
+    out[0] = 0.5 * (rotation[2, 1] - rotation[1, 2])
+    out[1] = 0.5 * (rotation[0, 2] - rotation[2, 0])
+    out[2] = 0.5 * (rotation[1, 0] - rotation[0, 1])
+    if angle < 1e-6:
+        return
+    if angle < NEAR_PI:
+        scale = angle / math.sin(angle)
+        for i in range(3):
+            out[i] *= scale
+        return
+    k = 0
+    for i in range(1, 3):
+        if rotation[i, i] > rotation[k, k]:
+            k = i
+    x = 0.5 * (rotation[0, k] + rotation[k, 0]) + (1.0 if k == 0 else 0.0)
+    y = 0.5 * (rotation[1, k] + rotation[k, 1]) + (1.0 if k == 1 else 0.0)
+    z = 0.5 * (rotation[2, k] + rotation[k, 2]) + (1.0 if k == 2 else 0.0)
+    # the symmetric part is cos I + (1 - cos) n n^T: take cos off its diagonal, 1 was added above
+    if k == 0:
+        x -= 1.0 + cosine
+    elif k == 1:
+        y -= 1.0 + cosine
+    else:
+        z -= 1.0 + cosine
+    length = math.sqrt(x * x + y * y + z * z)
+    if out[0] * x + out[1] * y + out[2] * z < 0.0:
+        length = -length
+    out[0], out[1], out[2] = angle * x / length, angle * y / length, angle * z / length
+
+
+@_jit
+def inverse_left_jacobian(vector: Array, out: Array) -> None:
+    """d log(exp(u) R) / d u (3, 3) at u = 0, for R of this rotation vector (3,), into `out`."""
+    x, y, z = vector[0], vector[1], vector[2]
+    angle2 = x * x + y * y + z * z
+    if angle2 < 1e-6:
+        c = 1.0 / 12.0 + angle2 / 720.0
+    else:
+        angle = math.sqrt(angle2)
+        c = 1.0 / angle2 - (1.0 + math.cos(angle)) / (2.0 * angle * math.sin(angle))
+    out[0, 0], out[0, 1], out[0, 2] = 1.0 - c * (y * y + z * z), 0.5 * z + c * x * y, -0.5 * y + c * x * z
+    out[1, 0], out[1, 1], out[1, 2] = -0.5 * z + c * x * y, 1.0 - c * (x * x + z * z), 0.5 * x + c * y * z
+    out[2, 0], out[2, 1], out[2, 2] = 0.5 * y + c * x * z, -0.5 * x + c * y * z, 1.0 - c * (x * x + y * y)
+
+
+@_jit
+def rotations_of(vectors: Array) -> Array:
+    """Rotations (N, 3, 3) of rotation vectors (N, 3) rad."""
+    out = np.empty((len(vectors), 3, 3))
+    for k in range(len(vectors)):
+        rotation_of(vectors[k], out[k])
+    return out
+
+
+@_jit
+def vectors_of(rotations: Array) -> Array:
+    """Rotation vectors (N, 3) rad of rotations (N, 3, 3)."""
+    out = np.empty((len(rotations), 3))
+    for k in range(len(rotations)):
+        vector_of(rotations[k], out[k])
+    return out
+
+
+def from_quaternions(quaternions: Array) -> Array:
+    """Rotations (..., 3, 3) of quaternions (..., 4) w x y z, which need not be of length 1."""
+    q = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    rows = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def to_quaternions(rotations: Array) -> Array:
+    """Quaternions (..., 4) w x y z with w from 0 of rotations (..., 3, 3)."""
+    flat = np.ascontiguousarray(rotations.reshape(-1, 3, 3), np.float64)
+    vectors = vectors_of(flat)
+    half = 0.5 * np.linalg.norm(vectors, axis=-1, keepdims=True)
+    found = np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vectors], axis=-1)
+    return found.reshape(*rotations.shape[:-2], 4)
+
+
+def turn_about_z(angle: float) -> Array:
+    """Rotation (3, 3) by an angle, rad, about the vertical."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def mean_rotation(rotations: Array) -> Array:
+    """The rotation (3, 3) nearest to the arithmetic mean of rotations (N, 3, 3)."""
+    u, _, v = np.linalg.svd(rotations.mean(0))
+    mean: Array = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    return mean

@@ -1,0 +1,204 @@
+"""Files of the moving body: `imu.csv`, `subject.json` and `kinematics.json.gz`; docs/formats.md has
+every key."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject, TPose
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
+from panoptic_ros.io.files import read_bytes, read_json, write_bytes, write_json
+
+Array = np.ndarray
+SUBJECT, KINEMATICS = "panoptic-subject-1", "panoptic-kinematics-1"
+COLUMNS = ("device", "stamp_ns", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
+
+
+def read_imus(path: Path) -> dict[str, ImuSeries]:
+    """Samples of all devices of an `imu.csv`, gzipped or not.
+
+    Samples whose stamp is not later than the one before, of the same device, are left out.
+
+    Raises:
+        DataError: naming the file, the line and what is wrong.
+    """
+    data = read_bytes(path)
+    if data[:2] == b"\x1f\x8b":
+        data = gzip.decompress(data)
+    rows = csv.reader(io.StringIO(data.decode("utf-8", "replace")))
+    header = next(rows, [])
+    if tuple(header) != COLUMNS:
+        raise DataError(f"{path}: the header is {','.join(header)[:80]!r}, expected {','.join(COLUMNS)}")
+    stamps: dict[str, list[int]] = {}
+    values: dict[str, list[list[float]]] = {}
+    for number, row in enumerate(rows, start=2):
+        if not row:
+            continue
+        try:
+            name, stamp = row[0], int(row[1])
+            numbers = [float(text) if text else np.nan for text in row[2:]]
+        except (ValueError, IndexError):
+            numbers = []
+        if len(numbers) != len(COLUMNS) - 2:
+            raise DataError(f"{path}, line {number}: {','.join(row)[:80]!r} is no sample of an IMU")
+        if stamp > stamps.setdefault(name, [-1])[-1]:
+            stamps[name].append(stamp)
+            values.setdefault(name, []).append(numbers)
+    found = {}
+    for name, rows_of in values.items():
+        table = np.array(rows_of)
+        table[~np.isfinite(table)] = np.nan
+        found[name] = ImuSeries(np.array(stamps[name][1:]), table[:, :4], table[:, 4:7], table[:, 7:])
+    return found
+
+
+def write_imus(path: Path, devices: Mapping[str, ImuSeries]) -> None:
+    """Write samples, ordered by stamp and device."""
+    rows = sorted(
+        (int(stamp), name, k) for name, series in devices.items() for k, stamp in enumerate(series.stamps)
+    )
+    lines = [",".join(COLUMNS)]
+    for stamp, name, k in rows:
+        series = devices[name]
+        parts = ((series.quaternions, 6), (series.rates, 5), (series.forces, 4))
+        numbers = ["" if np.isnan(v) else f"{v:.{digits}f}" for table, digits in parts for v in table[k]]
+        lines.append(",".join([name, str(stamp), *numbers]))
+    data = ("\n".join(lines) + "\n").encode()
+    write_bytes(path, gzip.compress(data, mtime=0) if path.name.endswith(".gz") else data)
+
+
+def read_subject(path: Path, model: SegmentModel) -> Subject:
+    """A designated person, from a `panoptic-subject-1` file.
+
+    Raises:
+        DataError: naming the file, the key and what is wrong.
+    """
+    document = read_json(path)
+    if not isinstance(document, dict) or document.get("format") != SUBJECT:
+        raise DataError(f"{path} is no {SUBJECT} file")
+    try:
+        body = model.body(float(document["height_m"]))
+        body = body.with_offsets(
+            {name: _vector(v, 3, name) for name, v in (document.get("segments") or {}).items()}
+        )
+        keypoints = document.get("keypoints") or {}
+        body = body.with_keypoints(
+            {name: (row["segment"], _vector(row["offset"], 3, name)) for name, row in keypoints.items()}
+        )
+        devices = tuple(_device(row, model) for row in document.get("devices") or ())
+        start, facing = document.get("start"), document.get("facing")
+        return Subject(
+            int(document["id"]), body, devices, _t_pose(document.get("t_pose")),
+            None if start is None else _vector(start, 3, "start"),
+            None if facing is None else _vector(facing, 3, "facing"),
+            document.get("inertial_frame", "world") == "world",
+        )  # fmt: skip
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise DataError(f"{path}: not as the format says: {error!r}") from None
+
+
+def subject_document(subject: Subject, stature: float) -> dict[str, Any]:
+    """The `panoptic-subject-1` document of a person, with lengths, keypoints and devices."""
+    names = subject.body.model.names
+    found: dict[str, Any] = {
+        "format": SUBJECT, "id": subject.id, "height_m": round(stature, 4),
+        "inertial_frame": "world" if subject.heading_known else "unknown heading",
+        "segments": {name: _rounded(o) for name, o in zip(names, subject.body.offsets)},
+        "keypoints": {
+            name: {"segment": names[s], "offset": _rounded(o)}
+            for name, (s, o) in subject.body.keypoints.items()
+        },
+        "devices": [
+            {"device": d.name, "segment": names[d.segment], "position": _rounded(d.position)}
+            | ({} if d.mount is None else {"mount": _rounded(to_quaternions(d.mount), 6)})
+            for d in subject.devices
+        ],
+    }  # fmt: skip
+    if subject.start is not None:
+        found["start"] = _rounded(subject.start, 3)
+    if subject.t_pose is not None:
+        found["t_pose"] = {"from_ns": subject.t_pose.from_ns, "to_ns": subject.t_pose.to_ns}
+        if subject.t_pose.facing is not None:
+            found["t_pose"]["facing"] = _rounded(subject.t_pose.facing)
+    return found
+
+
+def write_bodies(path: Path, names: Iterable[str], states: Iterable[BodyState]) -> None:
+    """Write solved bodies as `panoptic-kinematics-1`; equal states give equal bytes."""
+    frames: dict[int, list[dict[str, Any]]] = {}
+    for state in states:
+        frames.setdefault(state.stamp_ns, []).append(
+            {
+                "id": state.id,
+                "positions": np.round(state.places, 5).tolist(),
+                "orientations": np.round(to_quaternions(state.frames), 6).tolist(),
+            }
+        )
+    rows = [
+        {"index": k, "stamp_ns": stamp, "subjects": sorted(frames[stamp], key=lambda row: int(row["id"]))}
+        for k, stamp in enumerate(sorted(frames))
+    ]
+    write_json(path, {"format": KINEMATICS, "segment_names": list(names), "frames": rows})
+
+
+def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
+    """Names of the segments and bodies of a `panoptic-kinematics-1` file, in the order of the file.
+
+    Raises:
+        DataError: naming the file and what is wrong.
+    """
+    document = read_json(path)
+    if not isinstance(document, dict) or document.get("format") != KINEMATICS:
+        raise DataError(f"{path} is no {KINEMATICS} file")
+    try:
+        states = [
+            BodyState(
+                int(frame["stamp_ns"]), int(row["id"]), np.array(row["positions"], float),
+                from_quaternions(np.array(row["orientations"], float)),
+            )
+            for frame in document["frames"]
+            for row in frame["subjects"]
+        ]  # fmt: skip
+        return tuple(document["segment_names"]), states
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{path}: not as the format says: {error!r}") from None
+
+
+def _device(row: Mapping[str, Any], model: SegmentModel) -> Device:
+    name, mount = str(row["device"]), row.get("mount")
+    return Device(
+        name, model.index(str(row["segment"])), _vector(row.get("position", (0, 0, 0)), 3, name),
+        None if mount is None else from_quaternions(_vector(mount, 4, f"{name}: mount")),
+    )  # fmt: skip
+
+
+def _t_pose(row: Mapping[str, Any] | None) -> TPose | None:
+    if row is None:
+        return None
+    facing = row.get("facing")
+    return TPose(
+        int(row["from_ns"]), int(row["to_ns"]), None if facing is None else _vector(facing, 3, "facing")
+    )
+
+
+def _vector(values: Any, count: int, where: str) -> Array:
+    found = np.array(values, float)
+    if found.shape != (count,) or not np.isfinite(found).all() or (count == 4 and not found.any()):
+        raise DataError(f"{where} = {values!r} is not {count} numbers")
+    return found
+
+
+def _rounded(values: Array, digits: int = 5) -> list[float]:
+    found: list[float] = np.round(values, digits).tolist()
+    return found

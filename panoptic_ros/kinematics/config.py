@@ -1,0 +1,89 @@
+"""Parameters of the moving body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class KinematicsConfig(Config):
+    """Weights are stated as standard deviations; those of the paper are in the preset malleson-2020."""
+
+    rate_hz: float = param(60.0, unit="Hz", ge=5.0, le=240.0, doc="Rate of the poses.")
+    lag: float = param(
+        0.1, unit="s", ge=0.0, le=0.2, doc="Delay of the poses, over which later data smooth them."
+    )
+    window: bool = param(
+        True, doc="Filter over time; without it every instant is solved alone, as in the paper."
+    )
+    joint_sd: float = param(
+        0.048, unit="m", ge=0.001, le=1.0, doc="Error of a 2D joint of score 1, as a length at its depth."
+    )
+    score_power: float = param(
+        1.0, ge=0.0, le=4.0, doc="The weight of a 2D joint is its score to this power."
+    )
+    joint_scale: float = param(
+        5.4, ge=0.0, le=100.0, doc="Scale of Cauchy's loss of 2D joints, in standard deviations; 0 = none."
+    )
+    orientation_sd: float = param(
+        3.0,
+        unit="deg",
+        ge=0.1,
+        le=180.0,
+        doc="Error of an IMU's orientation, where mounting is not estimated.",
+    )
+    turn_sd: float = param(
+        30.0, unit="deg", ge=0.01, le=1000.0,
+        doc="Error of how far an IMU turned within a second, which grows with the root of time.",
+    )  # fmt: skip
+    acceleration_sd: float = param(
+        2.0, unit="m/s^2", ge=0.01, le=1000.0, doc="Error of an IMU's acceleration."
+    )
+    acceleration_scale: float = param(
+        3.0, ge=0.0, le=100.0, doc="Scale of Cauchy's loss of accelerations, in standard deviations."
+    )
+    root_acceleration: float = param(
+        8.0, unit="m/s^2", ge=0.1, le=1000.0, doc="Usual acceleration of the root, per axis."
+    )
+    joint_acceleration: float = param(
+        60.0, unit="rad/s^2", ge=1.0, le=10000.0, doc="Usual acceleration of a joint, per axis."
+    )
+    error_time: float = param(
+        0.2, unit="s", ge=0.01, le=1000.0,
+        doc="Time for which errors of joints and orientations stay the same: that much data count once.",
+    )  # fmt: skip
+    prior_sd: float = param(
+        8.6, unit="deg", ge=0.1, le=1000.0, doc="How far poses lie off the space of the prior, per axis."
+    )
+    deviation_sd: float = param(
+        1.3, ge=0.01, le=1000.0, doc="How far poses lie from the mean inside of it, in its deviations."
+    )
+    prior_scale: float = param(
+        5.4, ge=0.0, le=100.0, doc="Scale of Cauchy's loss of the prior, in standard deviations; 0 = none."
+    )
+    limit_sd: float = param(5.0, unit="deg", ge=0.1, le=1000.0, doc="How far joints go beyond their limits.")
+    mounting: bool = param(True, doc="Keep the mounting of IMUs uncertain and estimate it.")
+    mounting_sd: float = param(
+        3.0, unit="deg", ge=0.1, le=90.0, doc="Error of a mounting from a T-pose or a file, per axis."
+    )
+    strap_sd: float = param(
+        2.0, unit="deg", ge=0.1, le=90.0, doc="Error of an IMU's orientation that changes in time, per axis."
+    )
+    heading_sd: float = param(
+        2.0, unit="deg", ge=0.01, le=180.0, doc="Error of the common heading of the IMUs."
+    )
+    looks: float = param(
+        2.0, ge=0.1, le=100.0,
+        doc="Independent looks at constant errors: for so many instants all of a recording counts.",
+    )  # fmt: skip
+    gate: float = param(0.5, unit="m", ge=0.05, le=5.0, doc="A 2D person farther off is somebody else.")
+    iterations: int = param(6, ge=1, le=50, doc="At most, per instant.")
+    paper_weights: bool = param(
+        False, doc="The weights of Malleson et al. 2020 (3.2.6) in place of standard deviations."
+    )
+    paper_acceleration: float = param(
+        0.0, ge=0.0, le=1.0,
+        doc="Weight of the paper's acceleration term, eq. 13; its own 1e-3 is far too much here.",
+    )  # fmt: skip

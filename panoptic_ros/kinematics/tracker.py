@@ -1,0 +1,296 @@
+"""One designated person, instant by instant."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from panoptic_ros.domain.subjects import BodyState, Instant, Subject
+from panoptic_ros.geometry.chain import Pose, place_all, place_segments
+from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.evidence import Weighing, nearest_person
+from panoptic_ros.kinematics.mounting import MountingEstimate
+from panoptic_ros.kinematics.solve import solve_pose
+from panoptic_ros.kinematics.start import first_pose
+from panoptic_ros.kinematics.targets import NO_TURNS, Evidence, PointTargets, no_anchor
+from panoptic_ros.kinematics.window import (
+    NO_ACCELERATIONS,
+    NOTHING_STANDS,
+    Accelerations,
+    Between,
+    Motion,
+    PoseWindow,
+    Standing,
+    Turning,
+)
+
+Array = np.ndarray
+GRAVITY = np.array([0.0, 0.0, 9.81])
+UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
+LOOK_S = 0.2  # between two looks at the mounting
+STANDING_RATE, STANDING_SD = 1.0, 0.002  # rad/s of a foot that stands; m between two instants
+
+
+class SubjectTracker:
+    """Solves for one person; `step` by instants of the configured rate.
+
+    Args:
+        mounts: (3, 3) segment from device, by name, of all devices that are used.
+        heading: rad, world from the IMUs' inertial frame, about the vertical.
+    """
+
+    def __init__(
+        self,
+        config: KinematicsConfig,
+        subject: Subject,
+        weighing: Weighing,
+        mounts: dict[str, Array],
+        heading: float = 0.0,
+    ):
+        self.subject, self.weighing, self._config = subject, weighing, config
+        self._chain = subject.body.chain
+        self._count = len(self._chain.parents)
+        self._devices = [d for d in subject.devices if d.name in mounts]
+        self._mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
+        self._segments = np.array([d.segment for d in self._devices], np.int64)
+        self._positions = np.array([d.position for d in self._devices]).reshape(-1, 3)
+        self._turn = rotations_of(np.array([[0.0, 0.0, heading]]))[0]
+        spread = math.radians(config.heading_sd)
+        self.mounting = MountingEstimate(config, self._chain, self._segments, spread)
+        self._window: PoseWindow | None = None
+        self._pose: Pose | None = None
+        self._before: Pose | None = None
+        self._stamps: deque[int] = deque(maxlen=64)
+        self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
+        self._since_look = 0.0
+        self._measured: dict[int, Array] = {}
+        self._oriented: dict[int, Array] = {}
+        self.iterations: list[int] = []
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a pose."""
+        return self._pose is not None
+
+    def expected(self) -> Pose | None:
+        """Where the body is expected at the next instant."""
+        if self._window is not None:
+            return self._window.predicted()
+        return self._pose
+
+    def expected_sites(self) -> tuple[Array, Array] | None:
+        """Columns (N,) of the detections and places (N, 3) m where their joints are expected."""
+        pose = self.expected()
+        if pose is None:
+            return None
+        frames, places = np.empty((self._count, 3, 3)), np.empty((self._count, 3))
+        place_segments(self._chain, pose, frames, places)
+        columns, segments, offsets = self.weighing.sites
+        return columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0]
+
+    def step(self, instant: Instant, people: dict[int, tuple[Array, Array]]) -> list[BodyState]:
+        """Solve an instant.
+
+        Args:
+            people: points (K, 2) and scores (K,) of this person by camera.
+
+        Returns:
+            Bodies that are final: of the instant that is the lag ago, if there is one yet.
+        """
+        period = 1.0 / self._config.rate_hz
+        which, goals = self._orientations(instant)
+        if self._pose is None:
+            if not people and not len(which):
+                return []
+            goals_now = self.mounting.corrected(goals, which)
+            self._pose = first_pose(self.weighing, self.subject, people, self._segments[which], goals_now)
+        self._unseen_s = 0.0 if people else self._unseen_s + period
+        guess = self.expected()
+        assert guess is not None
+        views = self.weighing.views(people, guess.root)
+        turns = self.weighing.turns(
+            self._segments[which], self.mounting.corrected(goals, which), self._spreads(which)
+        )
+        evidence = self.weighing.evidence(views, turns)
+        if self._config.window:
+            self._step_window(instant, guess, evidence, (which, goals))
+        else:
+            self._step_alone(evidence, period)
+        assert self._pose is not None
+        self._since_look += period
+        if people and len(which) and self._config.mounting and self._since_look > LOOK_S - 1e-9:
+            self._since_look = 0.0
+            seen = self.weighing.evidence(views, NO_TURNS)
+            self.mounting.look(self._pose, seen, goals, which)
+        self._measured = self._world_forces(instant)
+        self._oriented = dict(zip(which.tolist(), goals))
+        self._stamps.append(instant.stamp_ns)
+        return self._final()
+
+    def flush(self) -> list[BodyState]:
+        """Bodies of the instants that the lag still holds back."""
+        if self._window is None:
+            return []
+        poses = self._window.smoothed()[: self._lag]
+        stamps = list(self._stamps)[-len(poses) :] if poses else []
+        return [self._state(stamp, pose) for stamp, pose in zip(stamps, reversed(poses[: len(stamps)]))]
+
+    @property
+    def _lag(self) -> int:
+        return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
+
+    def _spreads(self, which: Array) -> Array:
+        if self._config.mounting:
+            spreads: Array = self.mounting.spreads[which]
+            return spreads
+        return np.full(len(which), math.radians(self._config.orientation_sd))
+
+    def _step_window(
+        self, instant: Instant, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array]
+    ) -> None:
+        period = 1.0 / self._config.rate_hz
+        if self._window is None:
+            assert self._pose is not None
+            motion = Motion(self._config.root_acceleration, self._config.joint_acceleration, period)
+            self._window = PoseWindow(self._chain, self._pose, motion, self._lag)
+            guess = self._window.predicted()
+        which, goals = oriented
+        weight = min(period / self._config.error_time, 1.0)
+        self._pose = self._window.step(
+            guess, evidence._replace(weight=weight),
+            Between(self._accelerations(), self._turning(which, goals), self._standing(instant)),
+            self._config.iterations,
+        )  # fmt: skip
+        self.iterations.append(self._window.iterations)
+
+    def _step_alone(self, evidence: Evidence, period: float) -> None:
+        assert self._pose is not None
+        if self._config.paper_acceleration > 0.0 and self._before is not None and self._measured:
+            evidence = evidence._replace(points=self._acceleration_goals(period))
+        before = self._pose.copy()
+        size = 3 + 3 * self._count
+        _, done = solve_pose(
+            self._chain, self._pose, evidence, no_anchor(self._count), self._config.iterations,
+            np.empty((size, size)),
+        )  # fmt: skip
+        self._before = before
+        self.iterations.append(done)
+
+    def _acceleration_goals(self, period: float) -> PointTargets:
+        """The paper's term: a site's place that gives the measured acceleration with the two poses before."""
+        assert self._pose is not None and self._before is not None
+        which = np.array(sorted(self._measured))
+        segments, offsets = self._segments[which], self._positions[which]
+        places, frames = place_all(
+            self._chain, np.stack([self._before.root, self._pose.root]),
+            np.stack([self._before.turns, self._pose.turns]),
+        )  # fmt: skip
+        sites = places[:, segments] + (frames[:, segments] @ offsets[..., None])[..., 0]
+        values = np.array([self._measured[k] for k in which])
+        information = self._config.paper_acceleration / period**4 * np.tile(np.eye(3), (len(which), 1, 1))
+        goals = 2.0 * sites[1] - sites[0] + period**2 * values
+        return PointTargets(segments, offsets, goals, information, 1.0)
+
+    def _orientations(self, instant: Instant) -> tuple[Array, Array]:
+        """Devices (M,) that tell an orientation, and of their segments (M, 3, 3), uncorrected."""
+        which, goals = [], []
+        for k, device in enumerate(self._devices):
+            reading = instant.readings.get(device.name)
+            if reading is not None and np.isfinite(reading.orientation).all():
+                which.append(k)
+                goals.append(self._turn @ reading.orientation @ self._mounts[k].T)
+        return np.array(which, np.int64), np.array(goals).reshape(-1, 3, 3)
+
+    def _world_forces(self, instant: Instant) -> dict[int, Array]:
+        """Acceleration (3,) m/s^2 in the world by device, gravity taken off (eq. 12)."""
+        found = {}
+        turn = rotations_of(np.array([[0.0, 0.0, self.mounting.heading]]))[0] @ self._turn
+        for k, device in enumerate(self._devices):
+            reading = instant.readings.get(device.name)
+            if (
+                reading is not None
+                and np.isfinite(reading.orientation).all()
+                and np.isfinite(reading.force).all()
+            ):
+                found[k] = turn @ reading.orientation @ reading.force - GRAVITY
+        return found
+
+    def _accelerations(self) -> Accelerations:
+        if len(self._stamps) < 2 or not self._measured:
+            return NO_ACCELERATIONS
+        which = np.array(sorted(self._measured))
+        alone = self._unseen_s > UNSEEN_S
+        if alone and len(which) < 2:
+            return NO_ACCELERATIONS
+        weights = np.full(len(which), self._config.acceleration_sd**-2)
+        return Accelerations(
+            self._segments[which], self._positions[which],
+            np.array([self._measured[k] for k in which]), weights, self._config.acceleration_scale**2, alone,
+        )  # fmt: skip
+
+    def _turning(self, which: Array, goals: Array) -> Turning:
+        """How the segments with IMUs turned since the instant before."""
+        both = [(k, goal @ self._oriented[k].T) for k, goal in zip(which, goals) if k in self._oriented]
+        spread = math.radians(self._config.turn_sd) / math.sqrt(self._config.rate_hz)
+        return Turning(
+            self._segments[[k for k, _ in both]], np.array([change for _, change in both]).reshape(-1, 3, 3),
+            np.full(len(both), spread**-2),
+        )  # fmt: skip
+
+    def _standing(self, instant: Instant) -> Standing:
+        """The lowest point of the feet, while no camera sees the person, if its foot does not turn."""
+        if self._unseen_s <= UNSEEN_S or self._pose is None:
+            return NOTHING_STANDS
+        frames, places = np.empty((self._count, 3, 3)), np.empty((self._count, 3))
+        place_segments(self._chain, self._pose, frames, places)
+        ground = self.weighing.floor.segments
+        if not len(ground):
+            return NOTHING_STANDS
+        lowest = ground[np.argmin(places[ground, 2])]
+        return Standing(np.array([lowest]), np.zeros((1, 3)), np.array([STANDING_SD**-2]))
+
+    def _final(self) -> list[BodyState]:
+        assert self._pose is not None
+        if self._window is None:
+            return [self._state(self._stamps[-1], self._pose)]
+        if len(self._stamps) <= self._lag:
+            return []
+        return [self._state(self._stamps[-1 - self._lag], self._window.smoothed()[-1])]
+
+    def _state(self, stamp_ns: int, pose: Pose) -> BodyState:
+        places, frames = place_all(self._chain, pose.root[None], pose.turns[None])
+        return BodyState(stamp_ns, self.subject.id, places[0], frames[0])
+
+
+def assign_people(
+    trackers: list[SubjectTracker], instant: Instant, rotations: Array, translations: Array, gate: float
+) -> list[dict[int, tuple[Array, Array]]]:
+    """2D people of the views for each tracker that has started: nearest first, nobody twice, none beyond the
+    gate, m."""
+    found: list[dict[int, tuple[Array, Array]]] = [{} for _ in trackers]
+    for camera, people in sorted(instant.views.items()):
+        claims = []
+        for k, tracker in enumerate(trackers):
+            sites = tracker.expected_sites()
+            if sites is None:
+                continue
+            columns, places = sites
+            local = places @ rotations[camera].T + translations[camera]
+            if (local[:, 2] < 0.1).any():
+                continue
+            plane, depth = local[:, :2] / local[:, 2:], float(np.median(local[:, 2]))
+            for p in range(len(people.points)):
+                one = people._replace(points=people.points[p : p + 1], scores=people.scores[p : p + 1])
+                _, far = nearest_person(one, plane, depth, columns)
+                if far < gate:
+                    claims.append((far, k, p))
+        taken_trackers, taken_people = set(), set()
+        for _, k, p in sorted(claims):
+            if k not in taken_trackers and p not in taken_people:
+                taken_trackers.add(k)
+                taken_people.add(p)
+                found[k][camera] = (people.points[p], people.scores[p])
+    return found

@@ -1,0 +1,55 @@
+"""Skeletons of segments and pose priors that are installed, or in files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel, read_model
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import file_errors, read_yaml
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.simulation.bodies.motion import Clip, clips_of
+
+DEFAULT_MODEL = "segments21"
+DEFAULT_PRIOR = "prior-cmu.npz"
+MOTION = "cmu-motion.npz"
+
+
+def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
+    """A skeleton of segments by the name of an installed one or the path of a YAML file.
+
+    Raises:
+        DataError: if there is none, or it is not as it must be.
+    """
+    path = Path(name)
+    if path.suffix not in (".yaml", ".yml"):
+        path = share_folder() / "config" / "bodies" / f"{name}.yaml"
+    document = read_yaml(path)
+    if not isinstance(document, dict):
+        raise DataError(f"{path} is no skeleton of segments")
+    return read_model(document)
+
+
+def read_prior(name: str = "") -> PoseStatistics:
+    """Statistics of poses by the path of a file, or those installed.
+
+    Raises:
+        DataError: if the file is not as it must be.
+    """
+    path = Path(name) if name else share_folder() / "config" / "bodies" / DEFAULT_PRIOR
+    with file_errors(path, "read"), np.load(path) as found:
+        try:
+            mean, components, deviations = (found[key] for key in ("mean", "components", "deviations"))
+        except KeyError as error:
+            raise DataError(f"{path} is no pose prior: {error}") from None
+    return PoseStatistics(*(np.ascontiguousarray(a, np.float64) for a in (mean, components, deviations)))
+
+
+def read_clips() -> dict[str, Clip]:
+    """Recorded motions that are installed, see NOTICE for where they are from."""
+    path = share_folder() / "config" / "bodies" / MOTION
+    with file_errors(path, "read"), np.load(path) as found:
+        return clips_of(dict(found))

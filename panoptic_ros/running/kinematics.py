@@ -1,0 +1,136 @@
+"""2D people and IMU samples in files to bodies, without ROS."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.domain.subjects import Subject, ViewPeople, ViewSeries
+from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.io.kinematic_files import read_imus, read_subject
+from panoptic_ros.io.plain_formats import PlainDetections, read_detections
+from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
+from panoptic_ros.params import load
+from panoptic_ros.running.bodies import read_body_model, read_prior
+
+Array = np.ndarray
+PAPER = "malleson-2020"
+PRESETS: dict[str, dict[str, object]] = {  # 3.2.6 of the paper: every frame alone
+    PAPER: {"window": False, "paper_weights": True, "mounting": False, "iterations": 20},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTask:
+    """What is to be solved."""
+
+    config: KinematicsConfig
+    recording: Recording
+    subjects: tuple[Subject, ...]
+    statistics: PoseStatistics
+
+    @property
+    def segment_names(self) -> tuple[str, ...]:
+        """Of the result."""
+        return self.subjects[0].body.model.names
+
+
+def read_body_task(
+    subjects: Sequence[Path], config: KinematicsConfig, rig: Path | None, detections: Path | None,
+    imu: Path | None, prior: str = "",
+) -> BodyTask:  # fmt: skip
+    """Everything from files.
+
+    Raises:
+        UserError: on whatever the user can mend.
+    """
+    if (rig is None) != (detections is None):
+        raise UsageError("--rig and --detections belong together: give both, or neither for IMUs alone")
+    if rig is None and imu is None:
+        raise UsageError("there is nothing to solve from: give --rig and --detections, or --imu, or both")
+    model = read_body_model()
+    people = tuple(read_subject(path, model) for path in subjects)
+    ids = [subject.id for subject in people]
+    if len(set(ids)) != len(ids):
+        raise UsageError(f"two subjects have the same id: {', '.join(map(str, ids))}; change `id` in a file")
+    devices = read_imus(imu) if imu is not None else {}
+    missing = [d.name for s in people for d in s.devices if devices and d.name not in devices]
+    if missing:
+        raise UsageError(f"{imu} has no samples of {', '.join(missing)}, which a subject wears")
+    views: dict[int, ViewSeries] = {}
+    used: Rig | None = None
+    names: tuple[str, ...] = ()
+    if rig is not None and detections is not None:
+        used, found = read_rig(rig), read_detections(detections)
+        views, names = view_series(used, found), found.joint_names
+    recording = Recording(used, names, views, devices)
+    return BodyTask(config, recording, people, read_prior(prior))
+
+
+def solve_bodies(task: BodyTask) -> Solved:
+    """Solve a recording for its subjects."""
+    return solve_recording(task.recording, task.subjects, task.config, task.statistics)
+
+
+def body_config(
+    preset: str = "", settings: Sequence[str] = (), *, lag: float | None = None, rate_hz: float | None = None
+) -> KinematicsConfig:
+    """A configuration: what a preset fixes, then NAME=VALUE settings, then lag, s, and rate.
+
+    Raises:
+        UserError: if there is no such preset or parameter, or a value is out of range.
+    """
+    values: dict[str, object] = {}
+    if preset:
+        if preset not in PRESETS:
+            raise UsageError(f"there is no preset {preset!r} for kinematics; there is {', '.join(PRESETS)}")
+        values |= PRESETS[preset]
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals:
+            raise UsageError(f"--set {setting!r} is not NAME=VALUE")
+        values[name.removeprefix("kinematics.")] = _value(text)
+    values |= {} if lag is None else {"lag": lag}
+    values |= {} if rate_hz is None else {"rate_hz": rate_hz}
+    return load(KinematicsConfig, values, "kinematics.")
+
+
+def _value(text: str) -> object:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def view_series(rig: Rig, people: PlainDetections) -> dict[int, ViewSeries]:
+    """2D people of every camera by time, on the plane at distance 1.
+
+    Raises:
+        CalibrationError: if there is a view whose camera the rig lacks.
+    """
+    index = {name: k for k, name in enumerate(rig.names)}
+    rows: dict[int, dict[int, ViewPeople]] = {}
+    for frame in people.frames:
+        for name, view in frame.views.items():
+            if name not in index:
+                raise CalibrationError(
+                    f"the detections have a camera {name!r} that the rig lacks; it has {', '.join(rig.names)}"
+                )
+            camera = rig.cameras[index[name]]
+            plane = np.full(view.points.shape, np.nan)
+            there = np.isfinite(view.points).all(-1)
+            if there.any():
+                plane[there] = camera.intrinsics.undistort(view.points[there])
+            rows.setdefault(index[name], {})[view.stamp_ns] = ViewPeople(plane, view.scores)
+    return {
+        camera: ViewSeries(np.array(sorted(found)), tuple(found[stamp] for stamp in sorted(found)))
+        for camera, found in rows.items()
+    }

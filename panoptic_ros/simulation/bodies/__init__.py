@@ -1,0 +1,1 @@
+"""Simulated captures of bodies with cameras and IMUs."""

@@ -1,0 +1,101 @@
+"""What a detector reports of a simulated body: noise of several kinds, gaps, outliers and swapped limbs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain import Rig
+
+Array = np.ndarray
+SWAPS = (("Elbow", "Wrist"), ("Knee", "Ankle"))
+TRUNK_RADIUS = 0.14  # m
+
+
+@dataclass(frozen=True)
+class JointNoise:
+    """Errors of 2D joints: px at the given focal length, shares of the joints, and scores.
+
+    correlation: s, of the correlated part. hidden: factor where the trunk is before a joint.
+    """
+
+    white: float = 4.5
+    correlated: float = 7.5
+    correlation: float = 0.25
+    bias: float = 6.0
+    hidden: float = 2.5
+    missing: float = 0.05
+    missing_hidden: float = 0.40
+    outliers: float = 0.02
+    outlier_px: float = 90.0
+    swaps: float = 0.01
+    score: float = 0.85
+    score_hidden: float = 0.45
+    focal: float = 1050.0
+
+
+def detect_joints(
+    rng: np.random.Generator, rig: Rig, points: Array, trunk: Array, names: tuple[str, ...],
+    noise: JointNoise, rate: float,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Pixels (C, T, K, 2), NaN = missing, and scores (C, T, K).
+
+    Args:
+        points: (T, K, 3) m, true places of the detector's joints. trunk: (T, 2, 3) m, its lower and upper
+        end.
+        rate: Hz, of the points.
+    """
+    shape = (len(rig.cameras), *points.shape[:2])
+    pixels, scores = np.full((*shape, 2), np.nan), np.zeros(shape)
+    swapped = [
+        [(names.index("l" + n), names.index("r" + n)) for n in pair]
+        for pair in SWAPS
+        if all(side + n in names for n in pair for side in "lr")
+    ]  # fmt: skip
+    for c, camera in enumerate(rig.cameras):
+        scale = camera.intrinsics.matrix[0, 0] / noise.focal
+        found, seen = camera.project(points)
+        seen &= camera.contains(found)
+        hidden = _behind(points, trunk, camera.centre)
+        factor = np.where(hidden, noise.hidden, 1.0)[..., None]
+        error = noise.white * rng.normal(size=found.shape)
+        error += noise.correlated * _wandering(rng, found.shape, noise.correlation * rate)
+        error += noise.bias * rng.normal(size=found.shape[1:])
+        found = found + scale * factor * error
+        wrong = rng.random(shape[1:]) < noise.outliers
+        found[wrong] += scale * noise.outlier_px * rng.normal(size=(int(wrong.sum()), 2))
+        for pairs in swapped:
+            now = rng.random(shape[1]) < noise.swaps
+            for left, right in pairs:
+                found[now, left], found[now, right] = found[now, right], found[now, left].copy()
+        gone = rng.random(shape[1:]) < np.where(hidden, noise.missing_hidden, noise.missing)
+        score = np.where(hidden, noise.score_hidden, noise.score) + 0.08 * rng.normal(size=shape[1:])
+        there = seen & ~gone
+        pixels[c][there], scores[c][there] = found[there], np.clip(score, 0.05, 1.0)[there]
+    return pixels, scores
+
+
+def _wandering(rng: np.random.Generator, shape: tuple[int, ...], steps: float) -> Array:
+    """First-order noise (T, ...) of variance 1 with a correlation of so many steps."""
+    keep = np.exp(-1.0 / max(steps, 1e-3))
+    drive = np.sqrt(1.0 - keep * keep) * rng.normal(size=shape)
+    found = np.empty(shape)
+    found[0] = rng.normal(size=shape[1:])
+    for t in range(1, shape[0]):
+        found[t] = keep * found[t - 1] + drive[t]
+    return found
+
+
+def _behind(points: Array, trunk: Array, centre: Array) -> Array:
+    """Whether (T, K) the trunk, a capsule, is between the camera and a joint."""
+    along = np.linspace(0.0, 1.0, 7)[None, :, None]
+    spine = trunk[:, None, 0] * (1 - along) + trunk[:, None, 1] * along
+    ray = points - centre
+    length = np.linalg.norm(ray, axis=-1)
+    ray = ray / length[..., None]
+    to_spine = spine - centre
+    depth = np.einsum("tkj,tsj->tks", ray, to_spine)
+    apart2 = (to_spine**2).sum(-1)[:, None] - depth**2
+    hidden: Array = ((apart2 < TRUNK_RADIUS**2) & (depth < length[..., None] - 0.12)).any(-1)
+    return hidden

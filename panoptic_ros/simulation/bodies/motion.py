@@ -1,0 +1,133 @@
+"""How a simulated body moves: a T-pose, then recorded motion with turns about the bones added."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from panoptic_ros.geometry.chain import Chain, place_all
+from panoptic_ros.geometry.rotations import from_quaternions, rotations_of, to_quaternions, vectors_of
+
+Array = np.ndarray
+CLIP_HZ = 30.0
+T_POSE_S, BLEND_S = 2.0, 1.0  # standing in a T, and from there, or between two clips, into the next motion
+TWISTS = {  # segment: axis of the bone, and standard deviation in degrees of what is added about it
+    "lForearm": (1, 26.0), "rForearm": (1, 26.0), "head": (2, 14.0), "lHand": (1, 8.0), "rHand": (1, 8.0),
+}  # fmt: skip
+TWIST_HZ = (0.1, 0.6)
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """Recorded motion of one body at 30 Hz: roots (T, 3) m, rotation vectors (T, S, 3); its offsets (S, 3)
+    m and stature, m."""
+
+    roots: Array
+    vectors: Array
+    offsets: Array
+    stature: float
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """Roots (T, 3) m and turns (T, S, 3, 3) at the times (T,) s; places (T, S, 3) m and frames (T, S, 3,
+    3)."""
+
+    times: Array
+    roots: Array
+    turns: Array
+    places: Array
+    frames: Array
+
+
+def clips_of(arrays: Mapping[str, Array]) -> dict[str, Clip]:
+    """Clips by name, from the arrays of `config/bodies/cmu-motion.npz`."""
+    return {
+        str(name): Clip(
+            arrays[f"root_{name}"].astype(float), arrays[f"vectors_{name}"].astype(float),
+            arrays[f"offsets_{name}"].astype(float), float(arrays[f"stature_{name}"]),
+        )
+        for name in arrays["clips"]
+    }  # fmt: skip
+
+
+def make_motion(
+    rng: np.random.Generator, names: Sequence[str], clips: Sequence[Clip], rate: float, t_pose_deg: float,
+    chain: Chain,
+) -> BodyMotion:  # fmt: skip
+    """A T-pose facing +x, off by `t_pose_deg` per joint and axis, then the clips one after another."""
+    quaternions, roots = [], []
+    for clip in clips:
+        turns = rotations_of(clip.vectors.reshape(-1, 3)).reshape(*clip.vectors.shape, 3)
+        quaternions.append(to_quaternions(turns))
+        roots.append(clip.roots - np.append(clip.roots[:, :2].mean(0), 0.0))
+    off = np.radians(t_pose_deg) * rng.normal(size=(len(names), 3))
+    stand = rotations_of(off)
+    first = roots[0][0].copy()
+    first[2] = _standing_height(chain, stand)
+    held = int(T_POSE_S * CLIP_HZ)
+    all_q = [np.tile(to_quaternions(stand), (held, 1, 1))]
+    all_r = [np.tile(first, (held, 1))]
+    for q, r in zip(quaternions, roots):
+        all_q.append(_bridge_quaternions(all_q[-1][-1], q[0]))
+        all_r.append(_bridge(all_r[-1][-1], r[0]))
+        all_q.append(q)
+        all_r.append(r)
+    joined, places = _continuous(np.concatenate(all_q)), np.concatenate(all_r)
+    seconds = np.arange(len(places)) / CLIP_HZ
+    times = np.arange(int(seconds[-1] * rate)) / rate
+    turned = from_quaternions(CubicSpline(seconds, joined)(times))
+    fade = np.clip((times - T_POSE_S) / BLEND_S, 0.0, 1.0)[:, None]
+    for name, (axis, degrees) in TWISTS.items():
+        if name in names:
+            vector = np.zeros((len(times), 3))
+            vector[:, axis] = np.radians(degrees) * _wander(rng, times)
+            s = list(names).index(name)
+            turned[:, s] = turned[:, s] @ rotations_of(fade * vector)
+    root = CubicSpline(seconds, places)(times)
+    placed, frames = place_all(chain, root, turned)
+    return BodyMotion(times, root, turned, placed, frames)
+
+
+def _standing_height(chain: Chain, turns: Array) -> float:
+    """Height of the root at which the lowest joint is at its usual 4 cm."""
+    places, _ = place_all(chain, np.zeros((1, 3)), turns[None])
+    return 0.04 - float(places[0, :, 2].min())
+
+
+def _wander(rng: np.random.Generator, times: Array) -> Array:
+    """Smooth random numbers (T,) of variance 1."""
+    speed = 2 * np.pi * rng.uniform(*TWIST_HZ, 6)
+    found: Array = np.sin(times[:, None] * speed + rng.uniform(0, 2 * np.pi, 6)).sum(1) / np.sqrt(3.0)
+    return found
+
+
+def _bridge(begin: Array, end: Array) -> Array:
+    share = _smooth_step()[:, None]
+    found: Array = begin * (1 - share) + end * share
+    return found
+
+
+def _bridge_quaternions(begin: Array, end: Array) -> Array:
+    """Along the arcs from one posture to another, (N, S, 4)."""
+    a, b = from_quaternions(begin), from_quaternions(end)
+    vectors = vectors_of(np.ascontiguousarray(a.swapaxes(1, 2) @ b))
+    steps = [a @ rotations_of(share * vectors) for share in _smooth_step()]
+    return to_quaternions(np.array(steps))
+
+
+def _smooth_step() -> Array:
+    x = np.arange(1, int(BLEND_S * CLIP_HZ)) / (BLEND_S * CLIP_HZ)
+    found: Array = x * x * (3 - 2 * x)
+    return found
+
+
+def _continuous(quaternions: Array) -> Array:
+    """With signs (T, S, 4) that do not jump."""
+    flips = (quaternions[1:] * quaternions[:-1]).sum(-1) < 0
+    signs = np.concatenate([np.ones((1, flips.shape[1])), np.cumprod(np.where(flips, -1.0, 1.0), axis=0)])
+    found: Array = quaternions * signs[..., None]
+    return found

@@ -1,0 +1,109 @@
+"""From a simulated capture in files to bodies in a file."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from panoptic_ros.cli.main import main
+from panoptic_ros.evaluation.kinematic_scores import score_bodies
+from panoptic_ros.io.kinematic_files import read_bodies, read_imus, read_subject, write_imus
+from panoptic_ros.running.bodies import read_body_model
+from panoptic_ros.simulation.bodies.capture import BodyScene
+
+MODEL = read_body_model()
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    from panoptic_ros.running import simulated_bodies
+
+    folder = tmp_path_factory.mktemp("body") / "capture"
+    scene = simulated_bodies.body_scene
+    simulated_bodies.body_scene = lambda name: BodyScene(("02_05",), seconds=6.0, cameras=4)
+    try:
+        assert main(["simulate", "body-punch", "--seed", "3", "--out", str(folder)]) == 0
+    finally:
+        simulated_bodies.body_scene = scene
+    return folder
+
+
+def solve(folder, out, *options):
+    inputs = ["--rig", folder / "rig.json", "--detections", folder / "detections.json.gz"]
+    words = [
+        *inputs,
+        "--imu",
+        folder / "imu.csv.gz",
+        "--subject",
+        folder / "subject.json",
+        "--out",
+        out,
+        *options,
+    ]
+    assert main(["kinematics", *map(str, words), "--quiet"]) == 0
+    _, truth = read_bodies(folder / "truth.json.gz")
+    names, found = read_bodies(out)
+    assert names == MODEL.names
+    return score_bodies(truth, found, MODEL.parents, 3.0)
+
+
+def test_ours_is_better_than_the_papers(capture, tmp_path):
+    ours = solve(capture, tmp_path / "ours.json.gz")
+    papers = solve(capture, tmp_path / "paper.json.gz", "--preset", "malleson-2020")
+    assert ours["coverage"] == papers["coverage"] == 1.0
+    assert ours["mm"] < 0.8 * papers["mm"] and ours["deg"] < 0.8 * papers["deg"]
+    assert ours["acc"] < 0.2 * papers["acc"]
+
+
+def test_equal_input_gives_equal_bytes(capture, tmp_path):
+    for name in ("a.json.gz", "b.json.gz"):
+        solve(capture, tmp_path / name, "--lag", "0")
+    assert (tmp_path / "a.json.gz").read_bytes() == (tmp_path / "b.json.gz").read_bytes()
+
+
+def test_files_are_read_as_they_were_written(capture, tmp_path):
+    devices = read_imus(capture / "imu.csv.gz")
+    assert len(devices) == 13
+    write_imus(tmp_path / "imu.csv", devices)
+    again = read_imus(tmp_path / "imu.csv")
+    np.testing.assert_array_equal(again["imu05"].quaternions, devices["imu05"].quaternions)
+    subject = read_subject(capture / "subject.json", MODEL)
+    assert subject.devices[0].mount is not None and len(subject.body.keypoints) == 25
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"height_m": 17.5}, "height_m = 17.5"),
+        ({"format": "other"}, "no panoptic-subject-1"),
+        ({"devices": [{"device": "imu01", "segment": "tail"}]}, "no segment 'tail'"),
+        ({"segments": {"hips": [0, 0]}}, "is not 3 numbers"),
+    ],
+)
+def test_wrong_subjects_are_told_in_one_line(capture, tmp_path, change, told, capsys):
+    document = json.loads((capture / "subject.json").read_text()) | change
+    (tmp_path / "subject.json").write_text(json.dumps(document))
+    words = [
+        "--imu",
+        capture / "imu.csv.gz",
+        "--subject",
+        tmp_path / "subject.json",
+        "--out",
+        tmp_path / "k.json",
+    ]
+    assert main(["kinematics", *map(str, words)]) == 2
+    error = capsys.readouterr().err
+    assert told in error and error.count("\n") == 1
+
+
+def test_nothing_to_solve_from_is_told(capture, tmp_path, capsys):
+    words = ["--subject", capture / "subject.json", "--out", tmp_path / "k.json"]
+    assert main(["kinematics", *map(str, words)]) == 2
+    assert "nothing to solve from" in capsys.readouterr().err
+
+
+def test_help_is_quick_to_import():
+    code = "import sys, panoptic_ros.cli.kinematics; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -1,0 +1,84 @@
+"""The filter in time, on a body whose motion is known exactly."""
+
+import numpy as np
+import pytest
+from bodies import CHAIN, MODEL, D, S, placed
+
+from panoptic_ros.geometry.chain import Pose
+from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.kinematics.targets import (
+    NO_FLOOR,
+    NO_TURNS,
+    NO_VIEWS,
+    Evidence,
+    PointTargets,
+    no_prior,
+)
+from panoptic_ros.kinematics.window import Accelerations, Between, Motion, PoseWindow
+
+PERIOD = 1.0 / 60.0
+WORN = np.array([MODEL.index(n) for n in ("hips", "spine4", "lForearm", "rShin")])
+OFFSETS = np.array([[0.1, 0, 0], [0.1, 0, 0.05], [0, 0.15, 0.03], [0.05, 0, -0.2]])
+
+
+def moving(count, seed=0):
+    rng = np.random.default_rng(seed)
+    t = PERIOD * np.arange(count)
+    phase, speed = rng.uniform(0, 6.3, (2, D)), rng.uniform(2, 6, D)
+    wave = 0.25 * np.sin(speed[None] * t[:, None] + phase[0])
+    return [Pose(np.array([0, 0, 1.0]) + row[:3], rotations_of(row[3:].reshape(S, 3).copy())) for row in wave]
+
+
+def points(pose, noise, rng, weight):
+    frames, places = placed(pose)
+    segments = np.repeat(np.arange(S), 3)
+    offsets = np.tile(0.1 * np.eye(3), (S, 1))
+    goals = places[segments] + (frames[segments] @ offsets[..., None])[..., 0]
+    information = np.tile(np.eye(3) / 0.02**2, (len(segments), 1, 1))
+    goals = goals + noise * rng.normal(size=goals.shape)
+    targets = PointTargets(segments, offsets, goals, information, 0.0)
+    return Evidence(NO_VIEWS, targets, NO_TURNS, NO_FLOOR, no_prior(S), weight)
+
+
+def sites(pose):
+    frames, places = placed(pose)
+    return places[WORN] + (frames[WORN] @ OFFSETS[..., None])[..., 0]
+
+
+def run(poses, lag, noise=0.02, weight=0.05, accelerations=True, sd=1.0, error=0.0):
+    rng = np.random.default_rng(1)
+    window = PoseWindow(CHAIN, poses[0], Motion(8.0, 60.0, PERIOD), lag)
+    found = []
+    for t in range(1, len(poses)):
+        given = {}
+        if accelerations and t >= 2:
+            values = (sites(poses[t]) - 2 * sites(poses[t - 1]) + sites(poses[t - 2])) / PERIOD**2
+            values = values + error * rng.normal(size=values.shape)
+            given = {"between": Between(Accelerations(WORN, OFFSETS, values, np.full(4, sd**-2), 9.0))}
+        window.step(window.predicted(), points(poses[t], noise, rng, weight), **given)
+        if t >= lag:
+            found.append((t - lag, window.smoothed()[-1]))
+    return found
+
+
+def error_mm(poses, found, skip=60):
+    apart = [np.linalg.norm(placed(p)[1] - placed(poses[t])[1], axis=-1) for t, p in found if t >= skip]
+    return 1000 * float(np.mean(apart))
+
+
+def test_exact_data_are_followed():
+    poses = moving(120)
+    assert error_mm(poses, run(poses, 0, noise=0.0, weight=1.0)) < 3.0
+    assert error_mm(poses, run(poses, 6, noise=0.0, weight=1.0)) < 1.0
+
+
+@pytest.mark.parametrize("lag", [0, 6])
+def test_accelerations_help(lag):
+    poses = moving(180)
+    without = error_mm(poses, run(poses, lag, accelerations=False))
+    assert error_mm(poses, run(poses, lag, error=0.3)) < 0.95 * without
+
+
+def test_a_lag_helps():
+    poses = moving(180)
+    assert error_mm(poses, run(poses, 6)) < 0.8 * error_mm(poses, run(poses, 0))

@@ -1,0 +1,29 @@
+"""A body of the installed skeleton, poses of it, and where they put its segments."""
+
+import numpy as np
+
+from panoptic_ros.geometry.chain import Pose, place_segments, step_pose
+from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.running.bodies import read_body_model
+
+MODEL = read_body_model()
+BODY = MODEL.body(1.75)
+CHAIN = BODY.chain
+S, D = len(MODEL.names), MODEL.freedoms
+
+
+def some_pose(seed=0, spread=0.4):
+    rng = np.random.default_rng(seed)
+    return Pose(rng.normal([0, 0, 1], 0.2, 3), rotations_of(spread * rng.normal(size=(S, 3))))
+
+
+def placed(pose):
+    frames, places = np.empty((S, 3, 3)), np.empty((S, 3))
+    place_segments(CHAIN, pose, frames, places)
+    return frames, places
+
+
+def moved(pose, step):
+    out = pose.copy()
+    step_pose(pose, step, out)
+    return out
