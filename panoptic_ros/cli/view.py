@@ -12,12 +12,14 @@ from panoptic_ros.errors import UsageError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.add_argument("path", nargs="?", type=Path, metavar="RESULTS|BAG",
-                        help="what `panoptic run` left, or a bag")  # fmt: skip
+    parser.add_argument("path", nargs="?", type=Path, metavar="RESULTS|BAG|FOLDER",
+                        help="what `panoptic run` left, a bag, or a capture folder")  # fmt: skip
     parser.add_argument("--live", action="store_true", help="the graph that runs now, in this ROS domain")
     parser.add_argument("--namespace", default="", help="with --live: of the graph")
     parser.add_argument("--rig", type=Path, help="calibration, for bags without /rig")
     parser.add_argument("--skeleton", default="", help="skeleton model, for bags without /skeleton_model")
+    parser.add_argument("--truth", type=Path, metavar="FILE",
+                        help="who was really there, e.g. truth.json.gz of a simulation")  # fmt: skip
     parser.add_argument("--host", default="127.0.0.1",
                         help="where to listen: 0.0.0.0 lets other machines see the page, with the token that "
                         "is printed")  # fmt: skip
@@ -28,9 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
     if bool(args.path) == args.live:
-        raise UsageError("give the results of a run, a bag, or --live")
-    if args.live and (args.rig or args.skeleton):
-        raise UsageError("--rig and --skeleton have no meaning with --live: the graph publishes both")
+        raise UsageError("give the results of a run, a bag, a capture folder, or --live")
+    if args.live and (args.rig or args.skeleton or args.truth):
+        raise UsageError("--rig, --skeleton and --truth have no meaning with --live")
 
     def ready(address: str) -> None:
         print(f"open {address} in a browser; Ctrl-C ends it", flush=True)
@@ -44,5 +46,5 @@ def run(args: argparse.Namespace) -> int:
         return 0
     from panoptic_ros.running.view import open_recorded, view_recorded
 
-    view_recorded(open_recorded(args.path, args.rig, args.skeleton), args.host, args.port, ready)
+    view_recorded(open_recorded(args.path, args.rig, args.skeleton, args.truth), args.host, args.port, ready)
     return 0

@@ -9,6 +9,7 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.running.view import open_recorded
 from panoptic_ros.stage import Progress, untold
+from panoptic_ros.view.page.recorded import RecordedScene
 
 
 def export(path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress = untold) -> None:
@@ -32,6 +33,8 @@ def _write_html(path: Path, out: Path, begin_s: float, end_s: float | None, prog
     from panoptic_ros.view.page.one_file import one_file
 
     scene = open_recorded(path)
+    if not isinstance(scene, RecordedScene):
+        raise UsageError(f"{path} is neither the results of `panoptic run` nor a bag")
     scene.scan(lambda: False, lambda: None)
     write_bytes(out, one_file(scene, begin_s, end_s, progress))
     scene.close()

@@ -6,31 +6,44 @@ import asyncio
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import read_json
 from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.interruption import first_request_told
-from panoptic_ros.io.skeletons import load_skeleton
+from panoptic_ros.io.plain_formats import read_skeletons
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON, load_skeleton
 from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
+from panoptic_ros.view.page.truth import Truth
 
+if TYPE_CHECKING:
+    from panoptic_ros.view.page.folder import FolderScene
+
+TRUTH = "truth.json.gz"  # of a simulated capture folder
 LOOK_S = 0.2
 Ready = Callable[[str], None]  # called with the address of the page
 
 
-def open_recorded(path: Path, rig: Path | None = None, skeleton: str = "") -> RecordedScene:
-    """The results of a run, or a bag, to be looked at.
+def open_recorded(
+    path: Path, rig: Path | None = None, skeleton: str = "", truth: Path | None = None
+) -> RecordedScene | FolderScene:
+    """The results of a run, a bag, or a capture folder, to be looked at.
 
     Args:
-        rig, skeleton: in place of what the bag says.
+        rig, skeleton: in place of what the bag or folder says.
+        truth: a file of skeletons in the plain format; of a capture folder its own `truth.json.gz`, if any.
 
     Raises:
         UserError: if there is nothing to be seen at `path`.
     """
     path = Path(path)
+    if not path.exists():
+        raise UsageError(f"there is no {path}; give the results of `panoptic run`, a bag or a capture folder")
+    if path.is_dir() and not (path / MARK).is_file() and not (path / "metadata.yaml").is_file():
+        return _open_folder(path, rig, skeleton, truth)
     given: dict[str, Any] = {}
     if rig is not None:
         from panoptic_ros.io.rigs import read_rig  # needs scipy, which takes long to load
@@ -38,8 +51,8 @@ def open_recorded(path: Path, rig: Path | None = None, skeleton: str = "") -> Re
         given["rig"] = read_rig(rig)
     if skeleton:
         given["skeleton"] = load_skeleton(skeleton)
-    if not path.exists():
-        raise UsageError(f"there is no {path}; give the results of `panoptic run`, a bag or a capture folder")
+    if truth is not None:
+        given["truth"] = read_skeletons(truth)
     if (path / MARK).is_file():
         bag = path / "bag"
         if not bag.exists():
@@ -48,7 +61,20 @@ def open_recorded(path: Path, rig: Path | None = None, skeleton: str = "") -> Re
     return RecordedScene(path, path.resolve().name, **given)
 
 
-def view_recorded(scene: RecordedScene, host: str, port: int, ready: Ready) -> None:
+def _open_folder(path: Path, rig: Path | None, skeleton: str, truth: Path | None) -> FolderScene:
+    from panoptic_ros.capture import open_capture_folder  # needs decoders, which results do without
+    from panoptic_ros.io.rigs import read_rig
+    from panoptic_ros.view.page.folder import FolderScene
+
+    folder = open_capture_folder(path, rig=None if rig is None else read_rig(rig))
+    model = load_skeleton(skeleton or DEFAULT_SKELETON)
+    own = path / TRUTH
+    known = truth if truth is not None else own if own.is_file() else None
+    people = None if known is None else Truth(read_skeletons(known), model)
+    return FolderScene(folder, path.resolve().name, model, people)
+
+
+def view_recorded(scene: RecordedScene | FolderScene, host: str, port: int, ready: Ready) -> None:
     """Serve a recording until somebody ends it.
 
     Raises:
@@ -60,7 +86,7 @@ def view_recorded(scene: RecordedScene, host: str, port: int, ready: Ready) -> N
 
 
 async def _serve_recorded(
-    scene: RecordedScene, host: str, port: int, ready: Ready, asked: Callable[[], bool]
+    scene: RecordedScene | FolderScene, host: str, port: int, ready: Ready, asked: Callable[[], bool]
 ) -> None:
     talk = RecordedTalk(scene)
     async with PageServer(talk, host, port).listening() as address:

@@ -14,8 +14,8 @@ from panoptic_ros.cli.main import main
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ([], "give the results of a run, a bag, or --live"),
-        (["x", "--live"], "give the results of a run, a bag, or --live"),
+        ([], "give the results of a run, a bag, a capture folder, or --live"),
+        (["x", "--live"], "give the results of a run, a bag, a capture folder, or --live"),
         (["--live", "--skeleton", "panoptic19"], "have no meaning with --live"),
         (["{tmp}/nothing"], "there is no {tmp}/nothing"),
         (["{tmp}/results"], "has a report.json but no bag/"),

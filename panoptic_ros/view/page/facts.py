@@ -33,6 +33,7 @@ class SceneFacts:
         kind: "live" or "recorded". title: for people.
         begin_ns, end_ns: of a recording; 0 live.
         report: what report.json of a run holds that a page shows; empty if there is none.
+        rates: images per second by camera, where a page cannot count them.
     """
 
     kind: str
@@ -43,6 +44,7 @@ class SceneFacts:
     begin_ns: int = 0
     end_ns: int = 0
     report: Mapping[str, Any] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
         """For JSON; integers beyond 2^53 are texts."""
@@ -58,7 +60,7 @@ class SceneFacts:
             },
             "topics": [[topic.key, topic.owner, topic.message] for topic in self.topics],
             "schemas": schemas(topic.message for topic in self.topics),
-            "report": dict(self.report),
+            "report": dict(self.report), "rates": dict(self.rates),
         }  # fmt: skip
 
 

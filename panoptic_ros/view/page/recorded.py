@@ -15,11 +15,13 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import bag_messages, frame_from_message, from_message, to_message
 from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
+from panoptic_ros.io.plain_formats import PlainSkeletons
 from panoptic_ros.io.previews import Previews
 from panoptic_ros.view.page.facts import PageTopic, SceneFacts
 from panoptic_ros.view.page.packets import Kind, Message, pack
 from panoptic_ros.view.page.peek import skeletons_head
 from panoptic_ros.view.page.presence import Presence, ids_of
+from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
 
 BLOCK_NS = 1_000_000_000
 SHOWN = ("skeletons", "detections", "preview", "proposals", "skeletons_raw", "associations")
@@ -33,6 +35,7 @@ class RecordedScene:
     Args:
         rig, skeleton: in place of those of the bag.
         title: for people. report: see `SceneFacts`.
+        truth: who was really there.
 
     Raises:
         DataError: if it cannot be read, or says nothing of its rig or skeleton.
@@ -42,7 +45,7 @@ class RecordedScene:
 
     def __init__(
         self, bag: Path, title: str, rig: Rig | None = None, skeleton: SkeletonModel | None = None,
-        report: Mapping[str, Any] = {},
+        report: Mapping[str, Any] = {}, truth: PlainSkeletons | None = None,
     ):  # fmt: skip
         self._path = Path(bag)
         self._bag = BagReader(self._path)
@@ -53,8 +56,12 @@ class RecordedScene:
         self.rig = rig if rig is not None else self._latched("rig", "the bag lacks /rig: give --rig")
         self.skeleton = skeleton or self._latched("skeleton_model", "the bag lacks /skeleton_model")
         self._choose_topics()
+        topics = [topic for _, topic in self._sources.values()]
+        self._truth = None if truth is None else Truth(truth, self.skeleton)
+        if truth is not None:
+            topics.append(PageTopic(KEY, "", MESSAGE))
         self._facts = SceneFacts(
-            "recorded", title, self.rig, self.skeleton, [topic for _, topic in self._sources.values()],
+            "recorded", title, self.rig, self.skeleton, topics,
             self._bag.begin_ns, self._bag.end_ns, report,
         )  # fmt: skip
         self.presence = Presence()
@@ -84,6 +91,9 @@ class RecordedScene:
         """As `block`, one by one."""
         begin = self._bag.begin_ns + number * BLOCK_NS
         wanted = {"skeletons", "detections", "preview", *keys}
+        if self._truth is not None and KEY in keys:
+            for data in self._truth.between(begin, begin + BLOCK_NS):
+                yield Message(len(self._sources), data)
         chosen = {name: place for place, (name, topic) in self._sources.items() if topic.key in wanted}
         if not chosen:
             return

@@ -7,21 +7,33 @@ a second of the recording, with the `keys` of layers' topics, answered by a pack
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Collection, Sequence
+from typing import Any, Protocol
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from panoptic_ros.errors import DataError
-from panoptic_ros.view.page.recorded import RecordedScene
+from panoptic_ros.view.page.presence import Presence
 from panoptic_ros.view.page.server import as_json, asked_by
+
+
+class Shown(Protocol):
+    """A recording: `recorded.RecordedScene`, `folder.FolderScene`."""
+
+    presence: Presence
+
+    def facts(self) -> dict[str, Any]:
+        """What a page is told first."""
+
+    def block(self, number: int, keys: Collection[str] = ()) -> bytes:
+        """A packet of one second."""
 
 
 class RecordedTalk:
     """Answers for seconds of a recording; what a page asks for last is answered last, and nothing twice."""
 
-    def __init__(self, scene: RecordedScene):
+    def __init__(self, scene: Shown):
         self._scene = scene
         self._pages: list[ServerConnection] = []
 

@@ -55,7 +55,11 @@ const source = openSource({
   },
   packet({ kind, number, messages }) {
     if (!page.store) return;
-    for (const message of messages) page.store.add(message);
+    if (kind === LIVE && goesBack(messages)) page.store = new Store(page.facts);
+    for (const message of messages) {
+      const preview = page.store.previewOf(message, page.store.add(message));
+      if (preview && kind === LIVE) tiles.decode(preview); // while the rest is drawn
+    }
     if (kind === LIVE) {
       page.undrawn.push(number);
       page.store.forget(page.store.front(PATIENCE_S * SECOND) - KEPT_LIVE_S * SECOND);
@@ -63,6 +67,12 @@ const source = openSource({
     redraw();
   },
 });
+
+// Whether time has gone back, as where a bag is played again.
+function goesBack(messages) {
+  const front = page.store.front(PATIENCE_S * SECOND);
+  return front !== null && messages.every((message) => page.store.timeOf(message.bytes) < front - PATIENCE_S * SECOND);
+}
 
 function begin(facts) {
   const live = facts.kind === "live";
@@ -247,7 +257,7 @@ function switchLayer(name) {
 }
 
 function step(places) {
-  const instant = page.store?.stepFrom(page.player.t, places);
+  const instant = page.store?.stepFrom(page.player.t, places) ?? page.store?.imageFrom(page.player.t, places);
   page.player.playing = false;
   if (instant) page.player.t = instant.t;
   redraw();

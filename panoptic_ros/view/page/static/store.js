@@ -21,7 +21,7 @@ export class Store {
 
   add({ topic, bytes }) {
     const [key, owner, type] = this.topics[topic];
-    const t = this._time(bytes);
+    const t = this.timeOf(bytes);
     try {
       if (key === "preview") this._addPreview(owner, t, bytes, type);
       else if (key === "detections") this._addView(owner, t, this.decoder.decode(bytes, type));
@@ -57,6 +57,12 @@ export class Store {
     return instant;
   }
 
+  // The preview that a message has brought, null if it was another one.
+  previewOf({ topic }, t) {
+    const [key, owner] = this.topics[topic];
+    return key === "preview" ? this.previews.get(owner)?.byTime.get(t) ?? null : null;
+  }
+
   // The instant at or before a time, null if there is none.
   instantAt(t) {
     const i = upper(this.instants, t) - 1;
@@ -67,6 +73,13 @@ export class Store {
   stepFrom(t, step) {
     const i = step > 0 ? upper(this.instants, t) + step - 1 : upper(this.instants, t - 1) + step;
     return this.instants[Math.min(Math.max(0, i), this.instants.length - 1)] ?? null;
+  }
+
+  // The same of images, where there are no instants: {t}.
+  imageFrom(t, step) {
+    const times = [...new Set([...this.previews.values()].flatMap((kept) => kept.times))].sort((a, b) => a - b);
+    const i = step > 0 ? upper(times, t, (x) => x) + step - 1 : upper(times, t - 1, (x) => x) + step;
+    return times.length ? { t: times[Math.min(Math.max(0, i), times.length - 1)] } : null;
   }
 
   between(begin, end) {
@@ -84,8 +97,8 @@ export class Store {
   }
 
   // What a tile shows at a time: the newest image, with the people of its own stamp: {preview, view, instant}.
-  // Of a camera without images the people alone.
-  pairAt(camera, t) {
+  // Of a camera without images the people alone. usable: whether an image can be shown.
+  pairAt(camera, t, usable = () => true) {
     const previews = this.previews.get(camera);
     if (!previews) {
       const instant = this.instantAt(t), view = this.viewOf(camera, instant);
@@ -94,11 +107,12 @@ export class Store {
     for (let i = upper(this.instants, t) - 1; i >= 0 && this.instants[i].t > t - REACH; i--) {
       const view = this.viewOf(camera, this.instants[i]);
       const preview = view && previews.byTime.get(view.t);
-      if (preview) return { preview, view, instant: this.instants[i] };
+      if (preview && usable(preview)) return { preview, view, instant: this.instants[i] };
     }
     const last = upper(previews.times, t, (x) => x) - 1;
     if (last < 0 || previews.times[last] < t - REACH) return null;
     const preview = previews.byTime.get(previews.times[last]);
+    if (!usable(preview)) return null;
     return { preview, view: this.views.get(camera)?.byTime.get(preview.t) ?? null, instant: null };
   }
 
@@ -119,7 +133,8 @@ export class Store {
     return rate(this.instants, t, (item) => item.t);
   }
 
-  _time(bytes) {
+  // ns since the origin of a message that begins with a header
+  timeOf(bytes) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     const little = view.getUint8(1) !== 0;
     const stamp = BigInt(view.getInt32(4, little)) * 1000000000n + BigInt(view.getUint32(8, little));

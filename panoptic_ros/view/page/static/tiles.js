@@ -68,8 +68,9 @@ export class Tiles {
     const pictures = new Map();
     for (const [name, tile] of this.tiles) {
       const wanted = scene.store.pairAt(name, scene.t);
-      const ready = wanted && (!wanted.preview || this._image(wanted.preview));
-      if (ready || !wanted) tile.pair = wanted; // else the one before, whole, until the image is there
+      const ready = !wanted?.preview || this.decode(wanted.preview);
+      // until an image is decoded, the newest one that is, with the people of its own stamp
+      tile.pair = ready ? wanted : scene.store.pairAt(name, scene.t, (preview) => preview.bitmap) ?? tile.pair;
       if (tile.pair?.preview?.bitmap) pictures.set(name, tile.pair.preview.bitmap);
       if (this.visible.has(name) && !tile.element.hidden) this._draw(tile, scene, layers, version);
     }
@@ -85,7 +86,7 @@ export class Tiles {
 
   // Decode images that come next.
   prepare(pairs) {
-    for (const pair of pairs) if (pair?.preview) this._image(pair.preview);
+    for (const pair of pairs) if (pair?.preview) this.decode(pair.preview);
   }
 
   _draw(tile, scene, layers, version) {
@@ -99,14 +100,14 @@ export class Tiles {
     tile.empty.hidden = Boolean(pair?.preview);
     tile.empty.classList.toggle("corner", Boolean(pair));
     if (!pair) return;
-    if (pair.preview) context.drawImage(pair.preview.bitmap, 0, 0, canvas.width, canvas.height);
+    if (pair.preview?.bitmap) context.drawImage(pair.preview.bitmap, 0, 0, canvas.width, canvas.height);
     const drawing = new TileCanvas(context, camera, canvas.width, canvas.height);
     for (const layer of layers) if (layer.tile && layer.under) layer.tile(drawing, scene, pair);
     for (const layer of layers) if (layer.tile && !layer.under) layer.tile(drawing, scene, pair);
   }
 
   // Whether the image of a preview is decoded; if not, it is begun.
-  _image(preview) {
+  decode(preview) {
     if (preview.bitmap) return true;
     if (!preview.asked) {
       preview.asked = true;
