@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 import webbrowser
 from pathlib import Path
 
 from panoptic_ros.cli.options import number
 from panoptic_ros.errors import UsageError
+
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
 
     def ready(address: str) -> None:
         print(f"open {address} in a browser; Ctrl-C ends it", flush=True)
-        if not args.no_browser:
+        if not args.no_browser and any(map(os.environ.get, SCREENS)):  # else it may take the terminal
             webbrowser.open(address)
 
     if args.live:

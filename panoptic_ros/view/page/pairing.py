@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TypeVar
 
 from panoptic_ros.view.page.mailbox import Instant
@@ -11,6 +12,7 @@ from panoptic_ros.view.page.peek import detections_head, skeletons_head, stamp_o
 Kept = TypeVar("Kept")
 KEPT_VIEWS = 128  # 2D people of a camera: two seconds at 60 Hz, longer than skeletons take
 KEPT_PREVIEWS = 32
+NEAR_NS = 25_000_000  # between skeletons that do not name their views and 2D people of the same instant
 PATIENCE_S = 1.0  # without skeletons, after which views are shown by themselves
 
 
@@ -56,8 +58,11 @@ class Pairing:
         """
         self._skeletons_at = now_s
         head, views = skeletons_head(message.data), {}
-        for camera, frame in head.frames.items():
-            stamp = self._stamps.get(camera, {}).get(frame)
+        if head.frames:
+            stamps = {camera: self._stamps.get(camera, {}).get(n) for camera, n in head.frames.items()}
+        else:  # they do not name their views
+            stamps = {camera: _nearest(kept, head.stamp_ns) for camera, kept in self._people.items()}
+        for camera, stamp in stamps.items():
             preview = self._previews.get(camera, {}).pop(-1 if stamp is None else stamp, None)
             if stamp is not None and preview is not None:
                 views[camera] = (preview, self._people[camera][stamp])
@@ -70,6 +75,12 @@ class Pairing:
         if preview is None:
             return None
         return Instant(None, {camera: (preview, people) if people is not None else (preview,)})
+
+
+def _nearest(stamps: Iterable[int], stamp_ns: int) -> int | None:
+    """The nearest stamp that can be of the same instant."""
+    found = min(stamps, key=lambda stamp: abs(stamp - stamp_ns), default=None)
+    return found if found is not None and abs(found - stamp_ns) <= NEAR_NS else None
 
 
 def _keep(items: dict[int, Kept], key: int, value: Kept, limit: int) -> None:

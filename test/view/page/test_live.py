@@ -2,6 +2,7 @@
 import numpy as np
 from recorded_scene import SKELETON, as_bytes, make_poses, make_preview, make_rig, make_view
 
+from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.view.page.live import ALWAYS, LiveScene
 from panoptic_ros.view.page.pairing import PATIENCE_S
 
@@ -49,6 +50,19 @@ def test_an_image_waits_for_the_skeletons_of_its_stamp():
     assert fed.got() == [("detections", "cam1"), ("preview", "cam1"), ("skeletons", "")]
     fed.give("skeletons", later)
     assert fed.got() == [("skeletons", "")]
+
+
+def test_skeletons_that_do_not_name_their_views_are_paired_by_stamp():
+    fed = Fed()
+    poses = make_poses(RIG, 4, stamp(4))
+    names = [name for name in poses.__dataclass_fields__ if name != "sources"]
+    alone = RefinedPoseSet(**{name: getattr(poses, name) for name in names})
+    for camera, away in ((RIG.cameras[0], 7_000_000), (RIG.cameras[1], 60_000_000)):
+        fed.give("preview", make_preview(camera.name, stamp(4) - away), camera.name)
+        fed.give("detections", make_view(camera, poses, stamp(4) - away), camera.name)
+    fed.got()
+    fed.give("skeletons", alone)
+    assert fed.got() == [("detections", "cam0"), ("preview", "cam0"), ("skeletons", "")]
 
 
 def test_images_are_shown_where_nobody_makes_skeletons():
