@@ -19,6 +19,7 @@ from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+from panoptic_ros.nodes.heat_maps_node import HeatMapsNode
 from panoptic_ros.nodes.markers_node import MarkersNode
 from panoptic_ros.nodes.people_node import PeopleNode
 from panoptic_ros.nodes.runtime import leave, run_nodes
@@ -66,6 +67,11 @@ def markers() -> None:
 def people() -> None:
     """Skeletons for other packages: roots, TF, REP-155 bodies, boxes."""
     leave(run_nodes(lambda: [PeopleNode()]))
+
+
+def heat_maps() -> None:
+    """Score maps as images, on demand."""
+    leave(run_nodes(lambda: [HeatMapsNode()]))
 
 
 class _Arguments(Node):
@@ -135,6 +141,8 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
         return make_stage_node(entry["stages"], overrides, entry["name"])
     if entry["kind"] == "markers":
         return MarkersNode(overrides.get("flow", "live"))
+    if entry["kind"] == "heat_maps":
+        return HeatMapsNode()
     if entry["kind"] == "people":
         return PeopleNode(overrides.pop("flow", "live"), overrides)
     return _source(entry, rig_of_run, overrides)

@@ -19,6 +19,7 @@ from panoptic_ros.params import diff
 from panoptic_ros.running.plan import Plan
 
 CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
+HEAT_MAPS = "heat_maps"  # what is published of views, not of people
 SOUND_PROCESSES = 2  # at most, the same
 
 
@@ -74,9 +75,11 @@ def write_launch_file(
         )
     markers = {"kind": "markers", "parameters": {"flow": flow}}
     processes.setdefault("markers" if divided else "fusion", []).append(markers)
-    if plan.publish:
-        people = {"kind": "people", "parameters": {"flow": flow, "publish": list(plan.publish)}}
-        processes.setdefault("markers" if one_per_stage else "fusion", []).append(people)
+    beside = processes.setdefault("markers" if one_per_stage else "fusion", [])
+    if words := [word for word in plan.publish if word != HEAT_MAPS]:
+        beside.append({"kind": "people", "parameters": {"flow": flow, "publish": words}})
+    if HEAT_MAPS in plan.publish:
+        processes["heat-maps"] = [{"kind": "heat_maps"}]
     path = folder / "launch.json"
     write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
     return path

@@ -71,4 +71,4 @@ def test_tf_is_off_by_default_and_what_is_not_installed_is_left_out(executor):
 def test_unknown_words_are_told(ros):
     with pytest.raises(ConfigError, match="cannot be published as 'fbx'; known: roots, tf, bodies, boxes"):
         PeopleNode(overrides={"publish": ["fbx"]})
-    assert tuple(KINDS) == PUBLISHABLE
+    assert (*KINDS, "heat_maps") == PUBLISHABLE

@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
     parser.add_argument("--publish", default="", metavar="WORDS",
                         help="skeletons in other words too, separated by commas: roots (PoseArray), tf (of "
-                        "joints), bodies (REP 155), boxes (Detection3DArray)")  # fmt: skip
+                        "joints), bodies (REP 155), boxes (Detection3DArray); also heat_maps")  # fmt: skip
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
     parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",

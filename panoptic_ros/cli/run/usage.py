@@ -6,7 +6,7 @@ import argparse
 from panoptic_ros.cli.options import names
 from panoptic_ros.errors import UsageError
 
-PUBLISHABLE = ("roots", "tf", "bodies", "boxes")  # see `nodes.people_node`
+PUBLISHABLE = ("roots", "tf", "bodies", "boxes", "heat_maps")  # see `nodes.people_node`, `heat_maps_node`
 _FILES = ("capture", "demo", "video")
 _MEANS_SOMETHING_FOR = {
     "arrival_stamps": ("bag",),
