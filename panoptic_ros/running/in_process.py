@@ -10,19 +10,22 @@ from typing import Any
 
 from panoptic_ros.capture import DepthSource, open_source
 from panoptic_ros.capture.sound import open_sound
+from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError
-from panoptic_ros.graph.build import switched_on
+from panoptic_ros.graph.build import make_stage, ports_in_use, switched_on
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import SOUND_KEY, opened_streams
+from panoptic_ros.params import config_of
 from panoptic_ros.running.finish import ABOUT_CLOCKS
 from panoptic_ros.running.newest_frames import newest_frames
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.results import Results
+from panoptic_ros.running.side_by_side import TABLE, SideBySide, free_threads
 from panoptic_ros.stage import Notice, StageContext
 
 TAKEN = ("image", "detections", SOUND_KEY)  # what results keep of what comes from outside
@@ -32,16 +35,17 @@ Records = dict[Key, Iterator[Any]]  # of each topic of each camera
 class _Counted:
     """What the stages of a run count, and a pipeline that tells it."""
 
-    def __init__(self, plan: Plan, results: Results):
+    def __init__(self, plan: Plan, results: Results, looks: SideBySide | None = None):
         names = switched_on(plan.stages, plan.configs)
         self.statistics = {name: StageStatistics() for name in names}
         self._giver = {topic: name for name in names for topic in NODES[name].outputs}
         self._results = results
         self.pipeline = Pipeline(
-            plan.configs, StageContext(plan.rig, plan.skeleton, plan.extras), names,
+            plan.configs, StageContext(plan.rig, plan.skeleton, {**plan.extras, "looks": looks}), names,
             on_record=self._record, on_notice=self._note, on_refused=self._refuse, on_step=self._step,
-            clock=time.perf_counter_ns,
+            clock=time.perf_counter_ns, table=NODES if looks is None else TABLE,
         )  # fmt: skip
+        self._looks = looks
         self.first = plan.stage
 
     def _note(self, stage: str, notice: Notice) -> None:
@@ -57,6 +61,8 @@ class _Counted:
         self.statistics[stage].dropped["bad_message"] += 1
 
     def _step(self, stage: str, duration_ns: int) -> None:
+        if stage == "detection" and self._looks is not None:
+            duration_ns = self._looks.duration_ns
         self.statistics[stage].taken += 1
         self.statistics[stage].add_duration(duration_ns)
 
@@ -75,8 +81,8 @@ class _Counted:
 
 def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> dict[str, StageStatistics]:
     """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
-    counted = _Counted(plan, results)
     if plan.live:
+        counted = _Counted(plan, results)
         frames, sounds = partial(_live_frames, plan), [partial(_live_sound, s) for s in plan.sounds]
         for item in newest_frames(plan.rig.names, frames, stop, counted.drop, sounds):
             topic = SOUND_KEY if isinstance(item, AudioBlock) else "image"
@@ -86,12 +92,33 @@ def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> di
         counted.pipeline.flush()
         return counted.statistics
     with ExitStack() as stack:
-        records = _recorded(plan, stack, counted.refuse) if plan.streams else _filmed(plan, stack)
+        refused: list[DataError] = []
+        records = _recorded(plan, stack, refused.append) if plan.streams else _filmed(plan, stack)
+        looks = _side_by_side(plan, stack, records)
+        counted = _Counted(plan, results, looks)
         for sound in plan.sounds:
             source = stack.enter_context(open_sound(sound))
             records[SOUND_KEY, source.device] = iter(source)
         _replay(plan, counted.pipeline, records, results, stop)
+        for error in refused:
+            counted.refuse(error)
     return counted.statistics
+
+
+def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide | None:
+    """Let detection run ahead in as many threads as pay, in place of the images in the records; None: it runs
+    in the pipeline, as tracking tells it where to look, or depth maps belong to its images.
+    """
+    config = plan.configs["detection"]
+    threads = free_threads(config_of(plan.configs, DetectionConfig).threads)
+    tied = plan.stage != "detection" or plan.depth_cameras or ports_in_use({"detection": config})
+    if threads == 1 or tied:
+        return None
+    stage = make_stage("detection", config, StageContext(plan.rig, plan.skeleton, plan.extras))
+    images = {owner: own for (topic, owner), own in records.items() if topic == "image"}
+    looks = stack.enter_context(SideBySide(stage, images, threads, time.perf_counter_ns))
+    records.update({("image", camera): looks.frames(camera) for camera in images})
+    return looks
 
 
 def _replay(

@@ -1,7 +1,6 @@
 """Which nodes a run consists of and which process each of them lives in."""
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.params import diff
 from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.side_by_side import free_threads
 
 CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
 HEAT_MAPS = "heat_maps"  # what is published of views, not of people
@@ -158,8 +158,8 @@ def _inputs_of_detection(plan: Plan, cameras: list[str], jpeg: bool) -> dict[str
 def _shares(cameras: list[str], live: bool) -> list[list[str]]:
     """Cameras per detection process.
 
-    Replay: as many processes as leave every other core to the rest. Live: one, so that all cameras
-    drop the same instants when it cannot keep up; it has several threads instead.
+    Replay: one for every core that may be used: the network is nearly all of the work. Live: one, so that all
+    cameras drop the same instants when it cannot keep up; it has several threads instead.
     """
-    count = 1 if live else max(1, min(len(cameras), (os.cpu_count() or 2) // 2))
+    count = 1 if live else min(len(cameras), free_threads(1))
     return [cameras[k::count] for k in range(count)]
