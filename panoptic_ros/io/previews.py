@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cv2
-import numpy as np
 
 from panoptic_ros.domain import Preview, ViewFrame
 
@@ -39,10 +38,11 @@ def make_preview(frame: ViewFrame) -> Preview:
     scale = min(1.0, LONGEST_SIDE / max(height, width))
     size = max(1, round(scale * width)), max(1, round(scale * height))
     image = frame.image
-    skipped = max(1, int(0.5 / scale))  # the mean of all pixels of a large image costs six times as much
-    if skipped > 1:
-        first = skipped // 2  # the pixel in the middle of each block, so that nothing moves
-        image = np.ascontiguousarray(image[first::skipped, first::skipped])
+    block = int(min(width / size[0], height / size[1]) / 2)
+    if block > 1:  # the mean of all pixels costs ten times as much as that of four
+        middle = block // 2  # so that nothing moves by more than .25 px
+        double = 2 * size[0], 2 * size[1]
+        image = cv2.resize(image[middle:, middle:], double, interpolation=cv2.INTER_NEAREST)
     if image.shape[1::-1] != size:
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
