@@ -36,7 +36,7 @@ class Flow:
 
 WINDOW = 64  # instants: a detector runs on while the stages after it compile their kernels
 IMAGE_WINDOW = 4
-LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}}
+LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}, "refinement": {"lag": 0.03}}  # lag: one set at 30 Hz
 PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
 SPARE = 8  # the middleware's queues are longer than what can be under way
 
@@ -60,6 +60,7 @@ def make_flow(name: str, window: int = WINDOW) -> Flow:
 def live_defaults(flow: str, stage: str) -> dict[str, float]:
     """Defaults of a stage's parameters that hold in live flow only.
 
-    A recording waits for all of its cameras; live, one that fails must not stop the others.
+    A recording waits for all of its cameras; live, one that fails must not stop the others, and skeletons
+    wait for one more set at most.
     """
     return dict(LIVE_DEFAULTS.get(stage, {})) if flow == "live" else {}

@@ -1,7 +1,6 @@
 """Plans of live runs on topics of running drivers."""
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.nodes.drivers import Drivers, find_drivers
 from panoptic_ros.running.driver_rig import rig_by_calibration, rig_by_transforms, with_info
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
-from panoptic_ros.running.parameters import Parameters, with_defaults
+from panoptic_ros.running.parameters import live_parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
 from panoptic_ros.running.processes import prepare_environment
 
@@ -73,9 +72,8 @@ def plan_drivers(
         if calibrated is None
         else rig_by_calibration(calibrated, file, drivers, notices)
     )
-    defaults: Parameters = {"detection": {"threads": max(1, (os.cpu_count() or 2) // 2)}}
     return options.complete(Plan(
-        "drivers", found, skeleton, with_defaults(options.all_parameters(), defaults),
+        "drivers", found, skeleton, with_defaults(options.all_parameters(), live_parameters()),
         extras=extras, topics=carriers, live=True, notices=tuple(notices),
         encodings={name: topics.encoding for name, topics in file.cameras.items() if topics.encoding},
         depth_cameras=tuple(name for name, topics in file.cameras.items() if topics.depth),

@@ -1,8 +1,8 @@
 """A process that has loaded everything, and forks nodes on demand: a successor is there at once.
 
 `python -m panoptic_ros.running.fork_server LAUNCH_FILE` reads "NAME<TAB>LOG" from its standard input and
-writes "ready", "forked NAME PID" and "ended PID CODE" to its standard output. It ends when its input does, and
-its children with it.
+writes "ready", "forked NAME PID" and "ended PID CODE" to its standard output. It ends when its input does,
+and its children with it.
 """
 from __future__ import annotations
 

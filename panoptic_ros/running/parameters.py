@@ -1,6 +1,7 @@
 """Parameters and fixed things that a user gives, for all that solves."""
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import ConfigError
 from panoptic_ros.graph.build import configure, merged, parse_setting
+from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.files import read_yaml
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.params import Config
@@ -57,6 +59,16 @@ def _plain(entries: dict[str, Any]) -> dict[str, Any]:
 def with_defaults(given: Parameters, defaults: Parameters) -> dict[str, Config]:
     """Configurations where `defaults` count only where the user gave nothing."""
     return configure(merged(defaults, given))
+
+
+def live_parameters(rate: float = 30.0) -> Parameters:
+    """What holds for live cameras of this rate, Hz, unless the user says something else."""
+    return {
+        # detection works through the cameras in turn
+        "sync": {"deadline_s": max(LIVE_DEFAULTS["sync"]["deadline_s"], 3.0 / rate)},
+        "detection": {"threads": max(1, (os.cpu_count() or 2) // 2)},
+        "refinement": {"lag": min(LIVE_DEFAULTS["refinement"]["lag"], 0.9 / rate)},
+    }
 
 
 def with_occluders(rig: Rig, path: Path | None) -> Rig:

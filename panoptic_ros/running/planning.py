@@ -1,7 +1,6 @@
 """Plans of runs on images: a capture folder, single recordings, or devices. For bags see `bag_plan`."""
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -12,12 +11,11 @@ from panoptic_ros.capture import CaptureFolder, FrameSource, demo_capture, open_
 from panoptic_ros.capture.sound import described_sound
 from panoptic_ros.domain import Rig
 from panoptic_ros.graph.build import configure
-from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import config_of, named_words
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.overlap import check_overlap
-from panoptic_ros.running.parameters import Parameters, with_defaults
+from panoptic_ros.running.parameters import live_parameters, with_defaults
 from panoptic_ros.running.plan import Plan, require_two
 from panoptic_ros.running.sound import Recorder, plan_clocks
 from panoptic_ros.running.sound_clocks import corrections_from_sound, recorders_of
@@ -117,14 +115,9 @@ def plan_devices(
     require_two(chosen)
     rate = frame_rate or 30.0
     own = {"frame_rate": frame_rate, "latency_ms": latency_ms}
-    defaults: Parameters = {
-        # detection works through the cameras in turn
-        "sync": {"deadline_s": max(LIVE_DEFAULTS["sync"]["deadline_s"], 3.0 / rate)},
-        "detection": {"threads": max(1, (os.cpu_count() or 2) // 2)},
-    }
     clocked = _on_first(microphones, chosen)
     plan = options.complete(Plan(
-        "cameras", clocked, skeleton, with_defaults(options.all_parameters(), defaults),
+        "cameras", clocked, skeleton, with_defaults(options.all_parameters(), live_parameters(rate)),
         {name: {"kind": "device", "device": device, **own} for name, device in devices.items()},
         extras=extras, frame_rate=rate, live=True,
     ))  # fmt: skip

@@ -3,7 +3,7 @@ import pytest
 
 from panoptic_ros.errors import ConfigError
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.running.parameters import read_parameters, with_defaults
+from panoptic_ros.running.parameters import live_parameters, read_parameters, with_defaults
 
 
 def test_settings_go_before_the_file_and_the_file_before_defaults(tmp_path):
@@ -31,3 +31,10 @@ def test_wrong_files(tmp_path, text, told):
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(ConfigError, match=told):
         read_parameters(tmp_path / "mine.yaml", [])
+
+
+def test_live_runs_wait_half_a_second_for_a_camera_and_one_set_at_most():
+    for rate in (5.0, 30.0, 120.0):
+        found = live_parameters(rate)
+        assert found["sync"]["deadline_s"] == max(0.5, 3.0 / rate)
+        assert found["refinement"]["lag"] < 1.0 / rate

@@ -41,7 +41,8 @@ STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", 
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
 _NEED = (
-    "driver_plan", "driver_rig", "over_dds", "fed_graph", "watching", "fork_server", "view_live", "record",
+    "driver_plan", "driver_rig", "over_dds", "fed_graph", "watching", "fork_server", "player", "soak",
+    "view_live", "record",
     "recording_facts", "replay", "viewed_graph",
 )  # fmt: skip
 NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
