@@ -142,6 +142,20 @@ SCENES: dict[str, Scene] = {
         "images of a crowd in eight views", ("walk", "talk", "wave", "stand", "turn", "reach"),
         replace(_NEAR_RING, radius=3.9), area=1.6, timing=Timing(rate=25.0), frames=50, rendered=True,
     ),
+    "rendered-crossing-2p8v": Scene(
+        "images of two people who meet head-on", ("walk", "walk"), replace(_NEAR_RING, radius=3.9),
+        staging="crossing", timing=Timing(rate=25.0), frames=60, rendered=True,
+    ),
+    "rendered-enter-4p8v": Scene(
+        "images of people who come and go", ("walk", "walk", "walk", "talk"),
+        replace(_NEAR_RING, radius=3.9), staging="enter-leave", timing=Timing(rate=25.0), frames=90,
+        rendered=True,
+    ),
+    "rendered-close-3p8v": Scene(
+        "images of three people within arm's reach: one sits down, one crouches",
+        ("sit-down", "crouch", "reach"), _NEAR_RING, staging="spread", area=0.8, timing=Timing(rate=25.0),
+        frames=60, rendered=True,
+    ),
     "rendered-table-4p8v": Scene(
         "images of four people round a table", ("sit",) * 4, _NEAR_RING, staging="table", table=0.60,
         timing=Timing(rate=25.0), frames=50, rendered=True,

@@ -43,6 +43,11 @@ class OnnxNetwork:
         self._roles = tuple(card.output)
         self._names = [card.output[role] for role in self._roles]
 
+    @property
+    def providers(self) -> tuple[str, ...]:
+        """The execution providers that the session has, in their order."""
+        return tuple(self._session.get_providers())
+
     def run(self, tensor: Array) -> dict[str, Array]:
         """Outputs by role for an input tensor.
 
