@@ -6,6 +6,7 @@ import { isThere, place } from "#view/people.js";
 
 const BACKGROUND = 0x0e1218;
 const NEAR_PX = 16; // from a click to a joint
+const MANY = 40; // cameras: the names of more would cover each other
 
 export class Stage3D {
   // canvas, labels: elements that lie over each other. changed: called when something is to be drawn anew.
@@ -33,8 +34,10 @@ export class Stage3D {
   // How far the picture of a camera stands before it, m: small beside the distances between cameras.
   frustumDepth(cameras) {
     const centres = [...cameras.values()].map((camera) => camera.centre);
-    const size = Math.max(0.5, ...centres.map((c) => distance(c, mean(centres))));
-    return Math.min(1.2, Math.max(0.12, 0.16 * size));
+    const middle = mean(centres), size = Math.max(0.5, ...centres.map((c) => distance(c, middle)));
+    const gaps = centres.map((c) => Math.min(...centres.filter((other) => other !== c).map((other) => distance(c, other)))).sort((a, b) => a - b);
+    const gap = gaps[gaps.length >> 1] ?? size; // so that the pictures of neighbours stand beside each other
+    return Math.min(1.2, Math.max(0.05, Math.min(0.16 * size, 0.5 * gap)));
   }
 
   // Look at all cameras and people.
@@ -122,7 +125,7 @@ export class Stage3D {
       const at = head !== undefined && place(person, head);
       if (at) wanted.push({ text: `id ${person.id}`, color: cssOf(person.id), at: [at[0], at[1], at[2] + 0.22], kind: "person" });
     }
-    if (scene.shows("frusta")) {
+    if (scene.shows("frusta") && scene.cameras.size <= MANY) {
       for (const camera of scene.cameras.values()) wanted.push({ text: camera.name, color: "", at: camera.centre, kind: "camera" });
     }
     while (this.labels.children.length < wanted.length) this.labels.append(document.createElement("span"));

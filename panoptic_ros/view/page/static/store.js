@@ -102,7 +102,7 @@ export class Store {
     const previews = this.previews.get(camera);
     if (!previews) {
       const instant = this.instantAt(t), view = this.viewOf(camera, instant);
-      return view && instant.t > t - REACH ? { preview: null, view, instant } : null;
+      return view && instant.t > t - REACH ? { preview: null, view, instant } : this._viewAlone(camera, t);
     }
     for (let i = upper(this.instants, t) - 1; i >= 0 && this.instants[i].t > t - REACH; i--) {
       const view = this.viewOf(camera, this.instants[i]);
@@ -114,6 +114,11 @@ export class Store {
     const preview = previews.byTime.get(previews.times[last]);
     if (!usable(preview)) return null;
     return { preview, view: this.views.get(camera)?.byTime.get(preview.t) ?? null, instant: null };
+  }
+
+  _viewAlone(camera, t) {
+    const kept = this.views.get(camera), last = kept ? upper(kept.times, t, (x) => x) - 1 : -1;
+    return last >= 0 && kept.times[last] > t - REACH ? { preview: null, view: kept.byTime.get(kept.times[last]), instant: null } : null;
   }
 
   // The newest message of a layer's topic at or before a time.

@@ -5,6 +5,7 @@ import { place, isThere } from "#view/people.js";
 import { project } from "#view/lens.js";
 
 const KEPT = 240; // decoded images
+const MANY = 48; // cameras: beyond, only those in sight are decoded
 const NEAR_PX = 12;
 
 export class Tiles {
@@ -43,13 +44,13 @@ export class Tiles {
     let best = [1, 0];
     for (let columns = 1; columns <= Math.min(tiles.length, 6); columns++) {
       const rows = Math.ceil(tiles.length / columns);
-      const width = Math.min(w / columns, (h / rows - 26) * ratio);
+      const width = Math.min(w / columns, (h / rows - 36) * ratio);
       if (width > best[1]) best = [columns, width];
     }
     const least = Math.min(w / Math.min(tiles.length, 3), 150);
     const columns = enlarged ? 1 : best[1] >= least ? best[0] : Math.max(1, Math.floor(w / least));
     this.element.style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
-    const most = enlarged ? h - 40 : best[1] >= least ? h / Math.ceil(tiles.length / columns) - 30 : Infinity;
+    const most = enlarged ? h - 40 : best[1] >= least ? h / Math.ceil(tiles.length / columns) - 36 : Infinity;
     for (const tile of tiles) {
       tile.element.hidden = Boolean(enlarged) && tile !== enlarged;
       const [width, height] = tile.camera.size;
@@ -67,6 +68,7 @@ export class Tiles {
   draw(scene, layers, version) {
     const pictures = new Map();
     for (const [name, tile] of this.tiles) {
+      if (this.tiles.size > MANY && !this.visible.has(name)) continue;
       const wanted = scene.store.pairAt(name, scene.t);
       const ready = !wanted?.preview || this.decode(wanted.preview);
       // until an image is decoded, the newest one that is, with the people of its own stamp
@@ -90,7 +92,7 @@ export class Tiles {
   }
 
   _draw(tile, scene, layers, version) {
-    const { canvas, camera, pair } = tile, stamp = pair ? `${pair.preview?.t} ${pair.instant?.t} ${version}` : `none ${version}`;
+    const { canvas, camera, pair } = tile, stamp = pair ? `${pair.preview?.t} ${pair.view?.t} ${pair.instant?.t} ${version}` : `none ${version}`;
     if (tile.drawn === stamp) return;
     tile.drawn = stamp;
     const context = canvas.getContext("2d");
@@ -108,6 +110,7 @@ export class Tiles {
 
   // Whether the image of a preview is decoded; if not, it is begun.
   decode(preview) {
+    if (this.tiles.size > MANY && !this.visible.has(preview.camera)) return false;
     if (preview.bitmap) return true;
     if (!preview.asked) {
       preview.asked = true;
