@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT))  # the table of stages needs nothing but the standard library
 from panoptic_ros.graph.nodes import NODES  # noqa: E402
 
-EXECUTABLES = ("rig", "camera", *NODES, "fusion", "markers", "people", "heat_maps")
+EXECUTABLES = ("rig", "camera", *NODES, "fusion", "markers", "people", "heat_maps", "rpt")
 
 # colcon calls `setup.py install` or `setup.py develop`, pip never does. Only colcon's scripts go where
 # `ros2 run` looks; pip's would go to bin/, where a script "sync" hides the system's command.

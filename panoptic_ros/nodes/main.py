@@ -22,6 +22,7 @@ from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.heat_maps_node import HeatMapsNode
 from panoptic_ros.nodes.markers_node import MarkersNode
 from panoptic_ros.nodes.people_node import PeopleNode
+from panoptic_ros.nodes.rpt_node import RptNode
 from panoptic_ros.nodes.runtime import leave, run_nodes
 from panoptic_ros.nodes.stage_node import StageNode
 from panoptic_ros.nodes.statics_node import StaticsNode
@@ -72,6 +73,11 @@ def people() -> None:
 def heat_maps() -> None:
     """Score maps as images, on demand."""
     leave(run_nodes(lambda: [HeatMapsNode()]))
+
+
+def rpt() -> None:
+    """2D people of RapidPoseTriangulation as those of this graph."""
+    leave(run_nodes(lambda: [RptNode()]))
 
 
 class _Arguments(Node):

@@ -126,7 +126,8 @@ def test_package_xml_names_the_ros_packages_that_are_used() -> None:
     imported = _imports(ROOT / "panoptic_ros") | _imports(ROOT / "launch")
     used = {module for module in imported if _is_ros(module)}
     used |= {topic.message.split("/")[0] for topic in TOPICS.values()}
-    optional = {"tf2_msgs", "audio_common_msgs", "hri_msgs", "vision_msgs"}  # the code does without
+    # the code does without
+    optional = {"tf2_msgs", "audio_common_msgs", "hri_msgs", "vision_msgs", "rpt_msgs"}
     assert used - depends - optional == set()
 
 
