@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z
+from panoptic_ros.geometry.rotations import from_quaternions, mean_rotation, turn_about_z
+from panoptic_ros.kinematics.alignment import align
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.prior import PoseStatistics
@@ -18,6 +20,8 @@ from panoptic_ros.kinematics.resampling import instants_of
 from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
 
 Array = np.ndarray
+ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
+LEAST_OFFSET_S = 0.012  # less is within the error of finding it
 FIRST_GATE = 0.8  # m, from where a subject is said to start
 
 
@@ -49,13 +53,24 @@ def solve_recording(
     Raises:
         DataError: if nothing tells how a subject's IMUs are mounted, or where one of several people starts.
     """
+    notices: list[str] = []
+    headings: dict[int, float] = {}
+    aligns = config.window and config.clocks and recording.views
+    for subject in subjects:
+        if (
+            subject.devices
+            and recording.devices
+            and (aligns or (recording.views and not subject.heading_known))
+        ):
+            recording = _aligned(recording, subject, subjects, config, statistics, headings, notices)
     instants = instants_of(recording.views, recording.devices, config.rate_hz)
     trackers = []
     for subject in subjects:
         weighing = Weighing(config, subject, statistics, recording.rig, recording.joint_names)
         worn = {d.name for d in subject.devices if d.name in recording.devices}
-        mounts = t_pose_mounts(subject, instants, worn)
-        trackers.append(SubjectTracker(config, subject, weighing, mounts))
+        heading = headings.get(subject.id, 0.0)
+        mounts = t_pose_mounts(subject, instants, worn, heading)
+        trackers.append(SubjectTracker(config, subject, weighing, mounts, heading))
     weighing = trackers[0].weighing
     states: list[BodyState] = []
     for instant in instants:
@@ -68,11 +83,60 @@ def solve_recording(
             states += tracker.step(instant, people[k])
     for tracker in trackers:
         states += tracker.flush()
-    return Solved(states, trackers, [])
+    return Solved(states, trackers, notices)
 
 
-def t_pose_mounts(subject: Subject, instants: Sequence[Instant], worn: set[str]) -> dict[str, Array]:
+def _aligned(
+    recording: Recording, subject: Subject, subjects: Sequence[Subject], config: KinematicsConfig,
+    statistics: PoseStatistics, headings: dict[int, float], notices: list[str],
+) -> Recording:  # fmt: skip
+    """The recording with the subject's IMUs on the clock of the cameras; its heading into `headings`."""
+    first = min(int(view.stamps[0]) for view in recording.views.values() if len(view.stamps))
+    until = first + round(ALIGNED_S * 1e9)
+    views = {
+        camera: ViewSeries(view.stamps[view.stamps < until], view.people[: int((view.stamps < until).sum())])
+        for camera, view in recording.views.items()
+    }
+    alone = [replace(other, devices=()) for other in subjects]
+    seen = solve_recording(
+        Recording(recording.rig, recording.joint_names, views, {}), alone, config, statistics
+    )
+    states = [state for state in seen.states if state.id == subject.id]
+    orientations = {}
+    for device in subject.devices:
+        series = recording.devices.get(device.name)
+        if series is not None:
+            there = np.isfinite(series.quaternions).all(-1)
+            if there.sum() > 10:
+                orientations[device.name] = (
+                    series.stamps[there],
+                    from_quaternions(series.quaternions[there]),
+                )
+    found = align(subject, states, orientations)
+    if found is None:
+        if not subject.heading_known:
+            notices.append(f"subject {subject.id}: hardly moves, so the heading of its IMUs is taken as 0")
+        return recording
+    if not subject.heading_known:
+        headings[subject.id] = found.heading
+        degrees = math.degrees(found.heading)
+        notices.append(f"subject {subject.id}: heading of the IMUs found from motion: {degrees:.1f} deg")
+    if abs(found.offset) < LEAST_OFFSET_S or not config.clocks:
+        return recording
+    notices.append(f"subject {subject.id}: clock of the IMUs found from motion: {1e3 * found.offset:+.0f} ms")
+    shift = round(1e9 * found.offset)
+    worn = {device.name for device in subject.devices}
+    moved = {name: s.shifted(shift) if name in worn else s for name, s in recording.devices.items()}
+    return replace(recording, devices=moved)
+
+
+def t_pose_mounts(
+    subject: Subject, instants: Sequence[Instant], worn: set[str], heading: float
+) -> dict[str, Array]:
     """Mounting (3, 3), segment from device, of every device worn: as stated, or as the T-pose tells it.
+
+    Args:
+        heading: rad, world from the IMUs' inertial frame.
 
     Raises:
         DataError: if neither is there.
@@ -100,7 +164,7 @@ def t_pose_mounts(subject: Subject, instants: Sequence[Instant], worn: set[str])
             raise DataError(f"subject {subject.id}: device {device.name} has no samples in the T-pose")
         facing = pose.facing if pose.facing is not None else np.array([1.0, 0.0, 0.0])
         body = turn_about_z(float(np.arctan2(facing[1], facing[0])))
-        mounts[device.name] = body.T @ mean_rotation(np.array(held))
+        mounts[device.name] = body.T @ turn_about_z(heading) @ mean_rotation(np.array(held))
     return mounts
 
 

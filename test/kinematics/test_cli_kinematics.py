@@ -12,6 +12,7 @@ from panoptic_ros.evaluation.kinematic_scores import score_bodies
 from panoptic_ros.io.kinematic_files import read_bodies, read_imus, read_subject, write_imus
 from panoptic_ros.running.bodies import read_body_model
 from panoptic_ros.simulation.bodies.capture import BodyScene
+from panoptic_ros.simulation.bodies.imus import unknown_heading
 
 MODEL = read_body_model()
 
@@ -107,3 +108,19 @@ def test_nothing_to_solve_from_is_told(capture, tmp_path, capsys):
 def test_help_is_quick_to_import():
     code = "import sys, panoptic_ros.cli.kinematics; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_an_unknown_heading_and_clock_are_found_from_motion(capture, tmp_path, capsys):
+    for name in ("rig.json", "detections.json.gz", "truth.json.gz"):
+        (tmp_path / name).write_bytes((capture / name).read_bytes())
+    devices = read_imus(capture / "imu.csv.gz")
+    moved = {name: unknown_heading(series, 2.0).shifted(-60_000_000) for name, series in devices.items()}
+    write_imus(tmp_path / "imu.csv.gz", moved)
+    document = json.loads((capture / "subject.json").read_text()) | {"inertial_frame": "unknown heading"}
+    (tmp_path / "subject.json").write_text(json.dumps(document))
+    known = solve(capture, tmp_path / "known.json.gz")
+    capsys.readouterr()
+    found = solve(tmp_path, tmp_path / "found.json.gz")
+    assert found["mm"] < 1.15 * known["mm"] and found["deg"] < known["deg"] + 1.0
+    told = capsys.readouterr().err
+    assert "heading of the IMUs found from motion" in told and "clock of the IMUs" in told
