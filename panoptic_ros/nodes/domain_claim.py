@@ -4,6 +4,7 @@ from __future__ import annotations
 import os
 import socket
 import time
+from typing import Any
 
 from rclpy.node import Node
 
@@ -13,8 +14,8 @@ from panoptic_ros.graph.topics import TOPICS
 DISCOVERY_S = 1.0  # within this, graphs that run already have been heard of
 
 
-def claim_domain() -> socket.socket:
-    """Claim this machine's ROS domain for this process, until the result is closed or the process ends.
+def claim_domain(namespace: str = "") -> socket.socket:
+    """Claim a namespace of the ROS domain for this process, until the result is closed or the process ends.
 
     An abstract socket's name is taken in one step, and free again whatever ends its owner; ROS's
     discovery takes a second, in which two runs that start together would not see each other.
@@ -24,12 +25,12 @@ def claim_domain() -> socket.socket:
     """
     claim = socket.socket(socket.AF_UNIX)
     try:
-        claim.bind(f"\0panoptic_ros/run/{_domain()}")
+        claim.bind(f"\0panoptic_ros/run/{_domain()}/{namespace}".rstrip("/"))
     except OSError:
         claim.close()
         raise EnvironmentProblem(
-            f"another `panoptic run` is going on in ROS domain {_domain()}; wait for it, or set "
-            "ROS_DOMAIN_ID to another number"
+            f"another `panoptic run` is going on in {_where(namespace)}; wait for it, give this one a "
+            "--namespace of its own, or set ROS_DOMAIN_ID to another number"
         ) from None
     return claim
 
@@ -42,12 +43,23 @@ def require_no_other_graph(node: Node) -> None:
     """
     deadline = time.monotonic() + DISCOVERY_S
     while time.monotonic() < deadline:
-        if node.count_publishers(TOPICS["skeletons"].name):
+        topic = node.resolve_topic_name(TOPICS["skeletons"].name)
+        others = node.get_publishers_info_by_topic(topic)
+        if others:
             raise EnvironmentProblem(
-                f"another graph publishes /skeletons in ROS domain {_domain()}; stop it, or set "
-                "ROS_DOMAIN_ID to another number"
+                f"node {_full_name(others[0])} publishes {topic} in {_where(node.get_namespace())} already; "
+                "stop it, give this graph a --namespace of its own, or set ROS_DOMAIN_ID to another number"
             )
         time.sleep(0.1)
+
+
+def _full_name(publisher: Any) -> str:
+    return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
+
+
+def _where(namespace: str) -> str:
+    name = namespace.strip("/")
+    return f"namespace /{name} of ROS domain {_domain()}" if name else f"ROS domain {_domain()}"
 
 
 def _domain() -> str:

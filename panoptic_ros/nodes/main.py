@@ -23,7 +23,7 @@ from panoptic_ros.nodes.heat_maps_node import HeatMapsNode
 from panoptic_ros.nodes.markers_node import MarkersNode
 from panoptic_ros.nodes.people_node import PeopleNode
 from panoptic_ros.nodes.rpt_node import RptNode
-from panoptic_ros.nodes.runtime import leave, run_nodes
+from panoptic_ros.nodes.runtime import in_namespace, leave, run_nodes
 from panoptic_ros.nodes.stage_node import StageNode
 from panoptic_ros.nodes.statics_node import StaticsNode
 
@@ -138,7 +138,7 @@ def host(arguments: Sequence[str] | None = None) -> int:
     def make() -> Sequence[Any]:
         return [_hosted(entry, rig_of_run) for entry in document["processes"][process]]
 
-    return run_nodes(make, [], lambda: os.getppid() == int(launcher))
+    return run_nodes(make, in_namespace(document.get("namespace", "")), lambda: os.getppid() == int(launcher))
 
 
 def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError
+from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError, UsageError
 from panoptic_ros.io.interruption import first_request_told, listen_to_signals
 from panoptic_ros.io.kernel_cache import full_disk_told
 
@@ -27,6 +28,19 @@ def quiet_once(ended: Callable[[], bool]) -> Iterator[None]:
     except (InvalidHandle, RCLError):
         if not ended():
             raise
+
+
+def in_namespace(namespace: str) -> list[str]:
+    """Arguments for ROS that put all nodes of a process into a namespace; "" = none.
+
+    Raises:
+        UsageError: if ROS allows no such name.
+    """
+    if not namespace.strip("/"):
+        return []
+    if not re.fullmatch(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", namespace):
+        raise UsageError(f"--namespace {namespace!r}: ROS allows letters, digits and _, e.g. lab or lab/left")
+    return ["--ros-args", "-r", f"__ns:=/{namespace.strip('/')}"]
 
 
 def start_ros(arguments: Sequence[str] | None) -> None:

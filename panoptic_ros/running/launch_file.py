@@ -81,7 +81,8 @@ def write_launch_file(
     if HEAT_MAPS in plan.publish:
         processes["heat-maps"] = [{"kind": "heat_maps"}]
     path = folder / "launch.json"
-    write_json(path, {"rig": str(rig), "processes": processes}, indent=1)
+    document = {"rig": str(rig), "namespace": plan.namespace, "processes": processes}
+    write_json(path, document, indent=1)
     return path
 
 

@@ -13,7 +13,7 @@ from rclpy.utilities import try_shutdown
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
-from panoptic_ros.nodes.runtime import start_ros
+from panoptic_ros.nodes.runtime import in_namespace, start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
 from panoptic_ros.params import config_of
 from panoptic_ros.refinement.config import RefinementConfig
@@ -37,19 +37,21 @@ def run_over_dds(
         EnvironmentProblem: if another graph runs in this ROS domain.
     """
     prepare_environment()
-    with claim_domain():
-        return _run(plan, results, stop, jpeg_quality, node_per_stage)
+    arguments = in_namespace(plan.namespace)
+    with claim_domain(plan.namespace.strip("/")):
+        return _run(plan, results, stop, jpeg_quality, node_per_stage, arguments)
 
 
 def _run(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool
+    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool,
+    arguments: list[str],
 ) -> dict[str, dict[str, str]]:
     flow_name = "live" if plan.live else "replay"
     window = WINDOW + math.ceil(plan.frame_rate * config_of(plan.configs, RefinementConfig).lag)
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality, node_per_stage)
     document = json.loads(launch.read_text())
     names = [name for nodes in document["processes"].values() for node in nodes for name in _told_of(node)]
-    start_ros([])
+    start_ros(arguments)
     executor = SingleThreadedExecutor()
     collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take, plan.devices)
     statics = StaticsNode(plan.rig, plan.skeleton)

@@ -29,6 +29,7 @@ class Plan:
         extras: what detection and assembly need besides; empty if nothing.
         frame_count: of all cameras together, None if not known; instants: of the longest camera.
         live: devices, in place of recordings.
+        namespace: of the graph's nodes and topics.
         publish: what `nodes.people_node` makes of skeletons for other packages.
         notices: one line each about what was adapted.
     """
@@ -50,6 +51,7 @@ class Plan:
     instants: int | None = None
     frame_rate: float = 30.0
     live: bool = False
+    namespace: str = ""
     publish: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
 

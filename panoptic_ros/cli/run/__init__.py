@@ -63,6 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--publish", default="", metavar="WORDS",
                         help="skeletons in other words too, separated by commas: roots (PoseArray), tf (of "
                         "joints), bodies (REP 155), boxes (Detection3DArray); also heat_maps")  # fmt: skip
+    parser.add_argument("--namespace", default="", metavar="NAME",
+                        help="of nodes and topics, so that several graphs can run side by side")  # fmt: skip
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
     parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
@@ -83,7 +85,8 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.cli.run.watch import Watch
     from panoptic_ros.running.run import run as run_plan
 
-    plan = replace(make_plan(args), publish=tuple(names(args.publish) or ()))
+    words = tuple(names(args.publish) or ())
+    plan = replace(make_plan(args), publish=words, namespace=args.namespace)
     with Watch(args.live_view) as watch:
         outcome = run_plan(
             plan, args.out, in_process=args.in_process, jpeg_quality=args.jpeg,

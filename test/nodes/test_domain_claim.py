@@ -1,0 +1,37 @@
+"""Two graphs in one domain: namespaces keep them apart, and who collides is named."""
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+from panoptic_ros.errors import EnvironmentProblem, UsageError  # noqa: E402
+from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph  # noqa: E402
+from panoptic_ros.nodes.family import message_class  # noqa: E402
+from panoptic_ros.nodes.runtime import in_namespace  # noqa: E402
+
+pytestmark = pytest.mark.ros
+
+
+def test_a_namespace_is_claimed_once_and_free_again():
+    with claim_domain("lab"), claim_domain("hall"):
+        with pytest.raises(EnvironmentProblem, match="namespace /lab of ROS domain .* --namespace"):
+            claim_domain("lab")
+    claim_domain("lab").close()
+
+
+def test_who_publishes_skeletons_already_is_named(ros):
+    other = rclpy.create_node("refinement", namespace="lab")
+    other.create_publisher(message_class("panoptic_msgs/msg/Skeletons"), "skeletons", 1)
+    apart = rclpy.create_node("collector", namespace="hall")
+    require_no_other_graph(apart)
+    ours = rclpy.create_node("collector", namespace="lab")
+    with pytest.raises(EnvironmentProblem, match="node /lab/refinement publishes /lab/skeletons in namespace"):
+        require_no_other_graph(ours)
+    for node in (other, apart, ours):
+        node.destroy_node()
+
+
+def test_names_of_namespaces():
+    assert in_namespace("") == in_namespace("/") == []
+    assert in_namespace("/lab/left")[-1] == "__ns:=/lab/left"
+    for bad in ("1lab", "lab left", "lab//left"):
+        with pytest.raises(UsageError, match="ROS allows letters"):
+            in_namespace(bad)
