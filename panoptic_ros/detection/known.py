@@ -16,6 +16,7 @@ STRAY = 0.7  # m/s, at which those who are not seen may have gone anywhere
 NEAREST = 0.1  # m, depth before a camera
 DOORS = 8  # places where people appeared that are remembered
 SAME_DOOR = 1.0  # m
+BEGINNING_NS = 1_000_000_000
 EXPLAINED = 0.2  # of a person's height: the median distance of one person's joints, seen and predicted
 COMMON = 3  # joints that must be known of both
 
@@ -78,23 +79,27 @@ class KnownPeople:
     Args:
         tracks: the newest; None: none have come.
         places: (J, 3) m, where each identity was seen last. doors: (3,) m, the newest last.
+        begin_ns: stamp of the first tracks; who is there at the beginning came through no door.
     """
 
     tracks: TrackSet | None = None
     places: dict[int, Array] = field(default_factory=dict)
     doors: list[Array] = field(default_factory=list)
+    begin_ns: int = 0
 
     def take(self, tracks: TrackSet) -> None:
         """What tracking says of an instant."""
-        first = self.tracks is None
+        if self.tracks is None:
+            self.begin_ns = tracks.stamp_ns
         self.tracks = tracks
+        began = tracks.stamp_ns - self.begin_ns >= BEGINNING_NS
         kept: dict[int, Array] = {}
         for k, number in enumerate(tracks.ids.tolist()):
             if number < 0:
                 continue
             known = np.isfinite(tracks.states[k, :, 0])
             before = self.places.get(number)
-            if before is None and known.any() and not first:
+            if before is None and known.any() and began:
                 self._add_door(tracks.states[k, known, :3].mean(axis=0))
             place = np.full((len(known), 3), np.nan) if before is None else before.copy()
             place[known] = tracks.states[k, known, :3]
@@ -104,6 +109,10 @@ class KnownPeople:
     def _add_door(self, place: Array) -> None:
         others = [door for door in self.doors if np.linalg.norm(door - place) > SAME_DOOR]
         self.doors = [*others, place][-DOORS:]
+
+    def is_door(self, camera: Camera) -> bool:
+        """Whether a camera sees a place where people appeared."""
+        return bool(self.doors) and bool(camera.sees(np.array(self.doors)).any())
 
     @property
     def nobody(self) -> bool:

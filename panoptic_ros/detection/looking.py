@@ -76,11 +76,11 @@ class Lookout:
         self.cameras.clear()
         self.alarm_ns, self.ignored = -1, []
 
-    def look(self, camera: str, stamp_ns: int, nobody: bool) -> tuple[Look, bool]:
+    def look(self, camera: str, stamp_ns: int, nobody: bool, door: bool = False) -> tuple[Look, bool]:
         """What to do with an image, and whether to scan it for newcomers besides; call it once for each.
 
         Args:
-            nobody: whether nobody is known.
+            nobody: whether nobody is known. door: whether newcomers are likely; it is scanned twice as often.
         """
         known = self.cameras.get(camera)
         step = stamp_ns - known.last_ns if known is not None else -1
@@ -96,7 +96,7 @@ class Lookout:
         place = self.names.index(camera)
         due = not self.looks_per_s or self._phase(place, stamp_ns) != self._phase(place, before)
         if self.guided and not nobody:
-            return (Look.REGIONS if due else Look.CARRY), self._scans(place, before, stamp_ns)
+            return (Look.REGIONS if due else Look.CARRY), self._scans(place, before, stamp_ns, 1 + door)
         return (Look.WHOLE if due else Look.CARRY), False
 
     def raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
@@ -129,9 +129,9 @@ class Lookout:
         rate, count = round(1000 * self.looks_per_s), len(self.names)
         return (stamp_ns * rate * count + place * 1000 * SECOND) // (1000 * SECOND * count)
 
-    def _scans(self, place: int, before_ns: int, stamp_ns: int) -> bool:
-        """Whether this camera's turn to scan came between two of its images."""
-        first, last = (stamp * SCANS_PER_S // SECOND for stamp in (before_ns, stamp_ns))
+    def _scans(self, place: int, before_ns: int, stamp_ns: int, times: int) -> bool:
+        """Whether this camera's turn to scan, so many times a round, came between two of its images."""
+        first, last = (stamp * times * SCANS_PER_S // SECOND for stamp in (before_ns, stamp_ns))
         count = len(self.names)
         return (last - place) // count > (first - place) // count
 

@@ -48,8 +48,8 @@ class DetectionStage(Stateful):
     LAYOUT = StateLayout(
         "detection",
         ("_sides", "_outside", "_noticed", "_depths", "_watch.memories", "_watch.known.tracks",
-         "_watch.known.places", "_watch.known.doors", "_watch.lookout.cameras", "_watch.lookout.alarm_ns",
-         "_watch.lookout.ignored"),
+         "_watch.known.places", "_watch.known.doors", "_watch.known.begin_ns",
+         "_watch.lookout.cameras", "_watch.lookout.alarm_ns", "_watch.lookout.ignored"),
         (SideChooser, DepthFrame, Memory, People, TrackSet, CameraLooks, Ignored),
         same={"configuration": "config", "model": "model_name", "skeleton": "skeleton_hash"},
     )  # fmt: skip

@@ -64,11 +64,12 @@ class Watch:
 
     def find(self, item: ViewFrame) -> tuple[Finding, Array | None]:
         """The people in an image, and for how long each was carried (P,) s; None: all are seen there."""
-        before, expected = self.memories.get(item.camera), Expected.of_nobody(item.image_size)
+        before, expected, door = self.memories.get(item.camera), Expected.of_nobody(item.image_size), False
         if self.lookout.guided:
-            expected = self.known.seen_by(self._rig.camera(item.camera), item.stamp_ns)
+            camera = self._rig.camera(item.camera)
+            expected, door = self.known.seen_by(camera, item.stamp_ns), self.known.is_door(camera)
         now = remembered(item.image, item.stamp_ns, WIDTH if self._config.looks_per_s else COARSE)
-        look, scan = self.lookout.look(item.camera, item.stamp_ns, self.known.nobody)
+        look, scan = self.lookout.look(item.camera, item.stamp_ns, self.known.nobody, door)
         people = None
         if before is None or is_cut(before, now):
             look, scan = Look.WHOLE, False

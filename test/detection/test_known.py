@@ -61,11 +61,10 @@ def test_joints_that_are_forgotten_are_looked_for_where_they_were():
 
 def test_places_where_people_appear_are_doors():
     first = known_people(PLACES, SECOND)
-    people = known(known_people(PLACES[:1], SECOND))
-    assert people.doors == []  # they were there from the beginning
-    people.take(first)
-    people.take(first)
-    assert len(people.doors) == 1
+    people = known(known_people(PLACES[:1], SECOND // 2), first)
+    assert people.doors == [] and not people.is_door(CAMERA)  # they were there from the beginning
+    people = known(known_people(PLACES[:1], 0), first, first)
+    assert len(people.doors) == 1 and people.is_door(CAMERA)
     np.testing.assert_allclose(people.doors[0], first.states[1, :, :3].mean(axis=0))
 
 

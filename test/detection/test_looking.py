@@ -63,6 +63,15 @@ def test_scans_come_to_every_camera_equally_often():
     assert scans.sum() == pytest.approx(120, abs=6) and np.ptp(scans.sum(axis=0)) <= 1
 
 
+def test_cameras_that_see_a_door_are_scanned_twice_as_often():
+    lookout = Lookout(NAMES, 8.0, True)
+    scans = [
+        [lookout.look(name, k * PERIOD, False, name == "cam2")[1] for name in NAMES] for k in range(251)
+    ]
+    counts = np.sum(scans, axis=0)
+    assert counts[2] == pytest.approx(40, abs=2) and counts[0] == pytest.approx(20, abs=2)
+
+
 def test_an_alarm_makes_all_cameras_look_at_whole_images_later_than_it():
     lookout = Lookout(NAMES, 8.0, True)
     looks(lookout, 3)
