@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
+from pathlib import Path
 from typing import Any
 
 from panoptic_ros.bench.view_feed import PEOPLE, RATE_HZ, VIEWS, view_load
 from panoptic_ros.errors import UsageError
+from panoptic_ros.running.viewed_recording import open_and_seek
 from panoptic_ros.stage import Progress, untold
 
 ABOUT = "the viewer at a live graph: its load, what pages get, and what ten, slow and frozen ones change"
@@ -31,6 +33,8 @@ ROWS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the bench."""
+    parser.add_argument("--recording", type=Path, metavar="RESULTS|BAG",
+                        help="open this and seek in it, in place of a live graph")  # fmt: skip
     parser.add_argument("--seconds", type=float, default=8.0, metavar="S", help="for each; default 8")
 
 
@@ -41,6 +45,9 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         UsageError: on a time that makes no sense.
         EnvironmentProblem: if another graph runs in this ROS domain, or the viewer does not start.
     """
+    if args.recording is not None:
+        return {"bench": "view", "recording": str(args.recording), "load": os.getloadavg()[0],
+                **open_and_seek(args.recording)}  # fmt: skip
     from panoptic_ros.running.viewed_graph import run_viewed_graph  # needs ROS
 
     if not 2.0 <= args.seconds <= 600.0:
@@ -58,6 +65,14 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
 
 def lines(result: dict[str, Any]) -> list[str]:
     """The tables."""
+    if "recording" in result:
+        return [
+            f"{result['recording']}: {result['seconds']} s; load {result['load']:.1f}",
+            f"from the command to the address {result['address_s']:.2f} s, to the first second of data "
+            f"{result['first_s']:.2f} s",
+            f"{result['seeks']} seeks: p50 {result['seek_p50_ms']:.0f} ms, p99 {result['seek_p99_ms']:.0f}, "
+            f"most {result['seek_max_ms']:.0f} ms",
+        ]
     rows = result["rows"]
     out = [
         f"{result['people']} people, {result['views']} cameras at {result['rate_hz']:g} Hz, previews at "

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,16 +15,14 @@ from rclpy.utilities import try_shutdown
 
 from panoptic_ros.bench.view_feed import ViewInstant
 from panoptic_ros.domain import Rig, SkeletonModel
-from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
 from panoptic_ros.nodes.view_load_node import ViewLoadNode
 from panoptic_ros.running.processes import child_environment, prepare_environment
 from panoptic_ros.running.usage import usage_of
+from panoptic_ros.running.viewer_process import viewer
 from panoptic_ros.view.page.clients import WARM_S
-
-PATIENCE_S = 20.0  # for the viewer's address
 
 
 def run_viewed_graph(
@@ -54,7 +50,7 @@ def run_viewed_graph(
         try:
             for each in (node, statics):
                 executor.add_node(each)
-            with _viewer() as (process, address):
+            with viewer(["--live"]) as (process, address):
                 player = _Player(node, executor, instants, rate_hz)
                 player.play(2.0)  # until all have found each other
                 return [player.phase(name, kinds, process, address, seconds) for name, kinds in audiences]
@@ -126,27 +122,3 @@ class _Player:
             "viewer_cpu_percent": 100.0 * (after.cpu_s - before.cpu_s) / wall_s,
             "viewer_mb": after.resident_mb,
         }  # fmt: skip
-
-
-@contextmanager
-def _viewer() -> Iterator[tuple[int, str]]:
-    """`panoptic view --live` in a process of its own: its id and the address of the page."""
-    command = [sys.executable, "-m", "panoptic_ros.cli.main", "view", "--live", "--no-browser", "--port", "0"]
-    profile = "FASTRTPS_DEFAULT_PROFILES_FILE"  # this process sends images
-    environment = {name: value for name, value in child_environment().items() if name != profile}
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
-    assert child.stdout is not None
-    try:
-        line = child.stdout.readline()
-        found = re.search(r"http://\S+", line)
-        if found is None:
-            raise EnvironmentProblem(f"the viewer did not start: {line.strip() or 'it said nothing'}")
-        yield child.pid, found[0]
-    finally:
-        child.terminate()
-        try:
-            child.wait(PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
-        child.stdout.close()

@@ -3,6 +3,7 @@ import argparse
 
 import numpy as np
 import pytest
+from recorded_scene import write_scene
 
 from panoptic_ros.bench.view_feed import PEOPLE, VIEWS, view_load
 from panoptic_ros.errors import UsageError
@@ -23,7 +24,7 @@ def test_the_load_is_that_of_the_bar():
 
 def test_a_time_that_makes_no_sense_is_told():
     with pytest.raises(UsageError, match="--seconds 1: give 2 to 600"):
-        measure(argparse.Namespace(seconds=1.0))
+        measure(argparse.Namespace(seconds=1.0, recording=None))
 
 
 def test_the_table():
@@ -41,3 +42,11 @@ def test_the_table():
     told = lines({**about, "rows": [row]})
     assert any(line.startswith("one: fast") and "7.0" in line for line in told)
     assert not any("cut" in line for line in told)
+
+
+def test_a_recording_is_opened_and_sought_in(tmp_path):
+    write_scene(tmp_path / "bag", 60)
+    result = measure(argparse.Namespace(seconds=8.0, recording=tmp_path / "bag"))
+    assert result["address_s"] < result["first_s"] and result["seconds"] == 1
+    assert 0.0 < result["seek_p50_ms"] <= result["seek_max_ms"]
+    assert len(lines(result)) == 3

@@ -33,7 +33,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
     "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
-    "running": {"numpy", "cv2", "av", "onnxruntime", "rclpy"},  # those of the doctor among them
+    "running": {"numpy", "cv2", "av", "onnxruntime", "rclpy", "websockets"},  # those of the doctor among them
     "cli": set(),
 }
 THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in backends/
