@@ -14,6 +14,7 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.running.successors import Child, ForkServer
 
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # the variable that names it
 MOST_REVIVALS = 5  # of one process in a minute
 
 
@@ -147,9 +148,13 @@ def prepare_environment(sends_images: bool = True) -> None:
     sends them, and a replay is nobody else's business: discovery stays on this machine.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    profile = share_folder() / "config" / "fastdds.xml"
-    if sends_images and profile.is_file():
-        os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
+    if sends_images and profile_path().is_file():
+        os.environ.setdefault(PROFILE, str(profile_path()))
+
+
+def profile_path() -> Path:
+    """The Fast DDS profile of every process of the graph."""
+    return share_folder() / "config" / "fastdds.xml"
 
 
 def child_environment() -> dict[str, str]:
