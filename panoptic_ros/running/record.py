@@ -1,12 +1,10 @@
 """Recordings of a live graph: self-contained bags, with a budget that is told before and counters after."""
 from __future__ import annotations
 
-import fnmatch
-import os
 import platform
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,45 +25,14 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.nodes.family import service_class
 from panoptic_ros.nodes.recorder_node import RecorderNode
 from panoptic_ros.nodes.runtime import start_ros
-from panoptic_ros.running.processes import prepare_environment
+from panoptic_ros.running.record_selection import Selection
+from panoptic_ros.running.recording_control import PREFIX, SERVICE, prepare_recording
 from panoptic_ros.running.recording_facts import as_text, recording_facts
 
-SERVICE = "record"  # of the node, as std_srvs/SetBool
-PREFIX = "recorder_"  # of the node's name; the host follows
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"
 STRING = "std_msgs/msg/String"
 PATIENCE_S = 10.0  # for the first topic
 MEASURED_S = 2.0
-RESULTS = ("skeletons", "detections", "clock_models", "timecode", "audio", "rig", "skeleton_model")
-FROM_OUTSIDE = (
-    "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo",
-    "sensor_msgs/msg/Imu", "sensor_msgs/msg/TimeReference", "audio_common_msgs/msg/AudioDataStamped",
-    "tf2_msgs/msg/TFMessage", "diagnostic_msgs/msg/DiagnosticArray",
-)  # fmt: skip
-IMAGES = FROM_OUTSIDE[:2]
-
-
-@dataclass(frozen=True)
-class Selection:
-    """Which topics are recorded.
-
-    Args:
-        patterns: of whole names, as a shell has them; empty: what a run needs and gives, without what lies
-            between. images: whether images are among these.
-    """
-
-    patterns: Sequence[str] = ()
-    images: bool = True
-
-    def wants(self, topic: str, kind: str) -> bool:
-        """Whether a topic with messages of that kind is recorded."""
-        if self.patterns:
-            return any(fnmatch.fnmatchcase(topic, pattern) for pattern in self.patterns)
-        if kind in IMAGES and not self.images:
-            return False
-        rows = [TOPICS[key] for key in RESULTS]
-        named = any(row.message == kind and topic.endswith("/" + row.name.split("}/")[-1]) for row in rows)
-        return kind in FROM_OUTSIDE or named
 
 
 @dataclass(frozen=True)
@@ -136,7 +103,9 @@ class _Recording:
         self._path = Path()
         self._sizes: dict[str, int] = {}  # bytes by topic, to measure
         self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)
-        self._wish: Path | None = None
+        self._wish: Path | None = None  # a bag that is to begin
+        self._folder: Path | None = None  # for bags that the service asks for
+        self._service: Any = None
         prepare_recording()
         start_ros([])
         self._node = RecorderNode(
@@ -197,7 +166,7 @@ class _Recording:
                 self.begin(path)
                 self._tell(f"recording {path}")
             if self._bag is not None and self._bag.fault is not None:
-                if duration_s is not None or not self._serves():
+                if self._folder is None:
                     return
                 self._tell(str(self._bag.fault))
                 self.end()
@@ -227,13 +196,10 @@ class _Recording:
             service_class("std_srvs/srv/SetBool"), f"~/{SERVICE}", self._asked
         )
 
-    def _serves(self) -> bool:
-        return hasattr(self, "_service")
-
     def _asked(self, request: Any, response: Any) -> Any:
         recording = self._bag is not None or self._wish is not None
         response.success = recording != request.data
-        if request.data and not recording:
+        if request.data and not recording and self._folder is not None:
             self._wish = self._folder / time.strftime("%Y%m%d-%H%M%S", time.gmtime())
             response.message = f"recording {self._wish.resolve()}"
         elif request.data:
@@ -265,56 +231,6 @@ class _Recording:
         self._executor.shutdown()
         self._node.destroy_node()
         try_shutdown()
-
-
-def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]:
-    """Ask the recorders of all hosts to start or to stop: (node, whether it did, what it says).
-
-    Raises:
-        EnvironmentProblem: if there are none.
-    """
-    import rclpy
-
-    prepare_recording()
-    start_ros([])
-    node = rclpy.create_node("recording_control")
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    kind = service_class("std_srvs/srv/SetBool")
-    try:
-        futures: dict[str, Any] = {}
-        deadline = time.monotonic() + patience_s
-        while time.monotonic() < deadline:  # hosts that are found late are asked as well
-            for name, kinds in node.get_service_names_and_types():
-                ours = name.endswith(f"/{SERVICE}") and name.split("/")[-2].startswith(PREFIX)
-                if ours and kinds == ["std_srvs/srv/SetBool"] and name not in futures:
-                    client = node.create_client(kind, name)
-                    if client.service_is_ready():
-                        futures[name] = client.call_async(kind.Request(data=start))
-            executor.spin_once(timeout_sec=0.05)
-        if not futures:
-            raise EnvironmentProblem(
-                "no recorder is standing by: start `panoptic record --standby --out FOLDER` on every host"
-            )
-        return [_answer(name, future) for name, future in sorted(futures.items())]
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        try_shutdown()
-
-
-def _answer(name: str, future: Any) -> tuple[str, bool, str]:
-    host = name.split("/")[-2]
-    if not future.done():
-        return host, False, "no answer"
-    answer = future.result()
-    return host, bool(answer.success), str(answer.message)
-
-
-def prepare_recording() -> None:
-    """Recordings and their control reach other hosts unless the user says otherwise."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
-    prepare_environment()
 
 
 def _budget(path: Path, rates: Mapping[str, float], options: RecordOptions) -> str:

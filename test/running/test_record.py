@@ -22,7 +22,9 @@ from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.salvage import repair
 from panoptic_ros.running import record as recording
 from panoptic_ros.running.bag_plan import plan_bags
-from panoptic_ros.running.record import COUNTERS, FACTS, Selection
+from panoptic_ros.running.record import COUNTERS, FACTS
+from panoptic_ros.running.record_selection import Selection
+from panoptic_ros.running.recording_control import ask_all
 
 pytestmark = pytest.mark.ros
 SECOND = 1_000_000_000
@@ -95,11 +97,11 @@ def test_recorders_start_and_stop_on_demand(graph, tmp_path):
     recorder = panoptic("record", "--standby", "--out", tmp_path / "takes")
     try:
         line_of(recorder, "^waiting")
-        (host, done, text), = recording.ask_all(True, 2.0)
+        (host, done, text), = ask_all(True, 2.0)
         assert host.startswith("recorder_") and done and text.startswith("recording /")
-        (_, done, text), = recording.ask_all(True, 2.0)
+        (_, done, text), = ask_all(True, 2.0)
         assert "already" in text and not done
-        (_, done, text), = recording.ask_all(False, 2.0)
+        (_, done, text), = ask_all(False, 2.0)
         assert done and re.search(r"\d+ messages, 0 did not", text)
         (take,) = (tmp_path / "takes").iterdir()
         with BagReader(take) as bag:

@@ -43,7 +43,7 @@ IMPURE_CALLS = {"print", "open", "input"}
 _NEED = (
     "driver_plan", "driver_rig", "over_dds", "fed_graph", "watching", "fork_server", "player", "soak",
     "view_live", "record",
-    "recording_facts", "replay", "viewed_graph",
+    "recording_facts", "recording_control", "replay", "viewed_graph",
 )  # fmt: skip
 NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
