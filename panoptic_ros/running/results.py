@@ -64,6 +64,7 @@ class Results:
     A context manager: leaving it normally writes the skeletons, leaving it with an error gives all up.
 
     Args:
+        folder: that is there, see `result_folder`.
         on_record: called with every record that is kept, e.g. for progress.
     """
 

@@ -16,7 +16,7 @@ from panoptic_ros.running.bag_plan import plan_bags
 from panoptic_ros.running.bag_topics import BagChoice
 from panoptic_ros.running.observer import RunObserver
 from panoptic_ros.running.options import RunOptions
-from panoptic_ros.running.results import Results
+from panoptic_ros.running.results import Results, result_folder
 from panoptic_ros.running.run import run
 
 FRAMES = 6
@@ -81,7 +81,7 @@ def test_a_rig_goes_before_the_one_of_the_bag(bag, tmp_path):
 
 
 def test_results_keep_previews_of_images(bag, tmp_path):
-    with Results(tmp_path / "out", plan_bags([bag])) as results:
+    with result_folder(tmp_path / "out") as folder, Results(folder, plan_bags([bag])) as results:
         for number in range(30):
             image = np.full((48, 64, 3), number, np.uint8)
             results.take("image", ViewFrame(captures.RIG.names[0], number * 33_333_333, number, image))
