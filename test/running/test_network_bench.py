@@ -10,17 +10,17 @@ from panoptic_ros.running.network_hosts import two_hosts
 
 
 def test_what_is_lost_late_and_silent():
-    """Ten messages a second of two cameras; of one, two are lost and one comes half a second late."""
+    """Ten messages a second of two cameras; of one, two are lost and two come half a second late."""
     came = []
     for k in range(100):
         sent = 0.05 + 0.1 * k
         came.append(["left", k, 0.010, sent + 0.010])
         if k not in (40, 41):
-            late = 0.5 if k == 70 else 0.010
+            late = 0.5 if k in (70, 71) else 0.010
             came.append(["right", k, late, sent + late])
     found = figures(came, 2.0, 8.0)
     assert (found["sent"], found["lost"]) == (120, 2)
-    assert found["p50_ms"] == pytest.approx(10.0) and found["p99_ms"] > 10.0
+    assert found["p50_ms"] == pytest.approx(10.0) and found["p99_ms"] > 400.0
     assert found["silence_s"] == pytest.approx(0.3)
 
 
