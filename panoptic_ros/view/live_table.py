@@ -11,7 +11,7 @@ from typing import TextIO
 import numpy as np
 
 from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
-from panoptic_ros.view.colors import rgb_of
+from panoptic_ros.io.colors import rgb_of
 
 WINDOW_S = 2.0  # frame rates are counted over this
 REDRAW_S = 0.25  # of a table in a terminal

@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, JointState, SkeletonModel, TrackedPoseSet, ViewDetections
 from panoptic_ros.errors import DataError
-from panoptic_ros.view.colors import bgr_of
+from panoptic_ros.io.colors import bgr_of
 
 Array = np.ndarray
 BONE_PIECES = 8  # a bone is drawn as so many pieces, since lenses bend lines and a part may be behind us

@@ -15,8 +15,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel, TrackedPoseSet
 from panoptic_ros.errors import DataError
+from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.files import write_bytes
-from panoptic_ros.view.colors import rgb_of
 
 Array = np.ndarray
 CAMERA_GREY = (0.45, 0.45, 0.45)

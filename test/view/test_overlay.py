@@ -4,7 +4,7 @@ import pytest
 
 from panoptic_ros.domain import JointState
 from panoptic_ros.errors import DataError
-from panoptic_ros.view.colors import bgr_of
+from panoptic_ros.io.colors import bgr_of
 from panoptic_ros.view.overlay import DETECTION_COLOR, draw_view
 
 BLACK = np.zeros((240, 320, 3), np.uint8)

@@ -6,7 +6,7 @@ import pytest
 from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import DataError
-from panoptic_ros.view.colors import bgr_of
+from panoptic_ros.io.colors import bgr_of
 from panoptic_ros.view.overlay_run import write_overlays
 
 

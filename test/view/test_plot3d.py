@@ -8,7 +8,7 @@ import pytest
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import DataError, EnvironmentProblem
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.view.colors import bgr_of
+from panoptic_ros.io.colors import bgr_of
 from panoptic_ros.view.plot3d import frustum_lines, head_paths, plot_capture
 
 

@@ -1,24 +1,19 @@
 """Skeletons as visualization_msgs/MarkerArray, for RViz and Foxglove."""
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
+from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.messages.family import Messages
 
 LINE_LIST, SPHERE_LIST, TEXT = 5, 7, 9
 ADD, DELETE = 0, 2
 PARTS = 3  # markers per person: bones, joints, text
 LIFETIME_S = 0.5
-
-
-def person_colour(person_id: int) -> tuple[float, float, float]:
-    """A colour (red, green, blue in 0..1) that stays with an id; neighbours differ strongly."""
-    return colorsys.hsv_to_rgb((0.11 + 0.61803398875 * person_id) % 1.0, 0.75, 1.0)
 
 
 def marker_array(
@@ -43,7 +38,7 @@ def _person(
     there = poses.states[k] != JointState.MISSING
     positions = poses.positions[k]
     ends = [positions[j] for bone in skeleton.bones if there[list(bone)].all() for j in bone]
-    colour = person_colour(person_id)
+    colour = rgb_of(person_id)
     top = positions[there].max(axis=0) + [0.0, 0.0, 0.15] if there.any() else np.zeros(3)
     middle = np.append(positions[there].mean(axis=0)[:2], top[2]) if there.any() else top
     return [

@@ -7,7 +7,7 @@ import pytest
 from browser import Browser, find_browser
 from recorded_scene import GREY, SIZE, START_NS, make_poses, make_rig, places
 
-from panoptic_ros.view.colors import rgb_of
+from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.view.page.one_file import one_file
 from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.recorded_talk import RecordedTalk

@@ -8,9 +8,9 @@ from recorded_scene import SKELETON, START_NS, as_bytes, make_poses, make_rig, m
 from panoptic_ros.domain import Camera
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.messages.family import decode_cdr
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.view.colors import rgb_of
 from panoptic_ros.view.page.facts import camera_document, schemas
 from panoptic_ros.view.page.packets import Kind, Message, pack
 from panoptic_ros.view.page.recorded import RecordedScene

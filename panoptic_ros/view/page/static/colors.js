@@ -1,4 +1,4 @@
-// One colour per id, as view/colors.py gives it: the same in every picture of this project.
+// One colour per id, as io/colors.py gives it: the same in every picture of this project.
 
 import { Color, SRGBColorSpace } from "#view/vendor/three.js";
 

@@ -1,17 +1,18 @@
 // The page: what comes is put into the store, and drawn when something has changed.
 
-import { makeCamera, project } from "#view/lens.js";
+import { makeCamera } from "#view/lens.js";
 import { LAYERS } from "#view/layers.js";
 import { Store } from "#view/store.js";
 import { openSource } from "#view/source.js";
 import { LIVE } from "#view/packets.js";
-import { Player, SPEEDS, clockText } from "#view/player.js";
+import { Player, SPEEDS } from "#view/player.js";
 import { Stage3D } from "#view/stage3d.js";
 import { Tiles } from "#view/tiles.js";
 import { TimeLine } from "#view/timeline.js";
 import { Inspector } from "#view/inspector.js";
-import { HealthPanel, captionOf, fromHealth, fromReport } from "#view/health.js";
-import { place } from "#view/people.js";
+import { HealthPanel } from "#view/health.js";
+import { drawWords } from "#view/words.js";
+import { exposeForTests } from "#view/for_tests.js";
 
 const SECOND = 1e9;
 const KEPT_LIVE_S = 20;
@@ -160,7 +161,7 @@ function draw() {
   stage.draw(scene);
   inspector.draw(scene);
   drawLine();
-  drawWords(scene);
+  drawWords(page, scene, tiles, healthPanel);
   if (scene.instant || page.pictures.size || isLoaded(player.t)) { wait(null); page.drawn += 1; }
 }
 
@@ -183,45 +184,6 @@ function drawLine() {
     line.setSpans([...presence.values()]);
   }
   line.draw(player.begin, player.end, player.t, loaded);
-}
-
-function drawWords(scene) {
-  const { player, facts, health } = page, live = player.live;
-  const found = live ? health && fromHealth(health) : fromReport(facts, [...page.cameras.keys()], page.store, player.t);
-  for (const name of page.cameras.keys()) {
-    const [parts, tone] = captionOf(found?.cameras[name], live);
-    const pair = tiles.tiles.get(name)?.pair, lag = pair?.instant && scene.instant ? (scene.instant.t - pair.instant.t) / 1e6 : 0;
-    if (lag > 0.5) parts.push(`image −${lag.toFixed(0)} ms`);
-    tiles.caption(name, parts, tone);
-  }
-  const people = scene.instant?.people.length ?? 0;
-  const said = [`<b>${people}</b> ${people === 1 ? "person" : "people"}`, `<b>${page.cameras.size}</b> cameras`];
-  if (live && health) {
-    said.push(`<b>${health.skeletons.rate_hz.toFixed(0)}</b> Hz`);
-    if (health.latency_ms) said.push(`<b>${health.latency_ms[0].toFixed(0)}</b> ms`);
-  } else if (!live) said.push(`<b>${page.store.instantRate(player.t).toFixed(0)}</b> Hz`);
-  setHtml($("summary"), said.join(" · "));
-  const silent = live && health && (health.skeletons.age_s === null || health.skeletons.age_s > 1);
-  $("badge").className = `badge ${silent ? "bad" : player.following ? "live" : ""}`;
-  $("badge").textContent = !live ? "recorded" : silent ? "NO SKELETONS" : player.following ? "● LIVE" : "paused";
-  $("play").classList.toggle("playing", player.playing);
-  $("speed").hidden = live;
-  $("speed").value = String(player.speed);
-  setHtml($("clock"), live ? clockText(player.t) : `${clockText(player.t)} <small>/ ${clockText(player.end)}</small>`);
-  if (!$("health").hidden && found) healthPanel.draw(found, extraFacts(live, health));
-}
-
-function extraFacts(live, health) {
-  const rows = [];
-  if (live && health?.latency_ms) rows.push(["capture to here, p50 / p99", `${health.latency_ms.map((x) => x.toFixed(0)).join(" / ")} ms`]);
-  if (live && health) rows.push(["instants that this page skipped", String(health.page.dropped)]);
-  if (!live && page.facts.report.elapsed_s) rows.push(["run took", `${page.facts.report.elapsed_s} s`]);
-  if (page.store.problems) rows.push(["messages that cannot be read", String(page.store.problems)]);
-  return rows;
-}
-
-function setHtml(element, html) {
-  if (element.dataset.html !== html) element.innerHTML = element.dataset.html = html;
 }
 
 // ------------------------------------------------------------------------------- what people do
@@ -305,27 +267,5 @@ $("divider").onpointermove = (event) => {
   if (event.buttons) document.querySelector("main").style.setProperty("--side", `${Math.max(160, innerWidth - event.clientX)}px`);
 };
 
-// For tests: what is shown, in numbers.
-window.panoptic = {
-  page, select, switchLayer, step,
-  get ready() { return page.drawn > 0 && tiles.waiting === 0; },
-  seek(t) { page.player.seek(t); page.player.playing = false; redraw(); },
-  // CSS pixels in the window of a person's joints in the 3D scene
-  spacePixels(id) {
-    const person = page.instant.people.find((each) => each.id === id), box = $("stage").getBoundingClientRect();
-    return Array.from(person.states.keys(), (joint) => place(person, joint)).map((at) => at && stage.pixelOf(at)).map((p) => p && [p[0] + box.x, p[1] + box.y]);
-  },
-  // pixels of the camera's full image, and whether the tile has one
-  tilePixels(name, id) {
-    const { pair, canvas, camera } = tiles.tiles.get(name);
-    const person = pair?.instant?.people.find((each) => each.id === id);
-    return { t: pair?.instant?.t ?? null, preview: pair?.preview.t ?? null, box: canvas.getBoundingClientRect().toJSON(), index: pair?.instant?.index,
-      frame: pair?.view?.message.frame_number,
-      pixels: person ? Array.from(person.states.keys(), (joint) => place(person, joint)).map((at) => at && project(camera, ...at)) : [] };
-  },
-  stats() {
-    return { t: page.player.t, drawn: page.drawn, ids: (page.instant?.people ?? []).map(({ id }) => id), images: page.pictures.size, problems: page.store.problems,
-      tiles: [...tiles.tiles.values()].map(({ camera, pair }) => [camera.name, pair?.preview?.t ?? null]), newest: page.store.newest?.t ?? null };
-  },
-};
+exposeForTests({ page, tiles, stage, select, switchLayer, step, redraw });
 requestAnimationFrame(frame);
