@@ -23,7 +23,7 @@ from panoptic_ros.domain import (
     ViewFrame,
     VisibilityLimit,
 )
-from panoptic_ros.errors import ContractError
+from panoptic_ros.errors import ContractError, DataError
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
@@ -88,12 +88,19 @@ class DetectionStage(Stateful):
         """The people in one image; takes depth maps before images of their stamps, and what tracking knows.
 
         Raises:
-            DataError: if the depth map of an image has another shape; the next image goes without it.
+            DataError: if the depth map of an image has another shape; the next image goes without it. If
+                tracks are of another skeleton.
         """
         if isinstance(item, DepthFrame):
             self._depths.setdefault(item.camera, deque(maxlen=DEPTHS)).append(item)
             return StepResult()
         if isinstance(item, TrackSet):
+            joints = len(self.joint_map.sources)
+            if item.skeleton_hash != self.skeleton_hash or item.ages.shape[1] != joints:
+                raise DataError(
+                    f"tracks of skeleton {item.skeleton_hash} with {item.ages.shape[1]} joints, but "
+                    f"detection works on {self.skeleton_hash} with {joints}; configure one for all"
+                )
             if self._watch is not None:
                 self._watch.take(item)
             return StepResult()

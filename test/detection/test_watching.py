@@ -120,6 +120,15 @@ def test_networks_of_one_size_cannot_look_at_regions():
     DetectionStage(DetectionConfig(looks_per_s=8.0), context)  # takes turns alone
 
 
+def test_tracks_of_another_skeleton_are_refused():
+    one, tracks = stage(looks_per_s=9.0), known_people(PLACES, SECOND)
+    with pytest.raises(DataError, match="tracks of skeleton other"):
+        one.step(replace(tracks, skeleton_hash="other"))
+    few = {name: getattr(tracks, name)[:, :3] for name in ("states", "variances", "ages", "unagreed")}
+    with pytest.raises(DataError, match="with 3 joints"):
+        one.step(replace(tracks, **few))
+
+
 def test_carried_people_are_checked():
     (view,) = stage().step(ViewFrame("left", 5, 0, image(PLACES, 0).image)).outputs
     with pytest.raises(DataError, match="carried"):
