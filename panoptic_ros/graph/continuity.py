@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 SECOND = 1_000_000_000
-LEAST_AHEAD_NS = SECOND // 4  # beyond the time that has gone by
+LEAST_AHEAD_NS = SECOND // 2  # beyond the time that has gone by
 FASTER = 1.5  # stamps may go by this much faster than the clock, e.g. while a backlog comes
 GONE_NS = SECOND  # without a good record, after which another time line may be the right one
 SURE = 5  # records in a row that agree with each other make it certain

@@ -4,6 +4,8 @@ Compiled kernels trust indices, so one beyond the cameras or the joints must not
 """
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from panoptic_ros.domain import (
@@ -17,6 +19,8 @@ from panoptic_ros.domain import (
     ViewFrame,
 )
 from panoptic_ros.errors import DataError
+from panoptic_ros.solving.evidence import RigArrays
+from panoptic_ros.solving.undistortion import undistort_points
 
 
 def check_record(record: object, owner: str, rig: Rig, skeleton: SkeletonModel) -> None:
@@ -35,6 +39,7 @@ def check_record(record: object, owner: str, rig: Rig, skeleton: SkeletonModel) 
         record = record.association
     if isinstance(record, AssociationSet):
         _check_cameras(record, rig)
+        _check_evidence(record, rig)
     joints, expected = _joints(record), len(skeleton.joint_names)
     if joints not in (None, expected):
         of = f" of camera {owner}" if owner else ""
@@ -69,6 +74,38 @@ def _check_cameras(item: AssociationSet, rig: Rig) -> None:
         raise DataError(
             f"an AssociationSet names cameras {given.tolist()} of the rig for its views of {', '.join(named)}"
         )
+
+
+@lru_cache(maxsize=2)
+def _arrays(rig: Rig) -> RigArrays:
+    return RigArrays.of(rig)
+
+
+def _check_evidence(item: AssociationSet, rig: Rig) -> None:
+    """Evidence says what its 2D people say: tables of noise learn from it, for good."""
+    found, views = item.evidence, [item.detections.views[slot] for slot in item.evidence.slots]
+    for v, view in enumerate(views):
+        rows = found.rows[found.starts[v] : found.starts[v + 1]]
+        if rows.size and not 0 <= rows.min() <= rows.max() < len(view.points):
+            raise DataError(f"an AssociationSet names people of camera {view.camera} that its view lacks")
+    if not len(found.rows):
+        return
+    pixels = np.stack([views[v].points[row] for v, row in zip(found.view, found.rows)])
+    usable = (found.scores > 0.0) & np.isfinite(pixels).all(-1)
+    plane, magnification, _ = undistort_points(
+        pixels, usable, found.cameras[found.view], _arrays(rig).lenses
+    )
+    for name, given, expected in (
+        ("plane", found.plane[usable], plane[usable]),
+        ("magnification", found.magnification[usable], magnification[usable]),
+    ):
+        if not np.allclose(given, expected, 1e-6, 1e-9):
+            farthest = float(np.abs(given - expected).max())
+            raise DataError(f"Evidence.{name} differs by {farthest:.3g} from what its 2D people say")
+    stamp = item.detections.stamp_ns
+    delays = np.array([1e-9 * (view.stamp_ns - stamp) for view in views])
+    if not ((found.delays == 0.0) | (np.abs(found.delays - delays) < 1e-6)).all():
+        raise DataError("Evidence.delays differ from the stamps of its views")
 
 
 def _check_proposals(item: ProposalSet, skeleton: SkeletonModel) -> None:

@@ -1,4 +1,4 @@
-"""Damaged images and depth maps: refused in one line, or taken as a frame that fits the rig; never a crash."""
+"""Damaged images and depth maps: refused in one line, or taken as frames that fit the rig; never a crash."""
 import copy
 
 import captures

@@ -54,3 +54,19 @@ def test_indices_beyond_cameras_and_joints():
     )  # fmt: skip
     with pytest.raises(DataError, match="ProposalSet.node_joints names"):
         check(beyond)
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (lambda e: {"plane": e.plane * 1.01}, "Evidence.plane differs"),
+        (lambda e: {"magnification": e.magnification * 2.0}, "Evidence.magnification differs"),
+        (lambda e: {"delays": e.delays + 0.1}, "Evidence.delays differ"),
+        (lambda e: {"rows": e.rows + 5}, "people of camera cam0 that its view lacks"),
+    ],
+)
+def test_evidence_that_its_2d_people_do_not_give(damage, told):
+    """It would spoil assembly's tables of noise, which learn from it."""
+    item = chain()["voting"][-1]
+    with pytest.raises(DataError, match=told):
+        check(replace(item, evidence=replace(item.evidence, **damage(item.evidence))))
