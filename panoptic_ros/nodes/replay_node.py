@@ -1,7 +1,7 @@
 """A node that publishes CDR bytes of a bag on its topics, and the time of the bag on /clock."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from rclpy.node import Node
@@ -50,10 +50,9 @@ class ReplayNode(Node):
         """Those of the bag that can be published."""
         return tuple(self._publishers_by_topic)
 
-    @property
-    def heard(self) -> int:
-        """How many of them somebody subscribes to."""
-        return sum(p.get_subscription_count() > 0 for p in self._publishers_by_topic.values())
+    def heard(self, topics: Collection[str]) -> int:
+        """How many of these topics somebody subscribes to."""
+        return sum(self._publishers_by_topic[topic].get_subscription_count() > 0 for topic in topics)
 
     def publish(self, topic: str, data: bytes) -> None:
         """Publish a message as it is."""

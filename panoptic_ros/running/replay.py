@@ -4,7 +4,7 @@ from __future__ import annotations
 import fnmatch
 import heapq
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -130,10 +130,11 @@ class _Player:
         self._node, self._executor, self._bags = node, executor, bags
         self._options, self._stop = options, stop
         self._latched = {c.topic for c in connections if is_latched(c)}
-        self._begin_ns = min(
+        begin_ns = min(
             stamp for bag in bags
             for _, stamp, _, _ in bag.first(*(t for t in node.topics if t not in self._latched))
         )  # fmt: skip
+        self._first_ns = begin_ns + round(options.start_s * SECOND)
         self._stamped = {connection.topic for connection in connections if connection.has_header}
         length = options.duration_s or max(bag.length_s for bag in bags) - options.start_s
         most = max(bag.counts[topic] for bag in bags for topic in bag.topics)
@@ -142,18 +143,26 @@ class _Player:
         self.count, self.behind_s = 0, 0.0
 
     def wait(self) -> None:
-        """For subscribers, and until those that are there already have been found.
+        """Publish what is latched, which nodes begin with; then wait for subscribers of the rest, and until
+        those that are there already have been found.
 
         Raises:
             EnvironmentProblem: if nobody subscribes in time.
         """
+        for stamp, topic, data in self._messages(self._latched):
+            if stamp <= self._first_ns:
+                self._node.publish(topic, data)
+                self.count += 1
+        data_topics = set(self._node.topics) - self._latched
         begin = time.monotonic()
         while not self._stop():
             self._executor.spin_once(timeout_sec=0.05)
             passed = time.monotonic() - begin
-            if passed >= DISCOVERY_S and (self._node.heard or passed >= self._options.wait_s):
+            if passed >= DISCOVERY_S and (
+                self._node.heard(data_topics) or passed >= self._options.wait_s
+            ):
                 break
-        if self._options.wait_s and not self._node.heard and not self._stop():
+        if self._options.wait_s and not self._node.heard(data_topics) and not self._stop():
             raise EnvironmentProblem(
                 f"nobody subscribes to any topic within {self._options.wait_s:g} s: is the graph running, in "
                 "this ROS_DOMAIN_ID and --namespace?"
@@ -165,16 +174,15 @@ class _Player:
         """
         options = self._options
         self._shift_ns = loop * self._span_ns
-        first = self._begin_ns + round(options.start_s * SECOND)
+        first = self._first_ns
         last = None if options.duration_s is None else first + round(options.duration_s * SECOND)
         begin = time.monotonic()
-        for stamp, topic, data in self._messages():
-            if last is not None and stamp >= last and topic not in self._latched:
+        for stamp, topic, data in self._messages(set(self._node.topics)):
+            if last is not None and stamp >= last:
                 break
-            if stamp >= first:
-                self._sleep_until(stamp, first, begin)
-            elif topic not in self._latched:
-                continue
+            if stamp < first or (stamp == first and topic in self._latched):
+                continue  # it has been published, or is left out
+            self._sleep_until(stamp, first, begin)
             if self._stop():
                 return
             stamp_ns = stamp_in(data) if self._shift_ns and topic in self._stamped else None
@@ -184,12 +192,11 @@ class _Player:
             self.count += 1
         self._node.tell_time(self._now(first, begin))
 
-    def _messages(self) -> Iterator[tuple[int, str, bytes]]:
+    def _messages(self, topics: Collection[str]) -> Iterator[tuple[int, str, bytes]]:
         """Of all bags by the times of recording."""
-        topics = set(self._node.topics)
         rows = [
-            ((stamp, topic, data) for topic, stamp, data, _ in bag.raw(*(topics & set(bag.topics))))
-            for bag in self._bags if topics & set(bag.topics)
+            ((stamp, topic, data) for topic, stamp, data, _ in bag.raw(*(set(topics) & set(bag.topics))))
+            for bag in self._bags if set(topics) & set(bag.topics)
         ]  # fmt: skip
         return heapq.merge(*rows, key=lambda row: row[0])
 
