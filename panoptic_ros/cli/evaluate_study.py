@@ -7,12 +7,14 @@ from pathlib import Path
 
 from panoptic_ros.bench.studies.takes import Takes
 from panoptic_ros.errors import UsageError
+from panoptic_ros.io.files import write_json
 from panoptic_ros.running import studies
 from panoptic_ros.running.parameters import read_parameters
 from panoptic_ros.running.presets import read_preset
 from panoptic_ros.view.progress import PassBar
 from panoptic_ros.view.study_table import study_table, time_table
 
+BODIES = "kinematics"
 PAPER, NOTHING = "panoptic-studio", "none"
 DEFAULTS = {  # numbers of people, of cameras, and of frames
     "cameras": ("2,3,4,5,6,7", "480,240,160,80,40,20,10", 12),
@@ -26,9 +28,10 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     """Options that only studies have."""
     group = parser.add_argument_group("studies, in place of TRUTH and RESULT")
     group.add_argument(
-        "--study", choices=studies.STUDIES,
+        "--study", choices=(*studies.STUDIES, BODIES),
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
-        "VGA and QVGA images; time for a minute of capture",
+        "VGA and QVGA images; time for a minute of capture; kinematics: bodies by cameras and IMUs, beside "
+        "the paper's solver (needs no rig)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
@@ -58,6 +61,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_study(args: argparse.Namespace) -> int:
     """Simulate, solve, score, print a table, write the plot and the numbers."""
+    if args.study == BODIES:
+        return _run_bodies(args)
     if args.rig is None or args.out is None:
         raise UsageError(f"--study {args.study} needs --rig FILE and --out DIR")
     if not 0.0 < args.noise < 0.1:
@@ -70,6 +75,19 @@ def run_study(args: argparse.Namespace) -> int:
     print(json.dumps(result, indent=1) if args.json else "\n".join(table(result)))
     if not args.json:
         print(f"\nwritten: {', '.join(str(path) for path in files)}")
+    return 0
+
+
+def _run_bodies(args: argparse.Namespace) -> int:
+    from panoptic_ros.running.body_study import CAMERAS, study_bodies, study_lines  # numba is slow to load
+    from panoptic_ros.running.simulated_bodies import BODY_SCENES
+
+    cameras = [int(word) for word in args.cameras.split(",")] if args.cameras else CAMERAS
+    with PassBar(args.study) as bar:
+        result = study_bodies(tuple(BODY_SCENES), args.seed, cameras, args.settings, bar.show)
+    if args.out is not None:
+        write_json(args.out / "kinematics.json", result)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))
     return 0
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
-from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.geometry.rotations import rotations_of, vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing, nearest_person
 from panoptic_ros.kinematics.mounting import MountingEstimate
@@ -31,7 +31,7 @@ Array = np.ndarray
 GRAVITY = np.array([0.0, 0.0, 9.81])
 UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
 LOOK_S = 0.2  # between two looks at the mounting
-STANDING_RATE, STANDING_SD = 1.0, 0.002  # rad/s of a foot that stands; m between two instants
+STANDING_RATE, STANDING_SD = 2.0, 0.002  # rad/s of a foot that stands; m between two instants
 
 
 class SubjectTracker:
@@ -158,10 +158,11 @@ class SubjectTracker:
             self._window = PoseWindow(self._chain, self._pose, motion, self._lag)
             guess = self._window.predicted()
         which, goals = oriented
+        turning = self._turning(which, goals)
         weight = min(period / self._config.error_time, 1.0)
         self._pose = self._window.step(
             guess, evidence._replace(weight=weight),
-            Between(self._accelerations(), self._turning(which, goals), self._standing(instant)),
+            Between(self._accelerations(), turning, self._standing(turning)),
             self._config.iterations,
         )  # fmt: skip
         self.iterations.append(self._window.iterations)
@@ -240,17 +241,20 @@ class SubjectTracker:
             np.full(len(both), spread**-2),
         )  # fmt: skip
 
-    def _standing(self, instant: Instant) -> Standing:
-        """The lowest point of the feet, while no camera sees the person, if its foot does not turn."""
-        if self._unseen_s <= UNSEEN_S or self._pose is None:
+    def _standing(self, turning: Turning) -> Standing:
+        """The lowest point of a foot that hardly turns, while no camera sees the person."""
+        ground = self.weighing.floor.segments
+        if self._unseen_s <= UNSEEN_S or self._pose is None or not len(ground):
             return NOTHING_STANDS
         frames, places = np.empty((self._count, 3, 3)), np.empty((self._count, 3))
         place_segments(self._chain, self._pose, frames, places)
-        ground = self.weighing.floor.segments
-        if not len(ground):
-            return NOTHING_STANDS
-        lowest = ground[np.argmin(places[ground, 2])]
-        return Standing(np.array([lowest]), np.zeros((1, 3)), np.array([STANDING_SD**-2]))
+        angles = np.linalg.norm(vectors_of(np.ascontiguousarray(turning.changes)), axis=-1)
+        rates = dict(zip(turning.segments.tolist(), angles * self._config.rate_hz))
+        lowest = min(ground.tolist(), key=lambda s: places[s, 2])
+        worn = lowest if lowest in rates else int(self._chain.parents[lowest])
+        turns = rates.get(worn, 0.0) / STANDING_RATE
+        spread = STANDING_SD * (1.0 + turns**4)
+        return Standing(np.array([lowest]), np.zeros((1, 3)), np.array([spread**-2]))
 
     def _final(self) -> list[BodyState]:
         assert self._pose is not None
