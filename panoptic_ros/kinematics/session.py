@@ -21,6 +21,7 @@ from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
+ALIGNED_LAG_S = 0.2  # with less, poses follow late and look like a late clock
 LEAST_OFFSET_S = 0.012  # less is within the error of finding it
 FIRST_GATE = 0.8  # m, from where a subject is said to start
 
@@ -98,9 +99,9 @@ def _aligned(
         for camera, view in recording.views.items()
     }
     alone = [replace(other, devices=()) for other in subjects]
-    seen = solve_recording(
-        Recording(recording.rig, recording.joint_names, views, {}), alone, config, statistics
-    )
+    smooth = replace(config, lag=ALIGNED_LAG_S)
+    cameras = Recording(recording.rig, recording.joint_names, views, {})
+    seen = solve_recording(cameras, alone, smooth, statistics)
     states = [state for state in seen.states if state.id == subject.id]
     orientations = {}
     for device in subject.devices:
@@ -187,9 +188,15 @@ def _first_people(
         local = weighing.rotations[camera] @ subject.start + weighing.translations[camera]
         if local[2] < 0.1:
             continue
-        middles = np.nanmedian(people.points, axis=1)
-        far = np.linalg.norm(middles - local[:2] / local[2], axis=-1) * local[2]
-        best = int(np.nanargmin(far))
+        goal = local[:2] / local[2]
+        far = [_middle_distance(points, goal) * local[2] for points in people.points]
+        best = int(np.argmin(far))
         if far[best] < FIRST_GATE:
             found[camera] = (people.points[best], people.scores[best])
     return found
+
+
+def _middle_distance(points: Array, goal: Array) -> float:
+    """From the middle of a 2D person's joints (K, 2) to a point (2,); infinite if it has none."""
+    seen = points[np.isfinite(points).all(-1)]
+    return float(np.linalg.norm(np.median(seen, axis=0) - goal)) if len(seen) else math.inf
