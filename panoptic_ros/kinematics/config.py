@@ -80,7 +80,7 @@ class KinematicsConfig(Config):
     )  # fmt: skip
     clocks: bool = param(True, doc="Find the offset of the IMUs' clock from the cameras' by motion.")
     gate: float = param(0.5, unit="m", ge=0.05, le=5.0, doc="A 2D person farther off is somebody else.")
-    iterations: int = param(6, ge=1, le=50, doc="At most, per instant.")
+    iterations: int = param(3, ge=1, le=50, doc="At most, per instant.")
     paper_weights: bool = param(
         False, doc="The weights of Malleson et al. 2020 (3.2.6) in place of standard deviations."
     )
