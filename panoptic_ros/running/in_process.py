@@ -1,6 +1,7 @@
 """A run in one process, without ROS: the same stages, the same results."""
 from __future__ import annotations
 
+import heapq
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
@@ -11,12 +12,12 @@ from typing import Any
 from panoptic_ros.capture import DepthSource, open_source
 from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.detection.config import DetectionConfig
-from panoptic_ros.domain import AudioBlock
+from panoptic_ros.domain import AudioBlock, DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, switched_on
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.host import Host, Key, lanes_of
-from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.nodes import DEPTH, NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import SOUND_KEY, opened_streams
@@ -106,19 +107,33 @@ def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> di
 
 
 def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide | None:
-    """Let detection run ahead in as many threads as pay, in place of the images in the records; None: it runs
-    in the pipeline, as tracking tells it where to look, or depth maps belong to its images.
+    """Let detection run ahead in as many threads as pay: its inputs in the records become images that were
+    looked at. None: it runs in the pipeline, as tracking tells it where to look, or stamps of depth maps in
+    bags may jump.
     """
     config = plan.configs["detection"]
     threads = free_threads(config_of(plan.configs, DetectionConfig).threads)
-    tied = plan.stage != "detection" or plan.depth_cameras or ports_in_use({"detection": config})
+    in_bags = plan.streams and plan.depth_cameras
+    tied = plan.stage != "detection" or in_bags or ports_in_use({"detection": config})
     if threads == 1 or tied:
         return None
     stage = make_stage("detection", config, StageContext(plan.rig, plan.skeleton, plan.extras))
-    images = {owner: own for (topic, owner), own in records.items() if topic == "image"}
-    looks = stack.enter_context(SideBySide(stage, images, threads, time.perf_counter_ns))
-    records.update({("image", camera): looks.frames(camera) for camera in images})
+    cameras = [owner for topic, owner in records if topic == "image"]
+    inputs = {name: by_stamp(records["image", name], records.pop(("depth", name), None)) for name in cameras}
+    looks = stack.enter_context(SideBySide(stage, inputs, threads, time.perf_counter_ns))
+    records.update({("image", camera): looks.frames(camera) for camera in cameras})
     return looks
+
+
+def by_stamp(images: Iterator[Any], depths: Iterator[Any] | None) -> Iterator[Any]:
+    """What the stage takes of a camera, in the order in which the pipeline hands it over."""
+    if depths is None:
+        return images
+    return heapq.merge(depths, images, key=_place)
+
+
+def _place(item: ViewFrame | DepthFrame) -> int:
+    return item.stamp_ns - (DEPTH.ahead_ns if isinstance(item, DepthFrame) else 0)
 
 
 def _replay(

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from panoptic_ros.domain import ViewDetections, ViewFrame
+from panoptic_ros.domain import DepthFrame, ViewDetections, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.nodes import NODES, NodeSpec
 from panoptic_ros.params import Config
@@ -68,17 +68,17 @@ class SideBySide:
     """Runs a detection stage over the images of several cameras; a context manager that ends its threads.
 
     Args:
-        images: of each camera.
+        inputs: of each camera, as the stage takes them: images, depth maps before those they belong to.
         clock: a monotonic clock in ns.
     """
 
     def __init__(
-        self, stage: Stage[Any, ViewDetections], images: Mapping[str, Iterator[ViewFrame]], threads: int,
-        clock: Callable[[], int],
+        self, stage: Stage[Any, ViewDetections], inputs: Mapping[str, Iterator[ViewFrame | DepthFrame]],
+        threads: int, clock: Callable[[], int],
     ):  # fmt: skip
-        self._stage, self._images, self._clock = stage, images, clock
-        self._ready: dict[str, deque[_Look]] = {name: deque() for name in images}
-        self._given: dict[str, deque[_Look]] = {name: deque() for name in images}  # to the pipeline
+        self._stage, self._inputs, self._clock = stage, inputs, clock
+        self._ready: dict[str, deque[_Look]] = {name: deque() for name in inputs}
+        self._given: dict[str, deque[_Look]] = {name: deque() for name in inputs}  # to the pipeline
         self._busy: set[str] = set()
         self._ended: set[str] = set()
         self._changed = threading.Condition()
@@ -87,7 +87,7 @@ class SideBySide:
         self.duration_ns = 0  # of the look that was taken last
         self._threads = [
             threading.Thread(target=self._work, name=f"detection-{k}", daemon=True)
-            for k in range(min(threads, max(len(images), 1)))
+            for k in range(min(threads, max(len(inputs), 1)))
         ]
 
     def __enter__(self) -> SideBySide:
@@ -142,7 +142,7 @@ class SideBySide:
         """The free camera with the fewest images that wait; None: there is nothing more to do."""
         with self._changed:
             while not self._closed and self._fault is None:
-                left = [name for name in self._images if name not in self._ended]
+                left = [name for name in self._inputs if name not in self._ended]
                 free = [name for name in left if name not in self._busy and len(self._ready[name]) < AHEAD]
                 if free:
                     camera = min(free, key=lambda name: len(self._ready[name]))
@@ -155,8 +155,11 @@ class SideBySide:
 
     def _look(self, camera: str) -> None:
         """Let the stage look at the next image of a camera."""
-        frame = next(self._images[camera], None)
-        look = None if frame is None else self._step(frame)
+        item = next(self._inputs[camera], None)
+        while isinstance(item, DepthFrame):
+            self._stage.step(item)
+            item = next(self._inputs[camera], None)
+        look = None if item is None else self._step(item)
         with self._changed:
             self._busy.discard(camera)
             if look is None:

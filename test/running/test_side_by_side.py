@@ -9,8 +9,9 @@ from stage_cases import CELLS, content, detector
 
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.stage import DetectionStage
-from panoptic_ros.domain import ViewFrame
+from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
+from panoptic_ros.running.in_process import by_stamp
 from panoptic_ros.running.side_by_side import AHEAD, LookedAt, SideBySide, free_threads
 from panoptic_ros.stage import StageContext, StepResult
 
@@ -118,3 +119,23 @@ def test_it_ends_when_it_is_left_early():
 
 def test_threads_of_operators_share_the_cores():
     assert free_threads(1) >= 1 and free_threads(10_000) == 1
+
+
+def test_depth_maps_belong_to_their_images_in_threads_too():
+    given = frames(4, ("left", "right"))
+    near = np.full((192, 256), 0.5, np.float32)
+    depths = {
+        name: [DepthFrame(name, f.stamp_ns + 1_000_000, f.frame_number, near) for f in own]
+        for name, own in given.items()
+    }
+    alone = stage()
+    expected = []
+    for k in range(4):
+        for name in given:
+            alone.step(depths[name][k])
+            expected.append(alone.step(given[name][k]))
+    inputs = {name: by_stamp(iter(given[name]), iter(depths[name])) for name in given}
+    with SideBySide(stage(), inputs, 2, time.perf_counter_ns) as work:
+        found = looked(work, tuple(given), 4)
+    assert content(tuple(r.outputs for r in found)) == content(tuple(r.outputs for r in expected))
+    assert all(result.outputs[0].limit is not None for result in found)

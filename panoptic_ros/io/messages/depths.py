@@ -4,7 +4,6 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-import cv2
 import numpy as np
 
 from panoptic_ros.errors import DataError
@@ -64,6 +63,8 @@ def _decompressed(message: Any, what: str) -> Array:
 
 
 def _levels_of_png(data: Array, what: str) -> Array:
+    import cv2  # 17 MB, which processes without images do without
+
     levels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if levels is None or levels.dtype != np.uint16 or levels.ndim != 2:
         raise DataError(f"{what}: no PNG of 16 bits in its {data.size} bytes")

@@ -3,7 +3,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 import numpy as np
 
 from panoptic_ros.domain import ViewDetections
@@ -19,6 +18,8 @@ def heat_map(view: ViewDetections, joint: int = -1) -> Array:
 
     The picture has the proportions of the image and is at most `WIDEST` wide. 0 where the view has no maps.
     """
+    import cv2  # 17 MB, which processes without images do without
+
     width, height = view.image_size
     columns = min(width, WIDEST)
     rows = max(1, round(height * columns / width))

@@ -4,7 +4,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
 
 from panoptic_ros.domain import Camera, DepthFrame, Preview, ViewFrame
@@ -19,11 +18,11 @@ Array = np.ndarray
 _CHANNELS = {"bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4, "mono8": 1, "8UC1": 1,
              "bayer_rggb8": 1, "bayer_bggr8": 1, "bayer_gbrg8": 1, "bayer_grbg8": 1,
              "yuv422_yuy2": 2, "yuv422": 2}  # fmt: skip
-_TO_BGR = {"rgb8": cv2.COLOR_RGB2BGR, "bgra8": cv2.COLOR_BGRA2BGR, "rgba8": cv2.COLOR_RGBA2BGR,
-           "mono8": cv2.COLOR_GRAY2BGR, "8UC1": cv2.COLOR_GRAY2BGR,
-           "bayer_rggb8": cv2.COLOR_BayerRGGB2BGR, "bayer_bggr8": cv2.COLOR_BayerBGGR2BGR,
-           "bayer_gbrg8": cv2.COLOR_BayerGBRG2BGR, "bayer_grbg8": cv2.COLOR_BayerGRBG2BGR,
-           "yuv422_yuy2": cv2.COLOR_YUV2BGR_YUY2, "yuv422": cv2.COLOR_YUV2BGR_UYVY}  # fmt: skip
+_TO_BGR = {"rgb8": "COLOR_RGB2BGR", "bgra8": "COLOR_BGRA2BGR", "rgba8": "COLOR_RGBA2BGR",
+           "mono8": "COLOR_GRAY2BGR", "8UC1": "COLOR_GRAY2BGR",
+           "bayer_rggb8": "COLOR_BayerRGGB2BGR", "bayer_bggr8": "COLOR_BayerBGGR2BGR",
+           "bayer_gbrg8": "COLOR_BayerGBRG2BGR", "bayer_grbg8": "COLOR_BayerGRBG2BGR",
+           "yuv422_yuy2": "COLOR_YUV2BGR_YUY2", "yuv422": "COLOR_YUV2BGR_UYVY"}  # fmt: skip
 OPTICAL = "_optical_frame"
 ENCODINGS = tuple(_CHANNELS)  # of raw images
 
@@ -50,6 +49,8 @@ def image_message(frame: ViewFrame, family: Messages) -> Any:
 
 def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -> Any:
     """sensor_msgs/CompressedImage, JPEG of that quality (1 to 100)."""
+    import cv2  # 17 MB, which processes without images do without
+
     _, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return family.make(
         "sensor_msgs/msg/CompressedImage",
@@ -150,6 +151,8 @@ def depth_frame_from_message(message: Any, camera: str, frame_number: int) -> De
 
 
 def _decode(message: Any, camera: str) -> Array:
+    import cv2  # see above
+
     data = byte_array(message)
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if image is None:
@@ -167,7 +170,9 @@ def _unpack(message: Any, camera: str, encoding: str) -> Array:
     rows = pixel_rows(message, _CHANNELS[encoding], f"image of camera {camera}")
     pixels = rows.reshape(height, width, -1)
     if encoding in _TO_BGR:
-        return cv2.cvtColor(np.ascontiguousarray(pixels), _TO_BGR[encoding])
+        import cv2  # see above
+
+        return cv2.cvtColor(np.ascontiguousarray(pixels), getattr(cv2, _TO_BGR[encoding]))
     return pixels
 
 
