@@ -128,6 +128,7 @@ def test_playing_stepping_and_keys(page):
     page.wait("panoptic.page.instant.index === 2")
     page.press("ArrowLeft")
     page.wait("panoptic.page.instant.index === 1")
+    assert page.evaluate("panoptic.page.player.t") < 0.1e9  # a step is an instant, not a second
 
 
 def test_a_click_on_a_joint_tells_its_views_and_residuals(page):
