@@ -34,13 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve files."""
-    from panoptic_ros.io.kinematic_files import write_bodies  # only now: --help must be quick
+    from panoptic_ros.io.body_files import write_bodies  # only now: --help must be quick
     from panoptic_ros.running.kinematics import body_config, read_body_task, solve_bodies
 
     config = body_config(args.preset, args.settings, lag=args.lag, rate_hz=args.rate)
     task = read_body_task(args.subject, config, args.rig, args.detections, args.imu, args.prior)
     solved = solve_bodies(task)
-    write_bodies(args.out, task.segment_names, solved.states)
+    write_bodies(args.out, task.model, solved.states)
     if not args.quiet:
         instants = len({state.stamp_ns for state in solved.states})
         print(f"{args.out}: {instants} instants, {len(task.subjects)} subjects")

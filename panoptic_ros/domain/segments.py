@@ -11,8 +11,10 @@ import numpy as np
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.chain import Chain
+from panoptic_ros.geometry.euler import ORDERS, euler_angles
 
 Array = np.ndarray
+USUAL_ORDER = "yxz"  # flexion, abduction, rotation about an upright bone
 SHORTEST, TALLEST = 0.4, 2.6  # m, statures that can be
 
 
@@ -32,6 +34,8 @@ class SegmentModel:
         lower, upper: (S, 3) limits of the rotation vectors, rad; the root's are not used.
         keypoints: {name of a detector's joint: (segment, (3,) share of the stature in its frame)}.
         ground: segments that stand on the floor when the body stands, e.g. feet and toes.
+        joints: (S) names of the joints at which segments begin, see `joint_names`.
+        orders: (S) order of each joint's three angles, e.g. "yxz": see `geometry.euler`.
     """
 
     names: tuple[str, ...]
@@ -41,6 +45,26 @@ class SegmentModel:
     upper: Array
     keypoints: Mapping[str, tuple[str, Array]]
     ground: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    orders: tuple[str, ...] = ()
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names (3 S - 3) of the angles of all joints but the root's, in their orders: roll about x, pitch
+        about y, yaw about z, of a left or right joint; as REP 155 has them: "l_y_shoulder", "r_head"."""
+        found = []
+        for joint, order in zip(self.joints[1:], self.orders[1:]):
+            side, rest = (joint[:2], joint[2:]) if joint[:2] in ("l_", "r_") else ("", joint)
+            found += [f"{side}{'rpy'['xyz'.index(axis)]}_{rest}" for axis in order]
+        return tuple(found)
+
+    def joint_angles(self, frames: Array) -> Array:
+        """Angles (..., 3 S - 3) rad of the joints, as `joint_names`, of frames (..., S, 3, 3)."""
+        found = np.empty((*frames.shape[:-3], len(self.names) - 1, 3))
+        for s in range(1, len(self.names)):
+            local = frames[..., self.parents[s], :, :].swapaxes(-1, -2) @ frames[..., s, :, :]
+            found[..., s - 1, :] = euler_angles(local, self.orders[s])
+        return found.reshape(*frames.shape[:-3], -1)
 
     def index(self, name: str) -> int:
         """Index of a segment.
@@ -107,6 +131,7 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
         DataError: naming what is missing or wrong.
     """
     names: list[str] = []
+    joints, orders = [], []
     parents, shares, lower, upper = [], [], [], []
     for name, row in _mapping(document, "segments").items():
         parent = row.get("parent")
@@ -118,6 +143,10 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
         limits = row.get("limits_deg", [[-180, 180]] * 3)
         if len(limits) != 3:
             raise DataError(f"segment {name}: limits_deg has {len(limits)} pairs, expected 3")
+        joints.append(str(row.get("joint", name)))
+        orders.append(str(row.get("order", USUAL_ORDER)))
+        if orders[-1] not in ORDERS:
+            raise DataError(f"segment {name}: order {orders[-1]!r} is none of {', '.join(ORDERS)}")
         pairs = [_numbers(pair, 2, f"segment {name}: limits_deg") for pair in limits]
         lower.append(np.radians([pair[0] for pair in pairs]))
         upper.append(np.radians([pair[1] for pair in pairs]))
@@ -127,7 +156,7 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
     }
     model = SegmentModel(
         tuple(names), np.array(parents, np.int64), np.array(shares), np.array(lower), np.array(upper), points,
-        tuple(document.get("ground", ())),
+        tuple(document.get("ground", ())), tuple(joints), tuple(orders),
     )  # fmt: skip
     for segment in (*(s for s, _ in points.values()), *model.ground):
         model.index(segment)

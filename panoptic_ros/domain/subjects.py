@@ -81,12 +81,22 @@ class Instant:
 
 @dataclass(frozen=True, eq=False)
 class BodyState:
-    """A solved body: places (S, 3) m of the joints, frames (S, 3, 3), world from segment."""
+    """A solved body, everything in the world.
+
+    Args:
+        places: (S, 3) m of the joints. frames: (S, 3, 3), world from segment.
+        velocities: (S, 3) m/s of the joints. spins: (S, 3) rad/s, angular velocities of the segments.
+        covariances: (S, 6, 6) of place, m, and of a small rotation from the left, rad, of each segment.
+            None = not known, as where every instant is solved alone.
+    """
 
     stamp_ns: int
     id: int
     places: Array
     frames: Array
+    velocities: Array | None = None
+    spins: Array | None = None
+    covariances: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

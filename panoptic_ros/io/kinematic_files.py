@@ -1,25 +1,24 @@
-"""Files of the moving body: `imu.csv`, `subject.json` and `kinematics.json.gz`; docs/formats.md has
-every key."""
+"""What is known of the moving body in files: `imu.csv` and `subject.json`; docs/formats.md has every key."""
 
 from __future__ import annotations
 
 import csv
 import gzip
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject, TPose
+from panoptic_ros.domain.subjects import Device, ImuSeries, Subject, TPose
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.files import read_bytes, read_json, write_bytes, write_json
+from panoptic_ros.io.files import read_bytes, read_json, write_bytes
 
 Array = np.ndarray
-SUBJECT, KINEMATICS = "panoptic-subject-1", "panoptic-kinematics-1"
+SUBJECT = "panoptic-subject-1"
 COLUMNS = ("device", "stamp_ns", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 
 
@@ -132,47 +131,6 @@ def subject_document(subject: Subject, stature: float) -> dict[str, Any]:
         if subject.t_pose.facing is not None:
             found["t_pose"]["facing"] = _rounded(subject.t_pose.facing)
     return found
-
-
-def write_bodies(path: Path, names: Iterable[str], states: Iterable[BodyState]) -> None:
-    """Write solved bodies as `panoptic-kinematics-1`; equal states give equal bytes."""
-    frames: dict[int, list[dict[str, Any]]] = {}
-    for state in states:
-        frames.setdefault(state.stamp_ns, []).append(
-            {
-                "id": state.id,
-                "positions": np.round(state.places, 5).tolist(),
-                "orientations": np.round(to_quaternions(state.frames), 6).tolist(),
-            }
-        )
-    rows = [
-        {"index": k, "stamp_ns": stamp, "subjects": sorted(frames[stamp], key=lambda row: int(row["id"]))}
-        for k, stamp in enumerate(sorted(frames))
-    ]
-    write_json(path, {"format": KINEMATICS, "segment_names": list(names), "frames": rows})
-
-
-def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
-    """Names of the segments and bodies of a `panoptic-kinematics-1` file, in the order of the file.
-
-    Raises:
-        DataError: naming the file and what is wrong.
-    """
-    document = read_json(path)
-    if not isinstance(document, dict) or document.get("format") != KINEMATICS:
-        raise DataError(f"{path} is no {KINEMATICS} file")
-    try:
-        states = [
-            BodyState(
-                int(frame["stamp_ns"]), int(row["id"]), np.array(row["positions"], float),
-                from_quaternions(np.array(row["orientations"], float)),
-            )
-            for frame in document["frames"]
-            for row in frame["subjects"]
-        ]  # fmt: skip
-        return tuple(document["segment_names"]), states
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path}: not as the format says: {error!r}") from None
 
 
 def _device(row: Mapping[str, Any], model: SegmentModel) -> Device:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import rotations_of, vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.covariance import segment_covariances
 from panoptic_ros.kinematics.evidence import Weighing, nearest_person
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.solve import solve_pose
@@ -134,9 +136,10 @@ class SubjectTracker:
         """Bodies of the instants that the lag still holds back."""
         if self._window is None:
             return []
-        poses = self._window.smoothed()[: self._lag]
-        stamps = list(self._stamps)[-len(poses) :] if poses else []
-        return [self._state(stamp, pose) for stamp, pose in zip(stamps, reversed(poses[: len(stamps)]))]
+        poses = self._window.smoothed()
+        return [
+            self._smoothed_state(poses, back) for back in range(min(self._lag, len(self._stamps)) - 1, -1, -1)
+        ]
 
     @property
     def _lag(self) -> int:
@@ -259,14 +262,26 @@ class SubjectTracker:
     def _final(self) -> list[BodyState]:
         assert self._pose is not None
         if self._window is None:
-            return [self._state(self._stamps[-1], self._pose)]
+            places, frames = place_all(self._chain, self._pose.root[None], self._pose.turns[None])
+            return [BodyState(self._stamps[-1], self.subject.id, places[0], frames[0])]
         if len(self._stamps) <= self._lag:
             return []
-        return [self._state(self._stamps[-1 - self._lag], self._window.smoothed()[-1])]
+        return [self._smoothed_state(self._window.smoothed(), self._lag)]
 
-    def _state(self, stamp_ns: int, pose: Pose) -> BodyState:
-        places, frames = place_all(self._chain, pose.root[None], pose.turns[None])
-        return BodyState(stamp_ns, self.subject.id, places[0], frames[0])
+    def _smoothed_state(self, poses: Sequence[Pose], back: int) -> BodyState:
+        """The body of so many instants ago, from poses that begin with the newest one."""
+        assert self._window is not None
+        around = [poses[max(back - 1, 0)], poses[back], poses[back + 1]]
+        places, frames = place_all(
+            self._chain, np.array([pose.root for pose in around]), np.array([pose.turns for pose in around])
+        )
+        rate = self._config.rate_hz / (2.0 if back else 1.0)
+        spins = rate * vectors_of(np.ascontiguousarray(frames[0] @ frames[2].swapaxes(1, 2)))
+        covariances = segment_covariances(self._chain, poses[back], self._window.information(back))
+        return BodyState(
+            self._stamps[-1 - back], self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
+            spins, covariances,
+        )  # fmt: skip
 
 
 def assign_people(

@@ -118,7 +118,7 @@ class PoseWindow:
         still = np.diag(np.r_[np.full(3, 1.0), np.full(self._size - 3, 0.5)] / (1.0 * motion.period) ** 2)
         self._information = np.block([[slow + still, -still], [-still, slow + still]])
         self._eliminated: deque[_Conditional] = deque(maxlen=lag + 1)
-        self.covariance_source = np.eye(self._size)  # information of the last pose, given all so far
+        self._own: deque[Array] = deque(maxlen=lag + 1)
         self.iterations = 0
 
     @property
@@ -172,23 +172,28 @@ class PoseWindow:
         step_pose(self._poses[1], -(through[:, :-1] @ step + through[:, -1]), middle)
         rest[n:, n:] += hessian - anchor.information
         self._information = 0.5 * (rest + rest.T)
-        self.covariance_source = hessian
+        self._own.append(hessian)
         self._poses = [middle, pose]
         return pose
 
+    def information(self, back: int) -> Array:
+        """Of a step of the pose (D, D) of so many instants ago, given what was there then; what came later
+        only adds to it."""
+        return self._own[-1 - back]
+
     def smoothed(self) -> list[Pose]:
-        """Poses of the last instants given all so far, newest first: up to lag + 1."""
+        """Poses of the last instants given all so far, newest first: up to lag + 2."""
         found = [self._poses[1], self._poses[0]]
         later, last = np.empty(self._size), np.empty(self._size)
         for past in reversed(self._eliminated):
-            if len(found) > self._lag:
+            if len(found) > self._lag + 1:
                 break
             step_between(past.later, found[-1], later)
             step_between(past.last, found[-2], last)
             pose = past.pose.copy()
             step_pose(past.pose, -(past.matrix @ np.concatenate([later, last]) + past.shift), pose)
             found.append(pose)
-        return found[: self._lag + 1]
+        return found
 
     def _joint_system(self, guess: Pose, between: Between) -> tuple[Array, Array]:
         """Information (3 D, 3 D) and gradient (3 D,) of the steps of the last two poses and the guess."""

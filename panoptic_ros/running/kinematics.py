@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.domain import Rig
+from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Subject, ViewPeople, ViewSeries
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.io.kinematic_files import read_imus, read_subject
@@ -38,9 +39,9 @@ class BodyTask:
     statistics: PoseStatistics
 
     @property
-    def segment_names(self) -> tuple[str, ...]:
-        """Of the result."""
-        return self.subjects[0].body.model.names
+    def model(self) -> SegmentModel:
+        """Of all subjects."""
+        return self.subjects[0].body.model
 
 
 def read_body_task(

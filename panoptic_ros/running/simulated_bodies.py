@@ -35,7 +35,8 @@ def body_scene(name: str) -> BodyScene:
 
 def write_body_take(name: str, out: Path, seed: int) -> str:
     """Simulate and write rig, 2D people, IMU samples, subject and truth; a line about it."""
-    from panoptic_ros.io.kinematic_files import subject_document, write_bodies, write_imus
+    from panoptic_ros.io.body_files import write_bodies
+    from panoptic_ros.io.kinematic_files import subject_document, write_imus
     from panoptic_ros.io.rigs import write_rig
     from panoptic_ros.running.bodies import read_body_model, read_clips
     from panoptic_ros.simulation.bodies.capture import simulate_body
@@ -46,7 +47,7 @@ def write_body_take(name: str, out: Path, seed: int) -> str:
         write_json(folder / "detections.json.gz", _detections(take))
         write_imus(folder / "imu.csv.gz", take.devices)
         write_json(folder / "subject.json", subject_document(take.subject, take.stature), indent=1)
-        write_bodies(folder / "truth.json.gz", take.subject.body.model.names, take.truth())
+        write_bodies(folder / "truth.json.gz", take.subject.body.model, take.truth())
     return f"{name}, {len(take.stamps)} frames, {len(take.rig)} cameras, {len(take.devices)} IMUs"
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.evaluation.kinematic_scores import score_bodies
-from panoptic_ros.io.kinematic_files import read_bodies, read_imus, read_subject, write_imus
+from panoptic_ros.io.body_files import read_bodies
+from panoptic_ros.io.kinematic_files import read_imus, read_subject, write_imus
 from panoptic_ros.running.bodies import read_body_model
 from panoptic_ros.simulation.bodies.capture import BodyScene
 from panoptic_ros.simulation.bodies.imus import unknown_heading
@@ -124,3 +125,22 @@ def test_an_unknown_heading_and_clock_are_found_from_motion(capture, tmp_path, c
     assert found["mm"] < 1.15 * known["mm"] and found["deg"] < known["deg"] + 1.0
     told = capsys.readouterr().err
     assert "heading of the IMUs found from motion" in told and "clock of the IMUs" in told
+
+
+def test_velocities_angles_and_covariances_are_told(capture, tmp_path):
+    solve(capture, tmp_path / "k.json.gz", "--set", "clocks=false")
+    _, states = read_bodies(tmp_path / "k.json.gz")
+    _, truth = read_bodies(capture / "truth.json.gz")
+    assert [state.stamp_ns for state in states] == [state.stamp_ns for state in truth]
+    places = np.array([state.places for state in truth])
+    true = np.gradient(places, 1 / 60, axis=0)[180:]
+    found = np.array([state.velocities for state in states])[180:]
+    assert np.linalg.norm(found - true) < 0.4 * np.linalg.norm(true)
+    root = np.array([state.frames[0] for state in truth])
+    turned = root[181:-1] @ root[179:-3].swapaxes(1, 2)
+    spins = 30.0 * np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=-1)
+    mine = np.array([state.spins[0] for state in states])[180:-2]
+    assert np.median(np.linalg.norm(mine - spins, axis=-1)) < 0.3
+    spread = np.array([np.sqrt(np.trace(state.covariances[:, :3, :3], axis1=1, axis2=2)) for state in states])
+    apart = np.linalg.norm(np.array([s.places for s in states]) - places, axis=-1)[180:]
+    assert 0.3 < np.sqrt((apart**2).mean() / (spread[180:] ** 2).mean()) < 2.0

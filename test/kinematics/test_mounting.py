@@ -1,4 +1,5 @@
 """Mountings: poor ones are mended, good ones kept, and what is known of them is not overstated."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,0 +1,96 @@
+"""Solved bodies in files, `kinematics.json.gz`; docs/formats.md has every key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
+from panoptic_ros.io.files import read_json, write_json
+
+Array = np.ndarray
+KINEMATICS = "panoptic-kinematics-1"
+
+
+def write_bodies(path: Path, model: SegmentModel, states: Iterable[BodyState]) -> None:
+    """Write solved bodies as `panoptic-kinematics-1`; equal states give equal bytes."""
+    frames: dict[int, list[dict[str, Any]]] = {}
+    for state in states:
+        frames.setdefault(state.stamp_ns, []).append(_body_row(model, state))
+    rows = [
+        {"index": k, "stamp_ns": stamp, "subjects": sorted(frames[stamp], key=lambda row: int(row["id"]))}
+        for k, stamp in enumerate(sorted(frames))
+    ]
+    names = {"segment_names": list(model.names), "joint_names": list(model.joint_names)}
+    write_json(path, {"format": KINEMATICS, **names, "frames": rows})
+
+
+def _body_row(model: SegmentModel, state: BodyState) -> dict[str, Any]:
+    row = {
+        "id": state.id,
+        "positions": np.round(state.places, 5).tolist(),
+        "orientations": np.round(to_quaternions(state.frames), 6).tolist(),
+        "joint_angles": np.round(model.joint_angles(state.frames), 5).tolist(),
+    }
+    if state.velocities is not None and state.spins is not None:
+        row["velocities"] = np.round(state.velocities, 4).tolist()
+        row["angular_velocities"] = np.round(state.spins, 4).tolist()
+    if state.covariances is not None:
+        row["position_covariances"] = _triangles(state.covariances[:, :3, :3])
+        row["orientation_covariances"] = _triangles(state.covariances[:, 3:, 3:])
+    return row
+
+
+def _triangles(matrices: Array) -> list[list[float]]:
+    """Upper triangles of symmetric matrices (N, 3, 3), to four digits."""
+    rows, columns = np.triu_indices(3)
+    return [[float(f"{value:.3e}") for value in row] for row in matrices[:, rows, columns]]
+
+
+def _matrices(triangles: Any) -> Array:
+    values = np.array(triangles, float)
+    found: Array = values[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    return found
+
+
+def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
+    """Names of the segments and bodies of a `panoptic-kinematics-1` file, in the order of the file.
+
+    Raises:
+        DataError: naming the file and what is wrong.
+    """
+    document = read_json(path)
+    if not isinstance(document, dict) or document.get("format") != KINEMATICS:
+        raise DataError(f"{path} is no {KINEMATICS} file")
+    try:
+        states = [
+            _body_state(int(frame["stamp_ns"]), row)
+            for frame in document["frames"]
+            for row in frame["subjects"]
+        ]
+        return tuple(document["segment_names"]), states
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{path}: not as the format says: {error!r}") from None
+
+
+def _body_state(stamp_ns: int, row: Mapping[str, Any]) -> BodyState:
+    """What is in the file: place and rotation of a segment are independent there."""
+    velocities, spins, covariances = (
+        None if key not in row else np.array(row[key], float)
+        for key in ("velocities", "angular_velocities", "position_covariances")
+    )
+    if covariances is not None:
+        both = np.zeros((len(covariances), 6, 6))
+        both[:, :3, :3] = _matrices(covariances)
+        both[:, 3:, 3:] = _matrices(row["orientation_covariances"])
+        covariances = both
+    return BodyState(
+        stamp_ns, int(row["id"]), np.array(row["positions"], float),
+        from_quaternions(np.array(row["orientations"], float)), velocities, spins, covariances,
+    )  # fmt: skip

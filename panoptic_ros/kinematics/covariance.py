@@ -1,0 +1,85 @@
+"""What the information of a pose says about each of its segments."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lapack
+
+from panoptic_ros.errors import ContractError
+from panoptic_ros.geometry.chain import Chain, Pose, place_segments
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+RIDGE = 1e-9  # as for the solution: what nothing determines is as unsure as can be
+
+
+def segment_covariances(chain: Chain, pose: Pose, information: Array) -> Array:
+    """Covariances (S, 6, 6) of place, m, and of a small rotation from the left, rad, in the world.
+
+    Args:
+        information: (3 + 3 S, 3 + 3 S) of a step of the pose, symmetric.
+
+    Raises:
+        ContractError: if it is not positive.
+    """
+    full = np.array(information, order="F")
+    full[np.diag_indices(len(full))] += RIDGE
+    factor, failed = lapack.dpotrf(full, lower=1, overwrite_a=1)
+    if failed:
+        raise ContractError(f"the information of a pose is not positive (row {failed})")
+    inverse, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
+    inverse = np.tril(inverse) + np.tril(inverse, -1).T
+    found = np.empty((len(chain.parents), 6, 6))
+    _carry(chain, pose, np.ascontiguousarray(inverse), found)
+    return found
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _carry(chain: Chain, pose: Pose, covariance: Array, found: Array) -> None:
+    """From the root outwards: a segment moves as its parent does, and turns about its own joint."""
+    count, size = len(chain.parents), len(covariance)
+    frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
+    place_segments(chain, pose, frames, places)
+    cross = np.empty((count, 6, size))  # place and rotation of each segment against all degrees of freedom
+    cross[0] = covariance[:6]
+    for s in range(1, count):
+        parent = chain.parents[s]
+        above, own = cross[parent], cross[s]
+        x, y, z = places[s] - places[parent]
+        for n in range(size):
+            own[0, n] = above[0, n] + above[4, n] * z - above[5, n] * y
+            own[1, n] = above[1, n] + above[5, n] * x - above[3, n] * z
+            own[2, n] = above[2, n] + above[3, n] * y - above[4, n] * x
+            for i in range(3):
+                total = above[3 + i, n]
+                for k in range(3):
+                    total += frames[parent, i, k] * covariance[3 + 3 * s + k, n]
+                own[3 + i, n] = total
+    for s in range(count):
+        _close(chain, frames, places, cross[s], s, found[s])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _close(chain: Chain, frames: Array, places: Array, cross: Array, segment: int, out: Array) -> None:
+    """Covariance (6, 6) of a segment from its rows (6, D): the sum over the joints from the root to it."""
+    out[:] = 0.0
+    out[:, :3] = cross[:, :3]
+    s = segment
+    while s >= 0:
+        parent = chain.parents[s]
+        p, q, r = places[segment] - places[s]
+        for k in range(3):
+            if parent < 0:
+                x, y, z = 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2)
+            else:
+                x, y, z = frames[parent, 0, k], frames[parent, 1, k], frames[parent, 2, k]
+            a, b, c = y * r - z * q, z * p - x * r, x * q - y * p
+            for i in range(6):
+                value = cross[i, 3 + 3 * s + k]
+                out[i, 0] += value * a
+                out[i, 1] += value * b
+                out[i, 2] += value * c
+                out[i, 3] += value * x
+                out[i, 4] += value * y
+                out[i, 5] += value * z
+        s = parent
