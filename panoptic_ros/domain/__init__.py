@@ -9,6 +9,7 @@ from panoptic_ros.domain.bias_table import BiasTable
 from panoptic_ros.domain.camera import Camera
 from panoptic_ros.domain.depth import DepthFrame
 from panoptic_ros.domain.depth_sensor import DepthSensor
+from panoptic_ros.domain.designation import SubjectSet
 from panoptic_ros.domain.detections import (
     DetectionSet,
     EndOfStream,
@@ -60,6 +61,7 @@ __all__ = [
     "ScoreMaps",
     "SkeletonModel",
     "StampLine",
+    "SubjectSet",
     "TimeShift",
     "Timecode",
     "TimecodeReading",

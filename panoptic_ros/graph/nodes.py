@@ -117,7 +117,9 @@ NODES: dict[str, NodeSpec] = {
         ),
         stage_row("voting", (Port("associations"),), ("proposals",)),
         stage_row("assembly", (Port("proposals"),), ("poses",)),
-        stage_row("tracking", (Port("poses"),), ("skeletons_raw", "tracks")),
+        stage_row(
+            "tracking", (Port("subjects", optional=True), Port("poses")), ("skeletons_raw", "tracks")
+        ),
         stage_row(
             "offsets", (Port("detections", first=True), Port("skeletons_raw")), ("clock_models",),
             queue="all", switch="active",

@@ -241,7 +241,7 @@ def records_of(
         configs, context, stages,
         on_record=lambda key, record: found.append(record) if key == topic else None,
     )  # fmt: skip
-    entrance = pipeline.wiring.inputs[-1].topic
+    (entrance,) = (port.topic for port in pipeline.wiring.inputs if not port.optional)
     for item in items:
         pipeline.push(entrance, item)
     pipeline.flush()

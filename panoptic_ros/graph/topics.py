@@ -72,6 +72,7 @@ TOPICS: dict[str, Topic] = {
         Topic("rig", "rig", "Rig", "panoptic_msgs/msg/Rig", latched=True),
         Topic("skeleton_model", "skeleton_model", "SkeletonModel",
               "panoptic_msgs/msg/SkeletonModel", latched=True),
+        Topic("subjects", "subjects", "SubjectSet", "panoptic_msgs/msg/SubjectSet", latched=True),
         Topic("detection_sets", "detection_sets", "DetectionSet", "panoptic_msgs/msg/DetectionSet"),
         Topic("associations", "associations", "AssociationSet", "panoptic_msgs/msg/AssociationSet"),
         Topic("proposals", "proposals", "ProposalSet", "panoptic_msgs/msg/ProposalSet"),

@@ -17,6 +17,7 @@ from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.params import config_of
+from panoptic_ros.running.designated import with_subjects
 from panoptic_ros.running.parameters import Parameters, with_occluders
 from panoptic_ros.running.plan import Plan
 from panoptic_ros.running.saved_offsets import saved_lines, saved_offsets
@@ -35,6 +36,7 @@ class RunOptions:
         occluders: file with fixed things that hide people.
         offsets: file with clock offsets of cameras that were found before, added to their stamps.
         from_sound: find the clocks of cameras from what they hear.
+        subjects: files of the designated people, besides those of a capture folder.
         apart: m, between microphones at most, where the rig does not tell.
     """
 
@@ -46,6 +48,7 @@ class RunOptions:
     offsets: Path | None = None
     from_sound: bool = False
     apart: float = APART
+    subjects: tuple[Path, ...] = ()
 
     def all_parameters(self) -> Parameters:
         """The parameters, with the model among them."""
@@ -65,7 +68,7 @@ class RunOptions:
         return detector_extras(config.model, self.chosen_skeleton)
 
     def complete(self, plan: Plan) -> Plan:
-        """The plan with occluders, offsets and the biases of the detector's joints.
+        """The plan with occluders, offsets, designated people and the biases of the detector's joints.
 
         Raises:
             UserError: if a file cannot be used, or the plan has delays of cameras already.
@@ -73,6 +76,7 @@ class RunOptions:
         check_names(plan.rig.names)
         rig = with_occluders(plan.rig, self.occluders)
         plan = plan if self.offsets is None else _with_offsets(plan, self.offsets)
+        plan = with_subjects(plan, self.subjects)
         table = config_of(plan.configs, AssemblyConfig).bias_table
         return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
 

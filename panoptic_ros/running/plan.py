@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from panoptic_ros.domain import Rig, SkeletonModel
@@ -31,6 +32,7 @@ class Plan:
         live: devices, in place of recordings.
         namespace: of the graph's nodes and topics.
         publish: what `nodes.people_node` makes of skeletons for other packages.
+        subjects: files of the designated people.
         notices: one line each about what was adapted.
     """
 
@@ -53,6 +55,7 @@ class Plan:
     live: bool = False
     namespace: str = ""
     publish: tuple[str, ...] = ()
+    subjects: tuple[Path, ...] = ()
     notices: tuple[str, ...] = ()
 
     @property

@@ -13,6 +13,7 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.graph.build import configure
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import config_of, named_words
+from panoptic_ros.running.designated import subject_files
 from panoptic_ros.running.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.overlap import check_overlap
 from panoptic_ros.running.parameters import live_parameters, with_defaults
@@ -50,6 +51,7 @@ def plan_capture(
         UserError: on whatever the user can mend, before anything has started.
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
+    options = replace(options, subjects=subject_files(folder, options.subjects))
     given = None if rig is None else read_rig(rig)
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
         source = {"kind": "folder", "path": str(folder), **own}

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from panoptic_ros.identity.subjects import subjects_of
 from panoptic_ros.params import Config, param
 
 
@@ -39,6 +40,12 @@ class TrackingConfig(Config):
         0.08, ge=0.005, le=10.0,
         doc="Relative difference of bone lengths (median) that speaks against a return.",
     )
+    subjects: tuple[str, ...] = param(
+        (), doc='Designated people, as "ID" or, where the pelvis is when people are first seen, "ID=X Y Z" '
+        "in metres. All others are bystanders. The topic /subjects says it anew.",
+        when="visitors or staff are in sight; `panoptic run --subject FILE` gives it.",
+    )  # fmt: skip
+    bystanders: bool = param(False, doc="Report bystanders too, under other ids.")
     confirm_views: float = param(
         2.0, ge=1.0, le=1000.0,
         doc="Mean number of views per joint from which a new skeleton gets an identity at once.",
@@ -49,3 +56,7 @@ class TrackingConfig(Config):
     confirm_frames: int = param(
         5, ge=1, le=1000, doc="Otherwise it must be seen so many times without a long gap."
     )
+
+    def __post_init__(self) -> None:
+        Config.__post_init__(self)
+        subjects_of(self.subjects, "TrackingConfig.subjects")

@@ -4,10 +4,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from panoptic_ros.domain import PoseSet, TrackedPoseSet, TrackSet
+from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet
 from panoptic_ros.errors import DataError
+from panoptic_ros.identity.assignment import best_pairs
+from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -15,7 +16,6 @@ from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances, return_costs
 
 Array = np.ndarray
-FORBIDDEN = 1e6  # cost of pairs outside of the gates
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
 
 
@@ -23,7 +23,7 @@ class TrackingStage(Stateful):
     """Identities for the skeletons of a `PoseSet`; what is known of everybody goes back to association."""
 
     LAYOUT = StateLayout(
-        "tracking", ("_tracks", "_next", "_last_ns"), (Tracks,),
+        "tracking", ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns"), (Tracks, SubjectSet),
         same={"configuration": "_config", "skeleton": "_hash"},
     )  # fmt: skip
 
@@ -41,18 +41,25 @@ class TrackingStage(Stateful):
         self._tracks = self._new(0)
         self._next = 0
         self._last_ns: int | None = None
+        self._begun_ns: int | None = None
+        self._say_subjects(subjects_of(self._config.subjects))
 
     def flush(self) -> StepResult[TrackedPoseSet | TrackSet]:
         """Nothing is buffered."""
         self.reset()
         return StepResult()
 
-    def step(self, item: PoseSet) -> StepResult[TrackedPoseSet | TrackSet]:
+    def step(self, item: PoseSet | SubjectSet) -> StepResult[TrackedPoseSet | TrackSet]:
         """The skeletons that have an identity, and all tracks; sets from the past are dropped with a notice.
+
+        A `SubjectSet` says anew who is designated.
 
         Raises:
             DataError: if the poses are of another skeleton.
         """
+        if isinstance(item, SubjectSet):
+            self._say_subjects(item)
+            return StepResult()
         if item.skeleton_hash != self._hash:
             raise DataError(
                 f"poses of skeleton {item.skeleton_hash}, but tracking works on "
@@ -70,10 +77,10 @@ class TrackingStage(Stateful):
         shown = _as_images_show(item)
         owners = self._with_new(shown, self._assign(shown))
         self._tracks.update(owners, shown, self._bones, self._skeleton.head)
-        notices = self._confirm(shown, owners)
+        notices = self._confirm(shown, owners) + self._find_subjects(item.stamp_ns)
         ids = np.where(owners >= 0, self._tracks.ids[owners], -1) if len(owners) else owners
         self._tracks.exchange_sides(self._limbs)
-        rows = np.flatnonzero(ids >= 0)
+        rows = np.flatnonzero((ids >= 0) & self._is_reported(ids))
         rows = rows[np.argsort(ids[rows])]
         return StepResult((_tracked(item, rows, ids[rows]), self._tracks.record(item)), notices)
 
@@ -91,6 +98,7 @@ class TrackingStage(Stateful):
         tracks, config = self._tracks, self._config
         tracks.predict(dt, blind=BLIND_S[0] < dt <= BLIND_S[1])
         kept = tracks.missed <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
+        kept |= np.isin(tracks.ids, self._subjects.ids)  # for them there is no end
         if not kept.all():
             self._tracks = tracks.rows(kept)
 
@@ -100,11 +108,11 @@ class TrackingStage(Stateful):
         owners, everybody = np.full(len(item.positions), -1), np.arange(len(tracks.ids))
         if config.method == "head":
             distance = head_distances(tracks.heads, item.positions, self._skeleton.head)
-            _match(owners, everybody, np.where(distance <= config.max_distance, distance, np.inf))
+            _take(owners, everybody, np.where(distance <= config.max_distance, distance, np.inf))
             return owners
         states = np.where((tracks.ages <= config.joint_memory)[..., None], tracks.states, np.nan)
         distance, cost = joint_distances(states, tracks.variances, item.positions, item.covariances)
-        _match(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
+        _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
         waiting = np.setdiff1d(np.flatnonzero(tracks.ids >= 0), owners)
         open_rows = np.flatnonzero(owners < 0)
         if len(waiting) and len(open_rows):  # somebody may have come back
@@ -114,7 +122,7 @@ class TrackingStage(Stateful):
             allowed = (distance <= reach) & (difference <= config.bone_tolerance)
             score = distance / np.maximum(reach, 1e-9) + difference / config.bone_tolerance
             back = np.full(len(open_rows), -1)
-            _match(back, waiting, np.where(allowed, score, np.inf))
+            _take(back, waiting, np.where(allowed, score, np.inf))
             owners[open_rows] = back
         return owners
 
@@ -133,11 +141,55 @@ class TrackingStage(Stateful):
             if self._tracks.ids[t] < 0 and (
                 self._tracks.hits[t] >= self._config.confirm_frames or self._convinces(item, k)
             ):
-                self._tracks.ids[t], self._next = self._next, self._next + 1
-                number = int(self._tracks.ids[t])
+                number = self._tracks.ids[t] = self._new_id()
                 notices.append(
                     Notice("tracking.appeared", "info", f"person {number} appeared", {"id": number})
                 )
+        return tuple(notices)
+
+    def _new_id(self) -> int:
+        """A number that nobody has had, and that is no subject's."""
+        while self._next in self._subjects.ids:
+            self._next += 1
+        self._next += 1
+        return self._next - 1
+
+    def _say_subjects(self, subjects: SubjectSet) -> None:
+        self._subjects, self._begun_ns = subjects, None
+
+    def _is_reported(self, ids: Array) -> Array:
+        """Which of these people (P,) are no bystanders."""
+        if self._config.bystanders or not len(self._subjects.ids):
+            return np.ones(len(ids), bool)
+        return np.isin(ids, self._subjects.ids)
+
+    def _find_subjects(self, stamp_ns: int) -> tuple[Notice, ...]:
+        """Give the ids of subjects to the people who are meant."""
+        subjects, tracks, notices = self._subjects, self._tracks, []
+        if not len(subjects.ids):
+            return ()
+        found: dict[int, int] = {}
+        for s in np.flatnonzero(np.isin(subjects.tracks, tracks.ids[tracks.ids >= 0])).tolist():
+            found |= {int(row): s for row in np.flatnonzero(tracks.ids == subjects.tracks[s])}
+        if found:  # that name is taken once
+            left = subjects.tracks.copy()
+            left[list(found.values())] = -1
+            self._subjects = replace(subjects, tracks=left)
+        missing = np.flatnonzero(~np.isin(subjects.ids, tracks.ids))
+        rows = np.flatnonzero((tracks.ids >= 0) & (tracks.unseen == 0.0) & ~np.isin(tracks.ids, subjects.ids))
+        if len(rows) and self._begun_ns is None:
+            self._begun_ns = stamp_ns
+        if len(missing) and len(rows):
+            seen = Seen(tracks.ids[rows], tracks.middles[rows], tracks.drifts[rows])
+            chosen = found_subjects(subjects, missing, seen, stamp_ns, self._begun_ns or stamp_ns)
+            found = {int(rows[row]): s for row, s in chosen.items()} | found
+        for row, s in found.items():
+            number, before = int(subjects.ids[s]), int(tracks.ids[row])
+            for other in np.flatnonzero(tracks.ids == number):
+                tracks.ids[other] = self._new_id()
+            tracks.ids[row] = number
+            text = f"subject {number} is the person who was {before}"
+            notices.append(Notice("tracking.designated", "info", text, {"id": number, "before": before}))
         return tuple(notices)
 
     def _convinces(self, item: PoseSet, k: int) -> bool:
@@ -161,13 +213,10 @@ class TrackingStage(Stateful):
             )
 
 
-def _match(owners: Array, rows: Array, cost: Array) -> None:
-    """Optimal assignment (Hungarian) over finite costs, which passed the gates; fills `owners` with rows."""
-    if not cost.size:
-        return
-    for i, k in zip(*linear_sum_assignment(np.where(np.isfinite(cost), cost, FORBIDDEN))):
-        if np.isfinite(cost[i, k]):
-            owners[k] = rows[i]
+def _take(owners: Array, rows: Array, cost: Array) -> None:
+    """Fill `owners` (P,) with those of the rows (N,) that the best pairs of a cost (N, P) give."""
+    for i, k in best_pairs(cost):
+        owners[k] = rows[i]
 
 
 def _as_images_show(item: PoseSet) -> PoseSet:

@@ -26,7 +26,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "domain": {"numpy"},
     **{name: {"numpy", "scipy", "cv2"} for name in STAGES},
     "solving": {"numpy"},
-    "identity": {"numpy"},
+    "identity": {"numpy", "scipy"},
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
     "capture": {"numpy", "cv2", "av"},

@@ -20,6 +20,7 @@ from panoptic_ros.domain import (
     EndOfStream,
     JointState,
     Rig,
+    SubjectSet,
     Timecode,
     TimecodeReading,
     TrackedPoseSet,
@@ -35,6 +36,7 @@ from panoptic_ros.stage import StageContext
 from panoptic_ros.timecode.signal.buffer import Buffer
 
 SECOND = 10**9
+OTHERS = SubjectSet(SECOND, [3, 7], [[np.nan] * 3, [0.0, 0.0, 1.0]], [-1, SECOND], [-1, 1])
 RNG = np.random.default_rng(5)
 VALUES: dict[str, dict[str, Any]] = {"voting": {"without_maps": True, "parts": True}}  # all that it can do
 MEMORY_TO_WORK_IN = {("voting", "_boxes")}  # is emptied, or holds what any stage would
@@ -311,6 +313,10 @@ def cases():
             for kind, values in ways.items()
         },
         **{name: Case(name, VALUES.get(name, {}), chain()[name], chain(7, 200)[name]) for name in FUSION},
+        "tracking-subjects": Case(
+            "tracking", {"subjects": ["7"]}, [*chain()["tracking"][:6], OTHERS, *chain()["tracking"][6:]],
+            chain(7, 200)["tracking"],
+        ),
         "refinement-lag": Case(
             "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
         ),
@@ -320,7 +326,7 @@ def cases():
 NAMES = (
     "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
-    *FUSION, "refinement-lag",
+    *FUSION, "tracking-subjects", "refinement-lag",
 )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import JointState, PoseSet, SkeletonModel
+from panoptic_ros.domain import JointState, PoseSet, SkeletonModel, SubjectSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import StageContext
 from panoptic_ros.tracking.config import TrackingConfig
@@ -175,3 +175,42 @@ def test_known_biases_are_in_the_result_and_not_in_what_is_followed():
     tracked, tracks = stage.step(replace(item, corrections=np.tile(moved, (1, len(shown), 1)))).outputs
     assert np.allclose(tracked.positions[0], shown + moved)
     assert np.allclose(tracks.states[0, :, :3], shown)
+
+
+def test_designated_people_keep_their_ids_and_bystanders_are_left_out():
+    """The subject leaves for longer than anybody is remembered; a bystander of another size passes by."""
+    passing = [body(2.0 - 0.05 * max(0, i - 40), size=0.8) for i in range(180)]
+    people = [[body(0.0), other] if not 30 <= i < 150 else [other] for i, other in enumerate(passing)]
+    outputs = run([poses(i, p) for i, p in enumerate(people)], subjects=["4=0.1 0 0.9"], memory=1.0)
+    assert all(output.ids.tolist() == [4] for output in outputs[:30] + outputs[150:])
+    assert all(len(output.ids) == 0 for output in outputs[30:150])
+    assert outputs[-1].positions[0, 0, 0] == 0.0
+
+
+def test_bystanders_are_reported_where_asked_for_under_other_ids():
+    sets = [poses(i, [body(0.0), body(2.0), body(4.0)]) for i in range(5)]
+    for output in run(sets, subjects=["1=4 0 0.9", "0=0 0 0.9"], bystanders=True):
+        found = dict(zip(output.ids.tolist(), output.positions[:, 0, 0]))
+        assert found[1] == 4.0 and found[0] == 0.0 and len(found) == 3
+
+
+def test_subjects_are_said_anew():
+    stage = TrackingStage(TrackingConfig(), StageContext(None, MODEL))
+    ids = []
+    said = {
+        3: SubjectSet(0, [2]),  # who has this id
+        6: SubjectSet(0, [2, 0], tracks=[1, 2]),  # who had 1 is 2 now, and who had 2 is 0
+        9: SubjectSet.of_nobody(),
+    }
+    for i in range(12):
+        if i in said:
+            assert stage.step(said[i]).outputs == ()
+        output = stage.step(poses(i, [body(2.0 * k) for k in range(3)])).outputs[0]
+        ids.append({round(x): number for x, number in zip(output.positions[:, 0, 0], output.ids.tolist())})
+    assert ids[2] == {0: 0, 2: 1, 4: 2} and ids[5] == {4: 2} and ids[8] == {2: 2, 4: 0}
+    assert ids[11][2] == 2 and ids[11][4] == 0 and ids[11][0] > 2
+
+
+def test_whoever_is_seen_first_is_the_subject_without_a_place():
+    sets = [poses(i, [body(0.0)] if i < 5 else [body(0.0), body(2.0)]) for i in range(10)]
+    assert [output.ids.tolist() for output in run(sets, subjects=["9"])] == [[9]] * 10

@@ -42,6 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         "mic=hw:1, or a WAV file that is played")  # fmt: skip
     parser.add_argument("--latency-ms", type=number(float, 0, 60_000), default=0.0, metavar="MS",
                         help="of the devices, from exposure to arrival")  # fmt: skip
+    parser.add_argument("--subject", action="append", default=[], type=Path, metavar="FILE",
+                        help="a designated person; may be given several times. All others are bystanders and "
+                        "left out. subject*.json of a capture folder count as given")  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--frame-rate", type=number(float, 0.01, 10_000), metavar="HZ",
                         help="in place of the files' own; of devices, 30 unless given")  # fmt: skip

@@ -25,7 +25,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
     options = RunOptions(
         read_parameters(args.config, args.settings, preset.parameters), args.model or "", args.skeleton,
         preset.skeleton or DEFAULT_SKELETON, args.occluders, args.offsets, args.offsets_from_sound,
-        args.apart,
+        args.apart, tuple(args.subject),
     )  # fmt: skip
     if args.bag:
         return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args))

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import AssociationSet, Evidence, Groups, Prediction, TrackSet
+from panoptic_ros.domain import AssociationSet, Evidence, Groups, Prediction, SubjectSet, TrackSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.detections import read_set, write_set
@@ -129,6 +129,32 @@ def read_tracks(message: Any) -> TrackSet:
         np.array(message.ids, np.int64), **arrays,
         unseen=np.array(shaped(message.unseen, "TrackSet.unseen", people), np.float64),
     )  # fmt: skip
+
+
+def write_subjects(item: SubjectSet, family: Messages, frame_id: str) -> Any:
+    """The message of who is designated."""
+    return family.make(
+        "SubjectSet",
+        header=family.header(item.stamp_ns, frame_id),
+        ids=flat(family, item.ids, np.int64),
+        places=flat(family, item.places, np.float64),
+        times=flat(family, item.times, np.int64),
+        tracks=flat(family, item.tracks, np.int64),
+    )
+
+
+def read_subjects(message: Any) -> SubjectSet:
+    """The record of a message that says who is designated; lists may be left out.
+
+    Raises:
+        DataError: if the arrays do not fit each other.
+    """
+    number, tails = len(message.ids), {"places": (3,), "times": (), "tracks": ()}
+    given = {
+        name: shaped(getattr(message, name), f"SubjectSet.{name}", number, *tail)
+        for name, tail in tails.items() if len(getattr(message, name))
+    }  # fmt: skip
+    return SubjectSet(stamp_of(message.header), np.array(message.ids, np.int64), **given)
 
 
 def _array(message: Any, field: str, dtype: Any, *shape: int) -> Array:

@@ -26,6 +26,7 @@ from panoptic_ros.domain import (
     Rig,
     ScoreMaps,
     SkeletonModel,
+    SubjectSet,
     Timecode,
     TimecodeReading,
     TimeShift,
@@ -138,7 +139,7 @@ SENSORS = (
 RECORDS = [
     Rig((STATED, FISHEYE), depth_sensors=SENSORS),
     view(), view(people=0), SET,
-    ASSOCIATION, TRACKS,
+    ASSOCIATION, TRACKS, SubjectSet(7, [3, 0], rng.normal(size=(2, 3)), [-1, 5], [-1, 4]),
     ProposalSet(
         ASSOCIATION, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]
     ),
@@ -272,3 +273,12 @@ def test_damaged_messages_are_refused_or_read_but_never_break_the_reader(record)
             from_message(message, type(record).__name__)
             read += 1
     assert read
+
+
+def test_subjects_may_be_ids_alone():
+    message = to_message(SubjectSet(7, [3, 0]), bag_messages())
+    message.places, message.times, message.tracks = (np.zeros(0),) * 3
+    assert same(from_message(message, "SubjectSet"), SubjectSet(7, [3, 0]))
+    message.tracks = np.zeros(3, np.int64)
+    with pytest.raises(DataError, match=r"SubjectSet.tracks has 3 values, expected 2"):
+        from_message(message, "SubjectSet")
