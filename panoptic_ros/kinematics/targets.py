@@ -124,3 +124,52 @@ def no_prior(segments: int) -> PosePrior:
     far = np.full(n, 10.0)
     nothing = np.zeros((n, n))
     return PosePrior(np.zeros(n), nothing, nothing, -far, far, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Accelerations(NamedTuple):
+    """Accelerations of sites at the instant before the last, world, gravity taken off (eq. 12).
+
+    segments (N,), offsets (N, 3) m, values (N, 3) m/s^2, weights (N,) 1/(m/s^2)^2, scale of Cauchy's loss.
+    relative: a part that all sites share is not known or not trusted.
+    """
+
+    segments: Array
+    offsets: Array
+    values: Array
+    weights: Array
+    scale: float
+    relative: bool = False
+
+
+class Turning(NamedTuple):
+    """How segments turned between the last two instants, in the world: segments (N,), changes (N, 3, 3),
+    weights (N,) 1/rad^2. A constant error of the mounting is not in it."""
+
+    segments: Array
+    changes: Array
+    weights: Array
+
+
+class Standing(NamedTuple):
+    """Sites that stand still between the last two instants: segments (N,), offsets (N, 3) m, weights
+    (N,) 1/m^2."""
+
+    segments: Array
+    offsets: Array
+    weights: Array
+
+
+NO_ACCELERATIONS = Accelerations(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), 0.0)
+NOTHING_TURNS = Turning(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0))
+NOTHING_STANDS = Standing(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros(0))
+
+
+class Between(NamedTuple):
+    """What was measured between instants."""
+
+    accelerations: Accelerations = NO_ACCELERATIONS
+    turning: Turning = NOTHING_TURNS
+    standing: Standing = NOTHING_STANDS
+
+
+NOTHING_BETWEEN = Between()

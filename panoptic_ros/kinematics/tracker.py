@@ -17,17 +17,19 @@ from panoptic_ros.kinematics.evidence import Weighing, nearest_person
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.start import first_pose
-from panoptic_ros.kinematics.targets import NO_TURNS, Evidence, PointTargets, no_anchor
-from panoptic_ros.kinematics.window import (
+from panoptic_ros.kinematics.targets import (
     NO_ACCELERATIONS,
+    NO_TURNS,
     NOTHING_STANDS,
     Accelerations,
     Between,
-    Motion,
-    PoseWindow,
+    Evidence,
+    PointTargets,
     Standing,
     Turning,
+    no_anchor,
 )
+from panoptic_ros.kinematics.window import Motion, PoseWindow
 
 Array = np.ndarray
 GRAVITY = np.array([0.0, 0.0, 9.81])

@@ -10,11 +10,13 @@ from panoptic_ros.kinematics.targets import (
     NO_FLOOR,
     NO_TURNS,
     NO_VIEWS,
+    Accelerations,
+    Between,
     Evidence,
     PointTargets,
     no_prior,
 )
-from panoptic_ros.kinematics.window import Accelerations, Between, Motion, PoseWindow
+from panoptic_ros.kinematics.window import Motion, PoseWindow
 
 PERIOD = 1.0 / 60.0
 WORN = np.array([MODEL.index(n) for n in ("hips", "spine4", "lForearm", "rShin")])
@@ -57,7 +59,7 @@ def run(poses, lag, noise=0.02, weight=0.05, accelerations=True, sd=1.0, error=0
             given = {"between": Between(Accelerations(WORN, OFFSETS, values, np.full(4, sd**-2), 9.0))}
         window.step(window.predicted(), points(poses[t], noise, rng, weight), **given)
         if t >= lag:
-            found.append((t - lag, window.smoothed()[-1]))
+            found.append((t - lag, window.smoothed()[lag]))
     return found
 
 
