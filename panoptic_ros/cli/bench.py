@@ -10,6 +10,7 @@ from panoptic_ros.bench import BENCHES
 from panoptic_ros.running import (
     detection_bench,
     graph_bench,
+    kinematics_bench,
     network_bench,
     recording_bench,
     soak_bench,
@@ -18,8 +19,8 @@ from panoptic_ros.running import (
 from panoptic_ros.view.progress import PassBar
 
 BENCHES_OF_RUNS = {  # of more than a stage
-    "detection": detection_bench, "graph": graph_bench, "recording": recording_bench, "view": view_bench,
-    "soak": soak_bench, "network": network_bench,
+    "detection": detection_bench, "graph": graph_bench, "kinematics": kinematics_bench,
+    "recording": recording_bench, "view": view_bench, "soak": soak_bench, "network": network_bench,
 }  # fmt: skip
 TITLES = {**BENCHES, **{name: bench.ABOUT for name, bench in BENCHES_OF_RUNS.items()}}
 

@@ -23,21 +23,27 @@ def segment_covariances(chain: Chain, pose: Pose, information: Array) -> Array:
         ContractError: if it is not positive.
     """
     full = np.array(information, order="F")
-    full[np.diag_indices(len(full))] += RIDGE
+    full.ravel(order="K")[:: len(full) + 1] += RIDGE
     factor, failed = lapack.dpotrf(full, lower=1, overwrite_a=1)
     if failed:
         raise ContractError(f"the information of a pose is not positive (row {failed})")
     inverse, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
-    inverse = np.tril(inverse) + np.tril(inverse, -1).T
     found = np.empty((len(chain.parents), 6, 6))
-    _carry(chain, pose, np.ascontiguousarray(inverse), found)
+    _carry(chain, pose, inverse.T, found)
     return found
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _carry(chain: Chain, pose: Pose, covariance: Array, found: Array) -> None:
-    """From the root outwards: a segment moves as its parent does, and turns about its own joint."""
+    """From the root outwards: a segment moves as its parent does, and turns about its own joint.
+
+    Args:
+        covariance: (D, D), of which the upper half is there; the other is filled in.
+    """
     count, size = len(chain.parents), len(covariance)
+    for i in range(size):
+        for j in range(i):
+            covariance[i, j] = covariance[j, i]
     frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
     place_segments(chain, pose, frames, places)
     cross = np.empty((count, 6, size))  # place and rotation of each segment against all degrees of freedom

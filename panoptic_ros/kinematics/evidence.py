@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.domain.subjects import Subject, ViewPeople
+from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics, PriorCosts
+from panoptic_ros.kinematics.sight import seen_joints
 from panoptic_ros.kinematics.targets import (
     NO_POINTS,
     NO_TURNS,
@@ -82,22 +83,20 @@ class Weighing:
         """
         if not people:
             return NO_VIEWS
-        rows = []
-        for camera, (points, scores) in sorted(people.items()):
-            mine, score = points[self._columns], scores[self._columns]
-            seen = np.flatnonzero((score > 0.0) & np.isfinite(mine).all(-1))
-            depth = max(float(self.rotations[camera, 2] @ root + self.translations[camera, 2]), 0.3)
-            if self._config.paper_weights:
-                weight = PAPER["position"] * self._paper_focal[camera] ** 2 * score
-            else:
-                weight = (depth / self._config.joint_sd) ** 2 * score**self._config.score_power
-            rows.append((seen, np.full(len(seen), camera, np.int64), mine[seen], weight[seen]))
-        sites = np.concatenate([row[0] for row in rows])
-        scale = 1.0 if self._config.paper_weights else self._config.joint_scale**2
+        cameras = np.array(sorted(people), np.int64)
+        depth = self.rotations[cameras, 2] @ root + self.translations[cameras, 2]
+        config = self._config
+        if config.paper_weights:
+            factors, power = PAPER["position"] * self._paper_focal[cameras] ** 2, 1.0
+        else:
+            factors, power = (np.maximum(depth, 0.3) / config.joint_sd) ** 2, config.score_power
+        points = np.array([people[camera][0] for camera in cameras.tolist()])
+        scores = np.array([people[camera][1] for camera in cameras.tolist()])
+        sites, views, seen, weights = seen_joints(points, scores, self._columns, factors, power)
+        scale = 1.0 if config.paper_weights else config.joint_scale**2
         return ViewTargets(
-            self._segments[sites], self._offsets[sites], np.concatenate([row[1] for row in rows]),
-            np.ascontiguousarray(np.concatenate([row[2] for row in rows])),
-            np.concatenate([row[3] for row in rows]), scale, self.rotations, self.translations,
+            self._segments[sites], self._offsets[sites], cameras[views], seen, weights, scale, self.rotations,
+            self.translations,
         )  # fmt: skip
 
     def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:
@@ -112,20 +111,3 @@ class Weighing:
     def evidence(self, views: ViewTargets, turns: TurnTargets, weight: float = 1.0) -> Evidence:
         """All of an instant."""
         return Evidence(views, NO_POINTS, turns, self.floor, self.prior, weight)
-
-
-def nearest_person(people: ViewPeople, expected: Array, depth: float, columns: Array) -> tuple[int, float]:
-    """Index of the 2D person nearest to where the joints are expected, and how far off it is, m.
-
-    Args:
-        expected: (N, 2) on the plane, of the joints in `columns` (N,). depth: m.
-    """
-    best, least = -1, math.inf
-    for k in range(len(people.points)):
-        apart = np.linalg.norm(people.points[k, columns] - expected, axis=-1)
-        apart = apart[np.isfinite(apart)]
-        if len(apart) >= 3:
-            far = float(np.median(apart)) * depth
-            if far < least:
-                best, least = k, far
-    return best, least

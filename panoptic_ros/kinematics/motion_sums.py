@@ -113,3 +113,27 @@ def first_differences(
             information[j, j] = weight
         add_point(matrices[s], vectors[s], arm, information, moved)
     gather(chain, frames, places, matrices, vectors, matrix, vector)
+
+
+@_jit
+def add_motion(
+    information: Array, second: tuple[Array, Array], first: tuple[Array, Array], rest: Array
+) -> None:
+    """What the last pose, the new one and 1 have with one another when the pose before is eliminated.
+
+    Args:
+        information: (2 D, 2 D) of the pose before and the last one.
+        second, first: matrix (D, D) and vector (D,) of second and first differences.
+        rest: (2 D + 1, 2 D + 1), what is eliminated; the result, but for the block below the diagonal.
+    """
+    bend, slope = second
+    turn, pull = first
+    n = len(slope)
+    for i in range(n):
+        for j in range(n):
+            k, t = bend[i, j], turn[i, j]
+            rest[i, j] = information[n + i, n + j] + 4.0 * k + t - rest[i, j]
+            rest[i, n + j] = -2.0 * k - t - rest[i, n + j]
+            rest[n + i, n + j] = k + t - rest[n + i, n + j]
+        rest[i, 2 * n] = -2.0 * slope[i] - pull[i] - rest[i, 2 * n]
+        rest[n + i, 2 * n] = slope[i] + pull[i] - rest[n + i, 2 * n]

@@ -10,11 +10,12 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
-from panoptic_ros.geometry.rotations import rotations_of, vectors_of
+from panoptic_ros.geometry.rotations import turn_about_z, vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.covariance import segment_covariances
-from panoptic_ros.kinematics.evidence import Weighing, nearest_person
+from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.mounting import MountingEstimate
+from panoptic_ros.kinematics.sight import distances
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.start import first_pose
 from panoptic_ros.kinematics.targets import (
@@ -61,7 +62,7 @@ class SubjectTracker:
         self._mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
         self._segments = np.array([d.segment for d in self._devices], np.int64)
         self._positions = np.array([d.position for d in self._devices]).reshape(-1, 3)
-        self._turn = rotations_of(np.array([[0.0, 0.0, heading]]))[0]
+        self._turn = turn_about_z(heading)
         spread = math.radians(config.heading_sd)
         self.mounting = MountingEstimate(config, self._chain, self._segments, spread)
         self._window: PoseWindow | None = None
@@ -202,27 +203,26 @@ class SubjectTracker:
 
     def _orientations(self, instant: Instant) -> tuple[Array, Array]:
         """Devices (M,) that tell an orientation, and of their segments (M, 3, 3), uncorrected."""
-        which, goals = [], []
-        for k, device in enumerate(self._devices):
-            reading = instant.readings.get(device.name)
-            if reading is not None and np.isfinite(reading.orientation).all():
-                which.append(k)
-                goals.append(self._turn @ reading.orientation @ self._mounts[k].T)
-        return np.array(which, np.int64), np.array(goals).reshape(-1, 3, 3)
+        worn = [(k, instant.readings[name].orientation) for k, name in self._there(instant)]
+        which = np.array([k for k, turned in worn if np.isfinite(turned[0, 0])], np.int64)
+        turned = np.array([turned for _, turned in worn if np.isfinite(turned[0, 0])]).reshape(-1, 3, 3)
+        return which, self._turn @ turned @ self._mounts[which].swapaxes(1, 2)
 
     def _world_forces(self, instant: Instant) -> dict[int, Array]:
         """Acceleration (3,) m/s^2 in the world by device, gravity taken off (eq. 12)."""
-        found = {}
-        turn = rotations_of(np.array([[0.0, 0.0, self.mounting.heading]]))[0] @ self._turn
-        for k, device in enumerate(self._devices):
-            reading = instant.readings.get(device.name)
-            if (
-                reading is not None
-                and np.isfinite(reading.orientation).all()
-                and np.isfinite(reading.force).all()
-            ):
-                found[k] = turn @ reading.orientation @ reading.force - GRAVITY
-        return found
+        worn = [(k, instant.readings[name]) for k, name in self._there(instant)]
+        if not worn:
+            return {}
+        turn = turn_about_z(self.mounting.heading) @ self._turn
+        turned = np.array([reading.orientation for _, reading in worn])
+        forces = np.array([reading.force for _, reading in worn])
+        values = (turn @ turned @ forces[..., None])[..., 0] - GRAVITY
+        told = np.isfinite(values).all(-1)
+        return {k: values[n] for n, (k, _) in enumerate(worn) if told[n]}
+
+    def _there(self, instant: Instant) -> list[tuple[int, str]]:
+        """Number and name of the devices that tell something."""
+        return [(k, d.name) for k, d in enumerate(self._devices) if d.name in instant.readings]
 
     def _accelerations(self) -> Accelerations:
         if len(self._stamps) < 2 or not self._measured:
@@ -292,22 +292,14 @@ def assign_people(
     """2D people of the views for each tracker that has started: nearest first, nobody twice, none beyond the
     gate, m."""
     found: list[dict[int, tuple[Array, Array]]] = [{} for _ in trackers]
+    expected = [tracker.expected_sites() for tracker in trackers]
     for camera, people in sorted(instant.views.items()):
         claims = []
-        for k, tracker in enumerate(trackers):
-            sites = tracker.expected_sites()
-            if sites is None:
-                continue
-            columns, places = sites
-            local = places @ rotations[camera].T + translations[camera]
-            if (local[:, 2] < 0.1).any():
-                continue
-            plane, depth = local[:, :2] / local[:, 2:], float(np.median(local[:, 2]))
-            for p in range(len(people.points)):
-                one = people._replace(points=people.points[p : p + 1], scores=people.scores[p : p + 1])
-                _, far = nearest_person(one, plane, depth, columns)
-                if far < gate:
-                    claims.append((far, k, p))
+        for k, sites in enumerate(expected):
+            if sites is not None and len(people.points):
+                columns, places = sites
+                far = distances(people.points, columns, places, rotations[camera], translations[camera])
+                claims += [(apart, k, p) for p, apart in enumerate(far.tolist()) if apart < gate]
         taken_trackers, taken_people = set(), set()
         for _, k, p in sorted(claims):
             if k not in taken_trackers and p not in taken_people:

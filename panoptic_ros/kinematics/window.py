@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.chain import Chain, Pose, step_between, step_pose
-from panoptic_ros.kinematics.motion_sums import add_second_differences, first_differences
+from panoptic_ros.kinematics.motion_sums import add_motion, add_second_differences, first_differences
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import NOTHING_BETWEEN, Anchor, Between, Evidence
 
@@ -66,6 +66,7 @@ class PoseWindow:
         self._size = 3 + 3 * len(chain.parents)
         self._weights = motion.weights(self._size)
         self._poses = [start.copy(), start.copy()]
+        self._next: Pose | None = None  # what is predicted, once somebody asked
         slow = np.diag(np.full(self._size, 1.0))
         still = np.diag(np.r_[np.full(3, 1.0), np.full(self._size - 3, 0.5)] / (1.0 * motion.period) ** 2)
         self._information = np.block([[slow + still, -still], [-still, slow + still]])
@@ -80,12 +81,13 @@ class PoseWindow:
 
     def predicted(self) -> Pose:
         """The next pose at constant velocity."""
-        step = np.empty(self._size)
-        step_between(self._poses[0], self._poses[1], step)
-        np.clip(step, -LONGEST_STEP, LONGEST_STEP, out=step)
-        pose = self._poses[1].copy()
-        step_pose(self._poses[1], step, pose)
-        return pose
+        if self._next is None:
+            step = np.empty(self._size)
+            step_between(self._poses[0], self._poses[1], step)
+            np.clip(step, -LONGEST_STEP, LONGEST_STEP, out=step)
+            self._next = self._poses[1].copy()
+            step_pose(self._poses[1], step, self._next)
+        return self._next.copy()
 
     def step(
         self,
@@ -111,12 +113,8 @@ class PoseWindow:
             _Eliminated(self._poses[0].copy(), self._poses[1].copy(), guess.copy(), first, rows)
         )
         solved = _forward(first, rows)
-        rest = -(solved.T @ solved)
-        rest[:n, :n] += self._information[n:, n:] + 4.0 * bend + turn
-        rest[:n, n:-1] -= 2.0 * bend + turn
-        rest[n:-1, n:-1] += bend + turn
-        rest[:n, -1] -= 2.0 * slope + pull
-        rest[n:-1, -1] += slope + pull
+        rest = solved.T @ solved
+        add_motion(self._information, (bend, slope), (turn, pull), rest)
         # the last one against the new one
         second = _factor(rest[:n, :n])
         against = np.array(rest[:n, n:], order="F")
@@ -136,7 +134,7 @@ class PoseWindow:
         full[n:, n:] = rest[n:-1, n:-1] + hessian - anchor.information
         self._information = full
         self._own.append(hessian)
-        self._poses = [middle, pose]
+        self._poses, self._next = [middle, pose], None
         return pose
 
     def information(self, back: int) -> Array:
