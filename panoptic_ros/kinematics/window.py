@@ -182,6 +182,7 @@ def _factor(matrix: Array) -> Array:
     Raises:
         ContractError: if there is none.
     """
+    factor: Array
     factor, failed = lapack.dpotrf(matrix, lower=1)
     if failed:
         raise ContractError(f"the window has no information on degree of freedom {failed}")
@@ -190,6 +191,7 @@ def _factor(matrix: Array) -> Array:
 
 def _forward(factor: Array, rows: Array) -> Array:
     """factor^-1 rows."""
+    found: Array
     found, _ = lapack.dtrtrs(factor, rows, lower=1)
     return found
 

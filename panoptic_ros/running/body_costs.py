@@ -51,7 +51,7 @@ def body_costs(
 class _Asked(SubjectTracker):
     """Keeps what is solved, and from which pose."""
 
-    def __init__(self, *args: Any):
+    def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.asked: list[tuple[Pose, Evidence]] = []
 
