@@ -7,20 +7,12 @@ import json
 from types import ModuleType
 
 from panoptic_ros.bench import BENCHES
-from panoptic_ros.running import (
-    detection_bench,
-    graph_bench,
-    kinematics_bench,
-    network_bench,
-    recording_bench,
-    soak_bench,
-    view_bench,
-)
+from panoptic_ros.running.benches import detection, graph, kinematics, network, recording, soak, view
 from panoptic_ros.view.progress import PassBar
 
 BENCHES_OF_RUNS = {  # of more than a stage
-    "detection": detection_bench, "graph": graph_bench, "kinematics": kinematics_bench,
-    "recording": recording_bench, "view": view_bench, "soak": soak_bench, "network": network_bench,
+    "detection": detection, "graph": graph, "kinematics": kinematics, "recording": recording,
+    "view": view, "soak": soak, "network": network,
 }  # fmt: skip
 TITLES = {**BENCHES, **{name: bench.ABOUT for name, bench in BENCHES_OF_RUNS.items()}}
 

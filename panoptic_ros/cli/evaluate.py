@@ -7,7 +7,7 @@ from pathlib import Path
 
 from panoptic_ros.cli.evaluate_study import add_study_arguments, run_study
 from panoptic_ros.errors import UsageError, UserError
-from panoptic_ros.running.evaluate import PROTOCOLS, evaluate, read_limits
+from panoptic_ros.running.studies.evaluate import PROTOCOLS, evaluate, read_limits
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 from panoptic_ros.bench.studies.takes import Takes
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_json
-from panoptic_ros.running import studies
-from panoptic_ros.running.parameters import read_parameters
-from panoptic_ros.running.presets import read_preset
+from panoptic_ros.running.plans.parameters import read_parameters
+from panoptic_ros.running.plans.presets import read_preset
+from panoptic_ros.running.studies import rigs as studies
 from panoptic_ros.view.progress import PassBar
 from panoptic_ros.view.study_table import study_table, time_table
 
@@ -79,8 +79,12 @@ def run_study(args: argparse.Namespace) -> int:
 
 
 def _run_bodies(args: argparse.Namespace) -> int:
-    from panoptic_ros.running.body_study import CAMERAS, study_bodies, study_lines  # numba is slow to load
-    from panoptic_ros.running.simulated_bodies import BODY_SCENES
+    from panoptic_ros.running.simulations.bodies import BODY_SCENES
+    from panoptic_ros.running.studies.bodies import (  # numba is slow to load
+        CAMERAS,
+        study_bodies,
+        study_lines,
+    )
 
     cameras = [int(word) for word in args.cameras.split(",")] if args.cameras else CAMERAS
     with PassBar(args.study) as bar:

@@ -36,8 +36,8 @@ def run(args: argparse.Namespace) -> int:
     if args.start or args.stop:
         return _ask(args.start)
     # only now: --help must be quick
-    from panoptic_ros.running.record import RecordOptions, record, stand_by
-    from panoptic_ros.running.record_selection import Selection
+    from panoptic_ros.running.recordings.record import RecordOptions, record, stand_by
+    from panoptic_ros.running.recordings.selection import Selection
 
     options = RecordOptions(
         Selection(args.topic, not args.no_images), args.duration, args.budget, args.keep_free, args.rig
@@ -56,7 +56,7 @@ def _tell(line: str) -> None:
 
 def _ask(start: bool) -> int:
     """Exit code 2 if a host did not do it."""
-    from panoptic_ros.running.recording_control import ask_all
+    from panoptic_ros.running.recordings.control import ask_all
 
     answers = ask_all(start)
     for host, _, text in answers:

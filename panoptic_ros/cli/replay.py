@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay to the end."""
-    from panoptic_ros.running.replay import ReplayOptions, replay  # only now: --help must be quick
+    from panoptic_ros.running.recordings.replay import ReplayOptions, replay  # only now: --help must be quick
 
     options = ReplayOptions(
         args.rate, args.begin, args.topic, args.start, args.duration, args.clock, args.namespace,

@@ -38,7 +38,7 @@ def _read(args: argparse.Namespace, path: Path) -> Rig:
         panels = [int(word) for word in _words(args.panels)]
     except ValueError:
         raise UsageError(f"--panels {args.panels!r} is no list of whole numbers") from None
-    from panoptic_ros.running.rig_files import read_rig_at  # only now: --help must be quick
+    from panoptic_ros.running.plans.rig_files import read_rig_at  # only now: --help must be quick
 
     return read_rig_at(path, unit=args.unit, types=_words(args.types), panels=panels)
 
@@ -58,7 +58,7 @@ def _convert(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> int:
     """Exit code 2 if there is a warning: the user can mend it."""
-    from panoptic_ros.running.rig_files import check_views
+    from panoptic_ros.running.plans.rig_files import check_views
     from panoptic_ros.view.rig_table import rig_document, rig_table
 
     rig = _read(args, args.rig)

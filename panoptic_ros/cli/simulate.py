@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.running.simulate import scene_lines, write_take
-from panoptic_ros.running.simulated_bodies import BODY_SCENES, write_body_take
+from panoptic_ros.running.simulations.bodies import BODY_SCENES, write_body_take
+from panoptic_ros.running.simulations.takes import scene_lines, write_take
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

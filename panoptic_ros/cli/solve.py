@@ -39,8 +39,8 @@ def run(args: argparse.Namespace) -> int:
     """Solve a file."""
     from panoptic_ros.io.plain_formats import write_skeletons  # only now: --help must be quick
     from panoptic_ros.io.recorded_people import AUTO
-    from panoptic_ros.running.parameters import read_parameters
-    from panoptic_ros.running.presets import read_preset
+    from panoptic_ros.running.plans.parameters import read_parameters
+    from panoptic_ros.running.plans.presets import read_preset
     from panoptic_ros.running.solve import read_task, solve
 
     preset = read_preset(args.preset)
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _corrected(task: SolveTask, args: argparse.Namespace) -> SolveTask:
     """The task with corrected stamps, if that is asked for; prints what was done."""
-    from panoptic_ros.running.clock_correction import Correction, corrected
+    from panoptic_ros.running.sound.correction import Correction, corrected
 
     correction = Correction(
         args.offsets, args.offsets_from_motion, args.offsets_from_sound, args.apart,

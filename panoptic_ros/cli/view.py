@@ -43,11 +43,11 @@ def run(args: argparse.Namespace) -> int:
             webbrowser.open(address)
 
     if args.live:
-        from panoptic_ros.running.view_live import view_live  # needs ROS
+        from panoptic_ros.running.viewer.live import view_live  # needs ROS
 
         view_live(args.host, args.port, ready, args.namespace.strip("/"))
         return 0
-    from panoptic_ros.running.view import open_recorded, view_recorded
+    from panoptic_ros.running.viewer.recordings import open_recorded, view_recorded
 
     view_recorded(open_recorded(args.path, args.rig, args.skeleton, args.truth), args.host, args.port, ready)
     return 0

@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compile what is missing."""
     from panoptic_ros.errors import UsageError
-    from panoptic_ros.running.warm_up import is_warm, warm_up  # numba is slow to load
+    from panoptic_ros.running.compiling.warm_up import is_warm, warm_up  # numba is slow to load
 
     if args.processes is not None and args.processes < 1:
         raise UsageError(f"--processes {args.processes}: at least 1")

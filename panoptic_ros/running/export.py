@@ -7,7 +7,7 @@ from pathlib import Path
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_bytes
-from panoptic_ros.running.view import open_recorded
+from panoptic_ros.running.viewer.recordings import open_recorded
 from panoptic_ros.stage import Progress, untold
 from panoptic_ros.view.page.recorded import RecordedScene
 

@@ -17,7 +17,7 @@ from panoptic_ros.io.detector_context import bias_extras
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import Config, config_of
-from panoptic_ros.running.parameters import with_occluders
+from panoptic_ros.running.plans.parameters import with_occluders
 from panoptic_ros.stage import Notice, StageContext
 
 

@@ -41,7 +41,7 @@ def test_every_room_has_a_rank_and_every_rank_a_room():
         ("panoptic_ros.graph.x", "from panoptic_ros.io.bags import BagReader"),
         ("panoptic_ros.io.x", "from panoptic_ros.capture import open_files"),
         ("panoptic_ros.view.x", "from panoptic_ros.nodes import main"),
-        ("panoptic_ros.nodes.x", "from panoptic_ros.running.processes import Processes"),
+        ("panoptic_ros.nodes.x", "from panoptic_ros.running.processes.children import Processes"),
         ("panoptic_ros.running.x", "from panoptic_ros.cli.options import number"),
         ("panoptic_ros.running.x", "from panoptic_ros.nodes.collector_node import CollectorNode"),
         ("panoptic_ros.running.x", "import rclpy"),
@@ -80,7 +80,7 @@ def test_planted_violation_is_caught(module, source):
         ("panoptic_ros.voting.x", "import numpy as np\nnp.random.default_rng(3).normal()"),
         ("panoptic_ros.capture.x", "from panoptic_ros.io.rigs import read_rig"),
         ("panoptic_ros.cli.x", "import time\nprint(time.time())"),
-        ("panoptic_ros.cli.x", "import panoptic_ros.running.run\n" * layers.LONGEST_VERB),
+        ("panoptic_ros.cli.x", "import panoptic_ros.running.runs.run\n" * layers.LONGEST_VERB),
     ],
 )
 def test_what_is_allowed_passes(module, source):

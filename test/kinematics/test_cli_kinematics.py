@@ -20,7 +20,7 @@ MODEL = read_body_model()
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
-    from panoptic_ros.running import simulated_bodies
+    from panoptic_ros.running.simulations import bodies as simulated_bodies
 
     folder = tmp_path_factory.mktemp("body") / "capture"
     scene = simulated_bodies.body_scene

@@ -9,7 +9,7 @@ from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.session import solve_recording
 from panoptic_ros.running.bodies import read_body_model, read_clips
-from panoptic_ros.running.body_study import prior_without, recording_of, score_capture
+from panoptic_ros.running.studies.bodies import prior_without, recording_of, score_capture
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
 
 MODEL, CLIPS = read_body_model(), read_clips()

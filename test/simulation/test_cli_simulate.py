@@ -108,7 +108,7 @@ def test_an_interrupted_simulation_leaves_nothing(tmp_path, monkeypatch, capsys)
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("panoptic_ros.running.simulate.write_detections", interrupt)
+    monkeypatch.setattr("panoptic_ros.running.simulations.takes.write_detections", interrupt)
     assert main(["simulate", "crossing", "--out", str(tmp_path / "out")]) == 2
     assert not list(tmp_path.iterdir())
 

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     check_usage(args, parser.parse_args(["--out", ""]))
     from panoptic_ros.cli.run.source import make_plan  # only now: --help must be quick
     from panoptic_ros.cli.run.watch import Watch
-    from panoptic_ros.running.run import run as run_plan
+    from panoptic_ros.running.runs.run import run as run_plan
 
     words = tuple(names(args.publish) or ())
     plan = replace(make_plan(args), publish=words, namespace=args.namespace)

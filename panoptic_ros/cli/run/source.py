@@ -6,13 +6,13 @@ from pathlib import Path
 
 from panoptic_ros.cli.options import names, pairs
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
-from panoptic_ros.running.bag_plan import plan_bags
-from panoptic_ros.running.bag_topics import BagChoice
-from panoptic_ros.running.options import RunOptions
-from panoptic_ros.running.parameters import read_parameters
-from panoptic_ros.running.plan import Plan
-from panoptic_ros.running.planning import plan_capture, plan_demo, plan_devices, plan_videos
-from panoptic_ros.running.presets import read_preset
+from panoptic_ros.running.plans.bag_plan import plan_bags
+from panoptic_ros.running.plans.bag_topics import BagChoice
+from panoptic_ros.running.plans.options import RunOptions
+from panoptic_ros.running.plans.parameters import read_parameters
+from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.plans.planning import plan_capture, plan_demo, plan_devices, plan_videos
+from panoptic_ros.running.plans.presets import read_preset
 
 
 def make_plan(args: argparse.Namespace) -> Plan:
@@ -30,7 +30,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
     if args.bag:
         return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args))
     if args.topics:
-        from panoptic_ros.running.driver_plan import plan_drivers  # needs ROS
+        from panoptic_ros.running.plans.driver_plan import plan_drivers  # needs ROS
 
         return plan_drivers(args.topics, args.rig, options, args.fixed_frame)
     rate = args.frame_rate

@@ -7,9 +7,9 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from panoptic_ros.running.finish import warnings_of
-from panoptic_ros.running.observer import RunObserver
-from panoptic_ros.running.plan import Plan
+from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.runs.finish import warnings_of
+from panoptic_ros.running.runs.observer import RunObserver
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Exit code 2 if the clock of a camera is not known."""
-    from panoptic_ros.running.sound_clocks import folder_clocks  # only now: --help must be quick
+    from panoptic_ros.running.sound.clocks import folder_clocks  # only now: --help must be quick
 
     with PassBar("clocks from sound") as bar:
         found = folder_clocks(args.source, args.rig, trusted=args.trusted_camera, apart=args.apart,

@@ -14,8 +14,8 @@ from panoptic_ros.cli.main import main
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.domain import JointMap, Rig, ViewFrame
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.running.presets import read_preset
-from panoptic_ros.running.studies import StudyRequest
+from panoptic_ros.running.plans.presets import read_preset
+from panoptic_ros.running.studies.rigs import StudyRequest
 from panoptic_ros.simulation import CLEAN, SKELETON, Lens, PanelDome, Ring, simulate
 from panoptic_ros.simulation.studio import study_scene
 from panoptic_ros.stage import StageContext, untold

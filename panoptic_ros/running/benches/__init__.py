@@ -1,0 +1,1 @@
+"""Benches that run whole graphs or captures."""

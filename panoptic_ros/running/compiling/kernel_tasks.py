@@ -1,0 +1,119 @@
+"""What is compiled ahead: parts of the whole, so that several processes can share the work.
+
+`python -m panoptic_ros.running.compiling.kernel_tasks PROCESSES [TASK ...]` compiles these tasks, or all. It
+loads everything once, then forks; each task that is finished is told by a line: the number of all tasks, of
+kernels that it compiled, the seconds of processor time that it took, its name.
+"""
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from functools import lru_cache, partial
+
+import numpy as np
+
+from panoptic_ros.association.known_occluders import occluded_depths
+from panoptic_ros.domain import Occluders
+from panoptic_ros.graph.build import configure, make_stage, resolve
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.kernels import on_compilation
+from panoptic_ros.kernels.order import median
+from panoptic_ros.simulation import SKELETON, Ring, Scene, Simulation, simulate
+from panoptic_ros.simulation.rendering import Studio
+from panoptic_ros.stage import StageContext
+
+
+def _stage(name: str, **parameters: object) -> None:
+    """The constructors of stages compile all that they can need."""
+    take = _take()
+    make_stage(name, configure({name: parameters})[name], StageContext(take.rig, SKELETON))
+
+
+def _occluders() -> None:
+    """Of a rig that knows what stands between."""
+    triangle = Occluders(np.eye(3), np.array([[0, 1, 2]]))
+    occluded_depths(_take().rig.cameras[0], triangle)
+
+
+def _rendering() -> None:
+    """Images of simulated people."""
+    take = _take()
+    next(iter(Studio(take).camera(take.rig.names[0]).render(np.zeros(1))))
+
+
+@lru_cache(maxsize=1)
+def _take() -> Simulation:
+    return simulate(Scene("to compile", ("walk",), Ring(2), frames=1), 0, 1)
+
+
+# The longest first. Two processes that take them in turn compile little of the same: one comes to have sound,
+# images and offsets, the other voting and what solves for joints.
+TASKS: dict[str, Callable[[], None]] = {
+    "votes": partial(_stage, "voting"),
+    "timecode": partial(_stage, "timecode"),
+    "assembly": partial(_stage, "assembly"),
+    "rendering": _rendering,
+    "association": partial(_stage, "association"),
+    "offsets": partial(_stage, "offsets", active=True),
+    "refinement": partial(_stage, "refinement"),
+    "exact votes": partial(_stage, "voting", method="exact", parts=True),
+    "tracking": partial(_stage, "tracking"),
+    "occluders": _occluders,
+    "all votes": partial(_stage, "voting", explain_away=False),
+}
+
+
+def main() -> int:
+    """Compile what is asked for; 1 if a process broke down."""
+    gc.disable()  # a tenth of the time; what a compiler leaves behind fits into memory
+    names = sys.argv[2:] or list(TASKS)
+    for node in NODES.values():
+        resolve(node.stage)
+    median(np.zeros(1))  # what numba sets up for its first kernel is there before the processes part
+    waiting = _queue(len(names))
+    processes = [_fork(names, waiting) for _ in range(int(sys.argv[1]))]
+    return int(any(os.waitpid(pid, 0)[1] for pid in processes))
+
+
+def _queue(count: int) -> int:
+    """The end to read of a pipe that holds one byte for each task: processes take theirs in turn."""
+    reader, writer = os.pipe()
+    os.write(writer, bytes(range(count)))
+    os.close(writer)
+    return reader
+
+
+def _fork(names: list[str], waiting: int) -> int:
+    """Begin a process that takes tasks until none waits; returns its id."""
+    pid = os.fork()
+    if pid:
+        return pid
+    status = 1
+    try:
+        while taken := os.read(waiting, 1):
+            name = names[taken[0]]
+            kernels, cpu_s = _compile(name)
+            line = f"{len(names)} {kernels} {cpu_s} {name}\n"
+            os.write(sys.stdout.fileno(), line.encode())  # in one piece: others write there too
+        status = 0
+    except BaseException:
+        traceback.print_exc()
+    os._exit(status)
+
+
+def _compile(name: str) -> tuple[int, float]:
+    """Do one task: kernels compiled, and seconds of processor time."""
+    compiled: list[str] = []
+    began = time.process_time()
+    with on_compilation(compiled.append):
+        TASKS[name]()
+    count = sum(kernel.startswith("panoptic_ros.") for kernel in compiled)
+    return count, time.process_time() - began
+
+
+if __name__ == "__main__":
+    sys.exit(main())

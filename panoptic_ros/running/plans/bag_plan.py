@@ -1,0 +1,140 @@
+"""The plan of a run on bags."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_streams import SOUND_KEY, BagStream
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.io.models import read_card
+from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.io.skeletons import load_skeleton, map_joints
+from panoptic_ros.params import config_of
+from panoptic_ros.running.plans.bag_checks import check_contents, check_stamps
+from panoptic_ros.running.plans.bag_topics import BagChoice, depth_streams, image_streams, names_of
+from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
+from panoptic_ros.running.plans.plan import Plan, require_two
+from panoptic_ros.running.sound.bags import recorder_of, sound_streams
+from panoptic_ros.running.sound.clocks import corrections_from_sound
+from panoptic_ros.running.sound.use import ClockPlan, plan_clocks
+
+ANY = BagChoice()
+
+
+def plan_bags(
+    paths: Sequence[Path],
+    options: RunOptions = NO_OPTIONS,
+    *,
+    rig: Path | None = None,
+    choice: BagChoice = ANY,
+) -> Plan:
+    """The plan of a run on bags: their detections if they have them, else their images.
+
+    Args:
+        rig: calibration file, in place of the one in the bags.
+
+    Raises:
+        UserError: if the bags lack something, or what is in them cannot be used.
+    """
+    with ExitStack() as stack:
+        bags = [stack.enter_context(BagReader(path)) for path in paths]
+        whole = read_rig(rig) if rig else _latched(bags, "rig")
+        if whole is None:
+            raise DataError(f"{names_of(bags)} has no message on /rig; give the calibration with --rig")
+        asked = whole if choice.cameras is None else whole.subset(choice.cameras)
+        streams = image_streams(choice, bags, asked)
+        depths, unreadable = depth_streams(choice, bags, asked, streams)
+        bag_of = {s: next(bag for bag in bags if bag.path == s.bag) for s in streams}
+        counts = {s.camera: bag.counts[s.topic] for s, bag in bag_of.items()}
+        absent = [name for name in asked.names if name not in counts]
+        found = asked.subset(counts)
+        require_two(found)
+        stage = "sync" if streams[0].key == "detections" else "detection"
+        extras: Mapping[str, Any] = {}
+        if stage == "sync":
+            skeleton = _recorded_skeleton(options, bags, bag_of)
+        else:
+            skeleton, extras = options.detector()
+        check_contents(bag_of, found, skeleton)
+        heard = sound_streams(bags, choice.arrival_stamps)
+        recorders = [recorder_of(stream) for stream in heard]
+        configs = configure(options.all_parameters())
+        if options.from_sound:
+            lines, told = corrections_from_sound(recorders, found, options)
+            bag_of = {replace(s, line=lines.get(s.camera)): bag for s, bag in bag_of.items()}
+            depths = tuple(replace(s, line=lines.get(s.camera)) for s in depths)
+            clocks = ClockPlan(configs, {}, {}, told)
+        else:
+            stamps = {stream.camera: stream.first_stamps(bag) for stream, bag in bag_of.items()}
+            clocks = plan_clocks(found, configs, recorders, stamps)
+        rate = check_stamps(bag_of, clocks.shifts)
+    sounds = (_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)
+    every = [*bag_of, *depths, *sounds]
+    return options.complete(Plan(
+        f"bag {names_of(bags)}", found, skeleton, clocks.configs,
+        streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),
+        shifts=clocks.shifts, stage=stage, depth_cameras=tuple(s.camera for s in depths), extras=extras,
+        frame_count=sum(counts.values()), instants=max(counts.values()), frame_rate=rate,
+        notices=(
+            *(f"camera {name} of the rig is not in the bag" for name in absent), *unreadable, *clocks.notices
+        ),
+    ))  # fmt: skip
+
+
+def _shifted(stream: BagStream) -> str:
+    """Under which name a plan has the shift of a stream."""
+    return TOPICS[SOUND_KEY].of(stream.camera) if stream.key == SOUND_KEY else stream.camera
+
+
+def _begun(stream: BagStream, begins: Mapping[str, int]) -> BagStream:
+    """The sound of a device, from where it is needed."""
+    return replace(stream, from_sample=begins[stream.camera])
+
+
+def _recorded_skeleton(
+    options: RunOptions, bags: Sequence[BagReader], bag_of: Mapping[BagStream, BagReader]
+) -> SkeletonModel:
+    """The skeleton of detections; the one that is named if /skeleton_model was not recorded."""
+    recorded: SkeletonModel | None = _latched(bags, "skeleton_model")
+    if recorded is not None:
+        _refuse_detector_options(options, bags[0])
+        return recorded
+    stream, bag = next(iter(bag_of.items()))
+    model = config_of(configure(options.all_parameters()), DetectionConfig).model
+    name = options.chosen_skeleton
+    named = load_skeleton(name)
+    filled, _ = map_joints(name, read_card(model).card.joints)  # as a detector's joints allow
+    for skeleton in (named, filled):
+        if skeleton.hash == stream.first_record(bag).skeleton_hash:
+            return skeleton
+    raise DataError(
+        f"{bag.path} has no message on /skeleton_model, and its detections are not what {model} gives "
+        f"for {named.name}; name their --skeleton and --model, or use --redetect if there are images"
+    )
+
+
+def _refuse_detector_options(options: RunOptions, bag: BagReader) -> None:
+    if options.model or options.skeleton:
+        option = "--model" if options.model else "--skeleton"
+        raise UsageError(
+            f"{option} has no meaning for the detections in {bag.path}, which are used as they are; add "
+            "--redetect if it has images"
+        )
+
+
+def _latched(bags: Sequence[BagReader], key: str) -> Any:
+    """The first record on a latched topic, None if there is none."""
+    topic = TOPICS[key]
+    for bag in bags:
+        for _, _, message in bag.messages("/" + topic.name) if "/" + topic.name in bag.topics else ():
+            return from_message(message, topic.record)
+    return None

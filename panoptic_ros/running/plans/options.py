@@ -1,0 +1,105 @@
+"""What may be said about any run, whatever its source, and what it does to the plan."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.topics import check_names
+from panoptic_ros.io.detector_context import bias_extras, detector_extras
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.offsets.sound.passes import APART
+from panoptic_ros.params import config_of
+from panoptic_ros.running.plans.designated import with_subjects
+from panoptic_ros.running.plans.parameters import Parameters, with_occluders
+from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.plans.saved_offsets import saved_lines, saved_offsets
+from panoptic_ros.sync.config import SyncConfig
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What a user may say about any run; what is not given changes nothing.
+
+    Args:
+        parameters: {stage: {parameter: value}}.
+        model: pose model: name, card or ONNX file; goes before `detection.model` of the parameters.
+        skeleton: working skeleton: name or YAML file; "" = nobody says.
+        usual_skeleton: what counts then, unless a recording has a skeleton of its own.
+        occluders: file with fixed things that hide people.
+        offsets: file with clock offsets of cameras that were found before, added to their stamps.
+        from_sound: find the clocks of cameras from what they hear.
+        subjects: files of the designated people, besides those of a capture folder.
+        apart: m, between microphones at most, where the rig does not tell.
+    """
+
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    model: str = ""
+    skeleton: str = ""
+    usual_skeleton: str = DEFAULT_SKELETON
+    occluders: Path | None = None
+    offsets: Path | None = None
+    from_sound: bool = False
+    apart: float = APART
+    subjects: tuple[Path, ...] = ()
+
+    def all_parameters(self) -> Parameters:
+        """The parameters, with the model among them."""
+        values = {stage: dict(given) for stage, given in self.parameters.items()}
+        if self.model:
+            values.setdefault("detection", {})["model"] = self.model
+        return values
+
+    @property
+    def chosen_skeleton(self) -> str:
+        """The working skeleton of a recording that has none of its own."""
+        return self.skeleton or self.usual_skeleton
+
+    def detector(self) -> tuple[SkeletonModel, Mapping[str, Any]]:
+        """The working skeleton and the extras of the stages, for the pose model."""
+        config = config_of(configure(self.all_parameters()), DetectionConfig)
+        return detector_extras(config.model, self.chosen_skeleton)
+
+    def complete(self, plan: Plan) -> Plan:
+        """The plan with occluders, offsets, designated people and the biases of the detector's joints.
+
+        Raises:
+            UserError: if a file cannot be used, or the plan has delays of cameras already.
+        """
+        check_names(plan.rig.names)
+        rig = with_occluders(plan.rig, self.occluders)
+        plan = plan if self.offsets is None else _with_offsets(plan, self.offsets)
+        plan = with_subjects(plan, self.subjects)
+        table = config_of(plan.configs, AssemblyConfig).bias_table
+        return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
+
+
+NO_OPTIONS = RunOptions()
+SECOND = 1_000_000_000
+
+
+def _with_offsets(plan: Plan, path: Path) -> Plan:
+    """The plan with offsets that were found before as delays of the cameras."""
+    sync, offsets = config_of(plan.configs, SyncConfig), config_of(plan.configs, OffsetsConfig)
+    if sync.delays_ms:
+        raise UsageError("--offsets and sync.delays_ms both tell how late stamps are; give one of them")
+    saved = saved_offsets(path, plan.rig.names)
+    delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())
+    configs = {
+        **plan.configs, "sync": replace(sync, delays_ms=delays), "offsets": replace(offsets, delays_ms=delays)
+    }  # fmt: skip
+    told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names))
+    # offsets may be seconds: streams are kept side by side by what stamps come to
+    more = {name: round(SECOND * offset.offset_s) for name, offset in saved.items()}
+    streams = tuple(replace(s, shift_ns=s.shift_ns + more.get(s.camera, 0)) for s in plan.streams)
+    shifts = {name: plan.shifts.get(name, 0) + more.get(name, 0) for name in (*plan.shifts, *more)}
+    return replace(
+        plan, configs=configs, streams=streams, shifts=shifts, notices=(*plan.notices, *told)
+    )  # fmt: skip

@@ -1,0 +1,207 @@
+"""Plans of runs on images: a capture folder, single recordings, or devices. For bags see `bag_plan`."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.capture import CaptureFolder, FrameSource, demo_capture, open_capture_folder, open_files
+from panoptic_ros.capture.sound import described_sound
+from panoptic_ros.domain import Rig
+from panoptic_ros.graph.build import configure
+from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.params import config_of, named_words
+from panoptic_ros.running.plans.designated import subject_files
+from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
+from panoptic_ros.running.plans.overlap import check_overlap
+from panoptic_ros.running.plans.parameters import live_parameters, with_defaults
+from panoptic_ros.running.plans.plan import Plan, require_two
+from panoptic_ros.running.sound.clocks import corrections_from_sound, recorders_of
+from panoptic_ros.running.sound.tracks import find_tracks
+from panoptic_ros.running.sound.use import Recorder, plan_clocks
+from panoptic_ros.timecode.config import TimecodeConfig
+
+NOTHING: Mapping[str, str] = {}
+
+
+def plan_capture(
+    folder: Path,
+    options: RunOptions = NO_OPTIONS,
+    *,
+    rig: Path | None = None,
+    cameras: Sequence[str] | None = None,
+    frame_rate: float | None = None,
+    size_policy: str = "strict",
+    hardware: str = "",
+    title: str = "",
+) -> Plan:
+    """The plan of a run on a capture folder.
+
+    Args:
+        rig: calibration file, in place of the folder's own.
+        cameras: use only these.
+        frame_rate: Hz, in place of the files' own.
+        size_policy: for images of another size than calibrated: strict, scale, letterbox or crop.
+        hardware: that decodes videos, as FFmpeg calls it; "" = the processor.
+        title: how the report calls the capture; its folder unless given.
+
+    Raises:
+        UserError: on whatever the user can mend, before anything has started.
+    """
+    own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
+    options = replace(options, subjects=subject_files(folder, options.subjects))
+    given = None if rig is None else read_rig(rig)
+    with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
+        source = {"kind": "folder", "path": str(folder), **own}
+        sources = dict.fromkeys(capture.rig.names, source)
+        return _recorded(title or str(folder), capture, sources, options)
+
+
+def plan_demo(name: str = "multi", options: RunOptions = NO_OPTIONS, **capture_options: Any) -> Plan:
+    """The plan of a run on the demo capture of that name; the rest as for `plan_capture`."""
+    return plan_capture(demo_capture(name), options, title=f"demo capture {name}", **capture_options)
+
+
+def plan_videos(
+    rig: Path,
+    files: Mapping[str, Path],
+    options: RunOptions = NO_OPTIONS,
+    *,
+    frame_rate: float | None = None,
+    size_policy: str = "strict",
+    hardware: str = "",
+) -> Plan:
+    """The plan of a run on videos or folders of images.
+
+    Args:
+        rig: calibration file.
+        files: of each camera.
+        frame_rate: Hz, in place of the files' own.
+        size_policy, hardware: as for `plan_capture`.
+
+    Raises:
+        UserError: on whatever the user can mend, before anything has started.
+    """
+    own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
+    with closing(open_files(read_rig(rig), files, **own)) as capture:
+        sources = {name: {"kind": "file", "path": str(path), **own} for name, path in files.items()}
+        return _recorded("videos", capture, sources, options)
+
+
+def plan_devices(
+    rig: Path,
+    devices: Mapping[str, str],
+    options: RunOptions = NO_OPTIONS,
+    *,
+    frame_rate: float | None = None,
+    latency_ms: float = 0.0,
+    microphones: Mapping[str, str] = NOTHING,
+) -> Plan:
+    """The plan of a live run.
+
+    Args:
+        rig: calibration file.
+        devices: V4L2 device or RTSP/HTTP address of each camera.
+        microphones: input as PortAudio calls it, or a WAV file that is played, by name. They and the cameras
+            are stamped by this machine's clock, so the first stands for that of cameras without a clock.
+        frame_rate: Hz to ask for, 30 unless given.
+        latency_ms: of the devices, from exposure to arrival.
+
+    Raises:
+        UserError: on whatever the user can mend, before anything has started.
+    """
+    skeleton, extras = options.detector()
+    chosen = read_rig(rig).subset(devices)
+    require_two(chosen)
+    rate = frame_rate or 30.0
+    own = {"frame_rate": frame_rate, "latency_ms": latency_ms}
+    clocked = _on_first(microphones, chosen)
+    plan = options.complete(Plan(
+        "cameras", clocked, skeleton, with_defaults(options.all_parameters(), live_parameters(rate)),
+        {name: {"kind": "device", "device": device, **own} for name, device in devices.items()},
+        extras=extras, frame_rate=rate, live=True,
+    ))  # fmt: skip
+    heard = plan_clocks(clocked, plan.configs, [Recorder(name, (), name) for name in microphones], {})
+    named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
+    sounds = [
+        described_sound("microphone", name, _split(named.get(name)), address=address)
+        for name, address in microphones.items() if name in heard.recorders
+    ]  # fmt: skip
+    return replace(
+        plan, configs=heard.configs, sounds=tuple(sounds), notices=(*plan.notices, *heard.notices)
+    )
+
+
+def _split(clocks: str | None) -> list[str]:
+    return [] if clocks is None else [clock.strip() for clock in clocks.split(",")]
+
+
+def _on_first(microphones: Mapping[str, str], rig: Rig) -> Rig:
+    """The rig whose cameras without a clock have that of the first microphone."""
+    first = next(iter(microphones), "")
+    return replace(rig, cameras=tuple(replace(c, clock=c.clock or first) for c in rig.cameras))
+
+
+def _recorded(
+    title: str, capture: CaptureFolder, sources: Mapping[str, Mapping[str, Any]], options: RunOptions
+) -> Plan:
+    require_two(capture.rig)
+    skeleton, extras = options.detector()
+    counts = [source.frame_count for source in capture.sources]
+    instants = None if None in counts else max(count for count in counts if count is not None)
+    plan = options.complete(Plan(
+        title, capture.rig, skeleton, configure(options.all_parameters()), sources, extras=extras,
+        depth_cameras=capture.depth_cameras, frame_count=capture.frame_count, instants=instants,
+        frame_rate=max(source.frame_rate for source in capture.sources), notices=capture.notices,
+    ))  # fmt: skip
+    return _by_sound(plan, capture, options) if options.from_sound else _with_sound(plan, capture)
+
+
+def _by_sound(plan: Plan, capture: CaptureFolder, options: RunOptions) -> Plan:
+    """The plan with stamps corrected by what cameras hear of each other's rooms.
+
+    Raises:
+        UsageError: if the sound carries timecode, which tells more, or offsets are given besides.
+        DataError: if no two cameras have sound.
+    """
+    lines, told = corrections_from_sound(recorders_of(capture.sounds), plan.rig, options)
+    sources = {
+        name: {**source, "corrections": {name: lines[name].words()}} if name in lines else source
+        for name, source in plan.sources.items()
+    }
+    return replace(plan, sources=sources, notices=(*plan.notices, *told))
+
+
+def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
+    """The plan with what devices heard of the clocks of cameras."""
+    named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
+    given = [{**sound, "clocks": _split(named.get(sound["device"])) or sound["clocks"]}
+             for sound in capture.sounds]  # fmt: skip
+    tracks = find_tracks(plan.rig, given, capture.stamps, plan.configs)
+    recorders = recorders_of(tracks.sounds)
+    stamps = {
+        source.camera: capture.stamps.get(source.camera) or _counted(source) for source in capture.sources
+    }
+    clocks = plan_clocks(tracks.rig, plan.configs, recorders, stamps)
+    check_overlap(clocks.shifts, stamps, clocks.recorders)
+    sounds = [
+        {**sound, "from_sample": clocks.recorders[sound["device"]]}
+        for sound in tracks.sounds if sound["device"] in clocks.recorders
+    ]  # fmt: skip
+    return replace(
+        plan, rig=tracks.rig, configs=clocks.configs, sounds=tuple(sounds), shifts=_sum(plan, clocks.shifts),
+        notices=(*plan.notices, *tracks.notices, *clocks.notices),
+    )  # fmt: skip
+
+
+def _sum(plan: Plan, shifts: Mapping[str, int]) -> dict[str, int]:
+    """Shifts by the clocks on top of those by offsets that are known."""
+    return {name: plan.shifts.get(name, 0) + shifts.get(name, 0) for name in (*plan.shifts, *shifts)}
+
+
+def _counted(source: FrameSource) -> list[int]:
+    """Stamps of the first frames and of the last one, by the frame rate."""
+    frames = range(source.frame_count or 3)
+    return [round(k * 1e9 / source.frame_rate) for k in dict.fromkeys([*frames[:3], *frames[-1:]])]

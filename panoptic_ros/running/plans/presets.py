@@ -1,0 +1,65 @@
+"""Presets: files of parameters that belong together, in config/presets or anywhere."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from panoptic_ros.errors import ConfigError
+from panoptic_ros.graph.build import configure
+from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.io.skeletons import load_skeleton
+from panoptic_ros.running.plans.parameters import Parameters, parameters_of
+
+SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a preset says.
+
+    Args:
+        skeleton: working skeleton, "" = it does not say.
+        parameters: {stage: {parameter: value}}.
+    """
+
+    name: str = ""
+    skeleton: str = ""
+    parameters: Parameters = field(default_factory=dict)
+
+
+NO_PRESET = Preset()
+
+
+def preset_names() -> tuple[str, ...]:
+    """Names of the presets that are installed."""
+    return tuple(sorted(path.stem for path in _folder().glob("*.yaml")))
+
+
+def read_preset(name_or_path: str | None) -> Preset:
+    """A preset by its name, or from a YAML file of the user's; None or "" gives `NO_PRESET`.
+
+    Raises:
+        ConfigError: if there is none of that name, or it holds anything but parameters and a skeleton.
+    """
+    if not name_or_path:
+        return NO_PRESET
+    if name_or_path.endswith(SUFFIXES):
+        path = Path(name_or_path)
+    elif name_or_path in preset_names():
+        path = _folder() / f"{name_or_path}.yaml"
+    else:
+        raise ConfigError(
+            f"there is no preset {name_or_path!r}; there are {', '.join(preset_names())}, or name a YAML file"
+        )
+    document = read_yaml(path) or {}
+    skeleton = document.pop("skeleton", "") if isinstance(document, dict) else ""
+    preset = Preset(path.stem, str(skeleton), parameters_of(document, path))
+    configure(preset.parameters)  # so that mistakes are told before anything starts
+    if preset.skeleton:
+        load_skeleton(preset.skeleton)
+    return preset
+
+
+def _folder() -> Path:
+    return share_folder() / "config" / "presets"

@@ -1,0 +1,163 @@
+"""Child processes of a launcher: started, watched, and ended in any case."""
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
+from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.running.processes.successors import Child, ForkServer
+
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # the variable that names it
+MOST_REVIVALS = 5  # of one process in a minute
+
+
+class Processes:
+    """The processes of one launch file; a context manager that leaves none behind.
+
+    Each child leads a session of its own, so that Ctrl-C reaches the launcher alone, which then ends
+    them in order. What they print goes to one log file each.
+
+    Args:
+        revived: whether `revive` will be called: a process stands by then that has everything loaded.
+    """
+
+    def __init__(self, launch_file: Path, names: Iterable[str], logs: Path, revived: bool = False):
+        self._logs = logs
+        self._launch_file = launch_file
+        self._children: dict[str, Child] = {}
+        self._server: ForkServer | None = None
+        self._revived: dict[str, list[float]] = {}  # when, by process
+        with file_errors(logs, "write"):
+            logs.mkdir(parents=True, exist_ok=True)
+        try:
+            for name in names:
+                self._start(name)
+            if revived:
+                self._server = ForkServer(launch_file, logs / "successors.log", child_environment())
+        except BaseException:  # nobody else knows of those that run already
+            self.stop(3.0)
+            raise
+
+    def _start(self, name: str) -> None:
+        host = [sys.executable, "-m", "panoptic_ros.nodes.main", "host"]
+        mode = "ab" if name in self._children else "wb"
+        with file_errors(self._logs, "write"), (self._logs / f"{name}.log").open(mode) as log:
+            self._children[name] = subprocess.Popen(
+                [*host, str(self._launch_file), name, str(os.getpid())],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                env=child_environment(), start_new_session=True,
+            )  # fmt: skip
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """The process ids of the children."""
+        return tuple(child.pid for child in self._children.values())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the processes."""
+        return tuple(self._children)
+
+    def kill(self, name: str) -> None:
+        """Kill a process as the system does, without a warning."""
+        self._children[name].kill()
+        self._children[name].wait()
+
+    def check(self) -> None:
+        """Look whether all children run.
+
+        Raises:
+            UserError: with the line that a child printed, if it ended for what the user can mend.
+            EnvironmentProblem: if it was killed.
+            ContractError: if it broke down.
+        """
+        for name, child in self._children.items():
+            code = child.poll()
+            if code is None:
+                continue
+            lines = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
+            said = [line.removeprefix("panoptic: ") for line in lines if line.startswith("panoptic: ")]
+            if code == 2 and said:
+                raise UserError(said[-1])
+            if code == -signal.SIGKILL:
+                raise EnvironmentProblem(
+                    f"process {name} was killed by the system or by somebody; systems do so when memory runs "
+                    "out: free some, or use fewer cameras or smaller images"
+                )
+            tail = " | ".join(lines[-3:])
+            raise ContractError(f"process {name} ended with exit code {code}: {tail or 'it said nothing'}")
+
+    def revive(self) -> list[str]:
+        """Start anew what was killed or broke down; a line for each.
+
+        Raises:
+            PanopticError: as `check`, if a process ended for what the user can mend, or time and again.
+        """
+        now, told = time.monotonic(), []
+        for name, child in self._children.items():
+            code = child.poll()
+            if code in (None, 0, 2):
+                continue
+            recent = [when for when in self._revived.get(name, []) if now - when < 60.0]
+            if len(recent) >= MOST_REVIVALS:
+                break
+            self._revived[name] = [*recent, now]
+            successor = self._server.fork(name, self._logs / f"{name}.log") if self._server else None
+            if successor is None:
+                self._start(name)
+            else:
+                self._children[name] = successor
+            how = f"was killed (signal {-code})" if code < 0 else f"broke down (exit code {code})"
+            told.append(f"process {name} {how} and is started anew")
+        self.check()
+        return told
+
+    def stop(self, patience_s: float = 8.0) -> None:
+        """End all children: SIGINT first, SIGKILL for those who do not listen."""
+        for child in self._children.values():
+            if child.poll() is None:
+                child.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + patience_s
+        for child in self._children.values():
+            try:
+                child.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+        if self._server is not None:
+            self._server.close()
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.stop(8.0 if exception[0] is None else 3.0)
+
+
+def prepare_environment(sends_images: bool = True) -> None:
+    """Settings for this process's own part in the graph; what the user has set stays.
+
+    Large images need a larger shared memory segment than the middleware's default, in the process that
+    sends them, and a replay is nobody else's business: discovery stays on this machine.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if sends_images and profile_path().is_file():
+        os.environ.setdefault(PROFILE, str(profile_path()))
+
+
+def profile_path() -> Path:
+    """The Fast DDS profile of every process of the graph."""
+    return share_folder() / "config" / "fastdds.xml"
+
+
+def child_environment() -> dict[str, str]:
+    """The environment of the children: one thread each for BLAS, as there are many processes."""
+    threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+    return {**threads, **os.environ, "PYTHONUNBUFFERED": "1"}

@@ -1,0 +1,1 @@
+"""Recordings of live graphs, and bags that are played back to them."""

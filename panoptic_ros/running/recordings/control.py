@@ -1,0 +1,66 @@
+"""Recorders of all hosts that stand by: how they are found, started and stopped."""
+from __future__ import annotations
+
+import os
+import time
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import try_shutdown
+
+from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.nodes.family import service_class
+from panoptic_ros.nodes.runtime import start_ros
+from panoptic_ros.running.processes.children import prepare_environment
+
+SERVICE = "record"  # of a recorder's node, as std_srvs/SetBool
+PREFIX = "recorder_"  # of the node's name; the host follows
+
+
+def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]:
+    """Ask the recorders of all hosts to start or to stop: (node, whether it did, what it says).
+
+    Raises:
+        EnvironmentProblem: if there are none.
+    """
+    prepare_recording()
+    start_ros([])
+    node = rclpy.create_node("recording_control")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    kind = service_class("std_srvs/srv/SetBool")
+    try:
+        futures: dict[str, Any] = {}
+        deadline = time.monotonic() + patience_s
+        while time.monotonic() < deadline:  # hosts that are found late are asked as well
+            for name, kinds in node.get_service_names_and_types():
+                ours = name.endswith(f"/{SERVICE}") and name.split("/")[-2].startswith(PREFIX)
+                if ours and kinds == ["std_srvs/srv/SetBool"] and name not in futures:
+                    client = node.create_client(kind, name)
+                    if client.service_is_ready():
+                        futures[name] = client.call_async(kind.Request(data=start))
+            executor.spin_once(timeout_sec=0.05)
+        if not futures:
+            raise EnvironmentProblem(
+                "no recorder is standing by: start `panoptic record --standby --out FOLDER` on every host"
+            )
+        return [_answer(name, future) for name, future in sorted(futures.items())]
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        try_shutdown()
+
+
+def _answer(name: str, future: Any) -> tuple[str, bool, str]:
+    host = name.split("/")[-2]
+    if not future.done():
+        return host, False, "no answer"
+    answer = future.result()
+    return host, bool(answer.success), str(answer.message)
+
+
+def prepare_recording() -> None:
+    """Recordings and their control reach other hosts unless the user says otherwise."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    prepare_environment()

@@ -1,0 +1,273 @@
+"""Recordings of a live graph: self-contained bags, with a budget that is told before and counters after."""
+from __future__ import annotations
+
+import platform
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import try_shutdown
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import EnvironmentProblem, PanopticError
+from panoptic_ros.graph.topics import TOPICS, ros_name
+from panoptic_ros.io.bag_connections import Connection
+from panoptic_ros.io.bag_recorder import GB, BagRecorder, TopicCounter
+from panoptic_ros.io.definitions import described
+from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.io.messages.family import bag_typestore
+from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.nodes.family import service_class
+from panoptic_ros.nodes.recorder_node import RecorderNode
+from panoptic_ros.nodes.runtime import start_ros
+from panoptic_ros.running.recordings.control import PREFIX, SERVICE, prepare_recording
+from panoptic_ros.running.recordings.facts import as_text, recording_facts
+from panoptic_ros.running.recordings.selection import Selection
+
+FACTS, COUNTERS = "/recording/facts", "/recording/counters"
+STRING = "std_msgs/msg/String"
+PATIENCE_S = 10.0  # for the first topic
+MEASURED_S = 2.0
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a recording came to.
+
+    Args:
+        counters: by topic. dropped: messages by topic for which the disk was too slow.
+        ended_by: one line if something ended it before it was asked to end.
+    """
+
+    path: Path
+    counters: Mapping[str, TopicCounter]
+    dropped: Mapping[str, int]
+    ended_by: str = ""
+
+
+@dataclass
+class RecordOptions:
+    """How to record.
+
+    Args:
+        duration_s: None = until it is asked to end. budget_gb: 0 = as much as there is room for.
+        keep_free_gb: on the disk. rig: calibration that goes into the bag, where the graph has none.
+    """
+
+    selection: Selection = field(default_factory=Selection)
+    duration_s: float | None = None
+    budget_gb: float = 0.0
+    keep_free_gb: float = 1.0
+    rig: Path | None = None
+
+
+def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> Recorded:
+    """Record until it is asked to end, the time is over, or there is no more room.
+
+    Args:
+        tell: called with lines for the user: the budget, what is left out.
+
+    Raises:
+        EnvironmentProblem: if nothing is published, or the time that is asked for does not fit on the disk.
+    """
+    with first_request_told() as asked, _Recording(options, tell) as recording:
+        rates = recording.measure(asked)
+        if asked():
+            raise KeyboardInterrupt
+        tell(_budget(path, rates, options))
+        recording.begin(path)
+        recording.spin(asked, options.duration_s)
+        return recording.end()
+
+
+def stand_by(folder: Path, options: RecordOptions, tell: Callable[[str], None]) -> None:
+    """Record whenever the service asks for it, until the program is asked to end; a bag each time."""
+    with first_request_told() as asked, _Recording(options, tell) as recording:
+        recording.serve(folder)
+        tell(f"waiting: `panoptic record --start`, or service {recording.service_name}")
+        recording.spin(asked, None)
+        recording.end()
+
+
+class _Recording:
+    """The recorder's node, and the bag of now."""
+
+    def __init__(self, options: RecordOptions, tell: Callable[[str], None]):
+        self._options, self._tell = options, tell
+        self._bag: BagRecorder | None = None
+        self._path = Path()
+        self._sizes: dict[str, int] = {}  # bytes by topic, to measure
+        self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)
+        self._wish: Path | None = None  # a bag that is to begin
+        self._folder: Path | None = None  # for bags that the service asks for
+        self._service: Any = None
+        prepare_recording()
+        start_ros([])
+        self._node = RecorderNode(
+            PREFIX + ros_name(platform.node() or "host"), options.selection.wants, self._take, tell
+        )
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+
+    @property
+    def service_name(self) -> str:
+        """Full name of the service."""
+        return f"{self._node.get_fully_qualified_name()}/{SERVICE}"
+
+    def measure(self, stop: Callable[[], bool]) -> dict[str, float]:
+        """Bytes per second by kind of message.
+
+        Raises:
+            EnvironmentProblem: if nothing is published.
+        """
+        deadline = time.monotonic() + PATIENCE_S
+        while not self._node.topics and time.monotonic() < deadline and not stop():
+            self._executor.spin_once(timeout_sec=0.05)
+        end = time.monotonic() + MEASURED_S
+        while self._node.topics and time.monotonic() < end and not stop():
+            self._executor.spin_once(timeout_sec=0.05)
+        if not self._node.topics and not stop():
+            raise EnvironmentProblem(
+                "nobody publishes anything that is to be recorded: is the graph running, in this "
+                "ROS_DOMAIN_ID? `--topic PATTERN` chooses other topics"
+            )
+        return {topic: size / MEASURED_S for topic, size in self._sizes.items()}
+
+    def begin(self, path: Path) -> None:
+        """Begin a bag: with what the graph is, and what is latched."""
+        facts = recording_facts(self._node, self._executor)
+        options = self._options
+        bag = BagRecorder(path, round(options.budget_gb * GB), round(options.keep_free_gb * GB))
+        now = self._node.get_clock().now().nanoseconds
+        bag.put(_text_topic(FACTS), now, _text(as_text(facts)))
+        rig = "/" + TOPICS["rig"].name
+        if self._rig is not None and rig not in self._node.topics:
+            message = to_message(self._rig, bag_messages())
+            connection = described(rig, message.__msgtype__)
+            assert connection is not None  # our own
+            data = bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))
+            bag.put(connection, now, data)
+        for connection, data in self._node.latched:
+            bag.put(connection, now, data)
+        self._path, self._bag = path, bag
+
+    def spin(self, stop: Callable[[], bool], duration_s: float | None) -> None:
+        """Take messages until it is asked to end, or the bag ends by itself."""
+        begin = time.monotonic()
+        while not stop() and (duration_s is None or time.monotonic() < begin + duration_s):
+            self._executor.spin_once(timeout_sec=0.1)
+            if self._wish is not None:
+                path, self._wish = self._wish, None
+                self.begin(path)
+                self._tell(f"recording {path}")
+            if self._bag is not None and self._bag.fault is not None:
+                if self._folder is None:
+                    return
+                self._tell(str(self._bag.fault))
+                self.end()
+
+    def end(self) -> Recorded:
+        """Finish the bag, if there is one."""
+        bag, self._bag = self._bag, None
+        if bag is None:
+            return Recorded(self._path, {}, {})
+        counters = {topic: c for topic, c in bag.counters.items() if topic not in (FACTS, COUNTERS)}
+        document = {
+            topic: {"count": c.count, "bytes": c.size, "missing": c.missing, "longest_s": c.longest_s,
+                    "rate_hz": c.rate, "dropped": bag.dropped[topic]}
+            for topic, c in counters.items()
+        }  # fmt: skip
+        if bag.fault is None:
+            bag.put(_text_topic(COUNTERS), self._node.get_clock().now().nanoseconds, _text(as_text(document)))
+        bag.close()
+        return Recorded(self._path, counters, dict(bag.dropped), str(bag.fault or ""))
+
+    # ------------------------------------------------------------- service
+
+    def serve(self, folder: Path) -> None:
+        """Start and stop when the service asks."""
+        self._folder = folder
+        self._service = self._node.create_service(
+            service_class("std_srvs/srv/SetBool"), f"~/{SERVICE}", self._asked
+        )
+
+    def _asked(self, request: Any, response: Any) -> Any:
+        recording = self._bag is not None or self._wish is not None
+        response.success = recording != request.data
+        if request.data and not recording and self._folder is not None:
+            self._wish = self._folder / time.strftime("%Y%m%d-%H%M%S", time.gmtime())
+            response.message = f"recording {self._wish.resolve()}"
+        elif request.data:
+            response.message = f"recording {self._path} already"
+        elif recording:
+            response.message = _stopped(self.end())
+            self._tell(response.message)
+        else:
+            response.message = "was not recording"
+        return response
+
+    # ------------------------------------------------------------- messages
+
+    def _take(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
+        if self._bag is not None:
+            self._bag.put(connection, stamp_ns, data)
+        else:
+            self._sizes[connection.topic] = self._sizes.get(connection.topic, 0) + len(data)
+
+    def __enter__(self) -> _Recording:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._bag is not None:  # an error: what there is stays, for `panoptic bag repair`
+            try:
+                self._bag.close()
+            except PanopticError as error:
+                self._tell(str(error))
+        self._executor.shutdown()
+        self._node.destroy_node()
+        try_shutdown()
+
+
+def _budget(path: Path, rates: Mapping[str, float], options: RecordOptions) -> str:
+    """What the disk has room for, in one line.
+
+    Raises:
+        EnvironmentProblem: if the time that is asked for does not fit.
+    """
+    total = sum(rates.values())
+    place = next(p for p in (path, *path.resolve().parents) if p.exists())
+    free = shutil.disk_usage(place).free - options.keep_free_gb * GB
+    room = min(free, options.budget_gb * GB) if options.budget_gb else free
+    line = f"{total / 1e6:.2f} MB/s on {len(rates)} topics, {3600 * total / GB:.1f} GB an hour"
+    if not total:
+        return f"nothing comes yet on the topics; room for {room / GB:.1f} GB"
+    seconds = room / total
+    if options.duration_s is not None and seconds < options.duration_s:
+        raise EnvironmentProblem(
+            f"{options.duration_s:g} s need {options.duration_s * total / GB:.2f} GB, but there is room for "
+            f"{max(0.0, room) / GB:.2f} GB ({line}); free some, or use --no-images, --topic, --keep-free"
+        )
+    largest = max(rates, key=lambda topic: rates[topic])
+    return f"{line} (most of it {largest}); room for {room / GB:.1f} GB, {seconds / 3600:.1f} h"
+
+
+def _stopped(recorded: Recorded) -> str:
+    count = sum(c.count for c in recorded.counters.values())
+    missing = sum(c.missing for c in recorded.counters.values())
+    return f"{recorded.path}: {count} messages, {missing} did not come"
+
+
+def _text_topic(topic: str) -> Connection:
+    connection = described(topic, STRING)
+    assert connection is not None  # of ROS itself
+    return connection
+
+
+def _text(text: str) -> bytes:
+    store = bag_typestore()
+    return bytes(store.serialize_cdr(store.types[STRING](data=text), STRING))

@@ -1,0 +1,213 @@
+"""Bags onto the live graph: at any rate, from any stage's topic, with the time of the bag on /clock."""
+from __future__ import annotations
+
+import fnmatch
+import heapq
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import try_shutdown
+
+from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.io.bag_connections import Connection
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
+from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.nodes.replay_node import ReplayNode, is_latched
+from panoptic_ros.nodes.runtime import start_ros
+from panoptic_ros.running.processes.children import prepare_environment
+from panoptic_ros.running.recordings.replay_topics import chosen_topics, topics_from
+
+SECOND = 1_000_000_000
+CLOCK_PERIOD_S = 0.005  # of /clock, in real time: a node on it is at most so late
+DISCOVERY_S = 1.0  # for subscribers that are there already
+BEHIND_S = 0.1  # a replay that is so late is told
+
+
+@dataclass(frozen=True)
+class ReplayOptions:
+    """How to replay.
+
+    Args:
+        rate: seconds of the bag per second. begin: key of a topic or stage, "" = all topics.
+        patterns: of whole names; with `begin`, of those that it leaves. start_s, duration_s: of the bag.
+        clock: publish /clock. space: namespace. loops: how often; 0 = until it is asked to end.
+        wait_s: for a subscriber, before it begins.
+    """
+
+    rate: float = 1.0
+    begin: str = ""
+    patterns: Sequence[str] = ()
+    start_s: float = 0.0
+    duration_s: float | None = None
+    clock: bool = False
+    space: str = ""
+    loops: int = 1
+    wait_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What was replayed; behind_s: how late messages were at most."""
+
+    count: int
+    topics: tuple[str, ...]
+    behind_s: float
+
+
+def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], None]) -> Replayed:
+    """Publish the messages of bags at their times, until the end or until it is asked to end.
+
+    Args:
+        tell: called with lines for the user: what is left out, a machine that is too slow.
+
+    Raises:
+        DataError: if a bag cannot be read, or has none of the topics.
+        EnvironmentProblem: if nobody subscribes within `wait_s`.
+    """
+    with ExitStack() as stack:
+        asked = stack.enter_context(first_request_told())
+        bags = [stack.enter_context(BagReader(path)) for path in paths]
+        connections = _connections(bags, options)
+        prepare_environment()
+        start_ros([])
+        stack.callback(try_shutdown)
+        node = ReplayNode(connections, options.space, options.clock, tell)
+        stack.callback(node.destroy_node)
+        if not node.topics:
+            raise DataError("none of the topics can be published here")
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        stack.callback(executor.shutdown)
+        player = _Player(node, executor, bags, connections, options, asked)
+        player.wait()
+        loop = 0
+        while not asked() and (not options.loops or loop < options.loops):
+            player.play(loop)
+            loop += 1
+        node_topics = node.topics
+    if player.behind_s > BEHIND_S:
+        tell(f"messages were up to {player.behind_s:.2f} s late: too much for this machine at this rate")
+    return Replayed(player.count, node_topics, player.behind_s)
+
+
+def _connections(bags: Sequence[BagReader], options: ReplayOptions) -> list[Connection]:
+    """The topics that are replayed.
+
+    Raises:
+        DataError: if there are none, or a topic is in two bags.
+    """
+    found: dict[str, Connection] = {}
+    for bag in bags:
+        names = list(bag.topics)
+        if options.begin:
+            names = chosen_topics(bag.topics, topics_from(options.begin))
+        for name in names:
+            if options.patterns and not any(fnmatch.fnmatchcase(name, p) for p in options.patterns):
+                continue
+            if not bag.counts[name] or (bag.is_outdated(name) and not bag.can_be_brought_up(name)):
+                continue
+            if name in found and not is_latched(found[name]):
+                raise DataError(f"topic {name} is in more than one of the bags; choose with --topic")
+            found[name] = bag.connection(name)
+    data = [connection for connection in found.values() if not is_latched(connection)]
+    if not data:
+        there = ", ".join(sorted({topic for bag in bags for topic in bag.topics})) or "no topics"
+        places = " and ".join(str(bag.path) for bag in bags)
+        raise DataError(f"{places} has no such topics; there are {there}")
+    return list(found.values())
+
+
+class _Player:
+    def __init__(
+        self, node: ReplayNode, executor: SingleThreadedExecutor, bags: Sequence[BagReader],
+        connections: Sequence[Connection], options: ReplayOptions, stop: Callable[[], bool],
+    ):  # fmt: skip
+        self._node, self._executor, self._bags = node, executor, bags
+        self._options, self._stop = options, stop
+        self._latched = {c.topic for c in connections if is_latched(c)}
+        begin_ns = min(
+            stamp for bag in bags
+            for _, stamp, _, _ in bag.first(*(t for t in node.topics if t not in self._latched))
+        )  # fmt: skip
+        self._first_ns = begin_ns + round(options.start_s * SECOND)
+        self._stamped = {connection.topic for connection in connections if connection.has_header}
+        length = options.duration_s or max(bag.length_s for bag in bags) - options.start_s
+        most = max(bag.counts[topic] for bag in bags for topic in bag.topics)
+        self._span_ns = round(max(length, 0.0) * (1 + 1 / max(1, most - 1)) * SECOND)  # a period more
+        self._shift_ns = 0
+        self.count, self.behind_s = 0, 0.0
+
+    def wait(self) -> None:
+        """Publish what is latched, which nodes begin with; then wait for subscribers of the rest, and until
+        those that are there already have been found.
+
+        Raises:
+            EnvironmentProblem: if nobody subscribes in time.
+        """
+        for stamp, topic, data in self._messages(self._latched):
+            if stamp <= self._first_ns:
+                self._node.publish(topic, data)
+                self.count += 1
+        data_topics = set(self._node.topics) - self._latched
+        begin = time.monotonic()
+        while not self._stop():
+            self._executor.spin_once(timeout_sec=0.05)
+            passed = time.monotonic() - begin
+            if passed >= DISCOVERY_S and (
+                self._node.heard(data_topics) or passed >= self._options.wait_s
+            ):
+                break
+        if self._options.wait_s and not self._node.heard(data_topics) and not self._stop():
+            raise EnvironmentProblem(
+                f"nobody subscribes to any topic within {self._options.wait_s:g} s: is the graph running, in "
+                "this ROS_DOMAIN_ID and --namespace?"
+            )
+
+    def play(self, loop: int) -> None:
+        """Once from the start to the end. From the second time on, stamps in headers and the clock run on, as
+        those of running devices do.
+        """
+        options = self._options
+        self._shift_ns = loop * self._span_ns
+        first = self._first_ns
+        last = None if options.duration_s is None else first + round(options.duration_s * SECOND)
+        begin = time.monotonic()
+        for stamp, topic, data in self._messages(set(self._node.topics)):
+            if last is not None and stamp >= last:
+                break
+            if stamp < first or (stamp == first and topic in self._latched):
+                continue  # it has been published, or is left out
+            self._sleep_until(stamp, first, begin)
+            if self._stop():
+                return
+            stamp_ns = stamp_in(data) if self._shift_ns and topic in self._stamped else None
+            if stamp_ns is not None:
+                data = with_stamp(data, stamp_ns + self._shift_ns)
+            self._node.publish(topic, data)
+            self.count += 1
+        self._node.tell_time(self._now(first, begin))
+
+    def _messages(self, topics: Collection[str]) -> Iterator[tuple[int, str, bytes]]:
+        """Of all bags by the times of recording."""
+        rows = [
+            ((stamp, topic, data) for topic, stamp, data, _ in bag.raw(*(set(topics) & set(bag.topics))))
+            for bag in self._bags if set(topics) & set(bag.topics)
+        ]  # fmt: skip
+        return heapq.merge(*rows, key=lambda row: row[0])
+
+    def _now(self, first_ns: int, begin: float) -> int:
+        """The time of the bag."""
+        return self._shift_ns + first_ns + round((time.monotonic() - begin) * self._options.rate * SECOND)
+
+    def _sleep_until(self, stamp_ns: int, first_ns: int, begin: float) -> None:
+        due = begin + (stamp_ns - first_ns) / SECOND / self._options.rate
+        while (left := due - time.monotonic()) > 0 and not self._stop():
+            self._node.tell_time(self._now(first_ns, begin))
+            self._executor.spin_once(timeout_sec=min(left, CLOCK_PERIOD_S))
+        self._node.tell_time(self._shift_ns + stamp_ns)
+        self.behind_s = max(self.behind_s, -left)

@@ -1,0 +1,137 @@
+"""After a run: the report, and the pictures, video and plot that go with it."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+
+from panoptic_ros.capture import open_source
+from panoptic_ros.domain import DetectionSet
+from panoptic_ros.evaluation.capture_report import summarise_capture
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.io.folders import MARK
+from panoptic_ros.offsets.config import OffsetsConfig
+from panoptic_ros.params import config_of
+from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.runs.regrouping import regrouped
+from panoptic_ros.running.runs.results import Results
+from panoptic_ros.stage import Notice
+from panoptic_ros.view.overlay_run import write_overlays
+from panoptic_ros.view.plot3d import plot_capture
+from panoptic_ros.view.report import Latency, RunReport
+
+LATEST = "latest."
+ABOUT_CLOCKS = ("timecode.", "clocks.", "sync.clock_")  # notices of which the report and the console tell
+
+
+def finish(
+    plan: Plan,
+    results: Results,
+    counted: Mapping[str, Mapping[str, str]],
+    notices: Sequence[Notice],
+    *,
+    pictures: bool,
+    elapsed_s: float,
+    on_picture: Callable[[int, int], None],
+) -> RunReport:
+    """Write report.json and all that a person looks at.
+
+    Args:
+        counted: what every node or stage counted, as on /diagnostics.
+        notices: of the self-check.
+        elapsed_s: how long the run took, without this.
+        on_picture: called with the number of pictures of the video that are done, and of all.
+    """
+    views = [view for own in results.views.values() for view in own]
+    sets = regrouped(plan, results.clocks.values(), views)
+    summary = summarise_capture(plan.rig, plan.skeleton, list(results.poses), sets)
+    report = RunReport(
+        summary,
+        frames_in=dict(results.frames_in),
+        dropped=_dropped(counted),
+        latency_ms=_latencies(counted),
+        notices=[
+            *_plan_notices(plan), *_newest_only(results), *_clock_notices(plan, results),
+            *warnings_of(counted), *notices,
+        ],
+        facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
+    )
+    if pictures:
+        _pictures(plan, results, sets, on_picture)
+    report.write(results.folder / MARK)
+    return report
+
+
+def _pictures(
+    plan: Plan, results: Results, sets: list[DetectionSet], on_picture: Callable[[int, int], None]
+) -> None:
+    path = results.folder / "skeletons.png"
+    plot_capture(path, plan.rig, plan.skeleton, list(results.poses), title=plan.title)
+    if plan.live or plan.streams:
+        return
+    with ExitStack() as stack:
+        sources = [
+            stack.enter_context(open_source(name, plan.rig, plan.sources[name])[0]) for name in plan.rig.names
+        ]
+        write_overlays(
+            results.folder, plan.rig, plan.skeleton, sources, sets, list(results.poses),
+            on_frame=lambda done: on_picture(done, len(sets)),
+        )  # fmt: skip
+
+
+def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:
+    """{"stage: cause": messages}, of the causes that occurred."""
+    found: dict[str, int] = {}
+    for name, values in counted.items():
+        for key, value in values.items():
+            if key.startswith("dropped.") or key.startswith("notice.sync."):
+                found[f"{name}: {key.split('.')[-1]}"] = int(value)
+    return found
+
+
+def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
+    """By node, in the order of the stages; several nodes of one stage are detection_0, detection_1, ..."""
+    rows = {}
+    for stage in NODES:
+        for name in sorted(name for name in counted if name.rsplit("_", 1)[0] == stage):
+            values = counted[name]
+            if int(values["taken"]) and "step_p50_ms" in values:
+                p50, p99 = float(values["step_p50_ms"]), float(values["step_p99_ms"])
+                rows[name] = Latency(int(values["taken"]), p50, p99)
+    return rows
+
+
+def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
+    """The newest warning of each kind about sound and clocks, as stages and nodes count them."""
+    found = [
+        (name, key.removeprefix(LATEST), text)
+        for name, values in counted.items() for key, text in values.items() if key.startswith(LATEST)
+    ]  # fmt: skip
+    return [Notice(code, "warning", text) for _, code, text in found if code.startswith(ABOUT_CLOCKS)]
+
+
+def _plan_notices(plan: Plan) -> list[Notice]:
+    return [Notice(f"capture.{i}", "info", text) for i, text in enumerate(plan.notices)]
+
+
+def _newest_only(results: Results) -> list[Notice]:
+    """Said where the report is not about everything."""
+    if results.instants <= len(results.poses):
+        return []
+    text = (
+        f"people, errors and frames out are those of the last {len(results.poses)} of {results.instants} "
+        "instants; skeletons.json.gz and the bag hold all"
+    )
+    return [Notice("run.newest_only", "info", text)]
+
+
+def _clock_notices(plan: Plan, results: Results) -> list[Notice]:
+    """What was found of the clocks, where that was asked for."""
+    if not config_of(plan.configs, OffsetsConfig).active:
+        return []
+    found = [
+        f"{name} {1e-6 * model.offset_ns:+.2f} ms +- {1e3 * model.covariance[0, 0] ** 0.5:.2f}"
+        for name, model in sorted(results.clocks.items()) if name in plan.rig.names
+    ]  # fmt: skip
+    kept = [name for name in plan.rig.names if name not in results.clocks]
+    words = (", ".join(names) or "none" for names in (found, kept))
+    return [Notice("offsets.found", "info", "stamps corrected from motion: {}; kept: {}".format(*words))]

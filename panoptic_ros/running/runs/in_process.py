@@ -1,0 +1,189 @@
+"""A run in one process, without ROS: the same stages, the same results."""
+from __future__ import annotations
+
+import heapq
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from functools import partial
+from itertools import tee
+from typing import Any
+
+from panoptic_ros.capture import DepthSource, open_source
+from panoptic_ros.capture.sound import open_sound
+from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.domain import AudioBlock, DepthFrame, ViewFrame
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.build import make_stage, ports_in_use, switched_on
+from panoptic_ros.graph.counters import StageStatistics
+from panoptic_ros.graph.host import Host, Key, lanes_of
+from panoptic_ros.graph.nodes import DEPTH, NODES
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_streams import SOUND_KEY, opened_streams
+from panoptic_ros.params import config_of
+from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.runs.finish import ABOUT_CLOCKS
+from panoptic_ros.running.runs.newest_frames import newest_frames
+from panoptic_ros.running.runs.results import Results
+from panoptic_ros.running.runs.side_by_side import TABLE, SideBySide, free_threads
+from panoptic_ros.stage import Notice, StageContext
+
+TAKEN = ("image", "detections", SOUND_KEY)  # what results keep of what comes from outside
+Records = dict[Key, Iterator[Any]]  # of each topic of each camera
+
+
+class _Counted:
+    """What the stages of a run count, and a pipeline that tells it."""
+
+    def __init__(self, plan: Plan, results: Results, looks: SideBySide | None = None):
+        names = switched_on(plan.stages, plan.configs)
+        self.statistics = {name: StageStatistics() for name in names}
+        self._giver = {topic: name for name in names for topic in NODES[name].outputs}
+        self._results = results
+        self.pipeline = Pipeline(
+            plan.configs, StageContext(plan.rig, plan.skeleton, {**plan.extras, "looks": looks}), names,
+            on_record=self._record, on_notice=self._note, on_refused=self._refuse, on_step=self._step,
+            clock=time.perf_counter_ns, table=NODES if looks is None else TABLE,
+        )  # fmt: skip
+        self._looks = looks
+        self.first = plan.stage
+
+    def _note(self, stage: str, notice: Notice) -> None:
+        self.statistics[stage].take(notice)
+        if notice.severity == "warning" and notice.code.startswith(ABOUT_CLOCKS):
+            self._tell()
+
+    def _record(self, key: str, item: Any) -> None:
+        self.statistics[self._giver[key]].given += 1
+        self._results.take(key, item)
+
+    def _refuse(self, stage: str, error: DataError) -> None:
+        self.statistics[stage].dropped["bad_message"] += 1
+
+    def _step(self, stage: str, duration_ns: int) -> None:
+        if stage == "detection" and self._looks is not None:
+            duration_ns = self._looks.duration_ns
+        self.statistics[stage].taken += 1
+        self.statistics[stage].add_duration(duration_ns)
+
+    def refuse(self, error: DataError) -> None:
+        """Something that comes from outside cannot be used."""
+        self._refuse(self.first, error)
+
+    def drop(self, count: int) -> None:
+        """Live frames were overtaken."""
+        self.statistics[self.first].dropped["overtaken"] += count
+        self._tell()
+
+    def _tell(self) -> None:
+        self._results.take("diagnostics", {name: stage.values() for name, stage in self.statistics.items()})
+
+
+def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> dict[str, StageStatistics]:
+    """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
+    if plan.live:
+        counted = _Counted(plan, results)
+        frames, sounds = partial(_live_frames, plan), [partial(_live_sound, s) for s in plan.sounds]
+        for item in newest_frames(plan.rig.names, frames, stop, counted.drop, sounds):
+            topic = SOUND_KEY if isinstance(item, AudioBlock) else "image"
+            if topic in TAKEN:
+                results.take(topic, item)
+            counted.pipeline.push(topic, item)
+        counted.pipeline.flush()
+        return counted.statistics
+    with ExitStack() as stack:
+        refused: list[DataError] = []
+        records = _recorded(plan, stack, refused.append) if plan.streams else _filmed(plan, stack)
+        looks = _side_by_side(plan, stack, records)
+        counted = _Counted(plan, results, looks)
+        for sound in plan.sounds:
+            source = stack.enter_context(open_sound(sound))
+            records[SOUND_KEY, source.device] = iter(source)
+        _replay(plan, counted.pipeline, records, results, stop)
+        for error in refused:
+            counted.refuse(error)
+    return counted.statistics
+
+
+def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide | None:
+    """Let detection run ahead in as many threads as pay: its inputs in the records become images that were
+    looked at. None: it runs in the pipeline, as tracking tells it where to look, or stamps of depth maps in
+    bags may jump.
+    """
+    config = plan.configs["detection"]
+    threads = free_threads(config_of(plan.configs, DetectionConfig).threads)
+    in_bags = plan.streams and plan.depth_cameras
+    tied = plan.stage != "detection" or in_bags or ports_in_use({"detection": config})
+    if threads == 1 or tied:
+        return None
+    stage = make_stage("detection", config, StageContext(plan.rig, plan.skeleton, plan.extras))
+    cameras = [owner for topic, owner in records if topic == "image"]
+    inputs = {name: by_stamp(records["image", name], records.pop(("depth", name), None)) for name in cameras}
+    looks = stack.enter_context(SideBySide(stage, inputs, threads, time.perf_counter_ns))
+    records.update({("image", camera): looks.frames(camera) for camera in cameras})
+    return looks
+
+
+def by_stamp(images: Iterator[Any], depths: Iterator[Any] | None) -> Iterator[Any]:
+    """What the stage takes of a camera, in the order in which the pipeline hands it over."""
+    if depths is None:
+        return images
+    return heapq.merge(depths, images, key=_place)
+
+
+def _place(item: ViewFrame | DepthFrame) -> int:
+    return item.stamp_ns - (DEPTH.ahead_ns if isinstance(item, DepthFrame) else 0)
+
+
+def _replay(
+    plan: Plan, pipeline: Pipeline, records: Records, results: Results, stop: Callable[[], bool]
+) -> None:
+    """Hand over the records of all cameras, always the one that the stages wait for."""
+    owners = {topic: [camera for key, camera in records if key == topic] for topic, _ in records}
+    lanes = lanes_of(list(owners), lambda topic: owners[topic], pipeline, plan.clock_of, plan.shifts)
+    host = Host(pipeline, lanes)
+    while (key := host.waiting_for()) is not None:
+        if stop():
+            pipeline.flush()
+            return
+        topic, owner = key
+        record = next(records[key], None)
+        if record is None:
+            host.end(topic, owner)
+        else:
+            if topic in TAKEN:
+                results.take(topic, record)
+            host.put(topic, owner, record.stamp_ns, record)
+        host.advance()
+
+
+def _filmed(plan: Plan, stack: ExitStack) -> Records:
+    """Frames, and depth maps where there are any, of the cameras of a recording."""
+    records: Records = {}
+    for camera in plan.rig.names:
+        source = stack.enter_context(open_source(camera, plan.rig, plan.sources[camera])[0])
+        frames, again = tee(source)
+        records["image", camera] = frames
+        if isinstance(source, DepthSource):
+            records["depth", camera] = map(source.depth_of, again)
+    return records
+
+
+def _live_frames(plan: Plan, camera: str) -> Iterator[Any]:
+    source, _ = open_source(camera, plan.rig, plan.sources[camera])
+    with source:
+        yield from source
+
+
+def _live_sound(sound: Mapping[str, Any]) -> Iterator[Any]:
+    with open_sound(sound) as source:
+        yield from source
+
+
+def _recorded(plan: Plan, stack: ExitStack, on_bad: Callable[[DataError], None]) -> Records:
+    """Frames, depth maps or detections of bags; what cannot be used is left out."""
+    return {
+        (TOPICS[stream.key].variant_of or stream.key, stream.camera): iter(items)
+        for stream, items in opened_streams(plan.streams, stack, on_bad)
+    }

@@ -1,0 +1,95 @@
+"""A run through real nodes: processes for cameras, detection and fusion, over DDS."""
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.utilities import try_shutdown
+
+from panoptic_ros.graph.flow import WINDOW, make_flow
+from panoptic_ros.nodes.collector_node import CollectorNode
+from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
+from panoptic_ros.nodes.runtime import in_namespace, start_ros
+from panoptic_ros.nodes.statics_node import StaticsNode
+from panoptic_ros.params import config_of
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.processes.children import Processes, prepare_environment
+from panoptic_ros.running.runs.launch import write_launch_file
+from panoptic_ros.running.runs.results import Results
+
+LOOK_S = 0.2  # whether all processes run
+LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
+
+
+def run_over_dds(
+    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int = 0,
+    node_per_stage: bool = False,
+) -> dict[str, dict[str, str]]:
+    """Run the plan to its end, or until `stop()` is true; returns each node's last diagnostics.
+
+    Raises:
+        UserError: as a node printed it, if one ended.
+        EnvironmentProblem: if another graph runs in this ROS domain.
+    """
+    prepare_environment()
+    arguments = in_namespace(plan.namespace)
+    with claim_domain(plan.namespace.strip("/")):
+        return _run(plan, results, stop, jpeg_quality, node_per_stage, arguments)
+
+
+def _run(
+    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool,
+    arguments: list[str],
+) -> dict[str, dict[str, str]]:
+    flow_name = "live" if plan.live else "replay"
+    window = WINDOW + math.ceil(plan.frame_rate * config_of(plan.configs, RefinementConfig).lag)
+    launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality, node_per_stage)
+    document = json.loads(launch.read_text())
+    names = [name for nodes in document["processes"].values() for node in nodes for name in _told_of(node)]
+    start_ros(arguments)
+    executor = SingleThreadedExecutor()
+    collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take, plan.devices)
+    statics = StaticsNode(plan.rig, plan.skeleton)
+    try:
+        require_no_other_graph(collector)
+        for node in (collector, statics):
+            executor.add_node(node)
+        with Processes(launch, document["processes"], results.folder / "logs", plan.live) as processes:
+            _spin(executor, collector, processes, stop, plan.live)
+            deadline = time.monotonic() + LAST_WORDS_S
+            while not plan.live and not collector.finished(names) and time.monotonic() < deadline:
+                executor.spin_once(timeout_sec=0.1)
+        return collector.diagnostics
+    finally:
+        executor.shutdown()
+        collector.destroy_node()
+        statics.destroy_node()
+        try_shutdown()
+        launch.unlink(missing_ok=True)
+
+
+def _told_of(node: Mapping[str, Any]) -> list[str]:
+    """Names on /diagnostics of a node of the launch file: its stages if there are several."""
+    stages = node.get("stages", [])
+    return list(stages) if len(stages) > 1 else [node["name"]] if "name" in node else []
+
+
+def _spin(
+    executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool], live: bool
+) -> None:
+    """Until the end; live, what is killed is started anew."""
+    looked = time.monotonic()
+    while not collector.over and not stop():
+        executor.spin_once(timeout_sec=0.1)
+        if time.monotonic() - looked > LOOK_S:
+            looked = time.monotonic()
+            if live:
+                for line in processes.revive():
+                    collector.get_logger().warning(line)
+            else:
+                processes.check()

@@ -1,0 +1,1 @@
+"""Simulated captures in files."""

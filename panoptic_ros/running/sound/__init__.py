@@ -1,0 +1,1 @@
+"""What sound tells of the clocks of a run."""

@@ -1,0 +1,200 @@
+"""The clocks of cameras from the sound of a recording, whatever holds it."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.capture.folder import VIDEO_SUFFIXES
+from panoptic_ros.capture.sound import folder_sounds, open_sound, sound_files, track_sound
+from panoptic_ros.capture.timestamps import read_timestamps
+from panoptic_ros.domain import AudioBlock, Rig, StampLine
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.rigs import find_rig, read_rig
+from panoptic_ros.offsets.sound import HeardClocks, SoundClocks, SoundClocksConfig
+from panoptic_ros.offsets.sound.passes import APART
+from panoptic_ros.running.plans.options import RunOptions
+from panoptic_ros.running.sound.bags import recorder_of, sound_streams
+from panoptic_ros.running.sound.use import Recorder
+from panoptic_ros.stage import Progress, untold
+from panoptic_ros.view.sound_lines import sound_lines
+
+Array = np.ndarray
+SECOND = 1_000_000_000
+
+
+class SoundRecording:
+    """The sound of recorders as a `stage.Recording`, read anew each time."""
+
+    def __init__(self, recorders: Sequence[Recorder]):
+        self._blocks = {r.device: r.blocks for r in recorders if r.blocks is not None}
+
+    def records(
+        self, topic: str, scope: str = "", begin_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterator[AudioBlock]:
+        """See `stage.Recording`; there is nothing but the topic "audio"."""
+        blocks: Callable[[], Iterator[AudioBlock]] | None = self._blocks.get(scope)
+        for block in blocks() if topic == "audio" and blocks is not None else ():
+            if (begin_ns is None or block.stamp_ns >= begin_ns) and (
+                end_ns is None or block.stamp_ns < end_ns
+            ):
+                yield block
+
+
+def clocks_from_sound(
+    recorders: Sequence[Recorder], cameras: Sequence[str], rig: Rig | None = None, *, trusted: str = "",
+    apart: float = APART, progress: Progress = untold,
+) -> HeardClocks:  # fmt: skip
+    """The clocks of cameras.
+
+    A camera's sound is that of the device of its name, or of the device that the rig names as its clock.
+
+    Args:
+        rig: which tells where cameras are. trusted, apart: see `SoundClocksConfig`.
+
+    Raises:
+        UserError: if there is no sound of two devices, or it cannot be read.
+    """
+    devices = [recorder.device for recorder in recorders]
+    clocks = {camera.name: camera.clock for camera in rig.cameras} if rig else {}
+    heard = {
+        name: name if name in devices else clocks.get(name, "") if clocks.get(name) in devices else ""
+        for name in cameras
+    }
+    if len({device for device in heard.values() if device}) < 2:
+        there = ", ".join(devices) or "none"
+        raise DataError(
+            f"clocks from sound need that of two of the cameras {', '.join(cameras)}; there is sound of "
+            f"{there}"
+        )
+    places: dict[str, Array] = {}
+    for camera in rig.cameras if rig else ():
+        if heard.get(camera.name):
+            places.setdefault(heard[camera.name], camera.centre)
+    config = SoundClocksConfig(heard, places, apart, trusted)
+    return SoundClocks(config).run(SoundRecording(recorders), progress)
+
+
+def recorders_of(sounds: Sequence[Mapping[str, Any]]) -> list[Recorder]:
+    """The devices of descriptions for `open_sound`."""
+
+    def reader(sound: Mapping[str, Any]) -> Callable[[], Iterator[AudioBlock]]:
+        def blocks() -> Iterator[AudioBlock]:
+            with open_sound(sound) as source:
+                yield from source
+
+        return blocks
+
+    return [
+        Recorder(str(s["device"]), tuple(s["clocks"]), Path(s["path"]).name, reader(s)) for s in sounds
+    ]
+
+
+def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
+    """The sound of a capture folder or a bag, and its rig if there is one.
+
+    Of a folder that is WAV files, and the sound tracks of videos that have one; images are not needed.
+
+    Raises:
+        DataError: if there is no sound. UsageError: several rigs.
+    """
+    if not path.exists():
+        raise DataError(f"{path} does not exist")
+    if (path / "metadata.yaml").exists() or path.suffix == ".mcap":
+        with ExitStack() as stack:
+            streams = sound_streams([stack.enter_context(BagReader(path))])
+        found = [recorder_of(stream) for stream in streams]
+        rig = None
+    elif path.is_dir():
+        stamps = _frame_stamps(path)
+        tracks = {
+            file.name: sound for file in sorted(path.iterdir()) if file.suffix.lower() in VIDEO_SUFFIXES
+            for sound in [_track(file, stamps.get(file.stem, ()))] if sound is not None
+        }  # fmt: skip
+        begins = {name: own[0] for name, own in stamps.items() if own}
+        found = recorders_of(folder_sounds(path, begins, tracks))
+        rig = _rig_of(path)
+    else:
+        raise UsageError(f"{path} is no capture folder and no bag; sound is taken from these")
+    if not found:
+        raise DataError(f"{path} has no sound: no WAV file, no video with a sound track")
+    return found, rig
+
+
+def _frame_stamps(path: Path) -> dict[str, tuple[int, ...]]:
+    table = path / "timestamps.csv"
+    rig = _rig_of(path)
+    if not table.exists():
+        return {}
+    others = {file.stem for file in sound_files(path)} - set(rig.names if rig else ())
+    return read_timestamps(table, others)
+
+
+def _track(path: Path, stamps: Sequence[int]) -> dict[str, Any] | None:
+    """The sound track of a video, if it has one."""
+    sound = track_sound(path, path.stem, 0, stamps)
+    try:
+        with open_sound(sound):
+            return sound
+    except DataError:
+        return None
+
+
+def _rig_of(path: Path) -> Rig | None:
+    try:
+        return read_rig(find_rig(path))
+    except DataError:
+        return None
+
+
+def corrections_from_sound(
+    recorders: Sequence[Recorder], rig: Rig, options: RunOptions
+) -> tuple[dict[str, StampLine], tuple[str, ...]]:
+    """For a run: what corrects the stamps of those cameras whose clocks differ, and lines that tell it.
+
+    Raises:
+        UsageError: if the sound carries timecode, which tells more, or offsets are given besides.
+        DataError: if no two cameras have sound, or it tells of no clock.
+    """
+    named = [recorder.device for recorder in recorders if any(recorder.clocks)]
+    if named:
+        raise UsageError(
+            f"the sound of {', '.join(named)} carries timecode, which tells clocks better; leave "
+            "--offsets-from-sound out"
+        )
+    if options.offsets:
+        raise UsageError("give --offsets FILE or --offsets-from-sound, which finds them anew, not both")
+    found = clocks_from_sound(recorders, rig.names, rig, apart=options.apart)
+    clocks = found.clocks
+    if not clocks.known.any():
+        why = next(iter(found.unknown.values()))
+        raise DataError(f"clocks of no camera are known from sound: {why}; leave --offsets-from-sound out")
+    lines = {
+        name: StampLine(
+            int(clocks.reference_ns), round(SECOND * float(clocks.offsets[c])), float(clocks.drifts[c])
+        )
+        for c, name in enumerate(clocks.cameras) if clocks.applied[c]
+    }  # fmt: skip
+    return lines, tuple(line.strip() for line in sound_lines(found))
+
+
+def folder_clocks(
+    path: Path, rig: Path | None = None, *, trusted: str = "", apart: float = APART,
+    progress: Progress = untold,
+) -> HeardClocks:  # fmt: skip
+    """The clocks of the cameras of a capture folder or a bag: of the rig, or all devices if there is none.
+
+    Args:
+        rig: calibration file, in place of the folder's own.
+
+    Raises:
+        UserError: if there is no sound of two devices, or it cannot be read.
+    """
+    recorders, own = recorded_sound(path)
+    known = read_rig(rig) if rig is not None else own
+    cameras = known.names if known is not None else [recorder.device for recorder in recorders]
+    return clocks_from_sound(recorders, cameras, known, trusted=trusted, apart=apart, progress=progress)

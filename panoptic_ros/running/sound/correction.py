@@ -1,0 +1,102 @@
+"""The stamps of a recording's cameras, corrected before it is solved."""
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.clocks_from_motion import find_clocks
+from panoptic_ros.io.clock_offsets import write_clocks
+from panoptic_ros.offsets import regroup
+from panoptic_ros.offsets.sound.passes import APART
+from panoptic_ros.running.plans.saved_offsets import saved_lines, saved_offsets
+from panoptic_ros.running.solve import SolveTask
+from panoptic_ros.running.sound.clocks import clocks_from_sound, recorded_sound
+from panoptic_ros.stage import Progress, part_of, untold
+from panoptic_ros.view.clock_lines import clock_lines
+from panoptic_ros.view.sound_lines import contradictions, sound_lines
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is done about the clocks of cameras; by itself nothing.
+
+    Args:
+        saved: file with offsets that were found before, to be added to the stamps.
+        from_sound: a capture folder or bag with what cameras heard, from which offsets and drifts are found.
+        apart: m, see `offsets.sound.SoundClocksConfig`.
+        from_motion: find offsets and drifts from the motion of people; after sound, what that leaves.
+        out: file to write to what was found.
+        trusted: camera whose stamps are right; "": those of most cameras if they agree, else the mean.
+
+    Raises:
+        UsageError: on choices that do not go together.
+    """
+
+    saved: Path | None = None
+    from_motion: bool = False
+    from_sound: Path | None = None
+    apart: float = APART
+    out: Path | None = None
+    trusted: str = ""
+
+    def __post_init__(self) -> None:
+        found = self.from_motion or self.from_sound is not None
+        if self.saved and found:
+            option = "--offsets-from-motion" if self.from_motion else "--offsets-from-sound"
+            raise UsageError(f"give --offsets FILE or {option}, which finds them anew, not both")
+        if not found and (self.out or self.trusted):
+            raise UsageError(
+                "--offsets-out and --trusted-camera need --offsets-from-motion or --offsets-from-sound"
+            )
+
+
+def corrected(
+    task: SolveTask, correction: Correction, progress: Progress = untold
+) -> tuple[SolveTask, list[str]]:
+    """The task with corrected stamps and sets grouped anew, and lines that tell what was done.
+
+    Raises:
+        UserError: if a file cannot be used or written, or a camera is not there.
+    """
+    told: list[str] = []
+    heard = None
+    if correction.from_sound is not None:
+        share = part_of(progress, 0.0, 0.3 if correction.from_motion else 1.0)
+        recorders, _ = recorded_sound(correction.from_sound)
+        heard = clocks_from_sound(
+            recorders, task.context.rig.names, task.context.rig, trusted=correction.trusted,
+            apart=correction.apart, progress=share,
+        )  # fmt: skip
+        task = replace(task, sets=regroup(task.sets, heard.clocks.corrections(task.sets)))
+        told, clocks = sound_lines(heard), heard.clocks
+    if correction.from_motion:
+        share = part_of(progress, 0.3, 1.0) if heard else progress
+        found = find_clocks(task.sets, task.context, task.configs, correction.trusted, share)
+        task, clocks = replace(task, sets=found.sets), found.clocks
+        told += clock_lines(found.clocks)
+        if heard:
+            told += contradictions(heard, found.clocks)
+            clocks = heard.clocks.then(found.clocks)
+    if correction.from_motion or heard:
+        if correction.out:
+            write_clocks(correction.out, clocks)
+        return task, told
+    if correction.saved:
+        return _moved(task, correction.saved)
+    return task, []
+
+
+def _moved(task: SolveTask, path: Path) -> tuple[SolveTask, list[str]]:
+    """By offsets that were saved."""
+    names = task.context.rig.names
+    saved = saved_offsets(path, names)
+    frames = Counter(view.camera for item in task.sets for view in item.views)
+    corrections = {
+        name: np.full(count, 1e9 * saved[name].offset_s if name in saved else 0.0)
+        for name, count in frames.items()
+    }
+    return replace(task, sets=regroup(task.sets, corrections)), saved_lines(saved, names)

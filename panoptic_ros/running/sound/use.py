@@ -1,0 +1,226 @@
+"""What a run does about sound: which of it tells of the cameras' clocks, and whether it does.
+
+Sound that stamps no camera is left alone. The rest is heard before the run begins, until there is a model of
+every clock: so a clock that nobody hears is told at once, and it is known roughly by how much the clocks
+differ, which the run needs to keep its streams side by side.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from panoptic_ros.clocks.config import ClocksConfig
+from panoptic_ros.domain import AudioBlock, Rig
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_streams import SOUND_KEY
+from panoptic_ros.params import Config, config_of, named_words
+from panoptic_ros.params.named import ALL
+from panoptic_ros.running.sound.hearing import Hearing, hear
+from panoptic_ros.running.sound.swapped import check_swapped
+from panoptic_ros.sync.config import SyncConfig
+from panoptic_ros.timecode.config import TimecodeConfig
+
+SAME_RATE = 1e-4  # 29.97 and 30 fps differ by 1e-3
+LEAD_NS = 5_000_000_000  # by which sound goes ahead of frames, so that these need not wait for its clocks
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """A device that heard something.
+
+    Args:
+        clocks: of its channels, see `AudioBlock`.
+        blocks: its sound from the beginning, as often as one likes; None: it is live.
+        where: how messages call it.
+    """
+
+    device: str
+    clocks: tuple[str, ...]
+    where: str
+    blocks: Callable[[], Iterator[AudioBlock]] | None = None
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The clocks whose timecode it hears."""
+        return tuple(clock for clock in self.clocks if clock not in ("", self.device))
+
+
+@dataclass(frozen=True)
+class ClockPlan:
+    """What is known about clocks before a run.
+
+    Args:
+        configs: of all stages, which name them.
+        recorders: devices whose sound is used, with the sample to begin with.
+        shifts: by camera, and of sound by topic, ns: what is added to stamps so that all are roughly in
+            master time, and sound goes ahead.
+        notices: one line each.
+    """
+
+    configs: Mapping[str, Config]
+    recorders: Mapping[str, int]
+    shifts: Mapping[str, int]
+    notices: tuple[str, ...] = ()
+
+
+def plan_clocks(
+    rig: Rig, configs: Mapping[str, Config], recorders: Sequence[Recorder],
+    stamps: Mapping[str, Sequence[int]],
+) -> ClockPlan:  # fmt: skip
+    """Which sound a run needs, and what it tells of the clocks of its cameras.
+
+    Args:
+        recorders: that there are, the first ones first.
+        stamps: some of each camera's frames, ns; at least the first.
+
+    Raises:
+        DataError: if a camera is stamped by a clock that nobody hears.
+        UsageError: if a parameter names such a clock.
+    """
+    recorders = [_named_by_parameter(recorder, configs) for recorder in recorders]
+    clocks = _clocks_of_cameras(rig, configs)
+    carried = {clock: r for r in recorders[::-1] for clock in (r.device, *r.named)}
+    if not recorders or not carried.keys() & set(clocks.values()):
+        _refuse_unheard_parameters(configs, rig, carried)
+        return ClockPlan(configs, {}, {}, tuple(_unused(recorders, rig)))
+    _require_carried(clocks, carried)
+    used = [r for r in recorders if r.named or r.device in clocks.values()]
+    configs = _with_names(configs, clocks, used, carried)
+    if any(recorder.blocks is None for recorder in used):
+        return ClockPlan(configs, {r.device: 0 for r in used}, {})
+    heard = hear(used, configs, set(clocks.values()))
+    _require_one_rate(heard)
+    _require_heard(clocks, heard, used, config_of(configs, ClocksConfig).master_clock)
+    check_swapped(clocks, heard.words, stamps)
+    notices = (*_unused([r for r in recorders if r not in used], rig), *_on_no_clock(rig, clocks))
+    return ClockPlan(configs, heard.begins, _shifts(clocks, heard, stamps, rig), notices)
+
+
+def _named_by_parameter(recorder: Recorder, configs: Mapping[str, Config]) -> Recorder:
+    given = named_words("TimecodeConfig.channels", config_of(configs, TimecodeConfig).channels)
+    if recorder.device not in given:
+        return recorder
+    return replace(recorder, clocks=tuple(name.strip() for name in given[recorder.device].split(",")))
+
+
+def _clocks_of_cameras(rig: Rig, configs: Mapping[str, Config]) -> dict[str, str]:
+    """The clock of every camera that has one: as sync is told, or as the rig says."""
+    told = named_words("SyncConfig.clocks", config_of(configs, SyncConfig).clocks)
+    every = {c.name: told.get(c.name, told.get(ALL, c.clock)) for c in rig.cameras}
+    return {name: clock for name, clock in every.items() if clock}
+
+
+def _with_names(
+    configs: Mapping[str, Config], clocks: Mapping[str, str], used: Sequence[Recorder],
+    carried: Mapping[str, Recorder],
+) -> dict[str, Config]:  # fmt: skip
+    """Configurations of sync and clocks that name the clocks of cameras, and the master among them."""
+    sync, own = config_of(configs, SyncConfig), config_of(configs, ClocksConfig)
+    named = [clock for recorder in used for clock in recorder.named]
+    master = sync.master_clock or own.master_clock or next(iter(named), "")
+    if master and master not in named:
+        raise UsageError(
+            f"sync.master_clock = {master!r} is the timecode of no channel; named are "
+            f"{', '.join(dict.fromkeys(named)) or 'none'}"
+        )
+    entries = tuple(f"{camera}={clock}" for camera, clock in clocks.items())
+    return {
+        **configs, "sync": replace(sync, clocks=entries, master_clock=master),
+        "clocks": replace(own, master_clock=master),
+    }  # fmt: skip
+
+
+def _refuse_unheard_parameters(
+    configs: Mapping[str, Config], rig: Rig, carried: Mapping[str, Recorder]
+) -> None:
+    told = named_words("SyncConfig.clocks", config_of(configs, SyncConfig).clocks)
+    for camera, clock in told.items():
+        if clock not in carried and clock not in rig.names:
+            there = ", ".join(carried) or "there is no sound"
+            raise UsageError(f"sync.clocks names {camera}={clock}, but nobody hears clock {clock}: {there}")
+
+
+def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, Recorder]) -> None:
+    for clock in dict.fromkeys(clocks.values()):
+        if clock not in carried:
+            cameras = ", ".join(camera for camera, own in clocks.items() if own == clock)
+            raise DataError(
+                f"nobody hears clock {clock}, which stamps {cameras}: there is sound of "
+                f"{', '.join(carried)}; name its channel in sound.yaml, or leave these cameras out"
+            )
+
+
+def _require_one_rate(heard: Hearing) -> None:
+    """A timecode that two recorders hear at different rates is not the same one."""
+    rates: dict[str, tuple[str, float]] = {}
+    for (device, clock), word in heard.words.items():
+        rate = float(word.timecode.rate.exact)
+        other, before = rates.setdefault(clock, (device, rate))
+        if clock and abs(rate - before) > SAME_RATE * rate:
+            raise DataError(
+                f"clock {clock} is heard as {before:.5g} fps by {other} and as {rate:.5g} fps by {device}: "
+                "are channels swapped? Mend sound.yaml"
+            )
+
+
+def _require_heard(
+    clocks: Mapping[str, str], heard: Hearing, used: Sequence[Recorder], master: str
+) -> None:
+    for clock in dict.fromkeys(clocks.values()):
+        if clock not in heard.models:
+            cameras = ", ".join(camera for camera, own in clocks.items() if own == clock)
+            what = _what_was_heard(heard, used) + (f" ({heard.notices[0]})" if heard.notices else "")
+            lone = _apart(clock, heard, used, master)
+            if lone:
+                what += f"; nobody hears {lone} and {master} together"
+            raise DataError(f"nothing tells of clock {clock}, which stamps {cameras}: {what}")
+
+
+def _apart(clock: str, heard: Hearing, used: Sequence[Recorder], master: str) -> str:
+    """The timecode that tells of a clock and is heard, but has no connection to the master."""
+    connected, before = {master}, set[str]()
+    while connected != before:
+        before = set(connected)
+        for recorder in used:
+            connected |= set(recorder.named) if connected & set(recorder.named) else set()
+    carried = {own for _, own in heard.words}
+    of_clock = {own for r in used if clock in (r.device, *r.named) for own in r.named}
+    return ", ".join(sorted((of_clock & carried) - connected))
+
+
+def _what_was_heard(heard: Hearing, used: Sequence[Recorder]) -> str:
+    """A few words about every recorder."""
+    found = []
+    for recorder in used:
+        words = [clock or recorder.device for device, clock in heard.words if device == recorder.device]
+        what = f"timecode of {', '.join(words)} only" if words else "no timecode"
+        found.append(f"{recorder.where} has {what} in {heard.seconds:.0f} s")
+    return "; ".join(found)
+
+
+def _shifts(
+    clocks: Mapping[str, str], heard: Hearing, stamps: Mapping[str, Sequence[int]], rig: Rig
+) -> dict[str, int]:
+    """By camera, and of sound by topic; sound begins before the first frames, also where it began later."""
+    cameras = {name: heard.models[clocks[name]].offset_ns if name in clocks else 0 for name in rig.names}
+    firsts = [stamps[name][0] + shift for name, shift in cameras.items() if stamps.get(name)]
+    devices = {}
+    for device, first in heard.firsts.items():
+        shift = heard.models[device].offset_ns if device in heard.models else 0
+        late = max(0, first + shift - min(firsts)) if firsts else 0
+        devices[TOPICS[SOUND_KEY].of(device)] = shift - late - LEAD_NS
+    return cameras | devices
+
+
+def _unused(recorders: Sequence[Recorder], rig: Rig) -> Iterator[str]:
+    """Lines about sound that stamps no camera."""
+    named = ", ".join(dict.fromkeys(camera.clock for camera in rig.cameras if camera.clock)) or "no clocks"
+    for recorder in recorders:
+        yield f"{recorder.where} is not used: it tells of no clock of the cameras (the rig names {named})"
+
+
+def _on_no_clock(rig: Rig, clocks: Mapping[str, str]) -> Iterator[str]:
+    others = [name for name in rig.names if name not in clocks]
+    if others:
+        yield f"stamps of {', '.join(others)} are taken for master time, as no clock of theirs is named"

@@ -1,0 +1,42 @@
+"""`panoptic view` in a process of its own."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.running.processes.children import child_environment
+
+PATIENCE_S = 20.0  # for its end
+
+
+@contextmanager
+def viewer(arguments: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Start it; gives its process id and the address of the page.
+
+    Raises:
+        EnvironmentProblem: if it does not start.
+    """
+    command = [sys.executable, "-m", "panoptic_ros.cli.main", "view", "--no-browser", "--port", "0"]
+    profile = "FASTRTPS_DEFAULT_PROFILES_FILE"  # set by processes that send images
+    environment = {name: value for name, value in child_environment().items() if name != profile}
+    child = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True, env=environment)
+    assert child.stdout is not None
+    try:
+        line = child.stdout.readline()
+        found = re.search(r"http://\S+", line)
+        if found is None:
+            raise EnvironmentProblem(f"the viewer did not start: {line.strip() or 'it said nothing'}")
+        yield child.pid, found[0]
+    finally:
+        child.terminate()
+        try:
+            child.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+        child.stdout.close()

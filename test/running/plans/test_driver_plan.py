@@ -1,0 +1,171 @@
+"""Plans of runs on running drivers: which messages carry what, and how the images were taken."""
+import json
+from dataclasses import replace
+
+import captures
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from panoptic_ros.domain import DepthSensor
+from panoptic_ros.errors import CalibrationError, DataError, UsageError
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.io.messages import bag_messages, camera_info_message
+from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.nodes.drivers import Drivers
+from panoptic_ros.running.plans import driver_plan, driver_rig
+from panoptic_ros.running.runs.launch import write_launch_file
+
+SENSOR = captures.look_at("k1", (0.0, 4.0, 2.0), size=(320, 240))
+IMAGE, PACKED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+INFO = "sensor_msgs/msg/CameraInfo"
+
+
+@pytest.fixture
+def plan(tmp_path, monkeypatch):
+    """Makes the plan of a text of topics with what drivers are said to publish."""
+    write_rig(tmp_path / "rig.json", captures.RIG)
+    write_rig(tmp_path / "kinects.json", replace(captures.RIG, depth_sensors=(DepthSensor(SENSOR),)))
+
+    def make(text, types, infos=(), rig="rig.json"):
+        (tmp_path / "drivers.yaml").write_text(text)
+        monkeypatch.setattr(driver_plan, "find_drivers", lambda wanted: Drivers(types, dict(infos)))
+        monkeypatch.setattr(driver_plan, "prepare_environment", lambda: None)
+        return driver_plan.plan_drivers(tmp_path / "drivers.yaml", tmp_path / rig if rig else None)
+
+    return make
+
+
+def info_of(name):
+    return camera_info_message(captures.RIG.camera(name), 7, bag_messages())
+
+
+def test_every_message_goes_to_the_detector_by_its_kind(plan, tmp_path):
+    made = plan(
+        "cam0: {image: /a/image_raw, encoding: bayer_rggb8}\n"
+        "cam1: {image: /b/image_raw/compressed, depth: /b/depth/compressedDepth}\n"
+        "cam2: {image: /c/image_raw, depth: /c/depth}\n",
+        {"/a/image_raw": IMAGE, "/b/image_raw/compressed": PACKED, "/b/depth/compressedDepth": PACKED,
+         "/c/image_raw": IMAGE, "/c/depth": IMAGE},
+    )  # fmt: skip
+    assert made.live and made.rig.names == ("cam0", "cam1", "cam2") and not made.sources
+    launch = write_launch_file(made, tmp_path, "live", 64, 0)
+    processes = json.loads(launch.read_text())["processes"]
+    assert sorted(processes) == ["detection-0", "fusion"]
+    given = processes["detection-0"][0]["parameters"]
+    assert sorted(given["topics"]) == [
+        "compressed_depth cam1=/b/depth/compressedDepth", "compressed_image cam1=/b/image_raw/compressed",
+        "depth cam2=/c/depth", "image cam0=/a/image_raw", "image cam2=/c/image_raw",
+    ]  # fmt: skip
+    assert given["encodings"] == ["cam0=bayer_rggb8"] and given["inputs.compressed_image"] == ["cam1"]
+    assert given["inputs.depth"] == ["cam1", "cam2"] and given["inputs.compressed_depth"] == ["cam1"]
+
+
+def test_rectified_images_take_their_lens_from_camera_info(plan):
+    info = info_of("cam0")
+    info.p = np.array([[800.0, 0, 640, 0], [0, 800, 360, 0], [0, 0, 1, 0]]).reshape(12)
+    made = plan(
+        "cam0: {image: /a/image_rect_color}\ncam1: {image: /b/image_raw}\n",
+        {"/a/image_rect_color": IMAGE, "/a/camera_info": INFO, "/b/image_raw": IMAGE},
+        {"/a/camera_info": info},
+    )
+    seen = made.rig.camera("cam0")
+    assert seen.intrinsics.matrix[0, 0] == 800 and not seen.intrinsics.distortion.any()
+    assert np.allclose(seen.centre, captures.RIG.camera("cam0").centre)
+    assert made.rig.camera("cam1").intrinsics is not None and len(made.notices) == 1
+    assert "/a/image_rect_color is rectified" in made.notices[0]
+
+
+def test_another_calibration_is_told_and_another_size_refused(plan):
+    text = "cam0: {image: /a/image_raw, camera_info: /a/camera_info}\ncam1: {image: /b/image_raw}\n"
+    types = {"/a/image_raw": IMAGE, "/a/camera_info": INFO, "/b/image_raw": IMAGE}
+    info = info_of("cam0")
+    assert plan(text, types, {"/a/camera_info": info}).notices == ()
+    info.k[0] *= 1.05
+    assert "its driver says focal length" in plan(text, types, {"/a/camera_info": info}).notices[0]
+    info.width = 640
+    with pytest.raises(CalibrationError, match="publishes images of 640 x 720, but the rig"):
+        plan(text, types, {"/a/camera_info": info})
+
+
+def test_what_cannot_be_is_refused(plan):
+    types = {"/a/image_raw": "std_msgs/msg/String", "/b/image_raw": IMAGE}
+    text = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_raw}\n"
+    with pytest.raises(DataError, match=r"/a/image_raw \(image of camera cam0\) carries std_msgs/msg/String"):
+        plan(text, types)
+    with pytest.raises(DataError, match="encoding 'nv21'; known: bgr8"):
+        plan("cam0: {image: /a, encoding: nv21}\ncam1: {image: /b}\n", {})
+    with pytest.raises(CalibrationError, match="nobody"):
+        plan("cam0: {image: /a}\nnobody: {image: /b}\n", {})
+    with pytest.raises(CalibrationError, match="1 camera"):
+        plan("cam0: {image: /a}\n", {})
+
+
+BOTH = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_rect}\nk1: {depth: /k/depth/image_raw}\n"
+TYPES = {"/a/image_raw": IMAGE, "/b/image_rect": IMAGE, "/k/depth/image_raw": IMAGE,
+         "/a/camera_info": INFO, "/b/camera_info": INFO, "/k/depth/camera_info": INFO}  # fmt: skip
+
+
+def sensor_info():
+    return camera_info_message(SENSOR, 7, bag_messages())
+
+
+def test_depth_sensors_alone_are_those_of_the_rig(plan):
+    infos = {"/b/camera_info": info_of("cam1"), "/k/depth/camera_info": sensor_info()}
+    made = plan(BOTH, TYPES, infos, "kinects.json")
+    (sensor,) = made.rig.depth_sensors
+    assert sensor.name == "k1" and np.allclose(sensor.camera.centre, SENSOR.centre)
+    assert made.topics["sensor_depth"] == {"k1": "/k/depth/image_raw"} and not made.depth_cameras
+    infos["/k/depth/camera_info"].width = 640
+    with pytest.raises(CalibrationError, match="k1 publishes depth maps of 640 x 240, but the rig"):
+        plan(BOTH, TYPES, infos, "kinects.json")
+    with pytest.raises(CalibrationError, match="no depth sensor 'k1'; it has none"):
+        plan(BOTH, TYPES, infos)
+
+
+def test_without_a_rig_lenses_are_those_of_camera_info_and_poses_those_of_tf(plan, monkeypatch):
+    cameras = {name: captures.RIG.camera(name) for name in ("cam0", "cam1")} | {"k1": SENSOR}
+    infos = {"/a/camera_info": info_of("cam0"), "/b/camera_info": info_of("cam1"),
+             "/k/depth/camera_info": sensor_info()}  # fmt: skip
+    asked = []
+
+    def find(frames, fixed):
+        asked.append((frames, fixed))
+        return "map", {f"{n}_optical_frame": c.cam_from_world.inverse() for n, c in cameras.items()}
+
+    monkeypatch.setattr(driver_rig, "find_transforms", find)
+    made = plan("fixed_frame: map\n" + BOTH, TYPES, infos, "")
+    assert asked == [(sorted(f"{name}_optical_frame" for name in cameras), "map")]
+    assert made.rig.frame_id == "map" and made.rig.names == ("cam0", "cam1")
+    point = np.array([[0.3, -0.2, 1.1]])
+    for name in ("cam0",):
+        seen, wanted = made.rig.camera(name).project(point)[0], cameras[name].project(point)[0]
+        np.testing.assert_allclose(seen, wanted, atol=1e-6)
+    assert not made.rig.camera("cam1").intrinsics.distortion.any()  # rectified
+    np.testing.assert_allclose(made.rig.camera("cam1").centre, cameras["cam1"].centre, atol=1e-9)
+    np.testing.assert_allclose(made.rig.depth_sensor("k1").camera.centre, SENSOR.centre, atol=1e-9)
+
+    baseline = infos["/b/camera_info"]
+    baseline.p[3] = -0.12 * baseline.p[0]  # the right camera of a pair names the left one's frame
+    right = plan("fixed_frame: map\n" + BOTH, TYPES, infos, "").rig.camera("cam1")
+    step = cameras["cam1"].cam_from_world.rotation @ (right.centre - cameras["cam1"].centre)
+    np.testing.assert_allclose(step, [0.12, 0, 0], atol=1e-9)
+
+
+def test_drivers_that_are_not_calibrated_are_told(plan, monkeypatch):
+    monkeypatch.setattr(driver_rig, "find_transforms", lambda frames, fixed: (
+        "map", dict.fromkeys(frames, Rigid.identity())))  # fmt: skip
+    text = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_raw}\n"
+    types = {"/a/image_raw": IMAGE, "/b/image_raw": IMAGE, "/a/camera_info": INFO, "/b/camera_info": INFO}
+    infos = {"/a/camera_info": info_of("cam0"), "/b/camera_info": info_of("cam1")}
+    infos["/b/camera_info"].k[:] = 0
+    with pytest.raises(CalibrationError, match="cam1 is all 0: its driver is not calibrated; calib"):
+        plan(text, types, infos, "")
+    infos["/a/camera_info"].header.frame_id = ""
+    with pytest.raises(CalibrationError, match=r"cam0 \(/a/camera_info\) names no frame"):
+        plan(text, types, infos, "")
+    with pytest.raises(UsageError, match="a fixed frame is one of TF"):
+        plan("fixed_frame: map\n" + text, types, infos)
+    with pytest.raises(CalibrationError, match="names 1 camera, which is not enough"):
+        plan("cam0: {image: /a/image_raw}", types, infos, "")

@@ -1,0 +1,66 @@
+"""Processes of a launcher that die: told, or started anew."""
+import json
+import sys
+import time
+
+import pytest
+
+from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
+from panoptic_ros.running.processes import children as module
+from panoptic_ros.running.processes.children import MOST_REVIVALS, Processes
+
+
+@pytest.fixture
+def launched(tmp_path, monkeypatch):
+    """Processes that run a text of Python in place of nodes."""
+
+    def start(text):
+        child = tmp_path / "child.py"
+        child.write_text(text)
+        real = module.subprocess.Popen
+        monkeypatch.setattr(
+            module.subprocess, "Popen", lambda words, **more: real([sys.executable, str(child)], **more)
+        )
+        (tmp_path / "launch.json").write_text(json.dumps({}))
+        return Processes(tmp_path / "launch.json", ["fusion"], tmp_path / "logs")
+
+    return start
+
+
+def until(condition, seconds=20.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_what_was_killed_is_started_anew_and_told(launched):
+    with launched("import time; time.sleep(60)") as running:
+        assert running.names == ("fusion",) and running.revive() == []
+        (before,) = running.ids
+        running.kill("fusion")
+        assert running.revive() == ["process fusion was killed (signal 9) and is started anew"]
+        (after,) = running.ids
+        assert after != before and running.revive() == []
+        running.kill("fusion")
+        with pytest.raises(EnvironmentProblem, match="fusion was killed"):
+            running.check()
+
+
+def test_what_breaks_down_time_and_again_ends_the_run(launched):
+    told = []
+
+    def revive():
+        told.extend(running.revive())
+        return False
+
+    with launched("print('it is broken'); raise SystemExit(1)") as running:
+        with pytest.raises(ContractError, match="fusion ended with exit code 1: .*it is broken"):
+            until(revive)
+    assert told == ["process fusion broke down (exit code 1) and is started anew"] * MOST_REVIVALS
+
+
+def test_what_the_user_can_mend_is_not_started_anew(launched):
+    with launched("print('panoptic: no such camera'); raise SystemExit(2)") as running:
+        with pytest.raises(UserError, match="no such camera"):
+            until(lambda: running.revive() != [])

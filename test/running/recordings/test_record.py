@@ -1,0 +1,160 @@
+"""Recordings of a live graph are whole, tell of themselves, survive a kill, and start on demand."""
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import captures
+import numpy as np
+import pytest
+from recordings import write_bag
+
+pytest.importorskip("rclpy")
+
+from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.io.bag_recorder import BagRecorder, TopicCounter
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.definitions import described
+from panoptic_ros.io.messages import bag_messages, image_message, to_message
+from panoptic_ros.io.messages.family import bag_typestore
+from panoptic_ros.io.salvage import repair
+from panoptic_ros.running.plans.bag_plan import plan_bags
+from panoptic_ros.running.recordings import record as recording
+from panoptic_ros.running.recordings.control import ask_all
+from panoptic_ros.running.recordings.record import COUNTERS, FACTS
+from panoptic_ros.running.recordings.selection import Selection
+
+pytestmark = pytest.mark.ros
+SECOND = 1_000_000_000
+
+
+def panoptic(*words):
+    """A `panoptic` of its own."""
+    command = [sys.executable, "-u", "-m", "panoptic_ros.cli.main", *map(str, words)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def line_of(process, pattern):
+    """The next line that matches."""
+    for line in process.stdout:
+        if re.search(pattern, line):
+            return line
+    raise AssertionError(f"it ended without {pattern!r}")
+
+
+@pytest.fixture
+def graph(recorded_people):
+    """A graph that publishes people, as long as it is needed."""
+    process = panoptic("replay", recorded_people, "--loops", 0)
+    yield process
+    process.send_signal(signal.SIGINT)
+    process.wait(20)
+
+
+@pytest.fixture(scope="module")
+def recorded_people(tmp_path_factory):
+    return write_bag(tmp_path_factory.mktemp("people") / "bag", captures.views(60))
+
+
+def cdr(message):
+    return bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))
+
+
+def test_a_recording_runs_by_itself_and_tells_of_itself(graph, tmp_path):
+    recorder = panoptic("record", "--out", tmp_path / "take", "--duration", 2)
+    told = recorder.communicate(timeout=60)[0]
+    assert recorder.returncode == 0, told
+    assert "GB" in told and re.search(r"/cam0/detections +\d+ +30", told)
+    plan = plan_bags([tmp_path / "take"])
+    assert plan.rig.names == captures.RIG.names and plan.skeleton.hash == captures.SKELETON.hash
+    with BagReader(tmp_path / "take") as bag:
+        rows = [(topic, message) for topic, _, message in bag.messages(FACTS, COUNTERS)]
+        quality = bag.connection("/rig").qualities[0]
+    facts, counters = json.loads(rows[0][1].data), json.loads(rows[-1][1].data)
+    assert (rows[0][0], rows[-1][0]) == (FACTS, COUNTERS) and facts["versions"]["panoptic_ros"]
+    assert "/replay" in facts["nodes"] and facts["format"] == "panoptic-recording-1"
+    assert counters["/cam0/detections"]["count"] > 30
+    assert counters["/cam0/detections"]["missing"] == 0
+    assert quality.durability.name == "TRANSIENT_LOCAL"
+
+
+def test_a_killed_recorder_leaves_what_repairs(graph, tmp_path):
+    recorder = panoptic("record", "--out", tmp_path / "take")
+    file = tmp_path / "take" / "take.mcap"
+    end = time.monotonic() + 40
+    while time.monotonic() < end and not (file.exists() and file.stat().st_size > 60_000):
+        time.sleep(0.1)
+    recorder.send_signal(signal.SIGKILL)
+    recorder.wait()
+    made = repair(tmp_path / "take", tmp_path / "whole")
+    assert made.counts["/rig"] >= 1 and made.counts["/cam0/detections"] > 10
+    assert plan_bags([tmp_path / "whole"]).rig.names == captures.RIG.names
+
+
+def test_recorders_start_and_stop_on_demand(graph, tmp_path):
+    recorder = panoptic("record", "--standby", "--out", tmp_path / "takes")
+    try:
+        line_of(recorder, "^waiting")
+        (host, done, text), = ask_all(True, 2.0)
+        assert host.startswith("recorder_") and done and text.startswith("recording /")
+        (_, done, text), = ask_all(True, 2.0)
+        assert "already" in text and not done
+        (_, done, text), = ask_all(False, 2.0)
+        assert done and re.search(r"\d+ messages, 0 did not", text)
+        (take,) = (tmp_path / "takes").iterdir()
+        with BagReader(take) as bag:
+            assert bag.counts["/cam0/detections"] > 10 and bag.counts["/rig"] >= 1
+    finally:
+        recorder.send_signal(signal.SIGINT)
+        assert recorder.wait(20) == 0
+
+
+def test_nothing_to_record_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "PATIENCE_S", 0.2)
+    with pytest.raises(EnvironmentProblem, match="nobody publishes anything"):
+        recording.record(tmp_path / "take", recording.RecordOptions(), lambda line: None)
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_frames_are_counted_by_their_numbers_and_by_their_stamps():
+    numbered = TopicCounter("panoptic_msgs/msg/ViewDetections")
+    for view in captures.views(20):
+        if view.camera == "cam0" and view.frame_number not in (5, 6, 11):
+            numbered.add(cdr(to_message(view, bag_messages())))
+    assert (numbered.count, numbered.missing) == (17, 3)
+    assert numbered.rate == pytest.approx(30 * 16 / 19, rel=1e-6)
+
+    stamped = TopicCounter("sensor_msgs/msg/Image")
+    from panoptic_ros.domain import ViewFrame
+
+    for k in range(60):
+        if k not in (30, 31, 50):
+            frame = ViewFrame("left", SECOND + k * SECOND // 25, k, np.zeros((2, 2, 3), np.uint8))
+            stamped.add(cdr(image_message(frame, bag_messages())))
+    assert (stamped.count, stamped.missing) == (57, 3)
+    assert stamped.longest_s == pytest.approx(0.12)
+
+
+def test_a_budget_ends_a_recording_that_is_whole(tmp_path):
+    recorder = BagRecorder(tmp_path / "take", budget=200_000, keep_free=0)
+    connection = described("/text", "std_msgs/msg/String")
+    end = time.monotonic() + 20
+    while recorder.fault is None and time.monotonic() < end:
+        recorder.put(connection, 5, bytes(10_000))
+        time.sleep(0.01)
+    recorder.close()
+    assert "budget" in str(recorder.fault)
+    with BagReader(tmp_path / "take") as bag:
+        assert bag.counts["/text"] >= 20
+
+
+def test_what_a_run_needs_is_chosen():
+    chosen = Selection()
+    assert chosen.wants("/hall/cam0/detections", "panoptic_msgs/msg/ViewDetections")
+    assert chosen.wants("/skeletons", "panoptic_msgs/msg/Skeletons")
+    assert not chosen.wants("/skeletons_raw", "panoptic_msgs/msg/Skeletons")
+    assert not chosen.wants("/rosout", "rcl_interfaces/msg/Log")
+    assert not Selection(images=False).wants("/a", "sensor_msgs/msg/Image")
+    assert Selection(["/ro*"]).wants("/rosout", "rcl_interfaces/msg/Log")
