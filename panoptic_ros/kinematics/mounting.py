@@ -1,20 +1,20 @@
 """How IMUs sit on their segments, kept uncertain: mounting of each, and the heading that they share.
 
-At single instants, cameras and prior tell the orientation of a segment apart from its IMU. What they tell
-is wrong
-by about the same at all instants, so information is averaged over instants, never added up: a mounting is
-known no
-better than a few looks at the body allow, whatever the length of the recording. How far mountings are off
-at all is
-learnt from all devices together (empirical Bayes), so that a good T-pose is kept and a poor one is mended.
+At single instants, cameras and prior tell the orientation of a segment apart from its IMU. What they tell is
+wrong by about the same at all instants, so information is averaged over instants, never added up: a mounting
+is known no better than a few looks at the body allow, whatever the length of the recording. How far
+mountings are off at all is learnt from all devices together (empirical Bayes), so that a good T-pose is kept
+and a poor one is mended. What is far off from all others is a mistake: nothing holds it back. What the newest
+looks contradict has moved since: the older ones are forgotten.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, lapack
 
 from panoptic_ros.geometry.chain import Chain, Pose, turn_slopes
 from panoptic_ros.geometry.rotations import rotations_of, turn_about_z, vectors_of
@@ -27,6 +27,15 @@ MEMORY = 100  # looks over which information is averaged
 DEVICE_TRUST = 3.0  # how many measurements the common deviation of mountings counts as, for one device
 COMMON_TRUST = 6.0  # the same for the stated deviation, against all devices
 MOST_SD = math.radians(60.0)
+MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0  # off by more, and by so many common deviations
+WIDE, ROUNDS = math.radians(25.0), 4
+FEWEST_LOOKS = 5  # before anything is told
+RECENT = 8  # looks that are compared with all
+SLIPPED, SLIPPED_SDS, SLIPPED_LOOKS = math.radians(12.0), 2.0, 3
+MISTAKEN_SPREADS = 1.5  # in what is known of it
+TOLD = math.radians(18.0)
+HEADING_TRUST = 2.0  # measurements that the stated error of the heading counts as
+LATE_HEADING = math.radians(5.0)  # that is told
 
 
 class MountingEstimate:
@@ -34,18 +43,27 @@ class MountingEstimate:
 
     Args:
         segments: (N,) of the devices.
-        heading_sd: rad, of the heading at the start.
+        unseen: (N, 3) axes of the segments about which cameras do not see them turn, 0 = none.
     """
 
-    def __init__(self, config: KinematicsConfig, chain: Chain, segments: Array, heading_sd: float):
+    def __init__(self, config: KinematicsConfig, chain: Chain, segments: Array, unseen: Array):
         self._config, self._chain, self._segments = config, chain, segments
-        self._heading_sd = heading_sd
+        self._heading_sd, self._unseen = math.radians(config.heading_sd), unseen
         size = 1 + 3 * len(segments)
         self._information, self._pull, self._looks = np.zeros((size, size)), np.zeros(size), 0
         self.heading, self.mountings = 0.0, np.zeros((len(segments), 3))
         self._common = math.radians(config.mounting_sd)
         self._strap = math.radians(config.strap_sd)
         self.spreads = np.full(len(segments), math.hypot(self._common, self._strap))
+        self._recent: deque[tuple[Array, Array]] = deque(maxlen=RECENT)
+        self._moved = np.zeros(len(segments), np.int64)
+        self.mistaken = np.zeros(len(segments), bool)
+        self.slipped: list[int] = []
+
+    @property
+    def heading_off(self) -> bool:
+        """Whether the heading of the inertial frame is off by more than it should."""
+        return abs(self.heading) > LATE_HEADING and self._looks >= RECENT
 
     def corrected(self, goals: Array, which: Array) -> Array:
         """Orientations (M, 3, 3) of the segments of these devices (M,)."""
@@ -77,6 +95,7 @@ class MountingEstimate:
         solved = cho_solve(inner, np.column_stack([cross, gradient + weight * j.T @ e]), check_finite=False)
         information = weight * c.T @ c - cross.T @ solved[:, :-1]
         pull = weight * c.T @ e - cross.T @ solved[:, -1] - information @ self._state()
+        self._recent.append((information, pull))
         self._looks += 1
         share = 1.0 / min(self._looks, MEMORY)
         self._information += share * (information - self._information)
@@ -88,23 +107,71 @@ class MountingEstimate:
         return state
 
     def _update(self) -> None:
-        """The most likely corrections, and how far mountings are off at all."""
-        looks = min(self._config.looks, float(self._looks))
+        """The most likely corrections, how far mountings are off at all, and what is out of the ordinary."""
+        state, covariance = self._corrections(self._information, self._pull, self._looks)
+        self.slipped = []
+        if self._looks > 2 * RECENT:
+            recent = [np.mean([look[k] for look in self._recent], axis=0) for k in (0, 1)]
+            newer, spread = self._corrections(recent[0], recent[1], RECENT)
+            change = (newer - state)[1:].reshape(-1, 3)
+            along = (change * self._unseen).sum(-1, keepdims=True)  # of which the prior alone tells
+            apart = np.linalg.norm(change - along * self._unseen, axis=-1)
+            unsure = np.sqrt(np.diag(spread)[1:].reshape(-1, 3).sum(1))
+            away = apart > np.maximum(SLIPPED, SLIPPED_SDS * unsure)
+            self._moved = np.where(away, self._moved + 1, 0)
+            if (self._moved >= SLIPPED_LOOKS).any():
+                self.slipped = np.flatnonzero(self._moved >= SLIPPED_LOOKS).tolist()
+                self._information, self._pull = recent
+                self._looks, self._moved[:] = RECENT, 0
+                state, covariance = newer, spread
+        self.heading, self.mountings = float(state[0]), state[1:].reshape(-1, 3)
+        left = np.diag(covariance)[1:].reshape(-1, 3).mean(1)
+        self.spreads = np.sqrt(left + self._strap**2)
+        off = np.linalg.norm(self.mountings, axis=-1)
+        self.mistaken = self._far(state, covariance) & (off > TOLD) & (self._looks >= FEWEST_LOOKS)
+
+    def _corrections(self, information: Array, pull: Array, number: int) -> tuple[Array, Array]:
+        """Most likely state and its covariance from information averaged over so many looks."""
+        looks = min(self._config.looks, float(number))
         stated = math.radians(self._config.mounting_sd)
         count = len(self._segments)
-        own = np.full(count, self._common)
-        for _ in range(4):
-            precision = np.r_[self._heading_sd**-2, np.repeat(own**-2, 3)]
-            matrix = looks * self._information + np.diag(precision)
-            covariance = np.linalg.inv(matrix)
-            state = -covariance @ (looks * self._pull)
+        # first without holding anything back, or a mistake would be before it is seen
+        state, covariance = self._solved(information, pull, looks, (self._heading_sd, np.full(count, WIDE)))
+        far = self._far(state, covariance)
+        heading_sd, own = self._heading_sd, np.where(far, MOST_SD, self._common)
+        for _ in range(ROUNDS):
+            state, covariance = self._solved(information, pull, looks, (heading_sd, own))
+            turned2 = HEADING_TRUST * self._heading_sd**2 + state[0] ** 2 + covariance[0, 0]
+            heading_sd = math.sqrt(turned2 / (HEADING_TRUST + 1.0))
             squares = (state[1:].reshape(-1, 3) ** 2).sum(1) / 3.0
             squares += np.diag(covariance)[1:].reshape(-1, 3).mean(1)
             typical = float(np.median(squares))
             common2 = (COMMON_TRUST * stated**2 + count * typical) / (COMMON_TRUST + count)
             self._common = math.sqrt(common2)
             own = np.sqrt((DEVICE_TRUST * common2 + 3.0 * squares) / (DEVICE_TRUST + 3.0))
-            own = np.minimum(own, MOST_SD)
-        self.heading, self.mountings = float(state[0]), state[1:].reshape(-1, 3)
-        left = np.diag(covariance)[1:].reshape(-1, 3).mean(1)
-        self.spreads = np.sqrt(left + self._strap**2)
+            own = np.where(far, MOST_SD, np.minimum(own, MOST_SD))
+        return state, covariance
+
+    def _far(self, state: Array, covariance: Array) -> Array:
+        """Which mountings (N,) are off by more than those of one person are, and than cameras mistake."""
+        off = np.linalg.norm(state[1:].reshape(-1, 3), axis=-1)
+        unsure = np.sqrt(np.diag(covariance)[1:].reshape(-1, 3).sum(1))
+        found: Array = off > np.maximum(max(MISTAKEN, MISTAKEN_SDS * self._common), MISTAKEN_SPREADS * unsure)
+        return found
+
+    @staticmethod
+    def _solved(
+        information: Array, pull: Array, looks: float, spreads: tuple[float, Array]
+    ) -> tuple[Array, Array]:
+        """State and covariance for these deviations of the heading and of the mountings (N,)."""
+        precision = np.r_[spreads[0] ** -2, np.repeat(spreads[1] ** -2, 3)]
+        covariance = _inverse(looks * information + np.diag(precision))
+        return -covariance @ (looks * pull), covariance
+
+
+def _inverse(matrix: Array) -> Array:
+    """Of a positive matrix (N, N)."""
+    factor, _ = lapack.dpotrf(matrix, lower=1)
+    half, _ = lapack.dpotri(factor, lower=1)
+    found: Array = np.tril(half) + np.tril(half, -1).T
+    return found

@@ -82,6 +82,7 @@ def solve_recording(
                 if instant.views and not people[k]:
                     continue
             states += tracker.step(instant, people[k])
+            notices += [notice.text for notice in tracker.devices.take_notices()]
     for tracker in trackers:
         states += tracker.flush()
     return Solved(states, trackers, notices)

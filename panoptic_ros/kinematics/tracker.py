@@ -10,9 +10,10 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
-from panoptic_ros.geometry.rotations import turn_about_z, vectors_of
+from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.covariance import segment_covariances
+from panoptic_ros.kinematics.devices import WornDevices
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.sight import distances
@@ -22,7 +23,6 @@ from panoptic_ros.kinematics.targets import (
     NO_ACCELERATIONS,
     NO_TURNS,
     NOTHING_STANDS,
-    Accelerations,
     Between,
     Evidence,
     PointTargets,
@@ -33,9 +33,7 @@ from panoptic_ros.kinematics.targets import (
 from panoptic_ros.kinematics.window import Motion, PoseWindow
 
 Array = np.ndarray
-GRAVITY = np.array([0.0, 0.0, 9.81])
 UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
-LOOK_S = 0.2  # between two looks at the mounting
 STANDING_RATE, STANDING_SD = 2.0, 0.002  # rad/s of a foot that stands; m between two instants
 
 
@@ -58,22 +56,18 @@ class SubjectTracker:
         self.subject, self.weighing, self._config = subject, weighing, config
         self._chain = subject.body.chain
         self._count = len(self._chain.parents)
-        self._devices = [d for d in subject.devices if d.name in mounts]
-        self._mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
-        self._segments = np.array([d.segment for d in self._devices], np.int64)
-        self._positions = np.array([d.position for d in self._devices]).reshape(-1, 3)
-        self._turn = turn_about_z(heading)
-        spread = math.radians(config.heading_sd)
-        self.mounting = MountingEstimate(config, self._chain, self._segments, spread)
+        self.devices = WornDevices(config, subject, mounts, heading)
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
         self._stamps: deque[int] = deque(maxlen=64)
         self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
-        self._since_look = 0.0
-        self._measured: dict[int, Array] = {}
-        self._oriented: dict[int, Array] = {}
         self.iterations: list[int] = []
+
+    @property
+    def mounting(self) -> MountingEstimate:
+        """How the devices sit on their segments."""
+        return self.devices.mounting
 
     @property
     def started(self) -> bool:
@@ -106,32 +100,29 @@ class SubjectTracker:
             Bodies that are final: of the instant that is the lag ago, if there is one yet.
         """
         period = 1.0 / self._config.rate_hz
-        which, goals = self._orientations(instant)
+        which, goals = self.devices.orientations(instant)
         if self._pose is None:
             if not people and not len(which):
                 return []
             goals_now = self.mounting.corrected(goals, which)
-            self._pose = first_pose(self.weighing, self.subject, people, self._segments[which], goals_now)
+            segments = self.devices.segments[which]
+            self._pose = first_pose(self.weighing, self.subject, people, segments, goals_now)
         self._unseen_s = 0.0 if people else self._unseen_s + period
         guess = self.expected()
         assert guess is not None
         views = self.weighing.views(people, guess.root)
         turns = self.weighing.turns(
-            self._segments[which], self.mounting.corrected(goals, which), self._spreads(which)
+            self.devices.segments[which], self.mounting.corrected(goals, which), self.devices.spreads(which)
         )
         evidence = self.weighing.evidence(views, turns)
         if self._config.window:
-            self._step_window(instant, guess, evidence, (which, goals))
+            self._step_window(guess, evidence, (which, goals))
         else:
             self._step_alone(evidence, period)
         assert self._pose is not None
-        self._since_look += period
-        if people and len(which) and self._config.mounting and self._since_look > LOOK_S - 1e-9:
-            self._since_look = 0.0
-            seen = self.weighing.evidence(views, NO_TURNS)
-            self.mounting.look(self._pose, seen, goals, which)
-        self._measured = self._world_forces(instant)
-        self._oriented = dict(zip(which.tolist(), goals))
+        seen = self.weighing.evidence(views, NO_TURNS)
+        self.devices.look(instant, self._pose, seen, len(people), (which, goals))
+        self.devices.remember(instant, which, goals)
         self._stamps.append(instant.stamp_ns)
         return self._final()
 
@@ -148,34 +139,27 @@ class SubjectTracker:
     def _lag(self) -> int:
         return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
 
-    def _spreads(self, which: Array) -> Array:
-        if self._config.mounting:
-            spreads: Array = self.mounting.spreads[which]
-            return spreads
-        return np.full(len(which), math.radians(self._config.orientation_sd))
-
-    def _step_window(
-        self, instant: Instant, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array]
-    ) -> None:
+    def _step_window(self, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array]) -> None:
         period = 1.0 / self._config.rate_hz
         if self._window is None:
             assert self._pose is not None
             motion = Motion(self._config.root_acceleration, self._config.joint_acceleration, period)
             self._window = PoseWindow(self._chain, self._pose, motion, self._lag)
             guess = self._window.predicted()
-        which, goals = oriented
-        turning = self._turning(which, goals)
+        turning = self.devices.turning(*oriented)
+        free = self._unseen_s > UNSEEN_S
+        accelerations = self.devices.accelerations(free) if len(self._stamps) >= 2 else NO_ACCELERATIONS
         weight = min(period / self._config.error_time, 1.0)
         self._pose = self._window.step(
             guess, evidence._replace(weight=weight),
-            Between(self._accelerations(), turning, self._standing(turning)),
+            Between(accelerations, turning, self._standing(turning)),
             self._config.iterations,
         )  # fmt: skip
         self.iterations.append(self._window.iterations)
 
     def _step_alone(self, evidence: Evidence, period: float) -> None:
         assert self._pose is not None
-        if self._config.paper_acceleration > 0.0 and self._before is not None and self._measured:
+        if self._config.paper_acceleration > 0.0 and self._before is not None and self.devices.measured:
             evidence = evidence._replace(points=self._acceleration_goals(period))
         before = self._pose.copy()
         size = 3 + 3 * self._count
@@ -189,62 +173,18 @@ class SubjectTracker:
     def _acceleration_goals(self, period: float) -> PointTargets:
         """The paper's term: a site's place that gives the measured acceleration with the two poses before."""
         assert self._pose is not None and self._before is not None
-        which = np.array(sorted(self._measured))
-        segments, offsets = self._segments[which], self._positions[which]
+        measured = self.devices.measured
+        which = np.array(sorted(measured))
+        segments, offsets = self.devices.segments[which], self.devices.positions[which]
         places, frames = place_all(
             self._chain, np.stack([self._before.root, self._pose.root]),
             np.stack([self._before.turns, self._pose.turns]),
         )  # fmt: skip
         sites = places[:, segments] + (frames[:, segments] @ offsets[..., None])[..., 0]
-        values = np.array([self._measured[k] for k in which])
+        values = np.array([measured[k] for k in which])
         information = self._config.paper_acceleration / period**4 * np.tile(np.eye(3), (len(which), 1, 1))
         goals = 2.0 * sites[1] - sites[0] + period**2 * values
         return PointTargets(segments, offsets, goals, information, 1.0)
-
-    def _orientations(self, instant: Instant) -> tuple[Array, Array]:
-        """Devices (M,) that tell an orientation, and of their segments (M, 3, 3), uncorrected."""
-        worn = [(k, instant.readings[name].orientation) for k, name in self._there(instant)]
-        which = np.array([k for k, turned in worn if np.isfinite(turned[0, 0])], np.int64)
-        turned = np.array([turned for _, turned in worn if np.isfinite(turned[0, 0])]).reshape(-1, 3, 3)
-        return which, self._turn @ turned @ self._mounts[which].swapaxes(1, 2)
-
-    def _world_forces(self, instant: Instant) -> dict[int, Array]:
-        """Acceleration (3,) m/s^2 in the world by device, gravity taken off (eq. 12)."""
-        worn = [(k, instant.readings[name]) for k, name in self._there(instant)]
-        if not worn:
-            return {}
-        turn = turn_about_z(self.mounting.heading) @ self._turn
-        turned = np.array([reading.orientation for _, reading in worn])
-        forces = np.array([reading.force for _, reading in worn])
-        values = (turn @ turned @ forces[..., None])[..., 0] - GRAVITY
-        told = np.isfinite(values).all(-1)
-        return {k: values[n] for n, (k, _) in enumerate(worn) if told[n]}
-
-    def _there(self, instant: Instant) -> list[tuple[int, str]]:
-        """Number and name of the devices that tell something."""
-        return [(k, d.name) for k, d in enumerate(self._devices) if d.name in instant.readings]
-
-    def _accelerations(self) -> Accelerations:
-        if len(self._stamps) < 2 or not self._measured:
-            return NO_ACCELERATIONS
-        which = np.array(sorted(self._measured))
-        alone = self._unseen_s > UNSEEN_S
-        if alone and len(which) < 2:
-            return NO_ACCELERATIONS
-        weights = np.full(len(which), self._config.acceleration_sd**-2)
-        return Accelerations(
-            self._segments[which], self._positions[which],
-            np.array([self._measured[k] for k in which]), weights, self._config.acceleration_scale**2, alone,
-        )  # fmt: skip
-
-    def _turning(self, which: Array, goals: Array) -> Turning:
-        """How the segments with IMUs turned since the instant before."""
-        both = [(k, goal @ self._oriented[k].T) for k, goal in zip(which, goals) if k in self._oriented]
-        spread = math.radians(self._config.turn_sd) / math.sqrt(self._config.rate_hz)
-        return Turning(
-            self._segments[[k for k, _ in both]], np.array([change for _, change in both]).reshape(-1, 3, 3),
-            np.full(len(both), spread**-2),
-        )  # fmt: skip
 
     def _standing(self, turning: Turning) -> Standing:
         """The lowest point of a foot that hardly turns, while no camera sees the person."""
