@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 SECOND = 1_000_000_000
+TOLD_NS = 2 * SECOND  # so long after an instant its loss is on /diagnostics
 AFTER_NS = SECOND  # so long after a camera went or came, what is lost is put down to that
 
 
@@ -34,7 +35,7 @@ class Soaked:
         period_ns: between instants.
         people: identities at the beginning. at_end: at the end. seen: in how many sets each identity was.
         memory_mb: of all processes, time and again.
-        dropped: by stage and cause, as nodes counted.
+        dropped: by stage and cause, as nodes counted. counted: when these counts went up, and which.
     """
 
     sent: Sequence[tuple[int, int]]
@@ -46,6 +47,7 @@ class Soaked:
     seen: Mapping[int, int]
     memory_mb: Sequence[float]
     dropped: Mapping[str, int]
+    counted: Sequence[tuple[int, str]] = ()
 
 
 def soak_figures(run: Soaked) -> dict[str, Any]:
@@ -55,7 +57,7 @@ def soak_figures(run: Soaked) -> dict[str, Any]:
     for stamp, when in run.sent:
         place = int(np.searchsorted(stamps, stamp - run.period_ns // 2))
         if place == len(stamps) or stamps[place] > stamp + run.period_ns // 2:
-            lost[_cause(when, run.failures)] += 1
+            lost[_cause(when, run)] += 1
     half = run.memory_mb[len(run.memory_mb) // 2 :] or run.memory_mb
     return {
         "instants": len(run.sent), "lost": sum(lost.values()), "lost_by_cause": dict(sorted(lost.items())),
@@ -65,11 +67,12 @@ def soak_figures(run: Soaked) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _cause(when_ns: int, failures: Sequence[Failure]) -> str:
-    """The newest failure that an instant falls into."""
-    for failure in reversed(failures):
+def _cause(when_ns: int, run: Soaked) -> str:
+    """The newest failure that an instant falls into, else what nodes counted then."""
+    for failure in reversed(run.failures):
         if failure.begun_ns - SECOND // 10 <= when_ns <= failure.begun_ns + AFTER_NS:
             return failure.cause
         if failure.begun_ns <= when_ns <= failure.ended_ns + AFTER_NS:
             return failure.cause
-    return "none of these"
+    told = {name for at, name in run.counted if when_ns - SECOND // 10 <= at <= when_ns + TOLD_NS}
+    return f"counted as {', '.join(sorted(told))}" if told else "none of these"

@@ -12,6 +12,7 @@ SECOND = 1_000_000_000
 LEAST_AHEAD_NS = SECOND // 2  # beyond the time that has gone by
 FASTER = 1.5  # stamps may go by this much faster than the clock, e.g. while a backlog comes
 GONE_NS = SECOND  # without a good record, after which another time line may be the right one
+SLOWEST_NS = 5 * SECOND  # between stamps that can be of one time line
 SURE = 5  # records in a row that agree with each other make it certain
 OLD_NS = 60 * SECOND  # a copy of what came long ago, not a clock that was set back
 
@@ -20,12 +21,18 @@ Verdict = Literal["", "stale", "odd_stamp"]
 
 @dataclass
 class Continuity:
-    """Judges stamps by the newest that was used. Times are of a monotonic clock, ns."""
+    """Judges stamps by the newest that was used. Times are of a clock that goes as the stamps' own, ns.
+
+    Where a recording with few sets a second is played faster than that clock, its steps look like jumps at
+    first: it is taken as another time line, of which longer steps are known.
+    """
 
     _newest: int | None = None  # stamp that was used
     _used_ns: int = 0  # when
     _other: int = 0  # the newest stamp of what may be another time line
     _agreeing: int = 0
+    _longest: int = 0  # step between these
+    _pace: int = 0  # the longest step of what was found to be another time line
 
     def judge(self, stamp_ns: int, now_ns: int) -> Verdict:
         """What is wrong with a stamp; "" if nothing is."""
@@ -44,13 +51,17 @@ class Continuity:
 
     def _is_other(self, stamp_ns: int) -> bool:
         """Whether enough records one after another are of another time line."""
-        if self._agreeing and 0 < stamp_ns - self._other <= LEAST_AHEAD_NS:
+        step = stamp_ns - self._other
+        if self._agreeing and 0 < step <= SLOWEST_NS:
             self._agreeing += 1
+            self._longest = max(self._longest, step)
         elif not self._agreeing or stamp_ns != self._other:
-            self._agreeing = 1
+            self._agreeing, self._longest = 1, 0
         self._other = stamp_ns
-        return self._agreeing >= SURE
+        if self._agreeing < SURE:
+            return False
+        self._pace = self._longest
+        return True
 
-    @staticmethod
-    def _farthest(passed_ns: int) -> float:
-        return LEAST_AHEAD_NS + FASTER * passed_ns
+    def _farthest(self, passed_ns: int) -> float:
+        return max(LEAST_AHEAD_NS + FASTER * passed_ns, FASTER * self._pace)

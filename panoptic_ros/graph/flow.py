@@ -38,6 +38,7 @@ WINDOW = 64  # instants: a detector runs on while the stages after it compile th
 IMAGE_WINDOW = 4
 LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}, "refinement": {"lag": 0.03}}  # lag: one set at 30 Hz
 PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
+LIVE_DEPTH = 8  # messages without images: a moment without a processor loses none; own queues keep them new
 SPARE = 8  # the middleware's queues are longer than what can be under way
 
 
@@ -51,7 +52,7 @@ def make_flow(name: str, window: int = WINDOW) -> Flow:
         ConfigError: if there is no such flow.
     """
     if name == "live":
-        return Flow("live", depth=2, image_depth=2, keeps_for_late=False, queue_limit=2)
+        return Flow("live", depth=LIVE_DEPTH, image_depth=2, keeps_for_late=False, queue_limit=2)
     if name == "replay":
         return Flow("replay", window + SPARE, IMAGE_WINDOW + SPARE, True, None, window, IMAGE_WINDOW)
     raise ConfigError(f"there is no flow {name!r}; there are live and replay")

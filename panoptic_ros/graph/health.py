@@ -112,17 +112,18 @@ class Health:
         """One more input, and the first stage that takes it."""
         self._inputs.append((arrivals, stage))
 
-    def statuses(self, now_ns: int) -> list[Status]:
-        """Of all stages, then of all inputs."""
-        return [self._of_stage(name, now_ns) for name in self._stages] + [
+    def statuses(self, now_ns: int, briefly: bool = False) -> list[Status]:
+        """Of all stages, then of all inputs; briefly: without values."""
+        return [self._of_stage(name, now_ns, briefly) for name in self._stages] + [
             Status(
                 f"{self._node}: {arrivals.title}", arrivals.trouble(now_ns) if self._live else "",
-                arrivals.owner, {"node": self._node, "stage": stage, **arrivals.values(now_ns)},
+                arrivals.owner,
+                {} if briefly else {"node": self._node, "stage": stage, **arrivals.values(now_ns)},
             )
             for arrivals, stage in self._inputs
         ]  # fmt: skip
 
-    def _of_stage(self, name: str, now_ns: int) -> Status:
+    def _of_stage(self, name: str, now_ns: int, briefly: bool) -> Status:
         own = self._stages[name]
         if own.statistics.taken != own.taken:
             own.taken, own.newest_ns = own.statistics.taken, now_ns
@@ -136,6 +137,9 @@ class Health:
         reasons = [trouble] if trouble else []
         reasons += [f"dropped of late: {', '.join(told)}"] if told else []
         reasons += [own.statistics.latest(code) for code in warned]
+        title = self._node if len(self._stages) == 1 else name
+        if briefly:
+            return Status(title, "; ".join(reasons), "", {})
         age = "nan" if own.newest_ns is None else f"{(now_ns - own.newest_ns) / SECOND:.2f}"
         values = {
             "node": self._node, "state": state, "waiting_for": ", ".join(waiting),
@@ -143,7 +147,7 @@ class Health:
             "compiling": self.doing.kernel, **own.statistics.values(),
             "finished": str(self.finished).lower(),
         }  # fmt: skip
-        return Status(self._node if len(self._stages) == 1 else name, "; ".join(reasons), "", values)
+        return Status(title, "; ".join(reasons), "", values)
 
     def _state(self, name: str, waiting: Sequence[str], now_ns: int) -> tuple[str, str]:
         """In a word, and what is wrong with it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from rclpy.node import Node
@@ -55,9 +55,13 @@ def status_message(namespace: str, status: Status) -> Any:
 
 
 class StatusPublisher:
-    """Publishes statuses once a second, and at once when one of them turns good or bad."""
+    """Publishes statuses once a second, and at once when one of them turns good or bad.
 
-    def __init__(self, node: Node, statuses: Callable[[], Iterable[Status]]):
+    Args:
+        statuses: told whether they may lack their values, which are not looked at then.
+    """
+
+    def __init__(self, node: Node, statuses: Callable[[bool], Iterable[Status]]):
         self._node, self._statuses = node, statuses
         self._publisher = node.create_publisher(message_class(KIND), TOPIC, 10)
         self._timer = node.create_timer(LOOK_S, self._look)
@@ -66,22 +70,22 @@ class StatusPublisher:
         self.more: Callable[[], list[Any]] = list  # further DiagnosticStatus messages
 
     def _look(self) -> None:
-        found = list(self._statuses())
-        troubled = {status.name: bool(status.trouble) for status in found}
+        troubled = self._troubled(self._statuses(True))
         if time.monotonic() >= self._due or troubled != self._told:
-            self._send(found, troubled)
+            self.publish()
 
     def publish(self) -> None:
         """Publish the state of now."""
-        found = list(self._statuses())
-        self._send(found, {status.name: bool(status.trouble) for status in found})
-
-    def _send(self, found: list[Status], troubled: Mapping[str, bool]) -> None:
-        self._told = dict(troubled)
+        found = list(self._statuses(False))
+        self._told = self._troubled(found)
         self._due = time.monotonic() + PERIOD_S - 0.5 * LOOK_S
         messages = [status_message(self._node.get_namespace(), status) for status in found]
         header = ros_messages().header(self._node.get_clock().now().nanoseconds, "")
         self._publisher.publish(ros_messages().make(KIND, header=header, status=[*messages, *self.more()]))
+
+    @staticmethod
+    def _troubled(statuses: Iterable[Status]) -> dict[str, bool]:
+        return {status.name: bool(status.trouble) for status in statuses}
 
 
 class Diagnostics(StatusPublisher):
@@ -95,9 +99,9 @@ class Diagnostics(StatusPublisher):
         self.health, self._refresh = health, look
         super().__init__(node, self._now)
 
-    def _now(self) -> list[Status]:
+    def _now(self, briefly: bool) -> list[Status]:
         self._refresh()
-        return self.health.statuses(time.monotonic_ns())
+        return self.health.statuses(time.monotonic_ns(), briefly)
 
     @property
     def finished(self) -> bool:

@@ -8,6 +8,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from panoptic_ros.domain import ViewDetections
+from panoptic_ros.graph.drop_log import DropLog
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import stamp_of, to_message
@@ -31,6 +32,7 @@ class FeedingNode(Node):
         super().__init__("feeder")
         self._on_skeletons, self._now = on_skeletons, clock
         self.diagnostics: dict[str, dict[str, str]] = {}
+        self.drops = DropLog()
         detections, skeletons = TOPICS["detections"], TOPICS["skeletons"]
         live = make_flow("live")
         self._feeds = {
@@ -67,3 +69,4 @@ class FeedingNode(Node):
     def _take_status(self, message: Any) -> None:
         for name, status in own_statuses(message, self.get_namespace()):
             self.diagnostics[name] = values_of(status)
+            self.drops.heard(name, self.diagnostics[name], self._now())

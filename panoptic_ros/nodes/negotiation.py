@@ -11,6 +11,7 @@ from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEve
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 
+from panoptic_ros.nodes.executor import with_facts
 from panoptic_ros.stage import Notice
 
 CLOSE_S = 0.003  # between messages: more of them wait
@@ -65,9 +66,8 @@ class Negotiated:
             if now - before < CLOSE_S:
                 self._drain()
 
-        of_bytes: Any = take
         return self._node.create_subscription(
-            self._kind, self._topic, of_bytes, self._quality, event_callbacks=events, raw=True
+            self._kind, self._topic, with_facts(take), self._quality, event_callbacks=events, raw=True
         )
 
     def _drain(self) -> None:

@@ -11,13 +11,15 @@ from typing import Any
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError, UsageError
 from panoptic_ros.io.interruption import first_request_told, listen_to_signals
 from panoptic_ros.io.kernel_cache import full_disk_told
+from panoptic_ros.nodes.executor import make_executor
+
+SWITCH_S = 0.0005  # Python's 5 ms is what a worker waits for while messages are taken in a row
 
 
 @contextmanager
@@ -76,6 +78,7 @@ def run_nodes(
     Returns:
         the exit code: 0, or that of the error that ended a node, which is printed in one line.
     """
+    sys.setswitchinterval(SWITCH_S)
     listen_to_signals(lambda: os._exit(0))  # nodes that are being made leave nothing to tidy up
     try:
         start_ros(arguments)
@@ -93,7 +96,7 @@ def run_nodes(
 
 def _spin(nodes: Sequence[Any], wanted: Callable[[], bool]) -> None:
     """Spin nodes as long as they are wanted, then destroy them and shut ROS down."""
-    executor = SingleThreadedExecutor()
+    executor = make_executor()
     try:
         for node in nodes:
             executor.add_node(node)

@@ -37,7 +37,7 @@ class StaticsNode(Node):
         self._publish_transforms(rig)
         self._keeper = StateKeeper(self, NODES)
         self._graph = GraphHealth()
-        self._status = StatusPublisher(self, lambda: self._graph.statuses(time.monotonic_ns()))
+        self._status = StatusPublisher(self, lambda briefly: self._graph.statuses(time.monotonic_ns()))
         self._kept.append(self.create_subscription(message_class(KIND), TOPIC, self._take_status, 100))
 
     def close(self) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Protocol
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -43,21 +42,6 @@ class Taker(Protocol):
         """What a node says of itself."""
 
 
-class _Unattended(CallbackGroup):
-    """What belongs to it wakes nobody: an executor takes 30 ms of every second for each camera."""
-
-    def can_execute(self, entity: Any) -> bool:
-        """Never."""
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Never."""
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        """Nothing to do."""
-
-
 class ViewerNode(Node):
     """Subscribes to what a taker wants, while it wants it. Messages are not decoded.
 
@@ -73,7 +57,9 @@ class ViewerNode(Node):
         self._facts: dict[str, Any] = {}
         self._rig: Rig | None = None
         self._taken: dict[tuple[str, str], Any] = {}  # subscriptions by topic
-        self._unattended = _Unattended()
+        self._aside = Node(  # no executor spins it, so what it subscribes to wakes nobody
+            "viewer_aside", namespace=namespace, enable_rosout=False, start_parameter_services=False
+        )
         self._kept = [
             self.create_subscription(
                 message_class(TOPICS[key].message), TOPICS[key].name, partial(self._take_fact, key), LATCHED
@@ -89,6 +75,11 @@ class ViewerNode(Node):
 
     def close(self) -> None:
         """Nothing to stop."""
+
+    def destroy_node(self) -> None:
+        """With what it subscribes to aside."""
+        self._aside.destroy_node()
+        super().destroy_node()
 
     def _take_fact(self, key: str, message: Any) -> None:
         try:
@@ -117,13 +108,17 @@ class ViewerNode(Node):
             for owner in (self._rig.names if TOPICS[key].scope == "camera" else ("",))
         }
         for topic in self._taken.keys() - wanted:
-            self.destroy_subscription(self._taken.pop(topic))
+            self._of(topic[0]).destroy_subscription(self._taken.pop(topic))
         for key, owner in sorted(wanted - self._taken.keys()):
-            self._taken[key, owner] = self.create_subscription(
+            self._taken[key, owner] = self._of(key).create_subscription(
                 message_class(TOPICS[key].message), TOPICS[key].of(owner), self._take_skeletons, QUALITY,
-                raw=True, callback_group=None if key == WAKING else self._unattended,
+                raw=True,
             )  # fmt: skip
         self._drain()
+
+    def _of(self, key: str) -> Node:
+        """The node that subscribes to a topic."""
+        return self if key == WAKING else self._aside
 
     def _take_skeletons(self, data: bytes) -> None:
         self._drain()

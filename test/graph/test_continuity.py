@@ -1,4 +1,6 @@
 """Wild stamps do not get to stages; another time line does, once it is certain."""
+import pytest
+
 from panoptic_ros.graph.continuity import SECOND, SURE, Continuity
 
 PERIOD = SECOND // 30
@@ -63,3 +65,16 @@ def test_an_odd_time_line_beside_the_good_one_is_never_taken():
         assert gate.judge(BEGIN + now + 100 * SECOND, now) == "odd_stamp"
         assert gate.judge(BEGIN + now, now) == ""
         gate.used(BEGIN + now, now)
+
+
+@pytest.mark.parametrize("rate_hz, faster", [(1.0, 4.0), (2.0, 4.0), (0.5, 2.0)])
+def test_a_slow_recording_that_is_played_faster_is_taken_once_it_is_certain(rate_hz, faster):
+    gate, step = Continuity(), round(SECOND / rate_hz)
+    verdicts = []
+    for k in range(60):
+        now = round(k * step / faster)
+        verdicts.append(gate.judge(BEGIN + k * step, now))
+        if not verdicts[-1]:
+            gate.used(BEGIN + k * step, now)
+    assert set(verdicts[-40:]) == {""}
+    assert gate.judge(BEGIN + 60 * step + 60 * SECOND, round(60 * step / faster)) == "odd_stamp"

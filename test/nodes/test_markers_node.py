@@ -51,3 +51,5 @@ def test_skeletons_of_another_model_are_dropped_and_the_node_lives(executor):
     sender.publish(skeletons(len(captures.SKELETON), captures.SKELETON.hash))
     spin_until(lambda: got)
     assert len(got) == 1 and len(got[0].markers) == 6
+    counted = node._reader.statistics
+    assert (counted.taken, counted.dropped["bad_message"]) == (1, 1)

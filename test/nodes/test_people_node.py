@@ -62,6 +62,25 @@ def test_joints_are_in_tf_only_where_it_is_asked_for(executor):
     assert {t.header.frame_id for t in message.transforms} == {"hall"}
 
 
+def test_bodies_are_listed_in_messages_of_rep_155(executor):
+    pytest.importorskip("hri_msgs", reason="./run messages hri_msgs builds them")
+    node = PeopleNode(overrides={"publish": ["bodies"]})
+    message = heard(executor, node, "/humans/bodies/tracked", KINDS["bodies"][1])
+    assert list(message.ids) == ["p1", "p12"] and message.header.frame_id == "hall"
+
+
+def test_boxes_hold_all_joints_of_a_person(executor):
+    pytest.importorskip("vision_msgs", reason="./run messages vision_msgs builds them")
+    node = PeopleNode(overrides={"publish": ["boxes"]})
+    message = heard(executor, node, "skeletons/boxes", KINDS["boxes"][1])
+    assert [box.id for box in message.detections] == ["p1", "p12"]
+    for box, joints in zip(message.detections, captures.people(0.2)):
+        centre, size = box.bbox.center.position, box.bbox.size
+        away = np.abs(joints - [centre.x, centre.y, centre.z])
+        assert (away <= 0.5 * np.array([size.x, size.y, size.z])).all()
+        assert box.results[0].hypothesis.class_id == "person"
+
+
 def test_tf_is_off_by_default_and_what_is_not_installed_is_left_out(executor):
     node = PeopleNode()
     executor.add_node(node)

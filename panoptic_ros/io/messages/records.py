@@ -1,6 +1,7 @@
 """Every record of the graph as a message, and back."""
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -108,18 +109,16 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
     given = {"side_votes": item.side_votes, "corrections": item.corrections}
     given |= {field: getattr(shift, name, None) for field, (name, _) in _TIME_SHIFT.items()}
     optional = {field: nothing if values is None else values for field, values in given.items()}
+    plain = {"positions": item.positions, "covariances": item.covariances, "scores": item.scores}
+    rows = {field: _by_person(values, np.float64) for field, values in {**plain, **optional}.items()}
+    rows |= {"views": _by_person(item.views, np.int32), "view_persons": _by_person(persons, np.int32)}
+    rows["states"] = _by_person(item.states, np.uint8)
     skeletons = [
         family.make(
             "Skeleton",
             id=int(ids[k]),
             score=float(item.person_scores[k]),
-            positions=flat(family, item.positions[k], np.float64),
-            covariances=flat(family, item.covariances[k], np.float64),
-            scores=flat(family, item.scores[k], np.float64),
-            views=flat(family, item.views[k], np.int32),
-            states=flat(family, item.states[k], np.uint8),
-            view_persons=flat(family, persons[k], np.int32),
-            **{field: flat(family, values[k], np.float64) for field, values in optional.items()},
+            **{field: family.sequence(values[k]) for field, values in rows.items()},
         )
         for k in range(len(ids))
     ]
@@ -136,16 +135,17 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
     )
 
 
+def _by_person(values: Array, dtype: Any) -> Array:
+    array = np.ascontiguousarray(values, dtype)
+    return array.reshape(len(array), math.prod(array.shape[1:]))
+
+
 def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
     def read(message: Any) -> PoseSet:
         people = message.skeletons
         joints = joint_count(message)
         shapes = {"positions": (3,), "covariances": (3, 3), "scores": (), "views": (), "states": ()}
-        arrays = {
-            name: np.array([shaped(getattr(p, name), f"Skeleton.{name}", joints, *tail) for p in people])
-            .reshape(len(people), joints, *tail)
-            for name, tail in shapes.items()
-        }  # fmt: skip
+        arrays = {name: _of_all(people, name, joints, *tail) for name, tail in shapes.items()}
         ids = {"ids": np.array([p.id for p in people], np.int64)} if issubclass(cls, TrackedPoseSet) else {}
         return cls(
             int(message.index), stamp_of(message.header), str(message.skeleton_hash),
@@ -163,36 +163,41 @@ def _read_time_shift(people: Any, joints: int) -> TimeShift | None:
     if not any(len(p.delays) for p in people):
         return None
     return TimeShift(
-        *(
-            np.array([shaped(getattr(p, field), f"Skeleton.{field}", joints, *tail) for p in people])
-            for field, (_, tail) in _TIME_SHIFT.items()
-        )
+        *(_of_all(people, field, joints, *tail) for field, (_, tail) in _TIME_SHIFT.items())
     )
 
 
 def _read_side_votes(people: Any) -> Array | None:
     """None where no skeleton has any."""
-    votes = [np.asarray(p.side_votes, float) for p in people]
-    if not any(len(each) for each in votes):
+    if not any(len(p.side_votes) for p in people):
         return None
-    return np.array([shaped(each, "Skeleton.side_votes", len(votes[0])) for each in votes])
+    return _of_all(people, "side_votes", len(people[0].side_votes))
 
 
 def _read_corrections(people: Any, joints: int) -> Array | None:
     """None where no skeleton has any."""
     if not any(len(p.corrections) for p in people):
         return None
-    return np.array([shaped(p.corrections, "Skeleton.corrections", joints, 3) for p in people])
+    return _of_all(people, "corrections", joints, 3)
 
 
 def _read_sources(message: Any) -> ViewSources | None:
     """None where the message names no views."""
     cameras = tuple(str(name) for name in message.view_cameras)
-    persons = [shaped(p.view_persons, "Skeleton.view_persons", len(cameras)) for p in message.skeletons]
+    persons = _of_all(message.skeletons, "view_persons", len(cameras))
     if not cameras:
         return None
     frames = shaped(message.view_frames, "Skeletons.view_frames", len(cameras))
-    return ViewSources(cameras, frames, np.array(persons, np.int32).reshape(len(persons), len(cameras)))
+    return ViewSources(cameras, frames, persons.astype(np.int32, copy=False))
+
+
+def _of_all(people: Any, field: str, *shape: int) -> Array:
+    """A field of all skeletons, with the people in front."""
+    wanted, values = math.prod(shape), [getattr(person, field) for person in people]
+    for each in values:
+        if len(each) != wanted:
+            shaped(each, f"Skeleton.{field}", *shape)
+    return shaped(np.concatenate(values) if values else (), f"Skeleton.{field}", len(values), *shape)
 
 
 _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {

@@ -57,6 +57,7 @@ class _Contents:
         self._name, self._size, self._losses = name, size, losses
         self._schemas: dict[int, tuple[str, str]] = {}
         self._channels: dict[int, Connection] = {}
+        self._odd: set[tuple[str, str]] = set()  # topics, and words of QoS that are none
 
     def messages(self, file: BinaryIO) -> Iterator[Message]:
         while True:
@@ -121,10 +122,35 @@ class _Contents:
             self._schemas[int(number)] = (str(words[0]), str(words[1]))
         elif record.kind == CHANNEL:
             number, schema = struct.unpack_from("<HH", content)
-            self._channels[number] = _channel_of(content, *self._schemas[schema])
+            self._channels[number] = self._channel_of(content, *self._schemas[schema])
         elif record.kind == MESSAGE:
             channel, _, stamp, _ = _MESSAGE.unpack_from(content)
             yield Message(self._channels[channel], stamp, content[_MESSAGE.size :])
+
+    def _channel_of(self, content: bytes, kind: str, definition: str) -> Connection:
+        topic, at = _string(content, 4)
+        _, at = _string(content, at)
+        about, _ = _string(content, at)
+        words: list[str] = []
+        at = 0
+        while at < len(about):
+            word, at = _string(about, at)
+            words.append(word.decode())
+        told, name = dict(zip(words[::2], words[1::2])), topic.decode()
+        qualities = self._qualities(name, told.get("offered_qos_profiles", ""))
+        return Connection(name, kind, definition, told.get("topic_type_hash", ""), qualities)
+
+    def _qualities(self, topic: str, text: str) -> tuple[Any, ...]:
+        """The QoS that publishers offered; none, and told so, where its words are damaged."""
+        try:
+            return tuple(parse_qos(text)) if text else ()
+        except Exception:  # rosbags trusts what it reads: damage shows as anything
+            if (topic, text) not in self._odd:  # a channel is told of again with every chunk
+                self._odd.add((topic, text))
+                self._losses.add(
+                    f"{self._name}: no message, but the QoS of {topic}; it is played with ROS's defaults now"
+                )
+            return ()
 
 
 def _next(file: BinaryIO) -> _Record | None:
@@ -159,29 +185,6 @@ def _schema_of(content: bytes) -> tuple[int, str, str]:
     _, at = _string(content, at)
     definition, _ = _string(content, at)
     return number, name.decode(), definition.decode()
-
-
-def _channel_of(content: bytes, kind: str, definition: str) -> Connection:
-    topic, at = _string(content, 4)
-    _, at = _string(content, at)
-    about, _ = _string(content, at)
-    words: list[str] = []
-    at = 0
-    while at < len(about):
-        word, at = _string(about, at)
-        words.append(word.decode())
-    told = dict(zip(words[::2], words[1::2]))
-    return Connection(
-        topic.decode(), kind, definition, told.get("topic_type_hash", ""),
-        _qualities(told.get("offered_qos_profiles", "")),
-    )  # fmt: skip
-
-
-def _qualities(text: str) -> tuple[Any, ...]:
-    try:
-        return tuple(parse_qos(text)) if text else ()
-    except Exception:  # rosbags trusts what it reads: damage shows as anything
-        return ()
 
 
 def _chunk_of(content: bytes) -> tuple[int, int, int, int, str, bytes]:

@@ -83,15 +83,10 @@ class _Soak(Player):
             processes.revive()
         _, at_end = self.newest
         self.spin_until(time.monotonic_ns() + round(LAST_WORDS_S * SECOND))
-        dropped = {
-            f"{name}.{key.removeprefix('dropped.')}": int(count)
-            for name, values in self.node.diagnostics.items() for key, count in values.items()
-            if key.startswith("dropped.")
-        }  # fmt: skip
         stamps = [stamp for stamp, _ in self.received]
         return Soaked(
             self.sent[first:counted], stamps, self.feed.period_ns, self._failures, people, at_end,
-            self._seen, memory, dropped,
+            self._seen, memory, self.node.drops.counts, self.node.drops.times,
         )  # fmt: skip
 
     def _wait(self, mean_s: float) -> int:

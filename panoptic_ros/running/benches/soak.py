@@ -55,7 +55,7 @@ def lines(result: dict[str, Any]) -> list[str]:
         f"instants without skeletons: {result['lost']} of {result['instants']}",
     ]
     out += [f"  {cause}: {count}" for cause, count in result["lost_by_cause"].items()]
-    out.append("nodes counted since their last start:")
+    out.append("nodes counted, over their restarts:")
     out += [f"  {cause}: {count}" for cause, count in result["dropped"].items()]
     memory = result["memory_mb"]
     told = " ".join(f"{value:.0f}" for value in memory)

@@ -15,6 +15,7 @@ from panoptic_ros.io.resources import share_folder
 from panoptic_ros.running.processes.successors import Child, ForkServer
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # the variable that names it
+SENDER, LISTENER = "fastdds.xml", "fastdds_listener.xml"
 MOST_REVIVALS = 5  # of one process in a minute
 
 
@@ -141,20 +142,22 @@ class Processes:
         self.stop(8.0 if exception[0] is None else 3.0)
 
 
-def prepare_environment(sends_images: bool = True) -> None:
+def prepare_environment(profile: str = SENDER) -> None:
     """Settings for this process's own part in the graph; what the user has set stays.
 
-    Large images need a larger shared memory segment than the middleware's default, in the process that
-    sends them, and a replay is nobody else's business: discovery stays on this machine.
+    A replay is nobody else's business: discovery stays on this machine.
+
+    Args:
+        profile: of the middleware, `SENDER`, or `LISTENER` where nothing large is sent.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if sends_images and profile_path().is_file():
-        os.environ.setdefault(PROFILE, str(profile_path()))
+    if profile_path(profile).is_file():
+        os.environ.setdefault(PROFILE, str(profile_path(profile)))
 
 
-def profile_path() -> Path:
-    """The Fast DDS profile of every process of the graph."""
-    return share_folder() / "config" / "fastdds.xml"
+def profile_path(profile: str = SENDER) -> Path:
+    """The Fast DDS profile of every process of the graph, or of those that only listen."""
+    return share_folder() / "config" / profile
 
 
 def child_environment() -> dict[str, str]:

@@ -6,13 +6,13 @@ import asyncio
 import threading
 from collections.abc import Callable
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.nodes.executor import make_executor
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.viewer_node import ViewerNode
-from panoptic_ros.running.processes.children import prepare_environment
+from panoptic_ros.running.processes.children import LISTENER, prepare_environment
 from panoptic_ros.view.page.live import LiveScene
 from panoptic_ros.view.page.live_talk import LiveTalk
 from panoptic_ros.view.page.server import PageServer
@@ -30,10 +30,10 @@ def view_live(host: str, port: int, ready: Ready, namespace: str = "") -> None:
     Raises:
         EnvironmentProblem: if nothing can listen there, or ROS does not start.
     """
-    prepare_environment(sends_images=False)
+    prepare_environment(LISTENER)
     scene = LiveScene(f"live graph{f' /{namespace}' if namespace else ''}")
     start_ros([])
-    node, executor, over = ViewerNode(scene, namespace), SingleThreadedExecutor(), threading.Event()
+    node, executor, over = ViewerNode(scene, namespace), make_executor(), threading.Event()
     executor.add_node(node)
 
     def spin() -> None:

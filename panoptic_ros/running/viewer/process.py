@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from panoptic_ros.errors import EnvironmentProblem
-from panoptic_ros.running.processes.children import child_environment
+from panoptic_ros.running.processes.children import PROFILE, child_environment
 
 PATIENCE_S = 20.0  # for its end
 
@@ -22,8 +22,8 @@ def viewer(arguments: Sequence[str]) -> Iterator[tuple[int, str]]:
         EnvironmentProblem: if it does not start.
     """
     command = [sys.executable, "-m", "panoptic_ros.cli.main", "view", "--no-browser", "--port", "0"]
-    profile = "FASTRTPS_DEFAULT_PROFILES_FILE"  # set by processes that send images
-    environment = {name: value for name, value in child_environment().items() if name != profile}
+    # it has a profile of its own
+    environment = {name: value for name, value in child_environment().items() if name != PROFILE}
     child = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True, env=environment)
     assert child.stdout is not None
     try:

@@ -16,18 +16,13 @@ from panoptic_ros.io.messages.people import (
     roots_message,
 )
 from panoptic_ros.io.messages.transforms import read_transform
+from panoptic_ros.io.resources import share_folder
 
-FOREIGN = {  # as these packages define them
-    "hri_msgs/msg/IdsList": "std_msgs/Header header\nstring[] ids\n",
-    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
-    "vision_msgs/msg/ObjectHypothesisWithPose":
-        "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n",
-    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
-    "vision_msgs/msg/Detection3D":
-        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
-        "vision_msgs/BoundingBox3D bbox\nstring id\n",
-    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n",
-}  # fmt: skip
+FOREIGN = {
+    f"{package}/msg/{path.stem}": path.read_text()
+    for package in ("hri_msgs", "vision_msgs")
+    for path in sorted((share_folder() / "msg_defs" / "foreign" / package / "msg").glob("*.msg"))
+}
 STORE = get_typestore(Stores.ROS2_JAZZY)
 STORE.register({
     name: definition

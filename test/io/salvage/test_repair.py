@@ -11,7 +11,8 @@ from recordings import write_bag
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.bags import BagReader, BagWriter
+from panoptic_ros.io.definitions import described
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.salvage import repair
 from panoptic_ros.io.salvage.found import Losses
@@ -191,3 +192,19 @@ time.sleep(60)
     assert made.counts == {"/a": 5} and made.lost == ()
     with BagReader(tmp_path / "new") as bag:
         assert [stamp for _, stamp, _, _ in bag.raw()] == [0, 1, 2, 3, 4]
+
+
+def test_damaged_words_of_qos_are_told_once_and_cost_no_message(tmp_path):
+    store, connection = bag_typestore(), described("/a", KIND).offered(True, True)
+    data = bytes(store.serialize_cdr(store.types[KIND](data="text"), KIND))
+    bag = BagWriter(tmp_path / "bag", in_place=True)
+    for k in range(5):
+        bag.write_described(connection, k, data)
+    bag.close()
+    path = only_file(tmp_path / "bag")
+    whole = path.read_bytes()
+    assert found_in(path, tmp_path)[1] == [] and b"reliability: " in whole
+    path.write_bytes(whole.replace(b"reliability: ", b"reliab\xc3\xa9lity "))
+    found, lines = found_in(path, tmp_path)
+    assert found == [("/a", k, data) for k in range(5)]
+    assert len([line for line in lines if "the QoS of /a" in line]) == 1

@@ -1,7 +1,9 @@
 """Processes of a launcher that die: told, or started anew."""
 import json
+import re
 import sys
 import time
+from xml.etree import ElementTree
 
 import pytest
 
@@ -64,3 +66,13 @@ def test_what_the_user_can_mend_is_not_started_anew(launched):
     with launched("print('panoptic: no such camera'); raise SystemExit(2)") as running:
         with pytest.raises(UserError, match="no such camera"):
             until(lambda: running.revive() != [])
+
+
+def test_the_profile_of_listeners_differs_in_what_they_reserve_alone():
+    full, small = (
+        ElementTree.canonicalize(module.profile_path(name).read_text(), strip_text=True)
+        for name in (module.SENDER, module.LISTENER)
+    )
+    reserved = re.compile("<segment_size>([0-9]+)</segment_size>")
+    assert reserved.sub("", full) == reserved.sub("", small) != full
+    assert int(reserved.search(small)[1]) < int(reserved.search(full)[1])
