@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.bench.graph_feed import Feed
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.flow import LIVE_DEFAULTS, WINDOW
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
+from panoptic_ros.nodes.executor import make_executor
 from panoptic_ros.nodes.feeding_node import FeedingNode
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
@@ -66,7 +66,7 @@ class Player:
             [(offset, self.node.message_of(view)) for offset, view in feed.views(k)]
             for k in range(len(feed.sets))
         ]
-        self._executor = SingleThreadedExecutor()
+        self._executor = make_executor()
 
     def observe(self, launch: Path) -> Any:
         """Start the processes, do what is to be done, and end them."""

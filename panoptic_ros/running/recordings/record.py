@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.domain import Rig
@@ -22,6 +21,7 @@ from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.nodes.executor import make_executor
 from panoptic_ros.nodes.family import service_class
 from panoptic_ros.nodes.recorder_node import RecorderNode
 from panoptic_ros.nodes.runtime import start_ros
@@ -111,7 +111,7 @@ class _Recording:
         self._node = RecorderNode(
             PREFIX + ros_name(platform.node() or "host"), options.selection.wants, self._take, tell
         )
-        self._executor = SingleThreadedExecutor()
+        self._executor = make_executor()
         self._executor.add_node(self._node)
 
     @property
