@@ -121,7 +121,7 @@ def test_what_is_not_there_is_told(people):
 
 
 def test_a_graph_that_begins_later_needs_less():
-    facts = {"rig", "skeleton_model", "clock_models"}
+    facts = {"rig", "skeleton_model", "clock_models", "subjects"}
     assert topics_from("detections") == facts | {"detections"}
     assert topics_from("sync") == topics_from("detection_sets") == facts | {"detection_sets"}
     assert topics_from("image") >= {"image", "compressed_image", "depth"} | facts
