@@ -6,6 +6,7 @@ views; association: the arrays as they are, made read-only). Missing joints are 
 """
 from panoptic_ros.domain.association import AssociationSet, Evidence, Groups, Prediction, TrackSet
 from panoptic_ros.domain.bias_table import BiasTable
+from panoptic_ros.domain.bodies import BodySource, BodyStateSet, ImuSample
 from panoptic_ros.domain.camera import Camera
 from panoptic_ros.domain.depth import DepthFrame
 from panoptic_ros.domain.depth_sensor import DepthSensor
@@ -40,6 +41,8 @@ __all__ = [
     "AssociationSet",
     "AudioBlock",
     "BiasTable",
+    "BodySource",
+    "BodyStateSet",
     "Camera",
     "ClockModel",
     "DepthFrame",
@@ -49,6 +52,7 @@ __all__ = [
     "Evidence",
     "FrameRate",
     "Groups",
+    "ImuSample",
     "JointMap",
     "JointState",
     "Occluders",

@@ -288,13 +288,14 @@ def lanes_of(
         topics: keys.
         owners: of a topic: the cameras or devices that give it, in the order of the rig; ("",) for the
             graph's.
-        clocks: of an owner: whose clock its stamps are on.
+        clocks: of an owner: whose clock its stamps are on; IMUs are roughly on the common one.
         shifts: by owner, or by topic where that of an owner has another: what is added to its stamps, where
             that is known; see `Lane`.
     """
     ports = {port.topic: port for port in pipeline.wiring.inputs}
     return [
         Lane(topic, owner, (order, number_of(topic)), TOPICS[topic].by_stamp, ports[topic].ahead_ns,
-             clocks(owner), shifts.get(TOPICS[topic].of(owner), shifts.get(owner)))
+             "" if TOPICS[topic].scope == "imu" else clocks(owner),
+             shifts.get(TOPICS[topic].of(owner), shifts.get(owner)))
         for topic in topics for order, owner in enumerate(owners(topic))
     ]  # fmt: skip

@@ -124,12 +124,22 @@ NODES: dict[str, NodeSpec] = {
             "offsets", (Port("detections", first=True), Port("skeletons_raw")), ("clock_models",),
             queue="all", switch="active",
         ),
+        stage_row(
+            "kinematics",
+            (
+                Port("imu", optional=True), Port("detection_sets", optional=True),
+                Port("skeletons_raw", optional=True),
+            ),
+            ("bodies",), switch="runs",
+        ),
         stage_row("refinement", (Port("skeletons_raw"),), ("skeletons",)),
     )
 }  # fmt: skip
 
 FUSION = ("association", "voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
-AFTER_DETECTION = ("sync", "association", "voting", "assembly", "tracking", "offsets", "refinement")
+AFTER_DETECTION = (
+    "sync", "association", "voting", "assembly", "tracking", "offsets", "kinematics", "refinement"
+)  # fmt: skip
 SOUND = ("timecode", "clocks")  # what comes of timecode in sound
 SLOW = ("offsets",)  # busy for a second at times: live, nobody must wait for it
 CHAIN = ("detection", *AFTER_DETECTION)

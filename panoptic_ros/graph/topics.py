@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 from panoptic_ros.errors import CalibrationError
 
-Scope = Literal["camera", "sensor", "device", "graph"]  # one topic per camera, depth sensor, device, or one
+# one topic per camera, depth sensor, device with sound, device on a body, or one
+Scope = Literal["camera", "sensor", "device", "imu", "graph"]
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ TOPICS: dict[str, Topic] = {
         Topic("poses", "poses", "PoseSet", "panoptic_msgs/msg/Skeletons"),
         Topic("skeletons_raw", "skeletons_raw", "TrackedPoseSet", "panoptic_msgs/msg/Skeletons"),
         Topic("tracks", "tracks", "TrackSet", "panoptic_msgs/msg/TrackSet"),
+        Topic("imu", "{owner}/imu", "ImuSample", "sensor_msgs/msg/Imu", "imu", by_stamp=True),
+        Topic("bodies", "bodies", "BodyStateSet", "panoptic_msgs/msg/Bodies"),
         Topic("skeletons", "skeletons", "RefinedPoseSet", "panoptic_msgs/msg/Skeletons"),
         Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
     )
@@ -103,7 +106,7 @@ def owner_of(key: str, record: Any) -> str:
     scope = TOPICS[key].scope
     if scope == "graph":
         return ""
-    return str(record.device if scope == "device" else record.camera)
+    return str(record.device if scope in ("device", "imu") else record.camera)
 
 
 def given_inputs(owners: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:

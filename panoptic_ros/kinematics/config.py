@@ -11,6 +11,15 @@ from panoptic_ros.params import Config, param
 class KinematicsConfig(Config):
     """Weights are stated as standard deviations; those of the paper are in the preset malleson-2020."""
 
+    subjects: tuple[str, ...] = param(
+        (), doc="Files of the designated people; `panoptic run --subject FILE` gives them."
+    )
+    everybody: bool = param(
+        False, doc="Bodies of all who are tracked, whose lengths are taken from their first skeletons.",
+        when="there are no subject files and people whom few views see are to keep a human shape.",
+    )  # fmt: skip
+    segments: str = param("segments21", doc="Skeleton of segments: an installed one, or a YAML file.")
+    prior: str = param("", doc="File of a pose prior, of `panoptic prior train`; empty = the installed one.")
     rate_hz: float = param(60.0, unit="Hz", ge=5.0, le=240.0, doc="Rate of the poses.")
     lag: float = param(
         0.1, unit="s", ge=0.0, le=0.2, doc="Delay of the poses, over which later data smooth them."
@@ -88,3 +97,8 @@ class KinematicsConfig(Config):
         0.0, ge=0.0, le=1.0,
         doc="Weight of the paper's acceleration term, eq. 13; its own 1e-3 is far too much here.",
     )  # fmt: skip
+
+    @property
+    def runs(self) -> bool:
+        """Whether there is anybody to solve for."""
+        return bool(self.subjects) or self.everybody

@@ -18,6 +18,7 @@ from panoptic_ros.kinematics.targets import (
     NO_VIEWS,
     Evidence,
     Floor,
+    PointTargets,
     TurnTargets,
     ViewTargets,
 )
@@ -27,6 +28,7 @@ PAPER_WIDTH = 656  # px, of the images that the paper's weights are for
 PAPER = {"position": 1e-3, "orientation": 1.0, "projection": 0.7, "deviation": 0.06, "floor": 10.0}
 PAPER_RADIUS = 0.05  # m
 FLOOR_SD = 0.02  # m
+OFFSET_SD = 0.015  # m, how far a detector's joint lies off where the body has it, per axis
 
 
 class Weighing:
@@ -99,6 +101,18 @@ class Weighing:
             self.translations,
         )  # fmt: skip
 
+    def points(self, joints: tuple[Array, Array] | None) -> PointTargets:
+        """Targets of joints in space: positions (K, 3) m, NaN = missing, and covariances (K, 3, 3) m^2."""
+        if joints is None:
+            return NO_POINTS
+        goals, covariances = joints[0][self._columns], joints[1][self._columns]
+        known = np.flatnonzero(np.isfinite(goals).all(-1) & np.isfinite(covariances).all((-2, -1)))
+        spread = covariances[known] + OFFSET_SD**2 * np.eye(3)
+        return PointTargets(
+            self._segments[known], self._offsets[known], np.ascontiguousarray(goals[known]),
+            np.linalg.inv(spread), self._config.joint_scale**2,
+        )  # fmt: skip
+
     def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:
         """Targets of orientations: segments (N,), goals (N, 3, 3), standard deviations (N,) rad."""
         if not len(segments):
@@ -108,6 +122,8 @@ class Weighing:
         )
         return TurnTargets(segments, np.ascontiguousarray(goals), weights, 0.0)
 
-    def evidence(self, views: ViewTargets, turns: TurnTargets, weight: float = 1.0) -> Evidence:
+    def evidence(
+        self, views: ViewTargets, turns: TurnTargets, points: PointTargets = NO_POINTS
+    ) -> Evidence:
         """All of an instant."""
-        return Evidence(views, NO_POINTS, turns, self.floor, self.prior, weight)
+        return Evidence(views, points, turns, self.floor, self.prior, 1.0)

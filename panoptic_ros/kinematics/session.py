@@ -174,17 +174,28 @@ def _first_people(
     subject: Subject, instant: Instant, weighing: Weighing, several: bool
 ) -> dict[int, tuple[Array, Array]]:
     """2D people of the views who stand where the subject starts; the only ones, if nothing says where."""
+    if subject.start is None:
+        crowd = max((len(people.points) for people in instant.views.values()), default=0)
+        if crowd and (several or crowd > 1):
+            raise DataError(
+                f"subject {subject.id}: {crowd} people are seen and nothing says who it is; state `start`, "
+                "where the pelvis is at the first instant"
+            )
+    return nearest_to_start(subject, instant, weighing)
+
+
+def nearest_to_start(
+    subject: Subject, instant: Instant, weighing: Weighing
+) -> dict[int, tuple[Array, Array]]:
+    """Points (K, 2) and scores (K,) by camera of who stands where the subject starts; where nothing says so,
+    of who is alone in a view."""
     found = {}
     for camera, people in instant.views.items():
-        if not len(people.points):
-            continue
         if subject.start is None:
-            if several or len(people.points) > 1:
-                raise DataError(
-                    f"subject {subject.id}: {len(people.points)} people are seen and nothing says who it is; "
-                    "state `start`, where the pelvis is at the first instant"
-                )
-            found[camera] = (people.points[0], people.scores[0])
+            if len(people.points) == 1:
+                found[camera] = (people.points[0], people.scores[0])
+            continue
+        if not len(people.points):
             continue
         local = weighing.rotations[camera] @ subject.start + weighing.translations[camera]
         if local[2] < 0.1:

@@ -24,20 +24,21 @@ def first_pose(
     weighing: Weighing,
     subject: Subject,
     people: dict[int, tuple[Array, Array]],
-    segments: Array,
-    goals: Array,
+    oriented: tuple[Array, Array],
+    joints: tuple[Array, Array] | None = None,
 ) -> Pose:
     """The pose of least cost, from several headings where no IMU tells the orientation of the body.
 
     Args:
         people: points (K, 2) on the plane and scores (K,) by camera.
-        segments, goals: (N,) and (N, 3, 3) orientations that are known.
+        oriented: segments (N,) and (N, 3, 3) orientations that are known.
+        joints: in space, where there is nothing in 2D: positions (K, 3) m and covariances (K, 3, 3) m^2.
     """
-    chain = subject.body.chain
-    root = _root(weighing, subject, people)
+    chain, (segments, goals) = subject.body.chain, oriented
+    root = _root(weighing, subject, people, joints)
     views = weighing.views(people, root)
     turns = weighing.turns(segments, goals, np.full(len(segments), math.radians(5.0)))
-    evidence = weighing.evidence(views, turns)
+    evidence = weighing.evidence(views, turns, weighing.points(joints))
     size = 3 + 3 * len(chain.parents)
     best, least = None, math.inf
     for pose in _candidates(subject, root, segments, goals):
@@ -73,8 +74,27 @@ def _candidates(subject: Subject, root: Array, segments: Array, goals: Array) ->
     return found
 
 
-def _root(weighing: Weighing, subject: Subject, people: dict[int, tuple[Array, Array]]) -> Array:
-    """Where the pelvis is about: where the rays to the middle of the joints meet, or as stated."""
+def middle_of(
+    weighing: Weighing, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None
+) -> Array | None:
+    """Where the middle of somebody's joints is, (3,) m: where the rays to it meet; None with fewer than two
+    views."""
+    if joints is not None:
+        return _median(joints[0][weighing.sites[0]])
+    if len(people) < 2:
+        return None
+    matrix, vector = _rays(weighing, people)
+    found: Array = np.linalg.solve(matrix + 1e-9 * np.eye(3), vector)
+    return found
+
+
+def _median(joints: Array) -> Array | None:
+    known = joints[np.isfinite(joints).all(-1)]
+    return np.median(known, axis=0) if len(known) else None
+
+
+def _rays(weighing: Weighing, people: dict[int, tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Normal equations (3, 3), (3,) of the point nearest to the rays to the middles of 2D people."""
     matrix, vector = np.zeros((3, 3)), np.zeros(3)
     for camera, (points, _) in people.items():
         seen = points[np.isfinite(points).all(-1)]
@@ -85,15 +105,24 @@ def _root(weighing: Weighing, subject: Subject, people: dict[int, tuple[Array, A
             across = np.eye(3) - np.outer(ray, ray)
             matrix += across
             vector += across @ (-rotation.T @ weighing.translations[camera])
+    return matrix, vector
+
+
+def _root(
+    weighing: Weighing, subject: Subject, people: dict[int, tuple[Array, Array]],
+    joints: tuple[Array, Array] | None,
+) -> Array:  # fmt: skip
+    """Where the pelvis is about: the middle of what is seen, or as stated."""
+    middle = middle_of(weighing, people, joints)
+    if middle is not None:
+        return middle
     if subject.start is not None:
         return np.array(subject.start, float)
-    if len(people) >= 2:
-        found: Array = np.linalg.solve(matrix, vector)
-        return found
     height = PELVIS_SHARE * float(np.linalg.norm(subject.body.offsets, axis=-1).sum() / 2.6)
     if not people:
         return np.array([0.0, 0.0, height])
+    matrix, vector = _rays(weighing, people)
     stiff = matrix + 1e-3 * np.eye(3)
     stiff[2, 2] += 10.0
-    found = np.linalg.solve(stiff, vector + np.array([0.0, 0.0, 10.0 * height]))
+    found: Array = np.linalg.solve(stiff, vector + np.array([0.0, 0.0, 10.0 * height]))
     return found

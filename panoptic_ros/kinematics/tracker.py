@@ -18,7 +18,7 @@ from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.sight import distances
 from panoptic_ros.kinematics.solve import solve_pose
-from panoptic_ros.kinematics.start import first_pose
+from panoptic_ros.kinematics.start import first_pose, middle_of
 from panoptic_ros.kinematics.targets import (
     NO_ACCELERATIONS,
     NO_TURNS,
@@ -62,7 +62,7 @@ class SubjectTracker:
         self._before: Pose | None = None
         self._stamps: deque[int] = deque(maxlen=64)
         self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
-        self.iterations: list[int] = []
+        self.iterations: deque[int] = deque(maxlen=1000)
 
     @property
     def mounting(self) -> MountingEstimate:
@@ -73,6 +73,23 @@ class SubjectTracker:
     def started(self) -> bool:
         """Whether there is a pose."""
         return self._pose is not None
+
+    def begin_at(self, pose: Pose) -> None:
+        """Begin with this pose in place of one from nothing."""
+        self._pose = pose.copy()
+
+    def move_to(self, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None) -> None:
+        """Carry the body to where cameras see it, of whom it was out of sight; one camera alone does not
+        tell."""
+        pose = self.expected()
+        place = middle_of(self.weighing, people, joints)
+        if pose is None or place is None:
+            return
+        moved = pose.copy()
+        moved.root[:] = place
+        self._pose, self._window, self._before = moved, None, None
+        self.devices.forget()
+        self._stamps.clear()
 
     def expected(self) -> Pose | None:
         """Where the body is expected at the next instant."""
@@ -90,11 +107,15 @@ class SubjectTracker:
         columns, segments, offsets = self.weighing.sites
         return columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0]
 
-    def step(self, instant: Instant, people: dict[int, tuple[Array, Array]]) -> list[BodyState]:
+    def step(
+        self, instant: Instant, people: dict[int, tuple[Array, Array]],
+        joints: tuple[Array, Array] | None = None,
+    ) -> list[BodyState]:  # fmt: skip
         """Solve an instant.
 
         Args:
             people: points (K, 2) and scores (K,) of this person by camera.
+            joints: in space, where there is nothing in 2D: positions (K, 3) m and covariances (K, 3, 3) m^2.
 
         Returns:
             Bodies that are final: of the instant that is the lag ago, if there is one yet.
@@ -102,19 +123,19 @@ class SubjectTracker:
         period = 1.0 / self._config.rate_hz
         which, goals = self.devices.orientations(instant)
         if self._pose is None:
-            if not people and not len(which):
+            if not people and joints is None and not len(which):
                 return []
             goals_now = self.mounting.corrected(goals, which)
-            segments = self.devices.segments[which]
-            self._pose = first_pose(self.weighing, self.subject, people, segments, goals_now)
-        self._unseen_s = 0.0 if people else self._unseen_s + period
+            oriented = self.devices.segments[which], goals_now
+            self._pose = first_pose(self.weighing, self.subject, people, oriented, joints)
+        self._unseen_s = 0.0 if people or joints is not None else self._unseen_s + period
         guess = self.expected()
         assert guess is not None
         views = self.weighing.views(people, guess.root)
         turns = self.weighing.turns(
             self.devices.segments[which], self.mounting.corrected(goals, which), self.devices.spreads(which)
         )
-        evidence = self.weighing.evidence(views, turns)
+        evidence = self.weighing.evidence(views, turns, self.weighing.points(joints))
         if self._config.window:
             self._step_window(guess, evidence, (which, goals))
         else:

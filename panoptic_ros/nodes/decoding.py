@@ -7,6 +7,7 @@ from typing import Any
 
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message
+from panoptic_ros.io.messages.bodies import read_imu
 from panoptic_ros.nodes.audio_common import AudioDataReader
 
 Decoder = Callable[[Any, int], Any]  # (message, how many came before it): the record
@@ -27,6 +28,8 @@ def decoder_of(
         return lambda message, number: frame_from_message(message, owner, number, encoding)
     if record == "DepthFrame":
         return lambda message, number: depth_frame_from_message(message, owner, number)
+    if record == "ImuSample":
+        return lambda message, number: read_imu(message, owner)
     if topic == "audio_common":
         reader = AudioDataReader(owner, audio_rate, audio_channels)
         return lambda message, number: reader.block(message)

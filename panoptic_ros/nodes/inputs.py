@@ -123,7 +123,7 @@ class InputChoice:
         scope = TOPICS[topic].scope
         known = {
             "camera": list(rig.names), "sensor": [sensor.name for sensor in rig.depth_sensors],
-            "device": self._devices, "graph": [""],
+            "device": self._devices, "imu": self._optional.get(topic, []), "graph": [""],
         }[scope]  # fmt: skip
         if topic not in self._optional:
             return known

@@ -14,6 +14,7 @@ from rclpy.node import Node
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import AFTER_DETECTION, NODES
+from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.occluders import read_occluders
@@ -38,7 +39,14 @@ def _biases(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, An
     return bias_extras(node.get_parameter(f"{prefix}bias_table").value, skeleton)
 
 
-EXTRAS = {"detection": _detector, "assembly": _biases}
+def _bodies(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
+    """The kinematics stage's extras: subjects, segments and prior of its parameters of these names."""
+    names = [Path(path) for path in node.get_parameter(f"{prefix}subjects").value]
+    segments, prior = (node.get_parameter(f"{prefix}{name}").value for name in ("segments", "prior"))
+    return body_extras(names, segments, prior)
+
+
+EXTRAS = {"detection": _detector, "assembly": _biases, "kinematics": _bodies}
 
 
 def make_stage_node(

@@ -13,6 +13,7 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Subject, ViewPeople, ViewSeries
 from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.io.body_models import read_body_model, read_prior
 from panoptic_ros.io.kinematic_files import read_imus, read_subject
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
 from panoptic_ros.io.rigs import read_rig
@@ -20,7 +21,6 @@ from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
 from panoptic_ros.params import load
-from panoptic_ros.running.bodies import read_body_model, read_prior
 
 Array = np.ndarray
 PAPER = "malleson-2020"

@@ -98,6 +98,7 @@ def test_reset_gives_the_state_of_a_new_stage(name):
 
 
 ANOTHER = {
+    "kinematics": {"gate": 0.3},
     "timecode": {"agreeing_words": 5}, "clocks": {"window_s": 3.0}, "detection": {"input_side": 128},
     "offsets": {"memory_s": 30.0}, "sync": {"queue_limit": 99}, "voting": {"explain_away": False},
     "association": {"track_memory": 0.7},

@@ -10,8 +10,8 @@ import pytest
 from panoptic_ros.cli.main import main
 from panoptic_ros.evaluation.kinematic_scores import score_bodies
 from panoptic_ros.io.body_files import read_bodies
+from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.kinematic_files import read_imus, read_subject, write_imus
-from panoptic_ros.running.bodies import read_body_model
 from panoptic_ros.simulation.bodies.capture import BodyScene
 from panoptic_ros.simulation.bodies.imus import unknown_heading
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from panoptic_ros.geometry.rotations import from_quaternions, rotations_of, to_quaternions
+from panoptic_ros.io.body_models import read_body_model, read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.devices import unseen_axes
 from panoptic_ros.kinematics.session import solve_recording
-from panoptic_ros.running.bodies import read_body_model, read_clips
 from panoptic_ros.running.studies.bodies import prior_without, recording_of, score_capture
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
 from panoptic_ros.simulation.bodies.imus import unknown_heading

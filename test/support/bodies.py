@@ -4,7 +4,7 @@ import numpy as np
 
 from panoptic_ros.geometry.chain import Pose, place_segments, step_pose
 from panoptic_ros.geometry.rotations import rotations_of
-from panoptic_ros.running.bodies import read_body_model
+from panoptic_ros.io.body_models import read_body_model
 
 MODEL = read_body_model()
 BODY = MODEL.body(1.75)

@@ -18,6 +18,7 @@ from panoptic_ros.domain import (
     ClockModel,
     DepthFrame,
     EndOfStream,
+    ImuSample,
     JointState,
     Rig,
     SubjectSet,
@@ -27,10 +28,12 @@ from panoptic_ros.domain import (
     TrackSet,
     VisibilityLimit,
 )
+from panoptic_ros.domain.subjects import Device, Subject, TPose
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.io.body_models import read_body_model, read_prior
 from panoptic_ros.simulation.ltc_signal import AudioFaults, degrade_audio, encode_ltc, timecode_rate
 from panoptic_ros.stage import StageContext
 from panoptic_ros.timecode.signal.buffer import Buffer
@@ -268,6 +271,41 @@ def watched(cameras=("left", "right"), count=22, start=0):
     return found
 
 
+def imu_samples(device, instants, first=0):
+    """Of a device that turns slowly; silent for a while, a stamp that stands twice, one far ahead."""
+    found = []
+    for k in range(first, first + 2 * instants):
+        stamp = k * SECOND // 60 + 1_000_000
+        angle = 0.01 * k
+        turn = [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)]
+        force = [0.1 * np.sin(k), 0.0, 9.81] if k % 7 else [np.nan] * 3
+        if not first + 11 <= k < first + 13:
+            found.append(ImuSample(device, stamp, turn, [0.0, 0.0, 0.9], force))
+    return [*found[:9], found[8], replace(found[9], stamp_ns=9 * SECOND), *found[9:]]
+
+
+def worn(frames=8, start=0):
+    """Sets of 2D people, who is tracked in them, and an IMU on one of them."""
+    table = chain(frames, start)
+    found = [item for pair in zip(table["detection_sets"], table["refinement"]) for item in pair]
+    samples = imu_samples("back", frames, 2 * start)
+    for sample in samples:  # those of an instant before its people; one that is far ahead after the fifth
+        later = (k for k, item in enumerate(found)
+                 if sample.stamp_ns < item.stamp_ns and not isinstance(item, ImuSample))  # fmt: skip
+        end = 10 if sample.stamp_ns == 9 * SECOND else len(found)
+        found.insert(next(later, end), sample)
+    return found
+
+
+def wearer():
+    """Somebody who is followed as 0, with an IMU whose mounting a T-pose tells."""
+    model, prior = read_body_model(), read_prior()
+    device = Device("back", model.index("spine4"), np.array([-0.1, 0.0, 0.1]), None)
+    subject = Subject(0, model.body(1.7), (device,), TPose(0, SECOND // 9, None))
+    extras = {"subjects": (subject,), "segments": model, "pose_prior": prior}
+    return StageContext(captures.RIG, captures.SKELETON, extras)
+
+
 def watcher():
     extras = {
         "detector": DetectorModel(Blobs.heads_card(), Blobs.heads_network([-10, -2, 0, 0, 10, 2])),
@@ -317,6 +355,13 @@ def cases():
             "tracking", {"subjects": ["7"]}, [*chain()["tracking"][:6], OTHERS, *chain()["tracking"][6:]],
             chain(7, 200)["tracking"],
         ),
+        "kinematics": Case(
+            "kinematics", {"rate_hz": 40.0, "lag": 0.05}, worn(), worn(7, 200), wearer()
+        ),
+        "kinematics-everybody": Case(
+            "kinematics", {"rate_hz": 15.0, "lag": 0.0, "everybody": True}, chain()["refinement"],
+            chain(7, 200)["refinement"], wearer(),
+        ),
         "refinement-lag": Case(
             "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
         ),
@@ -326,7 +371,7 @@ def cases():
 NAMES = (
     "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
-    *FUSION, "tracking-subjects", "refinement-lag",
+    *FUSION, "tracking-subjects", "kinematics", "kinematics-everybody", "refinement-lag",
 )  # fmt: skip
 
 

@@ -26,8 +26,9 @@ from panoptic_ros.domain import (
     ViewDetections,
     ViewSources,
 )
+from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.errors import CalibrationError, ClockError, ContractError, DataError
-from panoptic_ros.io.messages import associations, detections, images, statics
+from panoptic_ros.io.messages import associations, bodies, detections, images, statics
 from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
@@ -214,6 +215,8 @@ _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {
     TimecodeReading: statics.write_timecode,
     ClockModel: statics.write_clock,
     Preview: images.write_preview,
+    BodyStateSet: bodies.write_bodies,
+    ImuSample: bodies.write_imu,
 }
 _READERS: dict[str, Callable[[Any], Any]] = {
     "ViewDetections": detections.read_view,
@@ -231,4 +234,6 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "AudioBlock": statics.read_audio,
     "TimecodeReading": statics.read_timecode,
     "ClockModel": statics.read_clock,
+    "BodyStateSet": bodies.read_bodies,
+    "ImuSample": lambda message: bodies.read_imu(message, str(message.header.frame_id)),
 }

@@ -11,6 +11,7 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import Instant
 from panoptic_ros.geometry.chain import Pose
+from panoptic_ros.io.body_models import read_body_model, read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.prior import PoseStatistics
@@ -19,7 +20,6 @@ from panoptic_ros.kinematics.session import t_pose_mounts
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import Evidence, no_anchor
 from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
-from panoptic_ros.running.bodies import read_body_model, read_clips
 from panoptic_ros.running.simulations.bodies import body_scene
 from panoptic_ros.running.studies.bodies import prior_without, recording_of
 from panoptic_ros.simulation.bodies.capture import BodyCapture, simulate_body, sparse

@@ -20,6 +20,7 @@ from panoptic_ros.association.known_occluders import occluded_depths
 from panoptic_ros.domain import Occluders
 from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.kernels import on_compilation
 from panoptic_ros.kernels.order import median
 from panoptic_ros.simulation import SKELETON, Ring, Scene, Simulation, simulate
@@ -31,6 +32,14 @@ def _stage(name: str, **parameters: object) -> None:
     """The constructors of stages compile all that they can need."""
     take = _take()
     make_stage(name, configure({name: parameters})[name], StageContext(take.rig, SKELETON))
+
+
+def _kinematics() -> None:
+    """The moving body, of nobody in particular."""
+    take = _take()
+    config = configure({"kinematics": {"everybody": True}})["kinematics"]
+    extras = body_extras((), "", "")
+    make_stage("kinematics", config, StageContext(take.rig, SKELETON, extras))
 
 
 def _occluders() -> None:
@@ -62,6 +71,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "refinement": partial(_stage, "refinement"),
     "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "tracking": partial(_stage, "tracking"),
+    "kinematics": _kinematics,
     "occluders": _occluders,
     "all votes": partial(_stage, "voting", explain_away=False),
 }

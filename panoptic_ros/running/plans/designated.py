@@ -8,9 +8,9 @@ from pathlib import Path
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.errors import UsageError
 from panoptic_ros.identity.subjects import subject_word
+from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.kinematic_files import read_subject
 from panoptic_ros.params import config_of
-from panoptic_ros.running.bodies import read_body_model
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.tracking.config import TrackingConfig
 

@@ -36,9 +36,9 @@ def body_scene(name: str) -> BodyScene:
 def write_body_take(name: str, out: Path, seed: int) -> str:
     """Simulate and write rig, 2D people, IMU samples, subject and truth; a line about it."""
     from panoptic_ros.io.body_files import write_bodies
+    from panoptic_ros.io.body_models import read_body_model, read_clips
     from panoptic_ros.io.kinematic_files import subject_document, write_imus
     from panoptic_ros.io.rigs import write_rig
-    from panoptic_ros.running.bodies import read_body_model, read_clips
     from panoptic_ros.simulation.bodies.capture import simulate_body
 
     take = simulate_body(body_scene(name), seed, read_body_model(), read_clips())

@@ -11,10 +11,10 @@ import numpy as np
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import ViewPeople, ViewSeries
 from panoptic_ros.evaluation.kinematic_scores import score_bodies
+from panoptic_ros.io.body_models import read_body_model, read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.kinematics.session import Recording, solve_recording
-from panoptic_ros.running.bodies import read_body_model, read_clips
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.simulations.bodies import body_scene
 from panoptic_ros.simulation.bodies.capture import BodyCapture, simulate_body, sparse

@@ -11,6 +11,7 @@ from damage import damage
 from panoptic_ros.domain import (
     AssociationSet,
     AudioBlock,
+    BodyStateSet,
     Camera,
     ClockModel,
     DepthSensor,
@@ -18,6 +19,7 @@ from panoptic_ros.domain import (
     Evidence,
     FrameRate,
     Groups,
+    ImuSample,
     Occluders,
     PoseSet,
     Prediction,
@@ -136,10 +138,17 @@ STATED = replace(
 SENSORS = (
     DepthSensor(replace(FISHEYE, name="k"), "cam1", 0.00025), DepthSensor(replace(CAMERA, name="lidar"))
 )  # fmt: skip
+BODIES = BodyStateSet(
+    4, 7, 9, "abcd1234", ("hips", "thigh", "shin"), [-1, 0, 1], [3, 0], [2, 1], [4, 0], [0, 6],
+    rng.normal(size=(2, 3, 3)), rng.normal(size=(2, 12)), rng.normal(size=(2, 3, 3)),
+    rng.normal(size=(2, 3, 4)), rng.normal(size=(2, 3, 6)), np.full((2, 3, 6, 6), np.nan),
+    rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 3, 3)),
+)
 RECORDS = [
     Rig((STATED, FISHEYE), depth_sensors=SENSORS),
     view(), view(people=0), SET,
     ASSOCIATION, TRACKS, SubjectSet(7, [3, 0], rng.normal(size=(2, 3)), [-1, 5], [-1, 4]),
+    ImuSample("wrist", 7, [0.6, 0.0, 0.8, 0.0], [np.nan] * 3, [0.1, 0.2, 9.8]), BODIES,
     ProposalSet(
         ASSOCIATION, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]
     ),

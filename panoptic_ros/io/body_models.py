@@ -1,4 +1,4 @@
-"""Skeletons of segments and pose priors that are installed, or in files."""
+"""Skeletons of segments, pose priors and recorded motions that are installed, or in files."""
 
 from __future__ import annotations
 

@@ -1,0 +1,138 @@
+"""Samples of IMUs, and solved bodies as they travel between stages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes, check_magnitude, check_not_infinite, check_stamp
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+FASTEST, HARDEST = 1e3, 1e5  # rad/s and m/s^2 that no IMU measures
+UNIT = 0.05  # by which the length of a quaternion may differ from 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuSample:
+    """What an IMU measured at an instant; NaN = not measured, all numbers of a vector together.
+
+    Args:
+        device: name. stamp_ns: on the device's clock.
+        orientation: (4,) w x y z, the device's inertial frame (z up, a heading of its own) from the device.
+        rate: (3,) rad/s, angular velocity in the device's frame.
+        force: (3,) m/s^2, specific force in the device's frame: 9.81 upwards at rest.
+
+    Raises:
+        DataError: if the orientation is no unit quaternion, or a number is beyond what IMUs measure.
+    """
+
+    device: str
+    stamp_ns: int
+    orientation: Array
+    rate: Array
+    force: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        shapes = Shapes(self)
+        for name, size, limit, unit in (
+            ("orientation", "4", 1.0 + UNIT, ""), ("rate", "3", FASTEST, "rad/s"),
+            ("force", "3", HARDEST, "m/s^2"),
+        ):  # fmt: skip
+            values = shapes.store(name, np.float64, size)
+            check_magnitude(f"ImuSample.{name} of {self.device}", values, limit, unit)
+            _check_whole(f"ImuSample.{name} of {self.device}", values)
+        check_not_infinite(self, "orientation rate force")
+        length = float(np.linalg.norm(self.orientation))
+        if abs(length - 1.0) > UNIT:  # false for NaN
+            raise DataError(f"ImuSample.orientation of {self.device} has the length {length:.3g}, expected 1")
+
+
+def _check_whole(what: str, values: Array) -> None:
+    missing = np.isnan(values)
+    if missing.any() and not missing.all():
+        raise DataError(f"{what} is NaN in part: {values.tolist()}; all of it, or none")
+
+
+class BodySource(IntEnum):
+    """What a body was solved from at its instant, besides its IMUs."""
+
+    PREDICTED = 0  # its motion before
+    IMUS = 1  # no camera: its place is unknown, and drifts; what is relative to the root holds
+    TRACK = 2  # the 2D people of the views that its track holds
+    VIEWS = 3  # 2D people nearest to where it was expected, as there is no track
+    JOINTS = 4  # joints in space
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BodyStateSet:
+    """Bodies of B people at one instant, of S segments; see `domain.segments.SegmentModel`.
+
+    Args:
+        index: counts the instants from 0. newest_ns: stamp of the newest sample that was taken before.
+        skeleton_hash: of the skeleton whose J joints `keypoints` are.
+        segment_names: (S,), parents before children; parents: (S,) indices, -1 = the root.
+        ids: (B,) of the subjects, which are those of their skeletons.
+        sources: (B,) `BodySource`. views, devices: (B,) cameras and IMUs behind them at this instant.
+        offsets: (B, S, 3) m, joints in the frames of their parents: lengths of the body.
+        freedoms: (B, 3 + 3 S) degrees of freedom: place of the root, m, and rotation vectors, rad, of every
+            segment in its parent's frame (of the root: in the world).
+        positions: (B, S, 3) m of the proximal joints. orientations: (B, S, 4) w x y z, world from segment.
+        velocities: (B, S, 6) m/s and rad/s in the world.
+        covariances: (B, S, 6, 6) of position, m, and rotation, rad, both in the world; NaN = not known.
+        keypoints: (B, J, 3) m, NaN where the body has no such joint; keypoint_covariances: (B, J, 3, 3) m^2.
+    """
+
+    index: int
+    stamp_ns: int
+    newest_ns: int
+    skeleton_hash: str
+    segment_names: tuple[str, ...]
+    parents: Array
+    ids: Array
+    sources: Array
+    views: Array
+    devices: Array
+    offsets: Array
+    freedoms: Array
+    positions: Array
+    orientations: Array
+    velocities: Array
+    covariances: Array
+    keypoints: Array
+    keypoint_covariances: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        object.__setattr__(self, "newest_ns", check_stamp(self, self.newest_ns, "newest_ns"))
+        object.__setattr__(self, "segment_names", tuple(str(name) for name in self.segment_names))
+        shapes = Shapes(self)
+        shapes.sizes["S"] = len(self.segment_names)
+        shapes.sizes["D"] = 3 + 3 * len(self.segment_names)
+        parents = shapes.store("parents", np.int32, "S")
+        ids = shapes.store("ids", np.int64, "B")
+        sources = shapes.store("sources", np.uint8, "B")
+        for name in ("views", "devices"):
+            shapes.store(name, np.int32, "B")
+        for name, letters in _SHAPES.items():
+            shapes.store(name, np.float64, letters)
+        if (parents >= np.arange(len(parents))).any() or (parents[1:] < 0).any():
+            raise DataError(f"BodyStateSet.parents = {parents.tolist()}: parents stand before their children")
+        if len(set(ids.tolist())) != len(ids):
+            raise DataError(f"an id stands twice among the bodies {ids.tolist()}")
+        if sources.size and sources.max() > max(BodySource):
+            raise DataError(f"BodyStateSet.sources has the unknown source {sources.max()}")
+        for name in ("offsets", "freedoms", "positions", "orientations", "velocities"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise DataError(f"BodyStateSet.{name} is not finite")
+        check_not_infinite(self, "covariances keypoints keypoint_covariances")
+
+
+_SHAPES = {
+    "offsets": "B S 3", "freedoms": "B D", "positions": "B S 3", "orientations": "B S 4",
+    "velocities": "B S 6", "covariances": "B S 6 6", "keypoints": "B J 3",
+    "keypoint_covariances": "B J 3 3",
+}  # fmt: skip

@@ -1,0 +1,39 @@
+"""What the kinematics stage needs beyond its configuration: subjects, their skeleton of segments, a prior."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.domain.subjects import Subject
+from panoptic_ros.errors import UsageError
+from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model, read_prior
+from panoptic_ros.io.kinematic_files import read_subject
+
+
+def body_extras(subjects: Sequence[Path], segments: str = "", prior: str = "") -> Mapping[str, Any]:
+    """The extras of `kinematics.KinematicsStage`.
+
+    Args:
+        subjects: files. segments: name or file; "" = the usual ones. prior: file; "" = the installed one.
+
+    Raises:
+        UserError: naming the file and what is wrong, or an id or a device that stands twice.
+    """
+    model = read_body_model(segments or DEFAULT_MODEL)
+    people = tuple(read_subject(path, model) for path in subjects)
+    _require_distinct(subjects, people)
+    return {"subjects": people, "segments": model, "pose_prior": read_prior(prior)}
+
+
+def _require_distinct(paths: Sequence[Path], people: Sequence[Subject]) -> None:
+    owners: dict[object, Path] = {}
+    for path, subject in zip(paths, people):
+        for key, what in [(subject.id, f"id {subject.id}")] + [
+            (device.name, f"device {device.name}") for device in subject.devices
+        ]:
+            first = owners.setdefault(key, path)
+            if first != path:
+                raise UsageError(f"{first} and {path} both have {what}; change one of them")
+

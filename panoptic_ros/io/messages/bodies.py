@@ -1,0 +1,114 @@
+"""Bodies and samples of IMUs as messages, and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
+from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
+
+Array = np.ndarray
+_FIELDS = {  # of one body: shape, where a name stands for a size
+    "offsets": ("S", 3), "freedoms": ("D",), "positions": ("S", 3), "orientations": ("S", 4),
+    "velocities": ("S", 6), "covariances": ("S", 6, 6), "keypoints": ("J", 3),
+    "keypoint_covariances": ("J", 3, 3),
+}  # fmt: skip
+UNKNOWN = -1.0  # first element of a covariance in sensor_msgs/Imu: not measured (REP 145)
+
+
+def write_bodies(item: BodyStateSet, family: Messages, frame_id: str) -> Any:
+    """panoptic_msgs/Bodies."""
+    return family.make(
+        "Bodies",
+        header=family.header(item.stamp_ns, frame_id),
+        newest_stamp=family.header(item.newest_ns, frame_id).stamp,
+        index=item.index,
+        skeleton_hash=item.skeleton_hash,
+        joint_count=item.keypoints.shape[1],
+        segment_names=list(item.segment_names),
+        parents=flat(family, item.parents, np.int32),
+        bodies=[
+            family.make(
+                "Body",
+                id=int(item.ids[k]), source=int(item.sources[k]),
+                views=int(item.views[k]), devices=int(item.devices[k]),
+                **{name: flat(family, getattr(item, name)[k], np.float64) for name in _FIELDS},
+            )
+            for k in range(len(item.ids))
+        ],
+    )  # fmt: skip
+
+
+def read_bodies(message: Any) -> BodyStateSet:
+    """The record of a panoptic_msgs/Bodies.
+
+    Raises:
+        DataError: if its content is bad.
+    """
+    bodies, names = message.bodies, tuple(str(name) for name in message.segment_names)
+    sizes = {"S": len(names), "D": 3 + 3 * len(names), "J": joint_count(message)}
+    arrays = {}
+    for name, letters in _FIELDS.items():
+        shape = tuple(size if isinstance(size, int) else sizes[size] for size in letters)
+        rows = [shaped(getattr(body, name), f"Body.{name}", *shape) for body in bodies]
+        arrays[name] = np.array(rows, np.float64).reshape(len(bodies), *shape)
+    return BodyStateSet(
+        int(message.index), stamp_of(message.header), time_ns(message.newest_stamp),
+        str(message.skeleton_hash), names, shaped(message.parents, "Bodies.parents", len(names)),
+        np.array([body.id for body in bodies], np.int64),
+        np.array([body.source for body in bodies], np.uint8),
+        np.array([body.views for body in bodies], np.int32),
+        np.array([body.devices for body in bodies], np.int32), **arrays,
+    )  # fmt: skip
+
+
+def write_imu(item: ImuSample, family: Messages, frame_id: str) -> Any:
+    """sensor_msgs/Imu, with the device as frame; what was not measured has -1 in its covariance."""
+
+    def covariance(values: Array) -> Array:
+        found = np.zeros(9)
+        found[0] = UNKNOWN if np.isnan(values).any() else 0.0
+        return found
+
+    w, x, y, z = np.nan_to_num(item.orientation).tolist()
+    rate, force = np.nan_to_num(item.rate).tolist(), np.nan_to_num(item.force).tolist()
+    vector = "geometry_msgs/msg/Vector3"
+    return family.make(
+        "sensor_msgs/msg/Imu",
+        header=family.header(item.stamp_ns, item.device),
+        orientation=family.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+        orientation_covariance=covariance(item.orientation),
+        angular_velocity=family.make(vector, x=rate[0], y=rate[1], z=rate[2]),
+        angular_velocity_covariance=covariance(item.rate),
+        linear_acceleration=family.make(vector, x=force[0], y=force[1], z=force[2]),
+        linear_acceleration_covariance=covariance(item.force),
+    )
+
+
+def read_imu(message: Any, device: str) -> ImuSample:
+    """The sample of a sensor_msgs/Imu that came on the topic of a device.
+
+    Raises:
+        DataError: if a number is not finite where the message says that it was measured.
+    """
+    turn, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
+    parts = {
+        "orientation": ((turn.w, turn.x, turn.y, turn.z), message.orientation_covariance),
+        "angular_velocity": ((rate.x, rate.y, rate.z), message.angular_velocity_covariance),
+        "linear_acceleration": ((force.x, force.y, force.z), message.linear_acceleration_covariance),
+    }
+    found = []
+    for name, (values, covariance) in parts.items():
+        array = np.array(values, np.float64)
+        if float(covariance[0]) == UNKNOWN:
+            array[:] = np.nan
+        elif not np.isfinite(array).all():
+            raise DataError(
+                f"Imu.{name} of {device} is {array.tolist()}; what is not measured has a covariance of -1"
+            )
+        found.append(array)
+    return ImuSample(device, stamp_of(message.header), found[0], found[1], found[2])

@@ -1,0 +1,90 @@
+"""Solved bodies as the record that travels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.domain.bodies import BodyStateSet
+from panoptic_ros.domain.segments import Body, SegmentModel
+from panoptic_ros.domain.subjects import BodyState
+from panoptic_ros.geometry.rotations import to_quaternions, vectors_of
+
+Array = np.ndarray
+
+
+class Solved(NamedTuple):
+    """A body of an instant, whose it is, and what it rests on: `BodySource`, cameras, devices."""
+
+    state: BodyState
+    body: Body
+    source: int
+    views: int
+    devices: int
+
+
+def body_set(
+    index: int, stamp_ns: int, newest_ns: int, model: SegmentModel, skeleton: SkeletonModel,
+    bodies: Sequence[Solved],
+) -> BodyStateSet:  # fmt: skip
+    """The record of an instant, bodies by their ids.
+
+    Args:
+        model: of all bodies. skeleton: whose joints the keypoints are.
+    """
+    rows = sorted(bodies, key=lambda row: row.state.id)
+    count, segments, joints = len(rows), len(model.names), len(skeleton.joint_names)
+    keypoints = np.full((count, joints, 3), np.nan)
+    keypoint_covariances = np.full((count, joints, 3, 3), np.nan)
+    velocities, covariances = np.zeros((count, segments, 6)), np.full((count, segments, 6, 6), np.nan)
+    for k, row in enumerate(rows):
+        state = row.state
+        if state.velocities is not None and state.spins is not None:
+            velocities[k] = np.concatenate([state.velocities, state.spins], axis=-1)
+        if state.covariances is not None:
+            covariances[k] = state.covariances
+        keypoints[k], keypoint_covariances[k] = _keypoints(row, skeleton, covariances[k])
+    frames = np.array([row.state.frames for row in rows]).reshape(count, segments, 3, 3)
+    places = np.array([row.state.places for row in rows]).reshape(count, segments, 3)
+    return BodyStateSet(
+        index, stamp_ns, max(newest_ns, stamp_ns), skeleton.hash, model.names, model.parents,
+        np.array([row.state.id for row in rows], np.int64), np.array([row.source for row in rows], np.uint8),
+        np.array([row.views for row in rows], np.int32), np.array([row.devices for row in rows], np.int32),
+        np.array([row.body.offsets for row in rows]).reshape(count, segments, 3),
+        _freedoms(model, places, frames), places, to_quaternions(frames.reshape(-1, 3, 3))
+        .reshape(count, segments, 4), velocities, covariances, keypoints, keypoint_covariances,
+    )  # fmt: skip
+
+
+def _freedoms(model: SegmentModel, places: Array, frames: Array) -> Array:
+    """Root and rotation vectors (B, 3 + 3 S) of bodies: places (B, S, 3), frames (B, S, 3, 3)."""
+    above = frames[:, model.parents]
+    turns = above.swapaxes(-1, -2) @ frames
+    turns[:, 0] = frames[:, 0]
+    vectors = vectors_of(np.ascontiguousarray(turns.reshape(-1, 3, 3)))
+    vectors = vectors.reshape(len(places), 3 * len(model.names))
+    return np.concatenate([places[:, 0], vectors], axis=-1)
+
+
+def _keypoints(row: Solved, skeleton: SkeletonModel, covariances: Array) -> tuple[Array, Array]:
+    """Joints (J, 3) m of the skeleton and their covariances (J, 3, 3), from those of segments (S, 6, 6)."""
+    known = [(j, *row.body.keypoints[name]) for j, name in enumerate(skeleton.joint_names)
+             if name in row.body.keypoints]  # fmt: skip
+    points = np.full((len(skeleton.joint_names), 3), np.nan)
+    spreads = np.full((len(skeleton.joint_names), 3, 3), np.nan)
+    if not known:
+        return points, spreads
+    columns, segments = np.array([j for j, _, _ in known]), np.array([s for _, s, _ in known])
+    arms = (row.state.frames[segments] @ np.array([offset for _, _, offset in known])[..., None])[..., 0]
+    points[columns] = row.state.places[segments] + arms
+    slopes = np.zeros((len(known), 3, 6))
+    slopes[:, :, :3] = np.eye(3)
+    x, y, z = arms.T
+    slopes[:, 0, 4], slopes[:, 0, 5] = z, -y  # of u x arm by u
+    slopes[:, 1, 3], slopes[:, 1, 5] = -z, x
+    slopes[:, 2, 3], slopes[:, 2, 4] = y, -x
+    spreads[columns] = slopes @ covariances[segments] @ slopes.swapaxes(1, 2)
+    return points, spreads

@@ -1,0 +1,140 @@
+"""How somebody's IMUs sit on the body and lie in space and time, found while data come."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
+from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z
+from panoptic_ros.kinematics.alignment import align
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.stage import Notice
+
+Array = np.ndarray
+LOOK_S, LONGEST_S = 5.0, 15.0  # of motion after which heading and clock are looked for, and given up
+UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
+LEAST_OFFSET_S = 0.012  # less is within the error of finding it
+
+
+class ImuFitting:
+    """Heading, clock and mounting of one person's IMUs.
+
+    Attributes:
+        heading: rad, world from the IMUs' inertial frame; None = not known yet.
+        offset_ns: what is added to their stamps.
+        looking: whether motion that cameras alone have seen is still asked for.
+    """
+
+    def __init__(self, config: KinematicsConfig, subject: Subject):
+        self.heading = 0.0 if subject.heading_known else None
+        self.offset_ns = 0
+        worn = bool(subject.devices)
+        self.looking = worn and config.window and (config.clocks or not subject.heading_known)
+        self._states: list[BodyState] = []
+        self._stamps: list[int] = []
+        self._turns: dict[str, list[Array]] = {}
+        self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
+        self._poseless: list[str] = []  # devices that had no samples in it
+        self._unseen = 0
+
+    def take(self, stamp_ns: int, subject: Subject, readings: dict[str, ImuReading]) -> list[Notice]:
+        """What the person's devices measured at an instant."""
+        pose = subject.t_pose
+        for name, reading in readings.items():
+            known = np.isfinite(reading.orientation).all()
+            if known and pose is not None and pose.from_ns <= stamp_ns <= pose.to_ns:
+                self._held.setdefault(name, []).append(reading.orientation)
+        if self.looking:
+            self._stamps.append(stamp_ns)
+            for device in subject.devices:
+                found = readings.get(device.name)
+                turn = np.full((3, 3), np.nan) if found is None else found.orientation
+                self._turns.setdefault(device.name, []).append(turn)
+        return self._missing(stamp_ns, subject)
+
+    def mounts(self, stamp_ns: int, subject: Subject) -> dict[str, Array]:
+        """Mounting (3, 3), segment from device, of all devices of which it is known by now; none before the
+        heading is."""
+        if self.heading is None:
+            return {}
+        found, pose = {}, subject.t_pose
+        for device in subject.devices:
+            if device.mount is not None:
+                found[device.name] = device.mount
+            elif pose is not None and stamp_ns > pose.to_ns and device.name in self._held:
+                facing = pose.facing if pose.facing is not None else np.array([1.0, 0.0, 0.0])
+                body = turn_about_z(float(np.arctan2(facing[1], facing[0])))
+                held = mean_rotation(np.array(self._held[device.name]))
+                found[device.name] = body.T @ turn_about_z(self.heading) @ held
+        return found
+
+    def learn(self, subject: Subject, states: list[BodyState], rate_hz: float) -> list[Notice]:
+        """Motion that cameras alone have seen; heading and clock, once there is enough of it."""
+        self._states += states
+        self._unseen = 0 if states else self._unseen + 1
+        lasted = len(self._states) / rate_hz
+        if self._unseen / rate_hz > UNSEEN_S:
+            return self._give_up(subject, "no camera sees enough of the person")
+        if lasted < LOOK_S or len(self._states) % round(LOOK_S * rate_hz) or not states:
+            return []
+        stamps = np.array(self._stamps)
+        orientations = {}
+        for name, turns in self._turns.items():
+            rows = np.array(turns)
+            there = np.isfinite(rows).all((1, 2))
+            if there.sum() > 10:
+                orientations[name] = stamps[there], rows[there]
+        found = align(subject, self._states, orientations)
+        if found is None:
+            more = lasted < LONGEST_S
+            return [] if more else self._give_up(subject, "the person hardly moves")
+        self._done()
+        lines = []
+        if not subject.heading_known:
+            self.heading = found.heading
+            lines.append(f"heading of the IMUs found from motion: {math.degrees(found.heading):.1f} deg")
+        if abs(found.offset) >= LEAST_OFFSET_S:
+            self.offset_ns = round(1e9 * found.offset)
+            lines.append(f"clock of the IMUs found from motion: {1e3 * found.offset:+.0f} ms")
+        return [_notice("imu_aligned", "info", subject, line) for line in lines]
+
+    def _give_up(self, subject: Subject, why: str) -> list[Notice]:
+        self._done()
+        if self.heading is not None:
+            return []
+        self.heading = 0.0
+        line = f"{why}, so the heading of its IMUs is taken as 0"
+        return [_notice("imu_heading", "warning", subject, line)]
+
+    def _done(self) -> None:
+        self.looking = False
+        self._states, self._stamps, self._turns = [], [], {}
+
+    def _missing(self, stamp_ns: int, subject: Subject) -> list[Notice]:
+        """Devices whose mounting nothing tells, each once."""
+        pose, notices = subject.t_pose, []
+        for device in subject.devices:
+            if device.mount is not None or device.name in (*self._held, *self._poseless):
+                continue
+            if pose is not None and stamp_ns <= pose.to_ns:
+                continue
+            self._poseless.append(device.name)
+            why = "has no mount, and there is no t_pose" if pose is None else "has no samples in the T-pose"
+            line = f"device {device.name} {why}; it is left out"
+            notices.append(_notice("imu_mount", "warning", subject, line, device.name))
+        return notices
+
+
+def cameras_alone(config: KinematicsConfig, lag: float) -> KinematicsConfig:
+    """How motion is solved that is compared with what IMUs felt."""
+    return replace(config, lag=lag)
+
+
+def _notice(code: str, severity: str, subject: Subject, line: str, device: str = "") -> Notice:
+    return Notice(
+        f"kinematics.{code}", "warning" if severity == "warning" else "info",
+        f"subject {subject.id}: {line}", {"device": device or f"subject {subject.id}"},
+    )  # fmt: skip

@@ -1,0 +1,125 @@
+"""The newest samples of all IMUs, read at any instant; and which of them are not to be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.domain.bodies import ImuSample
+from panoptic_ros.domain.subjects import ImuReading
+from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.resampling import LONGEST_GAP_S, slerp
+from panoptic_ros.stage import Notice
+
+Array = np.ndarray
+KEPT = 64  # samples of a device
+NEAREST_NS = 2_000_000  # between two samples: more of them tell nothing new
+SILENT_NS = 500_000_000
+UPRIGHT_S = 3.0  # over which the mean specific force of somebody who moves is that of gravity
+UPRIGHT = 5.0  # m/s^2, by which it may differ
+GRAVITY = np.array([0.0, 0.0, 9.81])
+NONE = -1  # in place of a stamp
+
+
+class ImuStreams:
+    """Samples of the devices that somebody wears.
+
+    Args:
+        devices: names.
+    """
+
+    def __init__(self, devices: Sequence[str]):
+        self.names = tuple(devices)
+        count = len(self.names)
+        self._stamps = np.full((count, KEPT), NONE)
+        self._values = np.full((count, KEPT, 10), np.nan)  # w x y z, force, rate
+        self._force = np.zeros((count, 3))  # mean in the inertial frame
+        self._weight = np.zeros(count)  # s over which it was taken
+        self._odd = np.zeros(count, bool)  # of another convention
+        self._silent = np.zeros(count, bool)
+
+    @property
+    def last(self) -> Array:
+        """Stamps (D,) of the newest samples, -1 where there is none."""
+        found: Array = self._stamps[:, -1]
+        return found
+
+    def take(self, sample: ImuSample) -> tuple[Notice, ...]:
+        """Keep a sample; one that is not newer than the last is left out, with a notice."""
+        if sample.device not in self.names:
+            return ()
+        d = self.names.index(sample.device)
+        last = int(self._stamps[d, -1])
+        if sample.stamp_ns <= last:
+            text = (
+                f"{sample.device} sends the stamp {sample.stamp_ns} after {last}; such samples are left out"
+            )
+            return (_notice("imu_stamps", "warning", text, sample.device),)
+        if last != NONE and sample.stamp_ns - last < NEAREST_NS:
+            return ()
+        self._stamps[d, :-1] = self._stamps[d, 1:]
+        self._values[d, :-1] = self._values[d, 1:]
+        self._stamps[d, -1] = sample.stamp_ns
+        length = np.linalg.norm(sample.orientation)
+        self._values[d, -1] = np.concatenate([sample.orientation / length, sample.force, sample.rate])
+        return ()
+
+    def at(self, stamp_ns: int) -> dict[str, ImuReading]:
+        """What devices measured at an instant, between the samples on both sides of it (slerp, linear)."""
+        if not self.names:
+            return {}
+        rows = np.arange(len(self.names))
+        after = np.clip((self._stamps < stamp_ns).sum(1), 1, KEPT - 1)
+        begin, end = self._stamps[rows, after - 1], self._stamps[rows, after]
+        gap = end - begin
+        share = (stamp_ns - begin) / np.maximum(gap, 1)
+        usable = (begin != NONE) & (gap < LONGEST_GAP_S * 1e9) & (share > -0.5) & (share < 1.5) & ~self._odd
+        share = np.clip(share, 0.0, 1.0)[:, None]
+        first, second = self._values[rows, after - 1], self._values[rows, after]
+        between = first[:, 4:] * (1.0 - share) + second[:, 4:] * share
+        with np.errstate(invalid="ignore"):
+            turns = from_quaternions(slerp(first[:, :4], second[:, :4], share))
+        return {self.names[d]: ImuReading(turns[d], between[d, :3], between[d, 3:])
+                for d in np.flatnonzero(usable).tolist()}  # fmt: skip
+
+    def judge(self, stamp_ns: int, period: float) -> list[Notice]:
+        """Look at all devices once an instant: who is silent, who measures in another convention.
+
+        Args:
+            period: s since the instant before.
+        """
+        if not self.names:
+            return []
+        notices = []
+        silent = (self.last != NONE) & (stamp_ns - self.last > SILENT_NS)
+        for d in np.flatnonzero(silent & ~self._silent).tolist():
+            text = f"{self.names[d]} has been silent for {1e-9 * SILENT_NS:g} s; bodies go on without it"
+            notices.append(_notice("imu_silent", "warning", text, self.names[d]))
+        for d in np.flatnonzero(self._silent & ~silent).tolist():
+            notices.append(_notice("imu_back", "info", f"{self.names[d]} is back", self.names[d]))
+        self._silent = silent
+        newest = self._values[:, -1]
+        with np.errstate(invalid="ignore"):
+            forces = (from_quaternions(newest[:, :4]) @ newest[:, 4:7, None])[..., 0]
+        known = np.isfinite(forces).all(-1) & ~silent
+        share = period / np.minimum(self._weight + period, UPRIGHT_S)
+        self._force[known] += share[known, None] * (forces[known] - self._force[known])
+        self._weight[known] += period
+        far = np.linalg.norm(self._force - GRAVITY, axis=-1)
+        odd = (self._weight >= UPRIGHT_S) & (far > UPRIGHT)
+        for d in np.flatnonzero(odd & ~self._odd).tolist():
+            mean = np.array2string(self._force[d], precision=1)
+            text = (
+                f"{self.names[d]} measures a mean force of {mean} m/s^2 in its inertial frame, where "
+                "(0, 0, 9.81) is asked for: z up, quaternions that turn device vectors into it, m/s^2, "
+                "gravity not taken off; it is left out"
+            )
+            notices.append(_notice("imu_convention", "warning", text, self.names[d]))
+        self._odd = odd
+        return notices
+
+
+def _notice(code: str, severity: str, text: str, device: str) -> Notice:
+    return Notice(f"kinematics.{code}", "warning" if severity == "warning" else "info", text,
+                  {"device": device})  # fmt: skip

@@ -1,0 +1,65 @@
+"""What may be in the state of the moving body: classes, and the attributes of those that do not tell them."""
+
+from __future__ import annotations
+
+from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
+from panoptic_ros.geometry.chain import Chain, Pose
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.devices import WornDevices
+from panoptic_ros.kinematics.evidence import Weighing
+from panoptic_ros.kinematics.imu_fitting import ImuFitting
+from panoptic_ros.kinematics.imu_streams import ImuStreams
+from panoptic_ros.kinematics.measured_body import MeasuredBody
+from panoptic_ros.kinematics.mounting import MountingEstimate
+from panoptic_ros.kinematics.person import Behind, Person
+from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPerson, SeenPoints
+from panoptic_ros.kinematics.targets import Floor, PosePrior
+from panoptic_ros.kinematics.timeline import Timeline
+from panoptic_ros.kinematics.tracker import SubjectTracker
+from panoptic_ros.kinematics.wearing import Wearing
+from panoptic_ros.kinematics.window import Motion, PoseWindow, _Eliminated
+from panoptic_ros.state import Fields
+
+CLASSES = (
+    KinematicsConfig, Body, BodyState, Device, Subject, TPose, Chain, Pose, Behind, SeenJoints, SeenPoints,
+    Floor, PosePrior,
+    Motion, _Eliminated,
+    Fields.named(
+        Person,
+        "_config subject weighing seen fitting tracker behind of_track seen_ever worn _alone _mounted "
+        "_without _unseen",
+    ),
+    Fields.named(SeenPerson, "views joints"),
+    Fields.named(
+        ImuFitting, "heading offset_ns looking _states _stamps _turns _held _poseless _unseen"
+    ),
+    Fields.named(ImuStreams, "names _stamps _values _force _weight _odd _silent"),
+    Fields.named(MeasuredBody, "_lengths"),
+    Fields.named(
+        Timeline, "_rate_hz _origin _count _before _first_imu _last _periods _ahead newest_ns"
+    ),
+    Fields.named(
+        SubjectTracker,
+        "subject weighing _config _chain _count devices _window _pose _before _stamps _unseen_s iterations",
+    ),
+    Fields.named(
+        WornDevices,
+        "_config _subject _chain _devices _mounts segments positions _turn mounting _wearing _since_look "
+        "_notices _told measured _oriented",
+    ),
+    Fields.named(Wearing, "_looks _count"),
+    Fields.named(
+        PoseWindow,
+        "_chain _motion _lag _size _weights _poses _next _information _eliminated _own iterations",
+    ),
+    Fields.named(
+        MountingEstimate,
+        "_config _chain _segments _heading_sd _unseen _information _pull _looks heading mountings _common "
+        "_strap spreads _recent _moved mistaken slipped",
+    ),
+    Fields.named(
+        Weighing,
+        "_config _subject _columns _segments _offsets rotations translations _paper_focal prior floor",
+    ),
+)  # fmt: skip

@@ -1,0 +1,122 @@
+"""What was seen of one person lately, read at any instant: 2D joints of every camera, or joints in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+Array = np.ndarray
+KEPT = 8  # samples of a camera
+LONGEST_GAP_NS = 150_000_000  # over which joints are interpolated
+NEAR_NS = 1_000  # a sample is at an instant
+
+
+class SeenPoints(NamedTuple):
+    """2D joints of a view: stamp, ns; points (K, 2) on the plane at distance 1, NaN = missing; scores
+    (K,)."""
+
+    stamp_ns: int
+    points: Array
+    scores: Array
+
+
+class SeenJoints(NamedTuple):
+    """Joints in space: stamp, ns; positions (K, 3) m, NaN = missing; covariances (K, 3, 3) m^2."""
+
+    stamp_ns: int
+    positions: Array
+    covariances: Array
+
+
+Seen = TypeVar("Seen", SeenPoints, SeenJoints)
+
+
+class SeenPerson:
+    """The newest samples of one person."""
+
+    def __init__(self) -> None:
+        self.views: dict[int, list[SeenPoints]] = {}  # by camera
+        self.joints: list[SeenJoints] = []
+
+    def see(self, camera: int, seen: SeenPoints) -> None:
+        """A camera has seen the person."""
+        own = self.views.setdefault(camera, [])
+        own.append(seen)
+        del own[:-KEPT]
+
+    def take_joints(self, joints: SeenJoints) -> None:
+        """Somebody has solved for the person's joints."""
+        self.joints.append(joints)
+        del self.joints[:-KEPT]
+
+    def views_at(self, stamp_ns: int, half_period_ns: int) -> dict[int, tuple[Array, Array]]:
+        """Points (K, 2) and scores (K,) of every camera at an instant.
+
+        Linear between two samples; where there is one alone, or a joint is in one alone, that one if it is
+        within half a period.
+        """
+        found = {}
+        for camera, own in sorted(self.views.items()):
+            begin, end = _around(own, stamp_ns)
+            sample = _between(begin, end, stamp_ns, half_period_ns)
+            if sample is not None:
+                found[camera] = sample
+        return found
+
+    def joints_at(self, stamp_ns: int, half_period_ns: int) -> tuple[Array, Array] | None:
+        """Positions (K, 3) and covariances (K, 3, 3) at an instant; None if there are none about then."""
+        begin, end = _around(self.joints, stamp_ns)
+        if begin is None or end is None or end.stamp_ns - begin.stamp_ns > LONGEST_GAP_NS:
+            one = _nearest(begin, end, stamp_ns, half_period_ns)
+            return None if one is None else (one.positions, one.covariances)
+        share = _share(begin.stamp_ns, end.stamp_ns, stamp_ns)
+        nearest = begin if share < 0.5 else end
+        if share in (0.0, 1.0):
+            return nearest.positions, nearest.covariances
+        return (1.0 - share) * begin.positions + share * end.positions, nearest.covariances
+
+
+def _around(own: Sequence[Seen], stamp_ns: int) -> tuple[Seen | None, Seen | None]:
+    """The newest sample that is not after an instant, and the oldest that is not before it."""
+    before: Seen | None = None
+    after: Seen | None = None
+    for sample in reversed(own):
+        if sample.stamp_ns >= stamp_ns:
+            after = sample
+        if sample.stamp_ns <= stamp_ns:
+            before = sample
+            break
+    return before, after
+
+
+def _nearest(begin: Seen | None, end: Seen | None, stamp_ns: int, within_ns: int) -> Seen | None:
+    there = [one for one in (begin, end) if one is not None and abs(one.stamp_ns - stamp_ns) <= within_ns]
+    return min(there, key=lambda one: abs(one.stamp_ns - stamp_ns), default=None)
+
+
+def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
+    if stamp_ns - begin_ns <= NEAR_NS:
+        return 0.0
+    return 1.0 if end_ns - stamp_ns <= NEAR_NS else (stamp_ns - begin_ns) / (end_ns - begin_ns)
+
+
+def _between(
+    begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
+) -> tuple[Array, Array] | None:
+    if begin is None or end is None or end.stamp_ns - begin.stamp_ns > LONGEST_GAP_NS:
+        one = _nearest(begin, end, stamp_ns, half_period_ns)
+        return None if one is None else (one.points, one.scores)
+    share = _share(begin.stamp_ns, end.stamp_ns, stamp_ns)
+    if share in (0.0, 1.0):
+        return (begin.points, begin.scores) if share == 0.0 else (end.points, end.scores)
+    points = (1.0 - share) * begin.points + share * end.points
+    scores = (1.0 - share) * begin.scores + share * end.scores
+    nearest = begin if share < 0.5 else end
+    alone = ~np.isfinite(points).all(-1) | (begin.scores <= 0.0) | (end.scores <= 0.0)
+    if alone.any():
+        near = min(stamp_ns - begin.stamp_ns, end.stamp_ns - stamp_ns) <= half_period_ns
+        points[alone] = nearest.points[alone] if near else np.nan
+        scores[alone] = nearest.scores[alone] if near else 0.0
+    return points, scores

@@ -1,0 +1,363 @@
+"""The kinematics stage: 2D people or skeletons, and samples of IMUs, to bodies at a fixed rate."""
+
+from __future__ import annotations
+
+import copy
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import DetectionSet, TrackedPoseSet
+from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState, Instant, Subject, ViewPeople
+from panoptic_ros.errors import DataError
+from panoptic_ros.kinematics.body_records import Solved, body_set
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.examples import step_examples
+from panoptic_ros.kinematics.imu_streams import ImuStreams
+from panoptic_ros.kinematics.measured_body import MeasuredBody
+from panoptic_ros.kinematics.person import Behind, Person
+from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.remembered import CLASSES
+from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
+from panoptic_ros.kinematics.session import nearest_to_start
+from panoptic_ros.kinematics.timeline import Timeline
+from panoptic_ros.kinematics.tracker import assign_people
+from panoptic_ros.solving.undistortion import lens_records, undistort_points
+from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Stateful, StateLayout
+
+Array = np.ndarray
+IN_SPACE = -1  # the source of skeletons that come without 2D people
+NEVER_S = 10.0  # after which it is told that somebody has not come
+Out = BodyStateSet
+
+
+class SeenView(NamedTuple):
+    """2D people of a camera that wait for those who are tracked: camera, stamp ns, frame number, points (P,
+    J, 2) px, scores (P, J)."""
+
+    camera: int
+    stamp_ns: int
+    frame: int
+    points: Array
+    scores: Array
+
+
+class SeenSet(NamedTuple):
+    """Views of an instant, and the index of the detection set."""
+
+    number: int
+    views: tuple[SeenView, ...]
+
+
+class KinematicsStage(Stateful):
+    """Bodies of designated people at a fixed rate, late by the lag and at most one period of the slowest
+    camera.
+
+    Malleson et al. 2020, sections 3 and 4, with what docs/kinematics.md adds. The context's extras hold
+    `subjects`, the designated people; `segments`, the `SegmentModel` of their bodies; `pose_prior`,
+    `PoseStatistics`. A subject is whoever has its id among tracked people. 2D people are taken from the views
+    that a track holds; where there is no track, those nearest to where the body is expected; where there are
+    no 2D people, the joints of skeletons.
+    """
+
+    LAYOUT = StateLayout(
+        "kinematics",
+        "_people _measured _timeline _streams _waiting _given _last_set _tracks_come _told".split(),
+        (*CLASSES, SeenView, SeenSet),
+        shared=("_config", "_model", "_parents", "_mean"),
+        same={"configuration": "_config", "skeleton": "_hash", "cameras": "_rig.names"},
+    )  # fmt: skip
+
+    def __init__(self, config: KinematicsConfig, context: StageContext):
+        self._config, self._skeleton, self._rig = config, context.skeleton, context.rig
+        self._hash, self._joint_names = context.skeleton.hash, context.skeleton.joint_names
+        self._subjects: tuple[Subject, ...] = tuple(context.extras.get("subjects", ()))
+        self._model: SegmentModel | None = context.extras.get("segments")
+        self._statistics: PoseStatistics | None = context.extras.get("pose_prior")
+        self._parents = None if self._model is None else self._model.parents
+        self._mean = None if self._statistics is None else self._statistics.mean
+        self._lenses = lens_records(context.rig)
+        self._cameras = {name: k for k, name in enumerate(context.rig.names)}
+        self._lag = round(config.lag * config.rate_hz) if config.window else 0
+        self.reset()
+        if self._model is not None and self._statistics is not None:
+            step_examples(self._new_person, self._model, self._joint_names, config.rate_hz)
+            self._planes(SeenView(0, 0, 0, np.zeros((0, 1, 2)), np.zeros((0, 1))), [])
+
+    def reset(self) -> None:
+        """Forget everybody."""
+        self._people: dict[int, Person] = {}
+        for subject in self._subjects:
+            self._people[subject.id] = self._new_person(subject)
+        self._measured: dict[int, MeasuredBody] = {}  # people without a file, by id
+        self._timeline = Timeline(self._config.rate_hz)
+        devices = dict.fromkeys(d.name for s in self._subjects for d in s.devices)
+        self._streams = ImuStreams(tuple(devices))
+        self._waiting: SeenSet | None = None
+        self._given: deque[tuple[int, int, dict[int, BodyState]]] = deque()  # instants that are not given yet
+        self._last_set = -1  # index
+        self._tracks_come = False
+        self._told: set[str] = set()
+
+    def flush(self) -> StepResult[Out]:
+        """All instants up to the newest sample, and what the lag held back."""
+        notices = self._take_waiting(None)
+        outputs = self._run(notices, at_end=True)
+        for person in self._people.values():
+            self._keep(person.flush())
+        outputs += [self._give() for _ in range(len(self._given))]
+        self.reset()
+        return StepResult(tuple(outputs), tuple(notices))
+
+    def step(self, item: DetectionSet | TrackedPoseSet | ImuSample) -> StepResult[Out]:
+        """Bodies of the instants for which all has come.
+
+        Raises:
+            DataError: if people are of another skeleton, or a camera is not in the rig.
+        """
+        if not self._people and not self._config.everybody:
+            return StepResult()
+        if isinstance(item, ImuSample):
+            notices = self._take_sample(item)
+        elif isinstance(item, DetectionSet):
+            notices = self._take_views(item)
+        else:
+            notices = self._take_tracked(item)
+        return StepResult(tuple(self._run(notices)), tuple(notices))
+
+    # ------------------------------------------------------------------ what comes
+
+    def _take_sample(self, item: ImuSample) -> list[Notice]:
+        wearer = next((p for p in self._people.values() if item.device in p.worn), None)
+        if wearer is None:
+            return self._once(
+                f"nobody wears {item.device}", "imu_unknown",
+                f"{item.device} is on no subject; it is left out", {"device": item.device},
+            )  # fmt: skip
+        notices = self._came(item.device, item.stamp_ns + wearer.fitting.offset_ns)
+        if not any(notice.code == "kinematics.odd_stamp" for notice in notices):
+            notices += self._streams.take(item)
+        return notices
+
+    def _take_views(self, item: DetectionSet) -> list[Notice]:
+        self._check(item.skeleton_hash)
+        notices = self._take_waiting(None)
+        if item.index <= self._last_set:
+            self._last_set = item.index  # a recording that begins anew: stamps tell what is old
+        views = tuple(
+            SeenView(self._camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
+            for v in item.views
+        )
+        self._waiting = SeenSet(item.index, views)
+        if not self._tracks_come and len(self._cameras) < 2:
+            notices += self._take_waiting(None)
+        return notices
+
+    def _take_tracked(self, item: TrackedPoseSet) -> list[Notice]:
+        self._check(item.skeleton_hash)
+        self._tracks_come = True
+        notices = self._measure(item) if self._config.everybody else []
+        waiting = self._waiting
+        if waiting is not None and waiting.number == item.index and (
+            item.sources is not None or not len(item.ids)
+        ):  # fmt: skip
+            return notices + self._take_waiting(item)
+        notices += self._take_waiting(None)
+        if waiting is None or waiting.number < item.index:
+            notices += self._came(IN_SPACE, item.stamp_ns)
+            for k, number in enumerate(item.ids.tolist()):
+                if number in self._people:
+                    joints = SeenJoints(item.stamp_ns, item.positions[k], item.covariances[k])
+                    self._people[number].seen.take_joints(joints)
+        return notices
+
+    def _take_waiting(self, item: TrackedPoseSet | None) -> list[Notice]:
+        """The views that wait, with those who are tracked in them."""
+        waiting, self._waiting = self._waiting, None
+        if waiting is None:
+            return []
+        self._last_set = waiting.number
+        notices: list[Notice] = []
+        usable = []
+        for view in waiting.views:
+            told = self._came(view.camera, view.stamp_ns)
+            notices += told
+            if not any(notice.code == "kinematics.odd_stamp" for notice in told):
+                usable.append(view)
+        taken = self._of_tracks(usable, item) if item is not None else set()
+        self._of_places(usable, taken, item)
+        return notices
+
+    def _of_tracks(self, views: list[SeenView], item: TrackedPoseSet) -> set[tuple[int, int]]:
+        """Give people the 2D people that their tracks hold: camera and row of all that any track holds."""
+        sources, taken = item.sources, set[tuple[int, int]]()
+        if sources is None:
+            return taken
+        columns = {(self._cameras.get(name), int(frame)): v
+                   for v, (name, frame) in enumerate(zip(sources.cameras, sources.frames))}  # fmt: skip
+        for view in views:
+            v = columns.get((view.camera, view.frame))
+            if v is None:
+                continue
+            for number, row in zip(item.ids.tolist(), sources.persons[:, v].tolist()):
+                if not 0 <= row < len(view.points):
+                    continue
+                taken.add((view.camera, row))
+                if number in self._people:
+                    self._people[number].see(self._seen(view, row), view.camera, of_track=True)
+        return taken
+
+    def _of_places(
+        self, views: list[SeenView], taken: set[tuple[int, int]], item: TrackedPoseSet | None
+    ) -> None:
+        """Give people without a track the 2D people nearest to where they are expected."""
+        tracked = set() if item is None else set(item.ids.tolist())
+        lost = [person for number, person in self._people.items() if number not in tracked]
+        begun = [person for person in lost if person.tracker is not None and person.tracker.started]
+        new = [person for person in lost if person.tracker is None and not self._tracks_come]
+        if not begun and not new:
+            return
+        rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}
+        planes = {v.camera: self._planes(v, rows[v.camera]) for v in views}
+        stamps = {v.camera: v.stamp_ns for v in views}
+        instant = Instant(0, planes, {})
+        weighing = begun[0].weighing if begun else new[0].weighing
+        trackers = [person.tracker for person in begun if person.tracker is not None]
+        found = assign_people(
+            trackers, instant, weighing.rotations, weighing.translations, self._config.gate
+        )
+        for person in new:
+            begun.append(person)
+            alone = person.subject.start is not None or len(self._people) == 1
+            found.append(nearest_to_start(person.subject, instant, weighing) if alone else {})
+        for person, people in zip(begun, found):
+            for camera, (points, scores) in people.items():
+                person.see(SeenPoints(stamps[camera], points, scores), camera, of_track=False)
+
+    def _came(self, source: int | str, stamp_ns: int) -> list[Notice]:
+        """A sample has come: what is to be told if its stamp is another's, or time begins anew."""
+        verdict = self._timeline.came(source, stamp_ns)
+        if not verdict:
+            return []
+        name = source if isinstance(source, str) else (*self._cameras, "skeletons")[source]
+        if verdict == "odd":
+            text = f"the stamp {stamp_ns} of {name} is more than 2 s off the others; it is left out"
+            return [Notice("kinematics.odd_stamp", "warning", text, {"device": name})]
+        for person in self._people.values():
+            person.restart()
+        text = f"stamps go on from {stamp_ns}, as {name} and others say; bodies begin anew"
+        return [Notice("kinematics.jump", "warning", text)]
+
+    def _measure(self, item: TrackedPoseSet) -> list[Notice]:
+        """Bodies of people without a file: their lengths are taken from their first skeletons."""
+        assert self._model is not None
+        for k, number in enumerate(item.ids.tolist()):
+            if number in self._people:
+                continue
+            measured = self._measured.setdefault(number, MeasuredBody())
+            body = measured.take(self._model, self._joint_names, item.positions[k])
+            if body is not None:
+                del self._measured[number]
+                self._people[number] = self._new_person(Subject(number, body))
+        return []
+
+    # ------------------------------------------------------------------ instants
+
+    def _run(self, notices: list[Notice], at_end: bool = False) -> list[Out]:
+        outputs = []
+        while (stamp := self._timeline.due(at_end)) is not None:
+            notices += self._solve(stamp)
+            if len(self._given) > self._lag:
+                outputs.append(self._give())
+        return outputs
+
+    def _solve(self, stamp_ns: int) -> list[Notice]:
+        self._given.append((self._timeline.index, stamp_ns, {}))
+        notices = self._streams.judge(stamp_ns, 1.0 / self._config.rate_hz)
+        readings = {}
+        for offset in {person.fitting.offset_ns for person in self._people.values()}:
+            readings[offset] = self._streams.at(stamp_ns - offset)
+        half = max(self._timeline.patience_ns // 2, round(5e8 / self._config.rate_hz))
+        for number, person in list(self._people.items()):
+            states, told = person.step(stamp_ns, readings[person.fitting.offset_ns], half)
+            notices += told
+            self._keep(states)
+            if person.tracker is None and person.missed and not self._is_designated(number):
+                del self._people[number]
+            elif self._timeline.index > NEVER_S * self._config.rate_hz and person.tracker is None:
+                notices += self._never(number, person)
+        return notices
+
+    def _keep(self, states: list[BodyState]) -> None:
+        """Keep bodies until their instant is given."""
+        if states:
+            places = {stamp: found for _, stamp, found in self._given}
+            for state in states:
+                if state.stamp_ns in places:
+                    places[state.stamp_ns][state.id] = state
+
+    def _give(self) -> BodyStateSet:
+        """The oldest instant that is kept."""
+        index, stamp_ns, states = self._given.popleft()
+        rows = []
+        for number, state in states.items():
+            person = self._people[number]
+            behind = person.behind.pop(stamp_ns, Behind(0, 0, 0))
+            rows.append(Solved(state, person.subject.body, *behind))
+        assert self._model is not None
+        newest = max(self._timeline.newest_ns, stamp_ns)
+        return body_set(index - 1, stamp_ns, newest, self._model, self._skeleton, rows)
+
+    def _never(self, number: int, person: Person) -> list[Notice]:
+        if person.seen_ever:
+            return []
+        text = (
+            f"subject {number} has not come in {NEVER_S:g} s: no camera has seen it and no IMU that is "
+            "mounted tells of it; look at `start`, `id` and the devices of its file"
+        )
+        return self._once(f"subject {number}", "never_came", text, {"device": f"subject {number}"})
+
+    # ------------------------------------------------------------------ helpers
+
+    def _new_person(self, subject: Subject) -> Person:
+        """Somebody with a subject of his own, as states hold none of what the stage was made with."""
+        assert self._statistics is not None
+        subject = copy.deepcopy(subject, {id(self._model): self._model})
+        return Person(self._config, subject, self._statistics, self._rig, self._joint_names)
+
+    def _is_designated(self, number: int) -> bool:
+        return any(subject.id == number for subject in self._subjects)
+
+    def _seen(self, view: SeenView, row: int) -> SeenPoints:
+        plane = self._planes(view, [row])
+        return SeenPoints(view.stamp_ns, plane.points[0], plane.scores[0])
+
+    def _planes(self, view: SeenView, rows: list[int]) -> ViewPeople:
+        """Some 2D people of a view on the plane at distance 1."""
+        points, scores = view.points[rows], view.scores[rows]
+        usable = (scores > 0.0) & np.isfinite(points).all(-1)
+        cameras = np.full(len(rows), view.camera, np.int64)
+        plane, _, good = undistort_points(np.ascontiguousarray(points), usable, cameras, self._lenses)
+        plane[~good] = np.nan
+        return ViewPeople(plane, np.where(good, scores, 0.0))
+
+    def _camera(self, name: str) -> int:
+        if name not in self._cameras:
+            raise DataError(f"a view of camera {name!r}; the rig has {', '.join(self._cameras)}")
+        return self._cameras[name]
+
+    def _check(self, skeleton_hash: str) -> None:
+        if skeleton_hash != self._hash:
+            own = f"{self._skeleton.name} ({self._hash})"
+            raise DataError(f"people of skeleton {skeleton_hash}, but kinematics works on {own}")
+
+    def _once(self, key: str, code: str, text: str, values: dict[str, str]) -> list[Notice]:
+        if key in self._told:
+            return []
+        self._told.add(key)
+        return [Notice(f"kinematics.{code}", "warning", text, values)]
+

@@ -1,0 +1,105 @@
+"""Instants of a fixed rate, and when all that belongs to one has come."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+JUMP_NS = 2_000_000_000  # a stamp that is so far ahead is another's, unless others follow
+BELIEVED = 5  # of them
+WAIT_NS = 500_000_000  # for cameras, before instants begin with the first sample of an IMU
+STOPPED_NS = 500_000_000  # nobody waits for a source that has given nothing for so long
+USUAL_PERIOD_NS = 40_000_000  # of a camera of which no two stamps are known
+LONGEST_PERIOD_NS = 100_000_000
+
+
+class Timeline:
+    """When instants are due. Sources are cameras (their indices) and devices (their names).
+
+    Args:
+        rate_hz: of the instants.
+    """
+
+    def __init__(self, rate_hz: float):
+        self._rate_hz = rate_hz
+        self._origin: int | None = None
+        self._count = 0  # instants given since the origin
+        self._before = 0  # and before that
+        self._first_imu: int | None = None
+        self._last: dict[int | str, int] = {}
+        self._periods: dict[int | str, int] = {}
+        self._ahead = 0  # stamps that were too far ahead, one after another
+        self.newest_ns = -1
+
+    @property
+    def index(self) -> int:
+        """Of the next instant."""
+        return self._before + self._count
+
+    @property
+    def next_ns(self) -> int | None:
+        """The next instant; None before the first."""
+        if self._origin is None:
+            return None
+        return self._origin + round(self._count * 1e9 / self._rate_hz)
+
+    @property
+    def patience_ns(self) -> int:
+        """One period of the slowest camera: for so long instants wait for what was measured at them."""
+        return max(
+            (p for name, p in self._periods.items() if isinstance(name, int)), default=USUAL_PERIOD_NS
+        )
+
+    def came(self, source: int | str, stamp_ns: int) -> str:
+        """A sample has come: "" if it belongs to the time of the others, "jump" if time goes on from it, and
+        "odd" if it is to be left out."""
+        if self.newest_ns >= 0 and abs(stamp_ns - self.newest_ns) > JUMP_NS:
+            self._ahead += 1
+            if self._ahead < BELIEVED:
+                return "odd"
+            self.restart()
+            self._took(source, stamp_ns)
+            return "jump"
+        self._ahead = 0
+        self._took(source, stamp_ns)
+        return ""
+
+    def _took(self, source: int | str, stamp_ns: int) -> None:
+        last = self._last.get(source)
+        if last is not None and stamp_ns <= last:
+            return
+        if last is not None:
+            period = min(stamp_ns - last, LONGEST_PERIOD_NS)
+            before = self._periods.get(source, period)
+            self._periods[source] = before + (period - before) // 8
+        self._last[source] = stamp_ns
+        self.newest_ns = max(self.newest_ns, stamp_ns)
+        if self._origin is None:
+            if isinstance(source, int):
+                self._origin = stamp_ns
+            elif self._first_imu is None:
+                self._first_imu = stamp_ns
+            elif stamp_ns - self._first_imu > WAIT_NS:
+                self._origin = self._first_imu
+
+    def restart(self) -> None:
+        """Forget when sources came; instants count on."""
+        self._origin = self._first_imu = None
+        self._last, self._periods, self._ahead = {}, {}, 0
+        self._before, self._count, self.newest_ns = self.index, 0, -1
+
+    def due(self, at_end: bool = False) -> int | None:
+        """The next instant if all that belongs to it has come, or nobody waits any longer; it is taken then.
+
+        Args:
+            at_end: nothing more comes: all instants up to the newest sample.
+        """
+        stamp = self.next_ns
+        if stamp is None or self.newest_ns < stamp:
+            return None
+        waiting = self.newest_ns < stamp + self.patience_ns and not at_end
+        alive = self.newest_ns - STOPPED_NS
+        if waiting and any(alive < last < stamp for last in self._last.values()):
+            return None
+        self._count += 1
+        return stamp

@@ -1,0 +1,199 @@
+"""The stage: which data belong to an instant, when it is given, and what is done about bad IMUs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stage_cases import SECOND, cases, chain, imu_samples
+
+from panoptic_ros.domain import BodySource, ImuSample
+from panoptic_ros.errors import DataError
+from panoptic_ros.kinematics.imu_streams import ImuStreams
+from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPerson, SeenPoints
+from panoptic_ros.kinematics.timeline import Timeline
+
+UP = np.array([0.0, 0.0, 9.81])
+
+
+def turned(angle):
+    return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+
+
+def sample(stamp, angle=0.0, force=UP, device="back"):
+    return ImuSample(device, stamp, turned(angle), np.zeros(3), force)
+
+
+def run(name, items, **values):
+    stage = cases()[name].stage(**values)
+    results = [stage.step(item) for item in items] + [stage.flush()]
+    return [o for r in results for o in r.outputs], [n for r in results for n in r.notices]
+
+
+def test_bodies_of_tracked_people_stand_where_their_joints_are():
+    frames = chain(14)
+    tracked = {item.stamp_ns: item for item in frames["refinement"]}
+    items = [item for pair in zip(frames["detection_sets"], frames["refinement"]) for item in pair]
+    bodies, _ = run("kinematics", items, rate_hz=30.0, lag=0.0)
+    assert [body.index for body in bodies] == list(range(len(bodies)))
+    compared = [body for body in bodies if body.stamp_ns in tracked][4:]
+    for body in compared:
+        assert body.ids.tolist() == [0] and body.sources[0] == BodySource.TRACK and body.views[0] == 4
+        poses = tracked[body.stamp_ns]
+        k = poses.ids.tolist().index(0)
+        apart = np.linalg.norm(body.keypoints[0] - poses.positions[k], axis=-1)
+        assert np.nanmedian(apart) < 0.06
+    assert len(compared) >= 8
+
+
+def test_joints_in_space_serve_where_there_is_nothing_in_2d():
+    bodies, _ = run("kinematics", chain(14)["refinement"], rate_hz=30.0, lag=0.0)
+    last = bodies[-1]
+    poses = chain(14)["refinement"][-1]
+    apart = np.linalg.norm(last.keypoints[0] - poses.positions[poses.ids.tolist().index(0)], axis=-1)
+    assert last.sources[0] == BodySource.JOINTS and np.nanmedian(apart) < 0.06
+
+
+def test_no_instant_is_later_than_lag_and_one_period_of_the_slowest_camera():
+    lag, period = 0.05, 1.0 / 30.0
+    stage = cases()["kinematics"].stage(rate_hz=60.0, lag=lag)
+    newest, given = 0, 0
+    for item in cases()["kinematics"].items:
+        if item.stamp_ns < 8 * SECOND:
+            newest = max(newest, item.stamp_ns)
+        for body in stage.step(item).outputs:
+            given += 1
+            assert newest - body.stamp_ns <= (lag + 2.1 * period) * SECOND
+    assert given > 5
+
+
+def test_a_device_that_nobody_wears_is_told_once():
+    items = [sample(k * SECOND // 100, device="other") for k in range(50)]
+    _, notices = run("kinematics", items)
+    assert [notice.code for notice in notices] == ["kinematics.imu_unknown"]
+
+
+def test_imus_alone_give_a_body_once_nobody_waits_for_cameras():
+    samples = [replace(item, stamp_ns=k * SECOND // 50) for k, item in enumerate(imu_samples("back", 100))]
+    bodies, notices = run("kinematics", samples, rate_hz=20.0, lag=0.0)
+    found = [body for body in bodies if len(body.ids)]
+    assert found and all(body.sources[0] == BodySource.IMUS for body in found)
+    assert all(np.isfinite(body.freedoms).all() for body in found)
+    assert not [notice for notice in notices if notice.code == "kinematics.never_came"]
+
+
+def test_people_of_another_skeleton_are_refused():
+    stage = cases()["kinematics"].stage()
+    with pytest.raises(DataError, match="people of skeleton 12345678, but kinematics works on panoptic19"):
+        stage.step(replace(chain(14)["detection_sets"][0], skeleton_hash="12345678", views=()))
+
+
+# ---------------------------------------------------------------- IMUs
+
+
+def test_a_device_is_read_between_its_samples_along_the_arc():
+    streams = ImuStreams(("back",))
+    for k in range(8):
+        assert streams.take(sample(k * 10_000_000, 0.1 * k, UP + [k, 0, 0])) == ()
+    reading = streams.at(34_000_000)["back"]
+    assert np.arctan2(reading.orientation[1, 0], reading.orientation[0, 0]) == pytest.approx(0.34)
+    assert reading.force == pytest.approx(UP + [3.4, 0, 0])
+    assert streams.at(76_000_000) == {}  # more than half a sample ahead
+
+
+def test_stamps_that_stand_twice_are_left_out_and_told():
+    streams = ImuStreams(("back",))
+    streams.take(sample(10_000_000))
+    (notice,) = streams.take(sample(10_000_000, 1.0))
+    assert notice.code == "kinematics.imu_stamps" and "back sends the stamp 10000000" in notice.text
+    assert (streams.last == [10_000_000]).all()
+
+
+def test_a_flood_of_samples_pushes_nothing_out():
+    streams = ImuStreams(("back",))
+    for k in range(20_000):
+        streams.take(sample(k * 10_000, 1e-5 * k))
+    oldest = streams.at(199_000_000 - 80_000_000)["back"]
+    assert np.arctan2(oldest.orientation[1, 0], oldest.orientation[0, 0]) == pytest.approx(0.119, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("force", "kept"), [(UP, True), (-UP, False), (UP / 9.81, False), (UP + [3.0, 0, 0], True)]
+)
+def test_another_convention_of_forces_is_told_once(force, kept):
+    streams, told = ImuStreams(("back", "arm")), []
+    for k in range(300):
+        for device in streams.names:
+            streams.take(sample(k * 20_000_000, 0.01 * k, force if device == "back" else UP, device))
+        told += streams.judge(k * 20_000_000, 0.02)
+    assert [(n.code, n.values["device"]) for n in told] == (
+        [] if kept else [("kinematics.imu_convention", "back")]
+    )
+    assert set(streams.at(299 * 20_000_000)) == ({"back", "arm"} if kept else {"arm"})
+
+
+def test_a_device_that_dies_is_told_once_and_its_return():
+    streams, told = ImuStreams(("back",)), []
+    for k in range(400):
+        if not 100 <= k < 200:
+            streams.take(sample(k * 10_000_000))
+        told += streams.judge(k * 10_000_000, 0.01)
+    assert [notice.code for notice in told] == ["kinematics.imu_silent", "kinematics.imu_back"]
+
+
+def test_a_sample_is_whole_or_not_there():
+    nan = np.full(4, np.nan)
+    assert np.isnan(ImuSample("a", 1, nan, nan[:3], nan[:3]).force).all()
+    with pytest.raises(DataError, match="force of a is NaN in part"):
+        ImuSample("a", 1, nan, nan[:3], [np.nan, 0.0, 9.8])
+    with pytest.raises(DataError, match="orientation of a has the length 0.5, expected 1"):
+        ImuSample("a", 1, [0.5, 0, 0, 0], nan[:3], nan[:3])
+
+
+# ---------------------------------------------------------------- instants
+
+
+def test_joints_are_taken_between_two_images_and_alone_only_when_near():
+    person, scores = SeenPerson(), np.array([1.0, 0.0])
+    ends = [np.array([[0.0, 0.0], [np.nan, np.nan]]), np.array([[0.4, 0.2], [1.0, 1.0]])]
+    person.see(0, SeenPoints(0, ends[0], scores))
+    person.see(0, SeenPoints(40_000_000, ends[1], np.array([0.6, 1.0])))
+    points, found = person.views_at(10_000_000, 20_000_000)[0]
+    assert points[0] == pytest.approx([0.1, 0.05]) and found[0] == pytest.approx(0.9)
+    assert np.isnan(points[1]).all() and found[1] == 0.0
+    assert person.views_at(30_000_000, 20_000_000)[0][0][1] == pytest.approx([1.0, 1.0])
+    assert person.views_at(55_000_000, 20_000_000)[0][0] is ends[1]
+    assert person.views_at(65_000_000, 20_000_000) == {}
+
+
+def test_joints_in_space_are_taken_between_two_sets():
+    person, spread = SeenPerson(), np.tile(np.eye(3), (1, 1, 1))
+    assert person.joints_at(0, 10) is None
+    for k in range(3):
+        person.take_joints(SeenJoints(k * 30_000_000, np.array([[0.3 * k, 0.0, 0.0]]), spread))
+    assert person.joints_at(40_000_000, 15_000_000)[0] == pytest.approx(np.array([[0.4, 0.0, 0.0]]))
+    assert person.joints_at(90_000_000, 15_000_000) is None
+
+
+def test_an_instant_waits_for_all_that_are_alive_and_no_longer_than_a_period():
+    line = Timeline(100.0)
+    for k in range(5):
+        line.came(0, k * 40_000_000)
+    for k in range(17):
+        line.came("back", k * 10_000_000)
+    given = []
+    while (stamp := line.due()) is not None:
+        given.append(stamp)
+    assert given == [k * 10_000_000 for k in range(17)]
+    line.came("back", 170_000_000)
+    assert line.due() is None
+    for k in range(18, 22):
+        line.came("back", k * 10_000_000)
+    assert line.due() == 170_000_000
+
+
+def test_a_stamp_that_is_far_off_is_left_out_and_several_are_believed():
+    line = Timeline(50.0)
+    line.came(0, SECOND)
+    assert line.came("back", 100 * SECOND) == "odd" and line.newest_ns == SECOND
+    assert [line.came(0, 60 * SECOND + k) for k in range(4)] == ["odd", "odd", "odd", "jump"]
+    assert line.due() == 60 * SECOND + 3
