@@ -15,9 +15,8 @@ class KinematicsConfig(Config):
         (), doc="Files of the designated people; `panoptic run --subject FILE` gives them."
     )
     everybody: bool = param(
-        False, doc="Bodies of all who are tracked, whose lengths are taken from their first skeletons.",
-        when="there are no subject files and people whom few views see are to keep a human shape.",
-    )  # fmt: skip
+        False, doc="Bodies of all who are tracked, whose lengths are taken from their first skeletons."
+    )
     segments: str = param("segments21", doc="Skeleton of segments: an installed one, or a YAML file.")
     prior: str = param("", doc="File of a pose prior, of `panoptic prior train`; empty = the installed one.")
     rate_hz: float = param(60.0, unit="Hz", ge=5.0, le=240.0, doc="Rate of the poses.")
