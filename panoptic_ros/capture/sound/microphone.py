@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.capture.sound.source import BLOCK_S
+from panoptic_ros.capture.sound.steady import SteadyStamps
 from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import BackendError, EnvironmentProblem
 
@@ -23,8 +24,8 @@ SECOND = 1_000_000_000
 class MicrophoneSource:
     """The sound of a device, from now on, stamped by this machine's clock.
 
-    A block's stamp is when its first sample was at the input, as PortAudio tells. What is lost shows in the
-    count of samples.
+    A block's stamp is when its first sample was at the input, as PortAudio tells of the promptest blocks (see
+    `steady`). What is lost shows in the count of samples.
 
     Args:
         device: name.
@@ -50,7 +51,7 @@ class MicrophoneSource:
         self.sample_rate, self.channels = int(found["default_samplerate"]), self._count(found)
         self._blocks: queue.Queue[AudioBlock] = queue.Queue(WAITING_BLOCKS)
         self._next = 0
-        self._last_stamp = 0
+        self._stamps = SteadyStamps(self.sample_rate)
         self._closed = False
         try:
             self._stream = self._portaudio.InputStream(
@@ -110,9 +111,9 @@ class MicrophoneSource:
         now = self._clock()
         if status and status.input_overflow:
             self._next += count  # how much was lost is not told; the decoder begins anew
+            self._stamps.restart()
         ago = max(0.0, times.currentTime - times.inputBufferAdcTime)
-        stamp = max(now - round(SECOND * ago), self._last_stamp + 1, 0)
-        self._last_stamp = stamp
+        stamp = self._stamps.stamp(self._next, now - round(SECOND * ago))
         try:
             clean = np.clip(np.nan_to_num(np.array(samples, np.float32)), -1.0, 1.0)
             self._blocks.put_nowait(
