@@ -48,10 +48,15 @@ FIGURES = (
 
 @dataclass(frozen=True)
 class Solution:
-    """skeletons: of all instants. spent_ms: (F,) of the thread, of all stages, for every set."""
+    """skeletons: of all instants. steps_ms: (F,) of the thread for every set, of each stage."""
 
     skeletons: SkeletonSequence
-    spent_ms: Array
+    steps_ms: dict[str, Array]
+
+    @property
+    def spent_ms(self) -> Array:
+        """(F,) of the thread, of all stages, for every set."""
+        return np.asarray(np.sum(list(self.steps_ms.values()), axis=0))
 
 
 def solve(world: World, settings: dict[str, dict[str, Any]], names: Sequence[str]) -> Solution:
@@ -74,8 +79,8 @@ def solve(world: World, settings: dict[str, dict[str, Any]], names: Sequence[str
     for item in world.sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()
-    whole = np.sum([times[: len(world.sets)] for times in spent.values()], axis=0)
-    return Solution(SkeletonSequence(tuple(names), tuple(frames)), 1e-6 * whole)
+    steps = {stage: 1e-6 * np.array(times[: len(world.sets)]) for stage, times in spent.items()}
+    return Solution(SkeletonSequence(tuple(names), tuple(frames)), steps)
 
 
 def figures_of(truth: SkeletonSequence, solution: Solution, stretches: int = 1) -> list[dict[str, float]]:
