@@ -43,6 +43,7 @@ class Subject:
     Args:
         start: (3,) m, where the pelvis is at the first instant; None = only one person is there.
         heading_known: whether the IMUs' inertial frame is the world's.
+        measured: whether lengths were measured; else they are those of the stature.
     """
 
     id: int
@@ -52,6 +53,7 @@ class Subject:
     start: Array | None = None
     facing: Array | None = None
     heading_known: bool = True
+    measured: bool = True
 
 
 class ImuReading(NamedTuple):

@@ -99,7 +99,7 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
             int(document["id"]), body, devices, _t_pose(document.get("t_pose")),
             None if start is None else _vector(start, 3, "start"),
             None if facing is None else _vector(facing, 3, "facing"),
-            document.get("inertial_frame", "world") == "world",
+            document.get("inertial_frame", "world") == "world", bool(document.get("segments")),
         )  # fmt: skip
     except DataError as error:
         raise DataError(f"{path}: {error}") from None

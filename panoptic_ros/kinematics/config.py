@@ -86,6 +86,9 @@ class KinematicsConfig(Config):
         2.0, ge=0.1, le=100.0,
         doc="Independent looks at constant errors: for so many instants all of a recording counts.",
     )  # fmt: skip
+    lengths: bool = param(
+        True, doc="Learn the lengths of subjects that state none from the joints that are seen."
+    )
     clocks: bool = param(True, doc="Find the offset of the IMUs' clock from the cameras' by motion.")
     gate: float = param(0.5, unit="m", ge=0.05, le=5.0, doc="A 2D person farther off is somebody else.")
     iterations: int = param(3, ge=1, le=50, doc="At most, per instant.")

@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import Device, Instant, Subject
-from panoptic_ros.geometry.chain import Pose, place_all
+from panoptic_ros.geometry.chain import Chain, Pose, place_all
 from panoptic_ros.geometry.rotations import turn_about_z
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.mounting import MountingEstimate
@@ -38,8 +38,11 @@ class WornDevices:
         heading: rad, world from the IMUs' inertial frame, about the vertical.
     """
 
-    def __init__(self, config: KinematicsConfig, subject: Subject, mounts: dict[str, Array], heading: float):
-        self._config, self._subject, self._chain = config, subject, subject.body.chain
+    def __init__(
+        self, config: KinematicsConfig, subject: Subject, chain: Chain, mounts: dict[str, Array],
+        heading: float,
+    ):  # fmt: skip
+        self._config, self._subject, self._chain = config, subject, chain
         self._devices = [d for d in subject.devices if d.name in mounts]
         self._mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
         self.segments = np.array([d.segment for d in self._devices], np.int64)

@@ -9,12 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
-from panoptic_ros.geometry.chain import Pose, place_all, place_segments
+from panoptic_ros.geometry.chain import Chain, Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.covariance import segment_covariances
 from panoptic_ros.kinematics.devices import WornDevices
 from panoptic_ros.kinematics.evidence import Weighing
+from panoptic_ros.kinematics.lengths import LengthEstimate
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.sight import distances
 from panoptic_ros.kinematics.solve import solve_pose
@@ -34,6 +35,8 @@ from panoptic_ros.kinematics.window import Motion, PoseWindow
 
 Array = np.ndarray
 UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
+LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
+SAME_LENGTHS = 0.002  # m, of a change that is not worth another
 STANDING_RATE, STANDING_SD = 2.0, 0.002  # rad/s of a foot that stands; m between two instants
 
 
@@ -54,9 +57,13 @@ class SubjectTracker:
         heading: float = 0.0,
     ):
         self.subject, self.weighing, self._config = subject, weighing, config
-        self._chain = subject.body.chain
+        self._chain = Chain(subject.body.model.parents, subject.body.offsets.copy())
+        self.lengths: LengthEstimate | None = None
+        if config.lengths and not subject.measured and not config.paper_weights:
+            self.lengths = LengthEstimate(subject.body.model, subject.body.offsets)
+        self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
         self._count = len(self._chain.parents)
-        self.devices = WornDevices(config, subject, mounts, heading)
+        self.devices = WornDevices(config, subject, self._chain, mounts, heading)
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
@@ -144,6 +151,7 @@ class SubjectTracker:
         seen = self.weighing.evidence(views, NO_TURNS)
         self.devices.look(instant, self._pose, seen, len(people), (which, goals))
         self.devices.remember(instant, which, goals)
+        self._learn_lengths(evidence, len(people))
         self._stamps.append(instant.stamp_ns)
         return self._final()
 
@@ -159,6 +167,21 @@ class SubjectTracker:
     @property
     def _lag(self) -> int:
         return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
+
+    def _learn_lengths(self, evidence: Evidence, views: int) -> None:
+        """Look now and then; take over what was learnt at twice as many looks each time, until it stays."""
+        self._next_look -= 1.0 / self._config.rate_hz
+        if self.lengths is None or views < 2 or self._next_look > 1e-9:
+            return
+        assert self._pose is not None
+        self._next_look = LENGTH_LOOK_S
+        self.lengths.look(self._chain, self._pose, evidence)
+        if self.lengths.looks >= self._next_update:
+            self._next_update *= 2
+            change = self.lengths.update()
+            self._chain.offsets[:] = self.lengths.offsets()
+            if change < SAME_LENGTHS and self.lengths.looks > LENGTH_LOOKS:
+                self.lengths = None
 
     def _step_window(self, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array]) -> None:
         period = 1.0 / self._config.rate_hz

@@ -1,4 +1,4 @@
-"""Mountings: poor ones are mended, good ones kept, and what is known of them is not overstated."""
+"""Mountings and lengths: poor ones are mended, good ones kept; what is out of order is told."""
 
 from dataclasses import replace
 
@@ -93,3 +93,13 @@ def test_a_heading_that_is_off_is_told_and_corrected(good):
 def test_cameras_do_not_see_forearms_turn_about_themselves():
     blind = unseen_axes(MODEL.body(1.75))
     assert {MODEL.names[s] for s in np.flatnonzero(blind.any(1))} == {"lForearm", "rForearm"}
+
+
+def test_lengths_are_learnt_from_motion(good):
+    body = MODEL.body(good.stature)
+    known = {name: (MODEL.names[s], o) for name, (s, o) in good.subject.body.keypoints.items()}
+    unmeasured = replace(good.subject, body=body.with_keypoints(known), measured=False)
+    take = replace(good, subject=unmeasured)
+    learnt = score_capture(take, OURS, PRIOR)["mm"]
+    stature = score_capture(take, replace(OURS, lengths=False), PRIOR)["mm"]
+    assert learnt < score_capture(good, OURS, PRIOR)["mm"] + 5.0 < stature

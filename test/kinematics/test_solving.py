@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import CHAIN, D, S, moved, placed, some_pose
+from bodies import CHAIN, D, S, cameras, moved, placed, some_pose
 
 from panoptic_ros.geometry.chain import (
     place_sites,
@@ -33,21 +33,6 @@ from panoptic_ros.kinematics.targets import (
     no_anchor,
     no_prior,
 )
-
-
-def cameras(count=4):
-    rotations, translations = [], []
-    for k in range(count):
-        angle = 2 * np.pi * k / count
-        centre = np.array([4 * np.cos(angle), 4 * np.sin(angle), 2.0])
-        forward = np.array([0, 0, 1.0]) - centre
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        rotation = np.stack([right, np.cross(forward, right), forward])
-        rotations.append(rotation)
-        translations.append(-rotation @ centre)
-    return np.array(rotations), np.array(translations)
 
 
 def evidence_of(pose, seed=1, noise=0.0, kinds="vptfr"):

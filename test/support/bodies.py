@@ -27,3 +27,19 @@ def moved(pose, step):
     out = pose.copy()
     step_pose(pose, step, out)
     return out
+
+
+def cameras(count=4):
+    """Rotations and translations of cameras on a ring."""
+    rotations, translations = [], []
+    for k in range(count):
+        angle = 2 * np.pi * k / count
+        centre = np.array([4 * np.cos(angle), 4 * np.sin(angle), 2.0])
+        forward = np.array([0, 0, 1.0]) - centre
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0, 0, 1.0])
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(forward, right), forward])
+        rotations.append(rotation)
+        translations.append(-rotation @ centre)
+    return np.array(rotations), np.array(translations)
