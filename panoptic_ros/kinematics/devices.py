@@ -117,6 +117,11 @@ class WornDevices:
         self.mounting.look(pose, seen, goals, which)
         self._tell_corrections()
 
+    def take_chain(self, chain: Chain) -> None:
+        """Go on with other lengths."""
+        self._chain = chain
+        self.mounting.take_chain(chain)
+
     def take_notices(self) -> list[Notice]:
         """What was found out since it was last asked."""
         found, self._notices = self._notices, []

@@ -8,7 +8,6 @@ them, so lengths are known no better than a few looks allow. Left is as right.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -25,14 +24,9 @@ LEAST_SHARE = 0.02  # of the stature, of a part of an offset that is worth a len
 NEAREST = 0.1  # m before a camera
 
 
-class Length(NamedTuple):
-    """Parts of offsets that grow together: segments and axes."""
-
-    parts: tuple[tuple[int, int], ...]
-
-
-def lengths_of(model: SegmentModel) -> tuple[Length, ...]:
-    """All lengths of a skeleton: of left and right together, and of numbered segments, as of the spine."""
+def lengths_of(model: SegmentModel) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """All lengths of a skeleton, each the parts of offsets that grow together: segments and axes. Left and
+    right are one, and so are numbered segments, as of the spine."""
     groups: dict[tuple[str, int], list[tuple[int, int]]] = {}
     for s, name in enumerate(model.names):
         paired = name[:1] in "lr" and name[1:2].isupper()
@@ -40,7 +34,7 @@ def lengths_of(model: SegmentModel) -> tuple[Length, ...]:
         for axis in range(3):
             if abs(model.shares[s, axis]) >= LEAST_SHARE:
                 groups.setdefault((kind, axis), []).append((s, axis))
-    return tuple(Length(tuple(parts)) for parts in groups.values())
+    return tuple(tuple(parts) for parts in groups.values())
 
 
 class LengthEstimate:
@@ -51,7 +45,7 @@ class LengthEstimate:
     """
 
     def __init__(self, model: SegmentModel, offsets: Array):
-        self._model, self._usual = model, offsets.copy()
+        self._usual = offsets.copy()
         self._lengths = lengths_of(model)
         count = len(self._lengths)
         self._information, self._pull = np.zeros((count, count)), np.zeros(count)
@@ -62,7 +56,7 @@ class LengthEstimate:
         """As they are known now."""
         found = self._usual.copy()
         for scale, length in zip(self.scales, self._lengths):
-            for s, axis in length.parts:
+            for s, axis in length:
                 found[s, axis] *= math.exp(scale)
         return found
 
@@ -102,7 +96,7 @@ class LengthEstimate:
         sites = place_sites(chain, pose, views.segments, views.offsets, slopes)
         grown = np.zeros((count, 3, len(self._lengths)))  # of each segment's joint, by the lengths
         for k, length in enumerate(self._lengths):
-            for s, axis in length.parts:
+            for s, axis in length:
                 grown[s, :, k] += frames[chain.parents[s], :, axis] * chain.offsets[s, axis]
         for s in range(1, count):
             grown[s] += grown[chain.parents[s]]

@@ -65,6 +65,10 @@ class MountingEstimate:
         """Whether the heading of the inertial frame is off by more than it should."""
         return abs(self.heading) > LATE_HEADING and self._looks >= RECENT
 
+    def take_chain(self, chain: Chain) -> None:
+        """Go on with other lengths."""
+        self._chain = chain
+
     def corrected(self, goals: Array, which: Array) -> Array:
         """Orientations (M, 3, 3) of the segments of these devices (M,)."""
         found: Array = turn_about_z(self.heading) @ goals @ rotations_of(self.mountings[which])

@@ -10,6 +10,7 @@ from panoptic_ros.kinematics.devices import WornDevices
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.imu_fitting import ImuFitting
 from panoptic_ros.kinematics.imu_streams import ImuStreams
+from panoptic_ros.kinematics.lengths import LengthEstimate
 from panoptic_ros.kinematics.measured_body import MeasuredBody
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.person import Behind, Person
@@ -41,8 +42,10 @@ CLASSES = (
     ),
     Fields.named(
         SubjectTracker,
-        "subject weighing _config _chain _count devices _window _pose _before _stamps _unseen_s iterations",
+        "subject weighing _config _chain _count devices _window _pose _before _stamps _unseen_s iterations "
+        "lengths _next_look _next_update",
     ),
+    Fields.named(LengthEstimate, "_usual _lengths _information _pull looks scales"),
     Fields.named(
         WornDevices,
         "_config _subject _chain _devices _mounts segments positions _turn mounting _wearing _since_look "

@@ -57,7 +57,7 @@ class SubjectTracker:
         heading: float = 0.0,
     ):
         self.subject, self.weighing, self._config = subject, weighing, config
-        self._chain = Chain(subject.body.model.parents, subject.body.offsets.copy())
+        self._chain = subject.body.chain
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
             self.lengths = LengthEstimate(subject.body.model, subject.body.offsets)
@@ -179,7 +179,10 @@ class SubjectTracker:
         if self.lengths.looks >= self._next_update:
             self._next_update *= 2
             change = self.lengths.update()
-            self._chain.offsets[:] = self.lengths.offsets()
+            self._chain = Chain(self._chain.parents, self.lengths.offsets())
+            self.devices.take_chain(self._chain)
+            if self._window is not None:
+                self._window.take_chain(self._chain)
             if change < SAME_LENGTHS and self.lengths.looks > LENGTH_LOOKS:
                 self.lengths = None
 

@@ -79,6 +79,10 @@ class PoseWindow:
         """The newest pose."""
         return self._poses[1]
 
+    def take_chain(self, chain: Chain) -> None:
+        """Go on with other lengths."""
+        self._chain = chain
+
     def predicted(self) -> Pose:
         """The next pose at constant velocity."""
         if self._next is None:

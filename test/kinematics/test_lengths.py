@@ -19,8 +19,8 @@ from panoptic_ros.kinematics.targets import (
 
 def exact_views(chain, pose):
     rng = np.random.default_rng(5)
-    seg, cam = np.array([(s, k) for s in range(S) for k in range(4)]).T
-    offsets = rng.normal(0, 0.05, (S, 3))[seg]
+    seg, cam = np.array([(s, k) for s in range(S) for _ in range(3) for k in range(4)]).T
+    offsets = np.repeat(rng.normal(0, 0.05, (3 * S, 3)), 4, axis=0)
     points = place_sites(chain, pose, seg, offsets, np.empty((len(seg), 3, D)))
     rotations, translations = cameras()
     local = (rotations[cam] @ points[..., None])[..., 0] + translations[cam]
@@ -33,7 +33,7 @@ def test_lengths_are_found_again():
     rng = np.random.default_rng(6)
     true = Chain(CHAIN.parents, BODY.offsets.copy())
     for length, scale in zip(lengths_of(MODEL), rng.normal(0, 0.05, 20)):
-        for s, axis in length.parts:
+        for s, axis in length:
             true.offsets[s, axis] *= np.exp(scale)
     chain = Chain(CHAIN.parents, BODY.offsets.copy())
     estimate = LengthEstimate(MODEL, BODY.offsets)
@@ -50,6 +50,6 @@ def test_lengths_are_found_again():
 
 
 def test_left_and_right_grow_together():
-    parts = [{(MODEL.names[s], axis) for s, axis in length.parts} for length in lengths_of(MODEL)]
+    parts = [{(MODEL.names[s], axis) for s, axis in length} for length in lengths_of(MODEL)]
     assert {("lShin", 2), ("rShin", 2)} in parts
     assert {(f"spine{k}", 2) for k in range(1, 5)} in parts
