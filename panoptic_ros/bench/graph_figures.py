@@ -93,7 +93,7 @@ def figures_of(seen: Observation) -> dict[str, Any]:
         "growth_mb": seen.after.resident_mb - seen.before.resident_mb,
         "steps_ms": {
             stage: float(values["step_p50_ms"]) for stage, values in seen.stages.items()
-            if "step_p50_ms" in values
+            if values.get("step_p50_ms", "nan") != "nan"
         },
         "dropped": {
             f"{stage}.{key.removeprefix('dropped.')}": int(count) for stage, values in seen.stages.items()

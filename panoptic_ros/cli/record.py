@@ -24,6 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="end when the messages have so many GB")  # fmt: skip
     parser.add_argument("--keep-free", type=number(float, 0, 1e6), default=1.0, metavar="GB",
                         help="end when the disk has less room; default 1")  # fmt: skip
+    parser.add_argument("--split", metavar="30m|2GB",
+                        help="go on in another bag, BAG/000, BAG/001, ..., after so long (s, m, h) or "
+                        "so much (MB, GB)")  # fmt: skip
     parser.add_argument("--standby", action="store_true", help="wait for --start and --stop, on every host")
     parser.add_argument("--start", action="store_true", help="let the recorders of all hosts start")
     parser.add_argument("--stop", action="store_true", help="let the recorders of all hosts stop")
@@ -36,11 +39,13 @@ def run(args: argparse.Namespace) -> int:
     if args.start or args.stop:
         return _ask(args.start)
     # only now: --help must be quick
+    from panoptic_ros.io.bag_split import split_of
     from panoptic_ros.running.recordings.record import RecordOptions, record, stand_by
     from panoptic_ros.running.recordings.selection import Selection
 
     options = RecordOptions(
-        Selection(args.topic, not args.no_images), args.duration, args.budget, args.keep_free, args.rig
+        Selection(args.topic, not args.no_images), args.duration, args.budget, args.keep_free, args.rig,
+        split_of(args.split) if args.split else None,
     )
     if args.standby:
         stand_by(args.out, options, _tell)

@@ -6,15 +6,17 @@ import shutil
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from panoptic_ros.errors import EnvironmentProblem, PanopticError
+from panoptic_ros.errors import DataError, EnvironmentProblem, PanopticError
 from panoptic_ros.io.bag_connections import Connection
+from panoptic_ros.io.bag_split import GB, Split
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.cdr_heads import number_in, stamp_in
+from panoptic_ros.io.files import file_errors
 
-GB = 1_000_000_000
 FLUSH_S = 1.0  # what a kill may cost
 MOST_WAITING = 256_000_000  # bytes that wait for a slow disk
 NUMBERED = "panoptic_msgs/msg/ViewDetections"
@@ -80,15 +82,23 @@ class BagRecorder:
 
     Args:
         budget: bytes at most, 0 = as many as there is room for. keep_free: bytes that stay free on the disk.
+        split: into bags `path/000`, `path/001`, ..., each of which stands alone; None: `path` is the bag.
+        opening: messages that every part but the first begins with; asked in a thread of this recorder.
 
     Raises:
         DataError: if something of that name is there already.
     """
 
-    def __init__(self, path: Path, budget: int = 0, keep_free: int = GB):
+    def __init__(
+        self, path: Path, budget: int = 0, keep_free: int = GB, split: Split | None = None,
+        opening: Callable[[], Sequence[tuple[Connection, bytes]]] = tuple,
+    ):  # fmt: skip
         self.counters: dict[str, TopicCounter] = {}
         self.dropped: Counter[str] = Counter()  # by topic, as the disk was too slow
-        self._bag = BagWriter(path, in_place=True)
+        self._path, self._split, self._opening = path, split, opening
+        self._parts = 0
+        self._part_size, self._part_begun_ns = 0, -1
+        self._bag = self._next_bag()
         self._budget, self._keep_free = budget, keep_free
         self._size, self._waiting = 0, 0
         self._lock = threading.Lock()
@@ -146,9 +156,38 @@ class BagRecorder:
     def _take(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
         with self._lock:
             self._waiting -= len(data)
+        if self._split is not None:
+            self._turn(stamp_ns)
         self._bag.write_described(connection, stamp_ns, data)
         self._size += len(data)
+        self._part_size += len(data)
         self.counters.setdefault(connection.topic, TopicCounter(connection.kind)).add(data)
+
+    def _turn(self, stamp_ns: int) -> None:
+        """Go on in another bag if it is time."""
+        assert self._split is not None
+        if self._part_begun_ns < 0:
+            self._part_begun_ns = stamp_ns
+        if not self._split.is_over(self._part_size, 1e-9 * (stamp_ns - self._part_begun_ns)):
+            return
+        self._bag.close()
+        self._bag = self._next_bag()
+        self._part_size, self._part_begun_ns = 0, stamp_ns
+        for connection, data in self._opening():
+            self._bag.write_described(connection, stamp_ns, data)
+
+    def _next_bag(self) -> BagWriter:
+        """Raises: DataError: if something of that name is there already."""
+        path = self._path
+        if self._split is not None:
+            if self._parts == 0:
+                if path.exists():
+                    raise DataError(f"{path} is there already; give another --out, or move it away")
+                with file_errors(path, "write"):
+                    path.mkdir(parents=True)
+            path = path / f"{self._parts:03d}"
+        self._parts += 1
+        return BagWriter(path, in_place=True)
 
     def _check_room(self) -> None:
         """Raises: DiskFull: if no more may be written."""

@@ -44,8 +44,8 @@ class RecorderNode(Node):
 
     @property
     def latched(self) -> list[tuple[Connection, bytes]]:
-        """The newest messages of latched topics."""
-        return [item for items in self._latched.values() for item in items]
+        """The newest messages of latched topics; may be asked from any thread."""
+        return [item for items in list(self._latched.values()) for item in list(items)]
 
     def look(self) -> None:
         """Subscribe to wanted topics that have appeared."""

@@ -15,7 +15,8 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.errors import EnvironmentProblem, PanopticError
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bag_connections import Connection
-from panoptic_ros.io.bag_recorder import GB, BagRecorder, TopicCounter
+from panoptic_ros.io.bag_recorder import BagRecorder, TopicCounter
+from panoptic_ros.io.bag_split import GB, Split
 from panoptic_ros.io.definitions import described
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.io.messages import bag_messages, to_message
@@ -57,6 +58,7 @@ class RecordOptions:
     Args:
         duration_s: None = until it is asked to end. budget_gb: 0 = as much as there is room for.
         keep_free_gb: on the disk. rig: calibration that goes into the bag, where the graph has none.
+        split: into several bags; None = one.
     """
 
     selection: Selection = field(default_factory=Selection)
@@ -64,6 +66,7 @@ class RecordOptions:
     budget_gb: float = 0.0
     keep_free_gb: float = 1.0
     rig: Path | None = None
+    split: Split | None = None
 
 
 def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> Recorded:
@@ -102,6 +105,7 @@ class _Recording:
         self._bag: BagRecorder | None = None
         self._path = Path()
         self._sizes: dict[str, int] = {}  # bytes by topic, to measure
+        self._facts = ""
         self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)
         self._wish: Path | None = None  # a bag that is to begin
         self._folder: Path | None = None  # for bags that the service asks for
@@ -142,19 +146,26 @@ class _Recording:
         """Begin a bag: with what the graph is, and what is latched."""
         facts = recording_facts(self._node, self._executor)
         options = self._options
-        bag = BagRecorder(path, round(options.budget_gb * GB), round(options.keep_free_gb * GB))
+        self._facts = as_text(facts)
+        bag = BagRecorder(
+            path, round(options.budget_gb * GB), round(options.keep_free_gb * GB), options.split,
+            self._opening,
+        )
         now = self._node.get_clock().now().nanoseconds
-        bag.put(_text_topic(FACTS), now, _text(as_text(facts)))
+        for connection, data in self._opening():
+            bag.put(connection, now, data)
+        self._path, self._bag = path, bag
+
+    def _opening(self) -> list[tuple[Connection, bytes]]:
+        """What every bag begins with: what the graph is, and what is latched."""
+        found = [(_text_topic(FACTS), _text(self._facts))]
         rig = "/" + TOPICS["rig"].name
         if self._rig is not None and rig not in self._node.topics:
             message = to_message(self._rig, bag_messages())
             connection = described(rig, message.__msgtype__)
             assert connection is not None  # our own
-            data = bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))
-            bag.put(connection, now, data)
-        for connection, data in self._node.latched:
-            bag.put(connection, now, data)
-        self._path, self._bag = path, bag
+            found.append((connection, bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))))
+        return found + self._node.latched
 
     def spin(self, stop: Callable[[], bool], duration_s: float | None) -> None:
         """Take messages until it is asked to end, or the bag ends by itself."""

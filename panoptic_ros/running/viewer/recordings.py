@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 TRUTH = "truth.json.gz"  # of a simulated capture folder
 LOOK_S = 0.2
+DRAWING_S = 1.0  # that a browser has the processors to itself for its first picture
 Ready = Callable[[str], None]  # called with the address of the page
 
 
@@ -96,10 +97,16 @@ async def _serve_recorded(
         def told() -> None:
             asyncio.run_coroutine_threadsafe(talk.tell_presence(), loop)
 
-        scanning = asyncio.create_task(asyncio.to_thread(scene.scan, stop.is_set, told))
+        async def scan() -> None:
+            await talk.shown.wait()
+            await asyncio.sleep(DRAWING_S)
+            await asyncio.to_thread(scene.scan, stop.is_set, told)
+
+        scanning = asyncio.create_task(scan())
         try:
             while not asked():
                 await asyncio.sleep(LOOK_S)
         finally:
             stop.set()
+            talk.shown.set()
             await scanning

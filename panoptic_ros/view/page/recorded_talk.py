@@ -36,6 +36,7 @@ class RecordedTalk:
     def __init__(self, scene: Shown):
         self._scene = scene
         self._pages: list[ServerConnection] = []
+        self.shown = asyncio.Event()  # a page has been sent its first second
 
     async def __call__(self, connection: ServerConnection) -> None:
         self._pages.append(connection)
@@ -69,3 +70,4 @@ class RecordedTalk:
             await connection.send(await asyncio.to_thread(self._scene.block, number, keys))
         except DataError as error:
             await connection.send(as_json({"type": "problem", "text": str(error)}))
+        self.shown.set()

@@ -80,6 +80,16 @@ def test_a_recording_runs_by_itself_and_tells_of_itself(graph, tmp_path):
     assert quality.durability.name == "TRANSIENT_LOCAL"
 
 
+def test_parts_of_a_recording_have_what_a_run_needs(graph, tmp_path):
+    recorder = panoptic("record", "--out", tmp_path / "day", "--split", "1s", "--duration", 2.5)
+    told = recorder.communicate(timeout=60)[0]
+    assert recorder.returncode == 0, told
+    parts = sorted((tmp_path / "day").iterdir())
+    assert len(parts) >= 2 and plan_bags([parts[1]]).rig.names == captures.RIG.names
+    with BagReader(parts[1]) as bag:
+        assert bag.counts[FACTS] == 1 and bag.counts["/cam0/detections"] > 5
+
+
 def test_a_killed_recorder_leaves_what_repairs(graph, tmp_path):
     recorder = panoptic("record", "--out", tmp_path / "take")
     file = tmp_path / "take" / "take.mcap"

@@ -1,0 +1,42 @@
+"""When a recording goes on in another bag."""
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from panoptic_ros.errors import UsageError
+
+GB = 1_000_000_000
+BYTES = {"MB": 1_000_000, "GB": GB}
+SECONDS = {"s": 1.0, "m": 60.0, "h": 3600.0}
+
+
+@dataclass(frozen=True)
+class Split:
+    """When a recording goes on in another bag; 0 = not for this.
+
+    Args:
+        size: bytes of messages. seconds: between stamps.
+    """
+
+    size: int = 0
+    seconds: float = 0.0
+
+    def is_over(self, size: int, seconds: float) -> bool:
+        """Whether a part of that size and length is to end."""
+        return bool((self.size and size >= self.size) or (self.seconds and seconds >= self.seconds))
+
+
+def split_of(text: str) -> Split:
+    """From words: 90s, 30m, 1h, 500MB, 2GB.
+
+    Raises:
+        UsageError: if they say neither a time nor a size.
+    """
+    found = re.fullmatch(rf"([0-9]*\.?[0-9]+)({'|'.join((*SECONDS, *BYTES))})", text)
+    if found is None or not float(found[1]):
+        raise UsageError(f"--split {text!r}: give a time or a size, e.g. 90s, 30m, 1h, 500MB, 2GB")
+    amount, unit = float(found[1]), found[2]
+    if unit in SECONDS:
+        return Split(seconds=amount * SECONDS[unit])
+    return Split(size=max(1, round(amount * BYTES[unit])))
