@@ -134,14 +134,14 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
     Args:
         lines: to begin with. times: (K,) s on the common time line.
         arrived: (D, K) s, arrivals beside those lines, NaN = not heard.
-        travel, spread: (D,) s and (D, D) s^2, see `travel.travel`.
+        travel, spread: (D, K) or (D, 1) s, and (D, D) s^2, see `travel.Places`.
     """
     members = np.flatnonzero(np.isfinite(lines.offsets))
     count = len(lines.offsets)
     gauge = np.eye(len(members)) - 1.0 / len(members)
     spread = gauge @ spread[np.ix_(members, members)] @ gauge.T
-    expected = travel[members] - travel[members].mean()
-    measured = arrived[members] - expected[:, None]
+    expected = travel[members] - travel[members].mean(axis=0)
+    measured = arrived[members] - expected
     since = times - lines.middle
     variance = np.diag(spread)
     noise = NOISE_S**2 * (1.0 - 1.0 / len(members)) / float(variance.mean())  # beside the mean of all

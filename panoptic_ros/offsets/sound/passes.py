@@ -10,12 +10,13 @@ import numpy as np
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.sound.coarse import Coarse
+from panoptic_ros.offsets.sound.directness import Directness
 from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard, clocks_of
 from panoptic_ros.offsets.sound.lines import Lines, settle
 from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, coarse_energies
 from panoptic_ros.offsets.sound.matching import LENGTH_S, LEVEL, RATE, RISE_S
 from panoptic_ros.offsets.sound.onsets import onsets
-from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND, travel, unknown_travel
+from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND, Places, unknown_travel
 from panoptic_ros.offsets.sound.windows import choose_windows, hear_windows
 from panoptic_ros.stage import Progress, Recording, part_of
 
@@ -83,9 +84,10 @@ class SoundClocks:
             loudness = [rises[name].sum(axis=1) for name in devices]
             starts = choose_windows(lines, loudness, RATE, clocked)
             streams = [SampleStream(recording.records("audio", name)) for name in devices]
-            arrived, shared, clear = hear_windows(lines, starts, clocked, streams, told)
-            lines, arrived = _confirmed(lines, arrived)
-            delays, spread = self._travel(devices)
+            heard = hear_windows(lines, starts, clocked, streams, told)
+            shared, clear = heard.shared, heard.clear
+            lines, arrived = _confirmed(lines, heard.arrived)
+            delays, spread = self._travel(devices, heard.directness)
             settled = settle(lines, starts + 0.0, arrived, delays, spread)
             number = {name: k for k, name in enumerate(devices)}
             cameras = {name: number.get(device, -1) for name, device in self._config.cameras.items()}
@@ -136,10 +138,10 @@ class SoundClocks:
         ways = np.linalg.norm(places[:, None] - places, axis=2)
         return float(ways.max(initial=0.0)) / SPEED_OF_SOUND
 
-    def _travel(self, devices: list[str]) -> tuple[Array, Array]:
+    def _travel(self, devices: list[str], heard: Directness) -> tuple[Array, Array]:
         if not self._placed(devices):
             return unknown_travel(len(devices), self._config.apart)
-        return travel(np.array([self._config.positions[name] for name in devices]))
+        return Places(np.array([self._config.positions[name] for name in devices])).travel(heard)
 
     def _why(
         self, device: str, devices: list[str], members: Array, coarse: Coarse, refused: Mapping[str, str]

@@ -1,10 +1,12 @@
 """Short windows of the recordings in which something is heard, compared finely around lags that are known."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
+from panoptic_ros.offsets.sound.directness import Directness, Phases, directness
 from panoptic_ros.offsets.sound.lines import Lines, arrivals
 from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, band_energies, cut
 from panoptic_ros.offsets.sound.matching import NORMAL_MEDIAN, vertex
@@ -45,23 +47,37 @@ def choose_windows(lines: Lines, loudness: list[Array], rate: float, times: list
     return starts[[cell[int(np.argmax(told[cell]))] for cell in cells]]
 
 
+@dataclass(frozen=True, eq=False)
+class HeardWindows:
+    """What K windows tell of D devices.
+
+    Args:
+        arrived: (D, K) s beside the lines; NaN where not heard. directness: of pairs of devices.
+        shared, clear: (D, D) windows that two had in common, and in which they agreed clearly.
+    """
+
+    arrived: Array
+    directness: Directness
+    shared: Array
+    clear: Array
+
+
 def hear_windows(
     lines: Lines, starts: Array, times: list[DeviceTime], streams: list[SampleStream], progress: Progress
-) -> tuple[Array, Array, Array]:
-    """Arrivals (D, K) s beside the lines, in windows that begin at (K,) common times; NaN where not heard.
-
-    Also how many windows each pair (D, D) had in common, and in how many of them it agreed clearly.
-    """
+) -> HeardWindows:
+    """Compare windows that begin at (K,) common times."""
     count = len(times)
     members = [int(i) for i in np.flatnonzero(np.isfinite(lines.offsets))]
     heard = lines.heard(starts)
     spectra: dict[int, Array] = {}
+    phases: dict[int, Phases] = {}
     begins = np.zeros((count, len(starts)))
     frames = int((WINDOW_S - LENGTH_S) * RATE)
     size = 1 << (frames + int(BEYOND_S * RATE) + 1).bit_length()
     for done, i in enumerate(members):
         progress(0.8 * done / len(members), f"listening to {times[i].device}")
-        spectra[i], begins[i] = _spectra(streams[i], times[i], heard[i], frames, size)
+        phases[i] = Phases.nothing(len(starts))
+        spectra[i], begins[i] = _spectra(streams[i], times[i], heard[i], (frames, size), phases[i])
     arrived = np.full((count, len(starts)), np.nan)
     shared, clear = np.zeros((count, count), int), np.zeros((count, count), int)
     pairs = list(combinations(members, 2))
@@ -83,15 +99,24 @@ def hear_windows(
         good = np.isfinite(found[:, k])
         if good.any():
             arrived[:, k] = arrivals(first[good], second[good], found[good, k], weight[good, k], count)
+    direct = np.full((2, len(pairs), len(starts)), np.nan)
+    for p, (a, b) in enumerate(pairs):
+        lags = arrived[b] - arrived[a] - (begins[b] - heard[b]) + (begins[a] - heard[a])
+        direct[:, p] = directness(phases[a], phases[b], lags)
     progress(1.0, "comparing windows")
-    return arrived, shared, clear
+    return HeardWindows(arrived, Directness(first, second, direct[0], direct[1]), shared, clear)
 
 
 def _spectra(
-    stream: SampleStream, time: DeviceTime, heard: Array, frames: int, size: int
+    stream: SampleStream, time: DeviceTime, heard: Array, sizes: tuple[int, int], phases: Phases
 ) -> tuple[Array, Array]:
     """Spectra (K, F, B) of the onsets of windows of a device, 0 outside of its recording; and where (K,) s
-    heard they begin."""
+    heard they begin. `phases` hears the same windows.
+
+    Args:
+        sizes: frames of onsets in a window, and of their transform.
+    """
+    frames, size = sizes
     rate, length = time.sample_rate, int(LENGTH_S * time.sample_rate)
     first = np.rint(heard * rate).astype(np.int64)
     count = int(WINDOW_S * rate)
@@ -102,6 +127,7 @@ def _spectra(
     for k, samples in zip(np.flatnonzero(inside), cut(stream, spans)):
         rises = onsets(band_energies(samples, starts, length, rate), RATE, RISE_S, squared=True)
         spectra[k] = np.fft.rfft(rises, size, axis=0)
+        phases.hear(int(k), samples, rate)
     return spectra, first / rate
 
 
