@@ -1,6 +1,7 @@
-"""What the outermost structure of MP4 and AVI files tells: are they whole, and do they count frames?
+"""What the outermost structure of videos tells: are they whole, and do they count frames?
 
-ISO/IEC 14496-12 (boxes of MP4 and QuickTime), Microsoft RIFF. Other containers are left to FFmpeg.
+ISO/IEC 14496-12 (boxes of MP4 and QuickTime), Microsoft RIFF (AVI), RFC 8794 (EBML of Matroska). Other
+containers are left to FFmpeg.
 """
 from __future__ import annotations
 
@@ -14,14 +15,19 @@ from panoptic_ros.io.files import file_errors
 _TOP_BOXES = {
     b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"moof", b"sidx", b"uuid", b"styp",
 }  # fmt: skip
+_EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
+_HEAD = 4096  # bytes in which the segment of a Matroska file begins
 _BIG_BOX = 1 << 26  # bytes; an index of frames larger than this is not searched
 
 
 def find_cut(path: Path) -> str:
-    """What is missing at the end of an MP4, QuickTime or AVI file, or "" if nothing is known to be."""
+    """What is missing at the end of a file, or "" if nothing is known to be."""
     with file_errors(path, "read"), open(path, "rb") as file:
         size = path.stat().st_size
         head = file.read(12)
+        if head[:4] == _EBML:
+            wanted = _segment_end(head + file.read(_HEAD))
+            return f"{size} bytes of {wanted}" if size < wanted else ""
         if head[:4] == b"RIFF" and head[8:12] == b"AVI ":
             wanted = struct.unpack("<I", head[4:8])[0] + 8
             return f"{size} bytes of {wanted}" if 8 < size < wanted else ""
@@ -75,6 +81,24 @@ def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int, int]]:
         found.append((name, start, length))
         start += length
     return found
+
+
+def _segment_end(head: bytes) -> int:
+    """Where the segment of a Matroska file ends; 0: it does not tell, as of a stream."""
+    length, at = _ebml_size(head, len(_EBML))
+    segment = at + length
+    if head[segment : segment + len(_SEGMENT)] != _SEGMENT:
+        return 0
+    length, at = _ebml_size(head, segment + len(_SEGMENT))
+    return at + length if length else 0
+
+
+def _ebml_size(head: bytes, at: int) -> tuple[int, int]:
+    """The size of an element, 0 if it is unknown, and where its content begins."""
+    first = head[at] if at < len(head) else 0
+    width = 9 - first.bit_length()
+    value = int.from_bytes(head[at : at + width], "big") & ((1 << 7 * width) - 1)
+    return (0 if not first or value == (1 << 7 * width) - 1 else value), at + width
 
 
 def _edited(track: bytes) -> float:
