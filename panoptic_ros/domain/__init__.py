@@ -20,6 +20,7 @@ from panoptic_ros.domain.detections import (
 )
 from panoptic_ros.domain.joint_map import JointMap
 from panoptic_ros.domain.occluders import Occluders
+from panoptic_ros.domain.patches import PartMotions, PatchTracks, PatchTrajectories
 from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
 from panoptic_ros.domain.preview import Preview
 from panoptic_ros.domain.proposals import ProposalSet
@@ -56,6 +57,9 @@ __all__ = [
     "JointMap",
     "JointState",
     "Occluders",
+    "PartMotions",
+    "PatchTracks",
+    "PatchTrajectories",
     "PoseSet",
     "Prediction",
     "Preview",

@@ -92,7 +92,7 @@ def switched_on(
     """Those of the stages that no parameter switches off, in the order of the table."""
     return tuple(
         spec.name for spec in table.values()
-        if spec.name in names and (not spec.switch or getattr(configs[spec.name], spec.switch))
+        if spec.name in names and (not spec.switch or _is_on(configs, spec.name, spec.switch, True))
     )  # fmt: skip
 
 
@@ -100,8 +100,15 @@ def ports_in_use(configs: Mapping[str, Config], table: Mapping[str, NodeSpec] = 
     """The ports that a parameter switches on, as "stage.topic"."""
     return tuple(
         f"{spec.name}.{port.topic}" for spec in table.values() if spec.name in configs
-        for port in spec.inputs if port.switch and getattr(configs[spec.name], port.switch)
+        for port in spec.inputs if port.switch and _is_on(configs, spec.name, port.switch, False)
     )  # fmt: skip
+
+
+def _is_on(configs: Mapping[str, Config], stage: str, switch: str, unknown: bool) -> bool:
+    """What a switch of a stage says; `unknown` where it is in a configuration that is not given."""
+    other, _, name = switch.rpartition(".")
+    config = configs.get(other or stage)
+    return unknown if config is None else bool(getattr(config, name))
 
 
 def rows_in_use(used: Collection[str], table: Mapping[str, NodeSpec] = NODES) -> dict[str, NodeSpec]:

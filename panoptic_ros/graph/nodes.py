@@ -23,7 +23,8 @@ class Port:
         patience_ns: live, a record of another port waits so long for it, in stamps.
         tells_end: the stage takes an `EndOfStream` when a camera or device gives no more.
         first: it takes a record before other stages do, and before what follows from it.
-        switch: name of what in the stage's configuration says whether the port is used; "" = it always is.
+        switch: name of what in the stage's configuration says whether the port is used, or "stage.name" of
+            what does in another's; "" = it always is.
     """
 
     topic: str
@@ -53,7 +54,8 @@ class NodeSpec:
         apart: the inputs of every camera or device are merged on their own, as none waits for another.
         queue: of a live node that falls behind. "newest": a few messages of every topic; "instant": images
             of one instant together; "all": as every message counts.
-        switch: name of the parameter that turns the stage on; "" = it is always on.
+        switch: name of the parameter that turns the stage on, or "stage.name" of another stage's; "" = it is
+            always on.
     """
 
     name: str
@@ -106,6 +108,12 @@ NODES: dict[str, NodeSpec] = {
             (Port("tracks", optional=True, feedback=True, switch="guided"), DEPTH, Port("image")),
             ("detections",), apart=True, queue="instant",
         ),
+        NodeSpec(
+            "flow", "panoptic_ros.patches.flow.stage:FlowStage",
+            "panoptic_ros.patches.flow.config:FlowConfig",
+            (Port("image"), Port("detections")), ("patch_tracks",), apart=True, queue="instant",
+            switch="patches.active",
+        ),
         stage_row(
             "sync",
             (Port("clock_models", optional=True, feedback=True), Port("detections", tells_end=True)),
@@ -132,14 +140,25 @@ NODES: dict[str, NodeSpec] = {
             ),
             ("bodies",), switch="runs",
         ),
-        stage_row("refinement", (Port("skeletons_raw"),), ("skeletons",)),
+        stage_row(
+            "patches", (Port("patch_tracks", optional=True), Port("skeletons_raw")), ("patches",),
+            switch="active",
+        ),
+        stage_row(
+            "refinement",
+            (Port("patches", optional=True, patience_ns=100_000_000, switch="patches.active"),
+             Port("skeletons_raw")),
+            ("skeletons",),
+        ),
     )
 }  # fmt: skip
 
 FUSION = ("association", "voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
+BESIDE_IMAGES = ("detection", "flow")  # what looks at images: in the processes that have them
 AFTER_DETECTION = (
-    "sync", "association", "voting", "assembly", "tracking", "offsets", "kinematics", "refinement"
+    "sync", "association", "voting", "assembly", "tracking", "offsets", "kinematics", "patches",
+    "refinement",
 )  # fmt: skip
 SOUND = ("timecode", "clocks")  # what comes of timecode in sound
 SLOW = ("offsets",)  # busy for a second at times: live, nobody must wait for it
-CHAIN = ("detection", *AFTER_DETECTION)
+CHAIN = (*BESIDE_IMAGES, *AFTER_DETECTION)

@@ -59,6 +59,9 @@ TOPICS: dict[str, Topic] = {
         Topic("compressed_sensor_depth", "{owner}/depth/image_raw/compressedDepth", "DepthFrame",
               "sensor_msgs/msg/CompressedImage", "sensor", by_stamp=True, variant_of="sensor_depth"),
         Topic("sensor_info", "{owner}/depth/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "sensor"),
+        # before detections of the same image, so that an instant has all of its tracks (see `graph.lanes`)
+        Topic("patch_tracks", "{owner}/patch_tracks", "PatchTracks",
+              "panoptic_msgs/msg/PatchTracks", "camera", by_stamp=True),
         Topic("detections", "{owner}/detections", "ViewDetections",
               "panoptic_msgs/msg/ViewDetections", "camera", by_stamp=True),
         Topic("audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device",
@@ -82,6 +85,7 @@ TOPICS: dict[str, Topic] = {
         Topic("tracks", "tracks", "TrackSet", "panoptic_msgs/msg/TrackSet"),
         Topic("imu", "{owner}/imu", "ImuSample", "sensor_msgs/msg/Imu", "imu", by_stamp=True),
         Topic("bodies", "bodies", "BodyStateSet", "panoptic_msgs/msg/Bodies"),
+        Topic("patches", "patches", "PatchTrajectories", "panoptic_msgs/msg/PatchTrajectories"),
         Topic("skeletons", "skeletons", "RefinedPoseSet", "panoptic_msgs/msg/Skeletons"),
         Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
     )

@@ -3,11 +3,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.domain import SkeletonModel, TimeShift, TrackedPoseSet
+from panoptic_ros.domain import PartMotions, SkeletonModel, TimeShift, TrackedPoseSet
+from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.refinement.bones import learn_lengths, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.joint_states import Judged, judge, take_measurements
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
+from panoptic_ros.refinement.links import links_of, predict_linked
 from panoptic_ros.refinement.motion_rows import started, update_moving, update_velocities
 from panoptic_ros.refinement.records import Moment, Motion, joined, new_people, of_all, selected, unknown
 from panoptic_ros.refinement.start_motion import likely_velocities
@@ -24,15 +26,16 @@ class FilterBank:
     def __init__(self, config: RefinementConfig, skeleton: SkeletonModel, lasting_share: float):
         """lasting_share: of the variance of measurements, of errors that last."""
         self._config, self._share = config, lasting_share
+        self._parts = [list(part.joints) for part in rigid_parts(skeleton)]
         self._joints, self._bones = len(skeleton), np.array(skeleton.bones, np.int64).reshape(-1, 2)
         self.moments: list[Moment] = []
         self.people = new_people([], len(skeleton), len(self._bones))
         self.departed: dict[int, tuple[Array, Array]] = {}  # lengths and frames of those who may come back
         self.lasting = nothing_lasting()
 
-    def take(self, item: TrackedPoseSet) -> None:
-        """Filter everybody up to this set."""
-        self._predict(item.stamp_ns)
+    def take(self, item: TrackedPoseSet, motions: PartMotions | None = None) -> None:
+        """Filter everybody up to this set; motions: of parts since the set before, by the surface."""
+        self._predict(item.stamp_ns, motions)
         known = self.people.ids.tolist()
         new = [number for number in item.ids.tolist() if number not in known]
         if new:
@@ -40,7 +43,7 @@ class FilterBank:
         if len(item.ids):
             self._update(item)
 
-    def _predict(self, stamp_ns: int) -> None:
+    def _predict(self, stamp_ns: int, motions: PartMotions | None) -> None:
         """Predict all motion to an instant."""
         config, people = self._config, self.people
         last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints)
@@ -52,10 +55,16 @@ class FilterBank:
         predict(last.motion, dt, now.noise, now.predicted)
         if config.lag > 0.0:  # else nothing is smoothed
             smoother_gains(last.motion, dt, now.predicted, now.gains)
+        links = links_of(motions, self._parts, people.ids, states) if motions is not None else None
+        if links is not None:
+            now = now._replace(linked=True)
+            predict_linked(last.motion, dt, now.noise, links, config.cauchy, now.predicted, now.gains)
+            linked = np.isfinite(links.displacements[..., 0])
+            np.logical_and(last.measured.carried, linked, out=now.measured.carried)
         for name in ("scores", "noises", "person_scores"):
             getattr(now.measured, name)[...] = getattr(last.measured, name)
         np.add(last.measured.ages, dt, out=now.measured.ages)
-        now.predicted.states[now.measured.ages > config.max_gap] = np.nan
+        now.predicted.states[(now.measured.ages > config.max_gap) & ~now.measured.carried] = np.nan
         now.motion.states[...], now.motion.covariances[...] = now.predicted
         self.moments.append(now)
 
@@ -109,11 +118,14 @@ class FilterBank:
         target, motion = kept[0], of_all(np.copy, kept[-1].motion)
         again = np.zeros_like(target.measured.joints)  # measured later, without an interruption
         for now, after in zip(kept[-2::-1], kept[:0:-1]):
-            before, gains = now.motion, after.gains
+            before, gains, predicted = now.motion, after.gains, after.predicted
             if now is target and ahead > 0.0:
                 before, gains = _ahead(before, ahead, after.noise), np.empty_like(gains)
-                smoother_gains(before, after.dt - ahead, after.predicted, gains)
-            smooth(before, gains, after.predicted, after.measured.joints, motion, again)
+                # what the surface showed is of the whole interval, and has told the velocity
+                if after.linked:
+                    predicted = _ahead(before, after.dt - ahead, after.noise)
+                smoother_gains(before, after.dt - ahead, predicted, gains)
+            smooth(before, gains, predicted, after.measured.joints, motion, again)
         if len(kept) == 1 and ahead > 0.0:
             motion = _ahead(motion, ahead, target.noise)
         return self._judged(target, motion, again)

@@ -34,7 +34,7 @@ def take_measurements(measured, rows, points, covariances, relief, scores, views
         for j in range(points.shape[1]):
             if not np.isfinite(points[r, j, 0]):
                 continue
-            measured.joints[p, j], measured.ages[p, j] = True, 0.0
+            measured.joints[p, j], measured.ages[p, j], measured.carried[p, j] = True, 0.0, True
             measured.views[p, j], measured.scores[p, j] = views[r, j], scores[r, j]
             shrink = 1.0 + relief / max(views[r, j] - 1.0, 1.0)
             for i in range(3):
@@ -62,7 +62,7 @@ def judge(motion, measured, again, scales, lasting, limits, judged):
         elif np.isfinite(state[0]) and np.sqrt(trace / 3.0) < limits[0]:
             if again[p, j]:
                 kind = FILLED
-            elif measured.people[p] and measured.ages[p, j] <= limits[1]:
+            elif measured.people[p] and (measured.ages[p, j] <= limits[1] or measured.carried[p, j]):
                 kind = PREDICTED
         there = kind != MISSING
         judged.states[p, j], judged.scores[p, j] = kind, score if there else 0.0

@@ -28,6 +28,7 @@ class Measured(NamedTuple):
     scores: Array  # (P, J) of the latest measurements, 0 before any
     noises: Array  # (P, J, 3, 3) m^2, of those
     ages: Array  # (P, J) s since those
+    carried: Array  # (P, J) bool, at each instant since those the surface showed how the joint moved
     person_scores: Array  # (P,) of those
 
 
@@ -41,6 +42,7 @@ class Moment(NamedTuple):
     gains: Array  # (P, J, 6, 6) of the smoother back to that moment, transposed
     motion: Motion  # with this instant's measurements
     measured: Measured
+    linked: bool = False  # some motion since the moment before was measured on the surface
 
 
 class People(NamedTuple):
@@ -63,7 +65,7 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int) -> Moment:
     predicted, motion = (Motion(np.full((*shape, 6), np.nan), np.zeros((*shape, 6, 6))) for _ in range(2))
     measured = Measured(
         np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
-        np.zeros((*shape, 3, 3)), np.zeros(shape), np.zeros(people),
+        np.zeros((*shape, 3, 3)), np.zeros(shape), np.zeros(shape, bool), np.zeros(people),
     )  # fmt: skip
     return Moment(stamp_ns, dt, np.zeros(shape), predicted, np.zeros((*shape, 6, 6)), motion, measured)
 

@@ -6,7 +6,15 @@ from dataclasses import fields
 
 import numpy as np
 
-from panoptic_ros.domain import RefinedPoseSet, SkeletonModel, TimeShift, TrackedPoseSet, ViewSources
+from panoptic_ros.domain import (
+    PartMotions,
+    PatchTrajectories,
+    RefinedPoseSet,
+    SkeletonModel,
+    TimeShift,
+    TrackedPoseSet,
+    ViewSources,
+)
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.filter_bank import FilterBank
@@ -26,10 +34,10 @@ class RefinementStage(Stateful):
 
     LAYOUT = StateLayout(
         "refinement",
-        "_waiting _last_ns _clock _bank.moments _bank.people _bank.departed _bank.lasting".split(),
+        "_waiting _last_ns _clock _patches _bank.moments _bank.people _bank.departed _bank.lasting".split(),
         (
-            TrackedPoseSet, TimeShift, ViewSources, Moment, Motion, Measured, People,
-            Fields.named(Clock, "_lag_ns _period _newest _last"),
+            TrackedPoseSet, TimeShift, ViewSources, PatchTrajectories, PartMotions, Moment, Motion, Measured,
+            People, Fields.named(Clock, "_lag_ns _period _newest _last"),
         ),
         same={"configuration": "_config", "skeleton": "_hash"},
     )  # fmt: skip
@@ -41,6 +49,7 @@ class RefinementStage(Stateful):
         self._lasting_share = config.lasting_share if self._floor.any() else 0.0
         self.reset()
         for example in _examples(context.skeleton):
+            self.step(_moved(example))
             self.step(example)
         self.flush()
 
@@ -49,6 +58,7 @@ class RefinementStage(Stateful):
         self._waiting: list[TrackedPoseSet] = []
         self._last_ns: int | None = None
         self._clock = Clock(self._config.lag)
+        self._patches: PatchTrajectories | None = None  # of the set that comes next
         self._bank = FilterBank(self._config, self._skeleton, self._lasting_share)
 
     def flush(self) -> StepResult[RefinedPoseSet]:
@@ -57,8 +67,10 @@ class RefinementStage(Stateful):
         self.reset()
         return StepResult(outputs)
 
-    def step(self, item: TrackedPoseSet) -> StepResult[RefinedPoseSet]:
+    def step(self, item: TrackedPoseSet | PatchTrajectories) -> StepResult[RefinedPoseSet]:
         """The sets that have waited long enough; sets from the past are dropped with a notice.
+
+        Patches of a set come before it; those of no set that follows are not used.
 
         Raises:
             DataError: if the poses are of another skeleton.
@@ -66,19 +78,30 @@ class RefinementStage(Stateful):
         if item.skeleton_hash != self._hash:
             own = f"{self._skeleton.name} ({self._hash})"
             raise DataError(f"poses of skeleton {item.skeleton_hash}, but refinement works on {own}")
+        if isinstance(item, PatchTrajectories):
+            self._patches = item
+            return StepResult()
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
             return StepResult(notices=(Notice("refinement.old_stamp", "warning", text),))
+        motions = self._motions_since(self._last_ns, item.stamp_ns)
         self._last_ns = item.stamp_ns
         if not self._config.enabled:
             return StepResult((self._passed_through(item),))
         self._waiting.append(item)
         self._clock.take(item)
-        self._bank.take(item)
+        self._bank.take(item, motions)
         outputs = []
         while self._waiting and self._clock.is_due(self._waiting[0]):
             outputs.append(self._emit())
         return StepResult(tuple(outputs))
+
+    def _motions_since(self, before_ns: int | None, stamp_ns: int) -> PartMotions | None:
+        """How parts moved between two sets; None where that was not measured."""
+        patches, self._patches = self._patches, None
+        if patches is None or (patches.before_ns, patches.stamp_ns) != (before_ns, stamp_ns):
+            return None
+        return patches.motions
 
     def _emit(self) -> RefinedPoseSet:
         """The oldest waiting set, smoothed with all that came after it."""
@@ -120,6 +143,20 @@ def _sources_of(item: TrackedPoseSet, numbers: list[int]) -> ViewSources | None:
         return item.sources
     rows = {int(number): k for k, number in enumerate(item.ids)}
     return item.sources.rows([rows.get(number, -1) for number in numbers])
+
+
+def _moved(item: TrackedPoseSet) -> PatchTrajectories:
+    """The first part of everybody moved a little since the example before."""
+    people, nothing, none = len(item.ids), np.zeros((0, 3)), np.zeros(0)
+    still = np.zeros((people, 3))
+    motions = PartMotions(
+        item.ids, np.zeros(people), still, still, still + 0.01, np.tile(1e-6 * np.eye(6), (people, 1, 1)),
+        np.full(people, 9), np.ones(people),
+    )  # fmt: skip
+    return PatchTrajectories(
+        item.index, item.stamp_ns, max(item.stamp_ns - 33_000_000, 0), item.skeleton_hash, none, none, none,
+        none, nothing, nothing, none, (), np.zeros((0, 0)), motions, np.zeros((0, 2)),
+    )  # fmt: skip
 
 
 def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:

@@ -35,7 +35,8 @@ def topic_of(spec, item):
 def test_tables_resolve_and_every_record_has_its_topic():
     for spec in NODES.values():
         assert config_class(spec.name)() is not None and resolve(spec.stage) is not None
-        assert not spec.switch or isinstance(getattr(config_class(spec.name)(), spec.switch), bool)
+        owner, _, switch = spec.switch.rpartition(".")
+        assert not switch or isinstance(getattr(config_class(owner or spec.name)(), switch), bool)
     with pytest.raises(KeyError, match="EndOfStream"):
         NODES["sync"].output_for(EndOfStream("a"))
 

@@ -147,8 +147,21 @@ def timecode() -> set[tuple[str, str, str]]:
     return kernels() - before
 
 
+def surface() -> set[tuple[str, str, str]]:
+    """Images, 2D tracks and patches, and refinement with what they say; none of somebody, too."""
+    import stage_cases
+
+    cases = [stage_cases.cases()[name] for name in ("flow", "patches", "refinement-patches")]
+    stages = [case.stage() for case in cases]
+    before = kernels()
+    for case, stage in zip(cases, stages):
+        passed([stage], case.items)
+        passed([stage], case.others)
+    return kernels() - before
+
+
 PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
-    "chain": chain, "offsets": offsets, "timecode": timecode,
+    "chain": chain, "offsets": offsets, "timecode": timecode, "surface": surface,
 }  # fmt: skip
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from typing import Any
 
 import captures
 import numpy as np
+import patch_scene
 from blobs import JOINT_MAP, SKELETON, Blobs
 
 from panoptic_ros.detection.model import DetectorModel
@@ -26,6 +27,8 @@ from panoptic_ros.domain import (
     TimecodeReading,
     TrackedPoseSet,
     TrackSet,
+    ViewDetections,
+    ViewFrame,
     VisibilityLimit,
 )
 from panoptic_ros.domain.subjects import Device, Subject, TPose
@@ -320,6 +323,35 @@ def detector():
     return StageContext(Rig(captures.RIG.cameras[:1]), SKELETON, extras)
 
 
+def with_patches(start):
+    """What refinement takes where motion is measured on the surface, too."""
+    own = make_stage("patches", configure({"patches": {"active": True}})["patches"], captures.CONTEXT)
+    found: list[Any] = []
+    for item in patch_scene.recording(9, start=start):
+        found += own.step(item).outputs
+        found += [item] if isinstance(item, TrackedPoseSet) else []
+    return found
+
+
+def walked(camera, count=9, start=0):
+    """Images of a pattern that moves, with 2D people on it; one image comes twice, one has nobody known."""
+    own, model = np.random.default_rng(3), captures.SKELETON
+    wall = own.integers(0, 255, (60, 80, 1), np.uint8).repeat(4, axis=0).repeat(4, axis=1).repeat(3, axis=2)
+    points = 120.0 + 40.0 * own.uniform(-1.0, 1.0, (2, len(model), 2))
+    found: list[Any] = []
+    for k in range(start, start + count):
+        image = np.roll(wall, (k, 2 * k), axis=(0, 1))
+        frame = ViewFrame(camera, SECOND + k * 40_000_000, k, image)
+        found += [frame, frame] if k == start + 3 else [frame]
+        if k != start + 5:
+            scores = np.full((2, len(model)), 0.9)
+            found.append(ViewDetections(
+                camera, frame.stamp_ns, k, frame.image_size, model.hash, points + (2.0 * k, k), scores,
+                scores[:, 0],
+            ))  # fmt: skip
+    return found
+
+
 @cache
 def cases():
     ways = {
@@ -362,6 +394,12 @@ def cases():
             "kinematics", {"rate_hz": 15.0, "lag": 0.0, "everybody": True}, chain()["refinement"],
             chain(7, 200)["refinement"], wearer(),
         ),
+        "flow": Case("flow", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30)),
+        "patches": Case(
+            "patches", {"per_part": 4, "life": 4}, patch_scene.recording(8),
+            patch_scene.recording(4, start=90),
+        ),
+        "refinement-patches": Case("refinement", {"lag": 0.08}, with_patches(0), with_patches(90)),
         "refinement-lag": Case(
             "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
         ),
@@ -372,6 +410,7 @@ NAMES = (
     "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
     *FUSION, "tracking-subjects", "kinematics", "kinematics-everybody", "refinement-lag",
+    "refinement-patches", "flow", "patches",
 )  # fmt: skip
 
 

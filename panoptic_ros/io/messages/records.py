@@ -12,6 +12,8 @@ from panoptic_ros.domain import (
     AudioBlock,
     ClockModel,
     DetectionSet,
+    PatchTracks,
+    PatchTrajectories,
     PoseSet,
     Preview,
     ProposalSet,
@@ -28,7 +30,7 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.errors import CalibrationError, ClockError, ContractError, DataError
-from panoptic_ros.io.messages import associations, bodies, detections, images, statics
+from panoptic_ros.io.messages import associations, bodies, detections, images, patches, statics
 from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
@@ -208,6 +210,8 @@ _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {
     TrackSet: associations.write_tracks,
     SubjectSet: associations.write_subjects,
     ProposalSet: _write_proposals,
+    PatchTracks: patches.write_tracks,
+    PatchTrajectories: patches.write_trajectories,
     PoseSet: _write_poses,
     SkeletonModel: statics.write_skeleton_model,
     Rig: statics.write_rig,
@@ -226,6 +230,8 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "TrackSet": associations.read_tracks,
     "SubjectSet": associations.read_subjects,
     "ProposalSet": _read_proposals,
+    "PatchTracks": patches.read_tracks,
+    "PatchTrajectories": patches.read_trajectories,
     "PoseSet": _read_poses(PoseSet),
     "TrackedPoseSet": _read_poses(TrackedPoseSet),
     "RefinedPoseSet": _read_poses(RefinedPoseSet),

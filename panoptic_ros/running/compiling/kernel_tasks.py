@@ -72,6 +72,8 @@ TASKS: dict[str, Callable[[], None]] = {
     "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "tracking": partial(_stage, "tracking"),
     "kinematics": _kinematics,
+    "patches": partial(_stage, "patches", active=True),
+    "flow": partial(_stage, "flow"),
     "occluders": _occluders,
     "all votes": partial(_stage, "voting", explain_away=False),
 }

@@ -6,7 +6,7 @@ from typing import Any
 
 from panoptic_ros.graph.build import ports_in_use, rows_in_use, switched_on
 from panoptic_ros.graph.flow import live_defaults
-from panoptic_ros.graph.nodes import SLOW, SOUND
+from panoptic_ros.graph.nodes import BESIDE_IMAGES, SLOW, SOUND
 from panoptic_ros.graph.topics import TOPICS, given_inputs, ros_name
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.io.bag_streams import SOUND_KEY
@@ -56,14 +56,15 @@ def write_launch_file(
         name = f"sound-{ros_name(device)}" if few else f"sounds-{i % SOUND_PROCESSES}"
         processes.setdefault(name, []).append(node)
     guided = plan_of_nodes.guided and not plan.live  # then what comes back must come at its place
+    beside = tuple(name for name in BESIDE_IMAGES if name in plan_of_nodes.stages)
     if plan.stage == "detection" and not guided:
         for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
             inputs = _inputs_of_detection(plan, cameras, bool(jpeg_quality))
             processes[f"detection-{k}"] = [
-                plan_of_nodes.node(("detection",), f"detection_{k}", cameras=cameras, **inputs)
+                plan_of_nodes.node(beside, f"detection_{k}", cameras=cameras, **inputs)
             ]
     apart = [name for name in plan_of_nodes.stages if plan.live and name in SLOW]
-    alone = apart if guided else ["detection", *apart]
+    alone = apart if guided else [*beside, *apart]
     together = [name for name in plan_of_nodes.stages if name not in alone]
     divided = one_per_stage and not guided
     hosts = _divided(together) if divided else [tuple(together)]
@@ -75,9 +76,9 @@ def write_launch_file(
         )
     markers = {"kind": "markers", "parameters": {"flow": flow}}
     processes.setdefault("markers" if divided else "fusion", []).append(markers)
-    beside = processes.setdefault("markers" if one_per_stage else "fusion", [])
+    others = processes.setdefault("markers" if one_per_stage else "fusion", [])
     if words := [word for word in plan.publish if word != HEAT_MAPS]:
-        beside.append({"kind": "people", "parameters": {"flow": flow, "publish": words}})
+        others.append({"kind": "people", "parameters": {"flow": flow, "publish": words}})
     if HEAT_MAPS in plan.publish:
         processes["heat-maps"] = [{"kind": "heat_maps"}]
     path = folder / "launch.json"

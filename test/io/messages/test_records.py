@@ -21,6 +21,9 @@ from panoptic_ros.domain import (
     Groups,
     ImuSample,
     Occluders,
+    PartMotions,
+    PatchTracks,
+    PatchTrajectories,
     PoseSet,
     Prediction,
     ProposalSet,
@@ -144,7 +147,21 @@ BODIES = BodyStateSet(
     rng.normal(size=(2, 3, 4)), rng.normal(size=(2, 3, 6)), np.full((2, 3, 6, 6), np.nan),
     rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 3, 3)),
 )
+PATCH_TRACKS = PatchTracks(
+    "cam0", 99, 8, 50, 7, "cafe0123", *rng.normal(size=(2, 4, 2)), rng.uniform(size=(4, 3)),
+    [0, 0, 1, 2], [3, 1, 0, 9],
+)  # fmt: skip
+MOTIONS = PartMotions(
+    [3, 5], [0, 4], *rng.normal(size=(3, 2, 3)), rng.normal(size=(2, 6, 6)), [20, 7], [0.8, 1.4]
+)
+PATCHES = PatchTrajectories(
+    5, 99, 50, "cafe0123", [8, 9, 11], [0, 2, 7], [3, 3, 5], [0, 1, 4], rng.normal(size=(3, 3)),
+    rng.normal(size=(3, 3)), rng.uniform(size=3), ("cam0", "cam1"), rng.uniform(size=(3, 2)), MOTIONS,
+    [[3, 5]],
+)  # fmt: skip
+
 RECORDS = [
+    PATCH_TRACKS, PATCHES,
     Rig((STATED, FISHEYE), depth_sensors=SENSORS),
     view(), view(people=0), SET,
     ASSOCIATION, TRACKS, SubjectSet(7, [3, 0], rng.normal(size=(2, 3)), [-1, 5], [-1, 4]),

@@ -1,0 +1,58 @@
+"""The parts of a body that move rigidly, from the names of a skeleton's joints.
+
+Bones between the joints of the torso are one part, those of the head another; every other bone between
+shoulder and wrist or hip and ankle is one of its own. Sizes are those of an adult (Winter 2009, table 4.1,
+and anthropometry of girths); they say where the surface is to be looked for, and no more.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from panoptic_ros.domain.skeleton import SkeletonModel
+
+TORSO_WORDS = ("neck", "shoulder", "hip", "bodycenter")
+HEAD_WORDS = ("nose", "eye", "ear", "head")
+# Radius and length m of limbs between joints of these names.
+LIMBS = {
+    ("shoulder", "elbow"): (0.05, 0.29), ("elbow", "wrist"): (0.04, 0.26),
+    ("hip", "knee"): (0.075, 0.43), ("knee", "ankle"): (0.05, 0.42),
+}  # fmt: skip
+TORSO_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.12, 0.09, 0.2  # m
+
+
+class Part(NamedTuple):
+    """One part: its name and joints, the two that span a limb, radius m and length m (0 = not known)."""
+
+    name: str
+    joints: tuple[int, ...]
+    radius: float
+    length: float
+
+    @property
+    def is_limb(self) -> bool:
+        """Whether it is spanned by its two joints."""
+        return self.name not in ("torso", "head")
+
+
+def rigid_parts(skeleton: SkeletonModel) -> tuple[Part, ...]:
+    """The parts of a skeleton: torso, head and limbs, as far as it has their joints."""
+    names = [name.lower() for name in skeleton.joint_names]
+    torso = tuple(j for j, name in enumerate(names) if any(word in name for word in TORSO_WORDS))
+    head = tuple(j for j, name in enumerate(names) if any(word in name for word in HEAD_WORDS))
+    found = []
+    if len(torso) >= 3:
+        found.append(Part("torso", torso, TORSO_RADIUS, 0.0))
+    if head:
+        found.append(Part("head", head, HEAD_RADIUS, 0.0))
+    for a, b in skeleton.bones:
+        for (upper, lower), (radius, length) in LIMBS.items():
+            for one, other in ((a, b), (b, a)):
+                if upper in names[one] and lower in names[other] and _side(names[one]) == _side(names[other]):
+                    name = f"{skeleton.joint_names[one]}-{skeleton.joint_names[other]}"
+                    found.append(Part(name, (one, other), radius, length))
+    return tuple(found)
+
+
+def _side(name: str) -> str:
+    return "l" if name.startswith("l") else "r"

@@ -1,0 +1,1 @@
+"""2D tracks on people, in the process that has their images."""

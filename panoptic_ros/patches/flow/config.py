@@ -1,0 +1,23 @@
+"""Parameters of flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowConfig(Config):
+    """How points on people are followed from image to image."""
+
+    width: int = param(
+        960,
+        unit="px",
+        ge=160,
+        le=8192,
+        doc="Wider images are made so small first: motion is then measured less exactly, and quicker.",
+    )
+    longest_gap: float = param(
+        0.15, unit="s", ge=0.001, le=10.0, doc="Nothing is followed over longer gaps between two images."
+    )

@@ -1,0 +1,220 @@
+"""How the parts of all people moved between two instants, from the 2D tracks of all views."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import Camera, PartMotions, PatchTracks, Rig, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain.parts import Part
+from panoptic_ros.geometry.rotations import rotation_of
+from panoptic_ros.patches.carried import Carried
+from panoptic_ros.patches.config import PatchesConfig
+from panoptic_ros.patches.lifting import Capsules, axes, lift
+from panoptic_ros.patches.rigid import Bodies, Solved, Tracks, misses, solved, unsolved
+
+Array = np.ndarray
+ODD_INTERVAL = 0.5  # share by which the images of a view may be further apart than the instants
+AGREEING_SHARE = 0.3  # of the tracks of a part, that must agree with its motion
+STILL = 0.0005  # m and rad, standard deviation of the best motion
+
+
+class Lifted(NamedTuple):
+    """N tracks on people, ordered by part, and to which of M pairs of person and part each belongs."""
+
+    tracks: Tracks
+    normals: Array  # (N, 3) of the surface, before
+    groups: Array  # (N,)
+    keys: tuple[tuple[int, int], ...]  # (M) person and part
+
+
+class PartTracker:
+    """Puts 2D tracks on people and solves for the motions of their parts."""
+
+    def __init__(self, config: PatchesConfig, rig: Rig, skeleton: SkeletonModel, parts: tuple[Part, ...]):
+        self._config, self._rig, self._skeleton, self._parts = config, rig, skeleton, parts
+        poses = [camera.cam_from_world for camera in rig.cameras]
+        self.views = np.array([np.column_stack([pose.rotation, pose.translation]) for pose in poses])
+        self.origins = np.array([-pose.rotation.T @ pose.translation for pose in poses]).reshape(-1, 3)
+        turn, move = config.turn_sigma, config.move_sigma
+        self._spread = np.array([turn, turn, turn, move, move, move])
+
+    def lifted(
+        self,
+        before: TrackedPoseSet,
+        dt: float,
+        people: Mapping[int, Carried],
+        tracks: Mapping[str, PatchTracks],
+    ) -> Lifted:
+        """The tracks of each camera, on the people of the instant before, dt s ago."""
+        ids = [number for number in before.ids.tolist() if number in people]
+        bodies = [axes(self._parts, self._skeleton, people[number].positions) for number in ids]
+        capsules = Capsules(*(np.concatenate(rows) for rows in zip(*bodies))) if bodies else None
+        found: list[tuple[Array, ...]] = []
+        if capsules is not None and before.sources is not None:
+            row_of = {number: row for row, number in enumerate(before.ids.tolist())}
+            rows = [row_of[number] for number in ids]
+            for view, camera in enumerate(before.sources.cameras):
+                item = tracks.get(camera)
+                if item is not None and item.before_number == int(before.sources.frames[view]):
+                    found += self._of_view(item, dt, before.sources.persons[rows, view], capsules)
+        return self._ordered(found, ids)
+
+    def _of_view(
+        self, item: PatchTracks, dt: float, persons: Array, capsules: Capsules
+    ) -> Iterator[tuple[Array, ...]]:
+        """Tracks of a view that are on people: points, cameras, targets, information, normals, capsules."""
+        share = 1e9 * dt / (item.stamp_ns - item.before_ns)
+        if abs(share - 1.0) > ODD_INTERVAL:
+            return
+        row_of = np.full(max(int(item.persons.max(initial=-1)), int(persons.max(initial=-1))) + 2, -1)
+        row_of[persons[persons >= 0]] = np.flatnonzero(persons >= 0)
+        rows = row_of[item.persons]
+        there = np.flatnonzero((rows >= 0) & (item.parts < len(self._parts)))
+        number = self._rig.index(item.camera)
+        camera = self._rig.cameras[number]
+        begins, ends = item.begins[there].astype(float), item.ends[there].astype(float)
+        ends = begins + share * (ends - begins)
+        own = rows[there] * len(self._parts) + item.parts[there]
+        points, normals, seen = (
+            np.zeros((len(there), 3)),
+            np.zeros((len(there), 3)),
+            np.zeros(len(there), bool),
+        )
+        if len(there):
+            lift(self.origins[number], camera.rays(begins), own, capsules, points, normals, seen)
+        targets = camera.intrinsics.undistort(ends).reshape(-1, 2)
+        seen &= np.isfinite(targets).all(axis=1)
+        information = self._on_plane(item.information[there].astype(float), camera)
+        cameras = np.full(len(there), number)
+        yield tuple(values[seen] for values in (points, cameras, targets, information, normals, own))
+
+    def _on_plane(self, information: Array, camera: Camera) -> Array:
+        """Information (N, 3) px^-2 with the noise of the model, on the plane at distance 1."""
+        floor = self._config.model_px**2
+        xx, xy, yy = information.T
+        a, b, c = 1.0 + floor * xx, floor * xy, 1.0 + floor * yy
+        matrix = camera.intrinsics.matrix
+        fx, fy, whole = matrix[0, 0], matrix[1, 1], a * c - b * b
+        rows = (xx * c - xy * b) * fx * fx, (xy * a - xx * b) * fx * fy, (yy * a - xy * b) * fy * fy
+        return np.stack([row / whole for row in rows], axis=1)
+
+    def _ordered(self, found: list[tuple[Array, ...]], ids: list[int]) -> Lifted:
+        """All tracks, part by part; parts of people with no track are left out."""
+        none = (np.zeros((0, 3)), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 3)), np.zeros((0, 3)),
+                np.zeros(0, int))  # fmt: skip
+        points, cameras, targets, information, normals, own = (
+            np.concatenate(values) for values in zip(none, *found)
+        )
+        order = np.argsort(own, kind="stable")
+        kinds, groups = np.unique(own[order], return_inverse=True)
+        keys = tuple((ids[k // len(self._parts)], k % len(self._parts)) for k in kinds.tolist())
+        nothing = np.full(len(order), np.inf)
+        tracks = Tracks(points[order], cameras[order], targets[order], information[order], nothing)
+        return Lifted(tracks, normals[order], groups, keys)
+
+    def _solved(self, lifted: Lifted, bodies: Bodies) -> Solved:
+        """Motions of all parts, the torso's first: a track that goes with it, or stays where it is, says
+        little of a limb that does not.
+        """
+        result = unsolved(len(lifted.keys))
+        is_torso = np.array([self._parts[part].name == "torso" for _, part in lifted.keys], bool)
+        solved(lifted.tracks, bodies, np.flatnonzero(is_torso), self.views, self._spread, result)
+        torsos = {lifted.keys[k][0]: k for k in np.flatnonzero(is_torso).tolist()}
+        for k in np.flatnonzero(~is_torso).tolist():
+            first, last = bodies.starts[k], bodies.starts[k + 1]
+            moves = [(bodies.centres[k], np.zeros(6))]
+            if lifted.keys[k][0] in torsos:
+                torso = torsos[lifted.keys[k][0]]
+                moves.append((bodies.centres[torso], result.motions[torso]))
+            for centre, motion in moves:
+                misses(lifted.tracks, first, last, centre, motion, self.views, lifted.tracks.others)
+        solved(lifted.tracks, bodies, np.flatnonzero(~is_torso), self.views, self._spread, result)
+        return result
+
+    def motions(
+        self, lifted: Lifted, expected: Mapping[tuple[int, int], Array], last: PartMotions
+    ) -> PartMotions:
+        """Motions of the parts that enough tracks agree on.
+
+        Args:
+            expected: (3,) rotation and, of the middle of its axis, place before (3,) and after (3,), by key.
+            last: motions before, which may go on.
+        """
+        count = len(lifted.keys)
+        starts = np.searchsorted(lifted.groups, np.arange(count + 1))
+        centres = np.array([
+            lifted.tracks.points[first:end].mean(axis=0) for first, end in pairwise(starts.tolist())
+        ]).reshape(-1, 3)  # fmt: skip
+        guesses = np.zeros((count, 3, 6))
+        before = {key: k for k, key in enumerate(zip(last.people.tolist(), last.parts.tolist()))}
+        for k, key in enumerate(lifted.keys):
+            if key in expected:
+                guesses[k, 0] = _about(centres[k], expected[key])
+            if key in before:
+                row = before[key]
+                rotation, translation = last.rotations[row], last.translations[row]
+                arm = centres[k] - last.centres[row] - translation
+                guesses[k, 2] = np.concatenate([rotation, translation + np.cross(rotation, arm)])
+        result = self._solved(lifted, Bodies(starts, centres, guesses))
+        totals = np.diff(starts)
+        enough = (result.agreeing >= self._config.fewest) & (result.agreeing >= AGREEING_SHARE * totals)
+        kept = np.flatnonzero(enough & np.isfinite(result.covariances).all(axis=(1, 2)))
+        motions = result.motions[kept]
+        covariances = result.covariances[kept] * self._config.correlation
+        lost = (self._config.share_lost * motions) ** 2
+        for block in (slice(0, 3), slice(3, 6)):
+            own = lost[:, block].sum(axis=1) + STILL**2
+            covariances[:, range(6)[block], range(6)[block]] += own[:, None]
+        people = np.array([key[0] for key in lifted.keys], np.int64).reshape(-1)[kept]
+        parts = np.array([key[1] for key in lifted.keys], np.int32).reshape(-1)[kept]
+        return PartMotions(
+            people, parts, centres[kept], motions[:, :3], motions[:, 3:], covariances, result.agreeing[kept],
+            result.spreads[kept],
+        )  # fmt: skip
+
+
+def expectation(part: Part, before: Array, after: Array) -> Array | None:
+    """How the joints of a part say that it moved: rotation (3,) of its axis, place of its middle before and
+    after.
+
+    Args:
+        before, after: (J, 3) m, NaN = not known.
+    """
+    joints = list(part.joints)
+    both = np.isfinite(before[joints, 0] + after[joints, 0])
+    if not both.any():
+        return None
+    one, other = before[joints][both].mean(axis=0), after[joints][both].mean(axis=0)
+    turn = np.zeros(3)
+    if part.is_limb and both.all():
+        first, last = (_unit(places[joints[1]] - places[joints[0]]) for places in (before, after))
+        across = np.cross(first, last)
+        sine = float(np.linalg.norm(across))
+        if sine > 1e-9:
+            turn = across / sine * np.arctan2(sine, first @ last)
+    return np.concatenate([turn, one, other])
+
+
+def no_motions() -> PartMotions:
+    """Of nobody."""
+    none = np.zeros((0, 3))
+    return PartMotions(
+        np.zeros(0), np.zeros(0), none, none, none, np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0)
+    )
+
+
+def _about(centre: Array, expected: Array) -> Array:
+    """The motion (6,) about a centre (3,) m of what moves as `expectation` says."""
+    rotation = np.empty((3, 3))
+    rotation_of(expected[:3], rotation)
+    moved = expected[6:] + rotation @ (centre - expected[3:6])
+    return np.concatenate([expected[:3], moved - centre])
+
+
+def _unit(vector: Array) -> Array:
+    unit: Array = vector / max(float(np.linalg.norm(vector)), 1e-9)
+    return unit

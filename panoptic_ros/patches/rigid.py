@@ -1,0 +1,176 @@
+"""How a part moved, from where points on it are in two images of every view: Gauss-Newton, robust; compiled.
+
+In place of Kabsch's fit to triangulated patches (Joo et al. 2017, 6.3) the residuals are those of the images:
+a point that one view alone follows counts as well, in the two directions that it tells, and the covariance of
+the motion follows from those of the 2D tracks. How deep a point lies need be known roughly only, as an error
+of depth changes its motion in its own image by the share that it is of the distance.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.geometry.robust import noise_growth
+from panoptic_ros.geometry.rotations import rotation_of, vector_of
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+ROUNDS = 8
+SOFTNESS = 1.0 / 2.0**2  # of the Cauchy weight: scale of two standard deviations
+SETTLED = 1e-5  # m and rad, steps below which a motion is found
+AGREES = 9.0  # squared standard deviations of a track that agrees with the motion
+
+
+class Tracks(NamedTuple):
+    """N 2D tracks, ordered by part."""
+
+    points: Array  # (N, 3) m, before
+    cameras: Array  # (N,) index into the cameras
+    targets: Array  # (N, 2) on the plane at distance 1, afterwards
+    information: Array  # (N, 3) xx, xy, yy on that plane
+    others: (
+        Array  # (N,) squared standard deviations by which each misses what else it may be on; see `misses`
+    )
+
+
+class Solved(NamedTuple):
+    """Motions of M parts."""
+
+    motions: Array  # (M, 6) rotation vector rad and translation m
+    covariances: Array  # (M, 6, 6) of rotation from the left and translation
+    agreeing: Array  # (M,) tracks that agree
+    spreads: Array  # (M,) root mean square of their residuals, in standard deviations
+
+
+class Bodies(NamedTuple):
+    """M parts to solve for."""
+
+    starts: Array  # (M + 1,) first track of each part
+    centres: Array  # (M, 3) m, the points that translations speak of
+    guesses: Array  # (M, G, 6) motions, the best of which is where the search begins; the first is expected
+
+
+def solved(tracks: Tracks, bodies: Bodies, which: Array, views: Array, spread: Array, result: Solved) -> None:
+    """Motions of some parts, into the result.
+
+    Args:
+        which: rows of the parts. views: (V, 3, 4) cam_from_world.
+        spread: (6,) standard deviation of motions from the expected one.
+    """
+    _solve(tracks, bodies, which, views, 1.0 / spread**2, result)
+
+
+def unsolved(count: int) -> Solved:
+    """Of so many parts, none of which has a motion yet."""
+    return Solved(np.zeros((count, 6)), np.zeros((count, 6, 6)), np.zeros(count, np.int32), np.zeros(count))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _solve(tracks, bodies, which, views, priors, result):
+    starts, centres, guesses = bodies.starts, bodies.centres, bodies.guesses
+    rotation, normal, gradient = np.empty((3, 3)), np.empty((6, 6)), np.empty(6)
+    turn, trial, step = np.empty((3, 3)), np.empty(6), np.empty(6)
+    for part in which:
+        first, last, motion = starts[part], starts[part + 1], result.motions[part]
+        expected, best = guesses[part, 0], np.inf
+        for guess in range(guesses.shape[1]):
+            trial[:] = guesses[part, guess]
+            cost = _accumulate(
+                tracks, first, last, centres[part], trial, views, rotation, normal, gradient, result, part
+            )
+            if cost < best:
+                best = cost
+                motion[:] = trial
+        for _ in range(ROUNDS):
+            _accumulate(
+                tracks, first, last, centres[part], motion, views, rotation, normal, gradient, result, part
+            )
+            for i in range(6):
+                normal[i, i] += priors[i]
+                gradient[i] -= priors[i] * (motion[i] - expected[i])
+            step[:] = np.linalg.solve(normal, gradient)
+            trial[:3] = step[:3]
+            rotation_of(trial[:3], turn)
+            vector_of(turn @ rotation, motion[:3])
+            motion[3:] += step[3:]
+            if np.abs(step).max() < SETTLED:
+                break
+        _accumulate(
+            tracks, first, last, centres[part], motion, views, rotation, normal, gradient, result, part
+        )
+        for i in range(6):
+            normal[i, i] += priors[i]
+        result.covariances[part] = np.linalg.inv(normal) * max(1.0, result.spreads[part] ** 2)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _accumulate(tracks, first, last, centre, motion, views, rotation, normal, gradient, result, part):
+    """Normal equations of one part at a motion; returns the cost, notes what agrees."""
+    rotation_of(motion[:3], rotation)
+    normal[:], gradient[:] = 0.0, 0.0
+    arm, ahead, residual, rows = np.empty(3), np.empty(3), np.empty(2), np.empty((2, 6))
+    cost, square, agreeing = 0.0, 0.0, 0
+    for n in range(first, last):
+        view, point = views[tracks.cameras[n]], tracks.points[n]
+        for i in range(3):
+            arm[i] = 0.0
+            for k in range(3):
+                arm[i] += rotation[i, k] * (point[k] - centre[k])
+        for i in range(3):
+            ahead[i] = view[i, 3]
+            for k in range(3):
+                ahead[i] += view[i, k] * (centre[k] + motion[3 + k] + arm[k])
+        if ahead[2] < 1e-3:
+            continue
+        for i in range(2):
+            slope = ahead[i] / ahead[2]
+            residual[i] = tracks.targets[n, i] - slope
+            for k in range(3):
+                rows[i, 3 + k] = (view[i, k] - slope * view[2, k]) / ahead[2]
+            # d/d omega of (omega x arm) . row = (arm x row) . omega
+            rows[i, 0] = arm[1] * rows[i, 5] - arm[2] * rows[i, 4]
+            rows[i, 1] = arm[2] * rows[i, 3] - arm[0] * rows[i, 5]
+            rows[i, 2] = arm[0] * rows[i, 4] - arm[1] * rows[i, 3]
+        a, b, c = tracks.information[n, 0], tracks.information[n, 1], tracks.information[n, 2]
+        whitened = a * residual[0] ** 2 + 2.0 * b * residual[0] * residual[1] + c * residual[1] ** 2
+        growth = noise_growth(whitened, SOFTNESS)
+        cost += np.log(growth)
+        other = noise_growth(tracks.others[n], SOFTNESS)
+        growth *= max(1.0, 0.5 * (1.0 + (growth / other) ** 2))  # it is rather on something else
+        if whitened < AGREES:
+            agreeing += 1
+            square += 0.5 * whitened
+        a, b, c = a / growth, b / growth, c / growth
+        for i in range(6):
+            along, across = a * rows[0, i] + b * rows[1, i], b * rows[0, i] + c * rows[1, i]
+            gradient[i] += along * residual[0] + across * residual[1]
+            for k in range(6):
+                normal[i, k] += along * rows[0, k] + across * rows[1, k]
+    result.agreeing[part] = agreeing
+    result.spreads[part] = np.sqrt(square / max(agreeing, 1))
+    return cost
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def misses(tracks, first, last, centre, motion, views, least):
+    """least (N,) becomes at most the squared standard deviations by which tracks miss a motion (6,)."""
+    rotation, ahead = np.empty((3, 3)), np.empty(3)
+    rotation_of(motion[:3], rotation)
+    for n in range(first, last):
+        view, point = views[tracks.cameras[n]], tracks.points[n]
+        for i in range(3):
+            ahead[i] = view[i, 3]
+            for k in range(3):
+                place = centre[k] + motion[3 + k]
+                for m in range(3):
+                    place += rotation[k, m] * (point[m] - centre[m])
+                ahead[i] += view[i, k] * place
+        if ahead[2] < 1e-3:
+            continue
+        x = tracks.targets[n, 0] - ahead[0] / ahead[2]
+        y = tracks.targets[n, 1] - ahead[1] / ahead[2]
+        information = tracks.information[n]
+        missed = information[0] * x * x + 2.0 * information[1] * x * y + information[2] * y * y
+        least[n] = min(least[n], missed)

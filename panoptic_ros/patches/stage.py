@@ -1,0 +1,200 @@
+"""The stage: 2D tracks and tracked skeletons in, motions of parts and patches of the surface out."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+
+from panoptic_ros.domain import (
+    JointState,
+    PartMotions,
+    PatchTracks,
+    PatchTrajectories,
+    TrackedPoseSet,
+    ViewSources,
+)
+from panoptic_ros.domain.parts import rigid_parts
+from panoptic_ros.errors import DataError
+from panoptic_ros.patches.carried import Carried
+from panoptic_ros.patches.config import PatchesConfig
+from panoptic_ros.patches.motions import Lifted, PartTracker, expectation, no_motions
+from panoptic_ros.patches.surface import Surface, moved, no_surface, seeded
+from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.state import Stateful, StateLayout
+
+Array = np.ndarray
+KEPT = 16  # newest tracks of a camera that wait for their instant
+LONGEST_NS = 500_000_000  # between two instants, over which nothing is followed
+SILENT = 25  # instants with people but without tracks, after which that is said
+
+
+class PatchesStage(Stateful):
+    """Motions of people's parts, and patches of their surface, for each set of skeletons.
+
+    Skeletons must name their 2D people (`TrackedPoseSet.sources`): these tie them to 2D tracks.
+    """
+
+    LAYOUT = StateLayout(
+        "patches", "_tracks _people _before _last _surface _next _silent".split(),
+        (PatchTracks, TrackedPoseSet, ViewSources, Carried, PartMotions, Surface),
+        same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash"},
+    )  # fmt: skip
+
+    def __init__(self, config: PatchesConfig, context: StageContext):
+        self._config, self._skeleton, self._hash = config, context.skeleton, context.skeleton.hash
+        self._names = context.rig.names
+        self._parts = rigid_parts(context.skeleton)
+        self._tracker = PartTracker(config, context.rig, context.skeleton, self._parts)
+        self._most = np.array([config.per_part * (1 + (part.name == "torso")) for part in self._parts])
+        self.reset()
+        for example in _examples(context):
+            self.step(example)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everybody."""
+        self._tracks: dict[str, deque[PatchTracks]] = {}
+        self._people: dict[int, Carried] = {}
+        self._before: TrackedPoseSet | None = None
+        self._last = no_motions()
+        self._surface = no_surface(len(self._names))
+        self._next = 0
+        self._silent = 0
+
+    def flush(self) -> StepResult[PatchTrajectories]:
+        """Nothing is buffered."""
+        self.reset()
+        return StepResult()
+
+    def step(self, item: PatchTracks | TrackedPoseSet) -> StepResult[PatchTrajectories]:
+        """Patches of a set of skeletons; takes the 2D tracks of its views before it.
+
+        Raises:
+            DataError: if the record is of another skeleton, or of a camera that the rig does not have.
+        """
+        if item.skeleton_hash != self._hash:
+            what = "2D tracks" if isinstance(item, PatchTracks) else "skeletons"
+            raise DataError(f"{what} of skeleton {item.skeleton_hash}, but patches work on {self._hash}")
+        if isinstance(item, PatchTracks):
+            if item.camera not in self._names:
+                raise DataError(f"2D tracks of camera {item.camera}, which is not in the rig")
+            self._tracks.setdefault(item.camera, deque(maxlen=KEPT)).append(item)
+            return StepResult()
+        before = self._before
+        if before is not None and item.stamp_ns <= before.stamp_ns:
+            text = f"a set of stamp {item.stamp_ns} came after one of {before.stamp_ns}; it was dropped"
+            return StepResult(notices=(Notice("patches.old_stamp", "warning", text),))
+        tracks = self._tracks_of(item)
+        if before is None or item.stamp_ns - before.stamp_ns > LONGEST_NS:
+            self._begin_anew(item)
+        else:
+            self._follow(before, item, tracks)
+        self._before = item
+        return StepResult((self._record(before or item, item),), self._silence(item, tracks))
+
+    def _tracks_of(self, item: TrackedPoseSet) -> dict[str, PatchTracks]:
+        """The 2D tracks of the views of an instant; these and older ones are taken out."""
+        found = {}
+        sources = item.sources
+        views = () if sources is None else zip(sources.cameras, sources.frames.tolist())
+        for camera, frame in views:
+            waiting = self._tracks.get(camera, deque())
+            while waiting and waiting[0].frame_number <= frame:
+                oldest = waiting.popleft()
+                if oldest.frame_number == frame:
+                    found[camera] = oldest
+        return found
+
+    def _begin_anew(self, item: TrackedPoseSet) -> None:
+        self._people = {
+            number: Carried.measured(points) for number, points in zip(item.ids.tolist(), item.positions)
+        }
+        self._last, self._surface = no_motions(), no_surface(len(self._names))
+
+    def _follow(self, before: TrackedPoseSet, item: TrackedPoseSet, tracks: dict[str, PatchTracks]) -> None:
+        """Everybody from the instant before to this one."""
+        dt, config = 1e-9 * (item.stamp_ns - before.stamp_ns), self._config
+        lifted = self._tracker.lifted(before, dt, self._people, tracks)
+        measured = dict(zip(item.ids.tolist(), item.positions))
+        self._last = self._tracker.motions(lifted, self._expected(measured, lifted), self._last)
+        self._carry(measured, dt)
+        surface = moved(self._surface, self._last, lifted, config.life, self._tracker.views)
+        new = seeded(surface, self._last, lifted, self._most, self._next)
+        self._next += len(new.ids) - len(surface.ids)
+        self._surface = new
+
+    def _expected(self, measured: dict[int, Array], lifted: Lifted) -> dict[tuple[int, int], Array]:
+        """How skeletons say that parts moved."""
+        found = {}
+        for person, part in lifted.keys:
+            if person in measured:
+                moves = expectation(self._parts[part], self._people[person].positions, measured[person])
+                if moves is not None:
+                    found[person, part] = moves
+        return found
+
+    def _carry(self, measured: dict[int, Array], dt: float) -> None:
+        """Move all skeletons, and forget who is gone."""
+        motions: dict[int, dict[int, tuple[Array, Array]]] = {}
+        last = self._last
+        both = np.concatenate([last.rotations, last.translations], axis=1)
+        for person, part, centre, motion in zip(
+            last.people.tolist(), last.parts.tolist(), last.centres, both
+        ):
+            motions.setdefault(person, {})[part] = centre, motion
+        nothing = np.full((len(self._skeleton), 3), np.nan)
+        for person, carried in self._people.items():
+            shift = carried.displacements(self._parts, motions.get(person, {}))
+            carried.take(shift, measured.get(person, nothing), dt, self._config.carry)
+        self._people = {
+            person: carried
+            for person, carried in self._people.items()
+            if np.isfinite(carried.positions).any()
+        }
+        for person in measured.keys() - self._people.keys():
+            self._people[person] = Carried.measured(measured[person])
+
+    def _record(self, before: TrackedPoseSet, item: TrackedPoseSet) -> PatchTrajectories:
+        own = self._surface
+        return PatchTrajectories(
+            item.index, item.stamp_ns, before.stamp_ns, self._hash, own.ids, own.ages, own.people, own.parts,
+            own.positions, own.normals, own.sigmas, self._names, own.visible, self._last,
+            np.zeros((0, 2), np.int64),
+        )  # fmt: skip
+
+    def _silence(self, item: TrackedPoseSet, tracks: dict[str, PatchTracks]) -> tuple[Notice, ...]:
+        """A notice when people have no 2D tracks for long, and when these come back; once each time."""
+        if not len(item.ids):
+            return ()
+        if tracks:
+            was, self._silent = self._silent, 0
+            return (Notice("patches.tracks_back", "info", "2D tracks come again"),) if was >= SILENT else ()
+        self._silent = min(self._silent + 1, SILENT + 1)
+        if self._silent != SILENT:
+            return ()
+        text = "no camera gives 2D tracks: motion is not measured; do images come, and does flow run?"
+        return (Notice("patches.no_tracks", "warning", text),)
+
+
+def _examples(context: StageContext) -> Iterator[PatchTracks | TrackedPoseSet]:
+    """A few instants of somebody in front of the first camera, and tracks on him: all kernels."""
+    camera, skeleton = context.rig.cameras[0], context.skeleton
+    count, rng = len(skeleton), np.random.default_rng(0)
+    around = np.array([[0.0, 0.0, 3.0]]) + 0.3 * rng.uniform(-1.0, 1.0, (count, 3))
+    joints = (around - camera.cam_from_world.translation) @ camera.cam_from_world.rotation
+    ones, eyes = np.ones((1, count)), np.tile(1e-4 * np.eye(3), (1, count, 1, 1))
+    middle = np.array(camera.image_size) / 2.0
+    for index in range(3):
+        if index:
+            begins = middle + rng.uniform(-60.0, 60.0, (200, 2))
+            yield PatchTracks(
+                camera.name, index * 40_000_000, index, (index - 1) * 40_000_000, index - 1, skeleton.hash,
+                begins, begins, np.tile([4.0, 0.0, 4.0], (200, 1)), np.zeros(200), np.arange(200) % 8,
+            )  # fmt: skip
+        yield TrackedPoseSet(
+            index, index * 40_000_000, skeleton.hash, joints[None], eyes, ones, ones,
+            JointState.MEASURED * ones, np.ones(1), ids=np.zeros(1, np.int64),
+            sources=ViewSources((camera.name,), np.array([index]), np.zeros((1, 1))),
+        )  # fmt: skip

@@ -1,0 +1,145 @@
+"""Displacements between instants against conditioning of one large Gaussian."""
+
+import captures
+import numpy as np
+import patch_scene
+import pytest
+
+from panoptic_ros.domain import JointState, PartMotions, TrackedPoseSet
+from panoptic_ros.domain.parts import rigid_parts
+from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.refinement.links import Links, links_of, predict_linked
+from panoptic_ros.refinement.records import Motion
+
+DT, NOISE = 0.04, 3.0
+PARTS = [list(part.joints) for part in rigid_parts(captures.SKELETON)]
+
+
+def spread(rng, size, scale):
+    root = rng.normal(size=(size, size))
+    return scale * (root @ root.T + np.eye(size))
+
+
+def test_a_displacement_conditions_both_states_exactly():
+    rng = np.random.default_rng(1)
+    state, cov = rng.normal(size=6), spread(rng, 6, 1e-3)
+    moved, own = DT * state[3:] + 0.01 * rng.normal(size=3), spread(rng, 3, 1e-5)
+    motion = Motion(state[None, None].copy(), cov[None, None].copy())
+    ahead, gains = Motion(np.zeros((1, 1, 6)), np.zeros((1, 1, 6, 6))), np.zeros((1, 1, 6, 6))
+    links = Links(moved[None, None], own[None, None])
+    predict_linked(motion, DT, np.full((1, 1), NOISE), links, 1e9, ahead, gains)
+    forward = np.eye(6)
+    forward[:3, 3:] = DT * np.eye(3)
+    process = NOISE * np.kron(np.array([[DT**3 / 3, DT**2 / 2], [DT**2 / 2, DT]]), np.eye(3))
+    whole = np.block([[cov, cov @ forward.T], [forward @ cov, forward @ cov @ forward.T + process]])
+    mean = np.concatenate([state, forward @ state])
+    rows = np.zeros((3, 12))
+    rows[:, :3], rows[:, 6:9] = -np.eye(3), np.eye(3)
+    gain = whole @ rows.T @ np.linalg.inv(rows @ whole @ rows.T + own)
+    mean, whole = mean + gain @ (moved - rows @ mean), whole - gain @ rows @ whole
+    assert motion.states[0, 0] == pytest.approx(mean[:6], abs=1e-10)
+    assert motion.covariances[0, 0] == pytest.approx(whole[:6, :6], abs=1e-12)
+    assert ahead.states[0, 0] == pytest.approx(mean[6:], abs=1e-10)
+    assert ahead.covariances[0, 0] == pytest.approx(whole[6:, 6:], abs=1e-12)
+    backward = whole[:6, 6:] @ np.linalg.inv(whole[6:, 6:])
+    assert gains[0, 0].T == pytest.approx(backward, abs=1e-6)
+
+
+def motions(rng, parts, people=(7,)):
+    keys = [(person, part) for person in people for part in parts]
+    count = len(keys)
+    return PartMotions(
+        [key[0] for key in keys], [key[1] for key in keys], rng.normal(size=(count, 3)),
+        0.3 * rng.normal(size=(count, 3)), 0.02 * rng.normal(size=(count, 3)),
+        np.array([spread(rng, 6, 1e-6) for _ in keys]), np.full(count, 20), np.ones(count),
+    )  # fmt: skip
+
+
+def test_joints_of_one_part_move_as_it_says():
+    rng = np.random.default_rng(2)
+    forearm = next(k for k, part in enumerate(rigid_parts(captures.SKELETON)) if part.name == "lElbow-lWrist")
+    given, states = motions(rng, [forearm]), rng.normal(size=(1, 19, 6))
+    links = links_of(given, PARTS, np.array([7]), states)
+    vector = given.rotations[0]
+    angle = np.linalg.norm(vector)
+    k = np.cross(np.eye(3), vector / angle)
+    rotation = np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+    for joint in PARTS[forearm]:
+        place = states[0, joint, :3]
+        after = given.centres[0] + given.translations[0] + rotation @ (place - given.centres[0])
+        assert links.displacements[0, joint] == pytest.approx(after - place, abs=1e-12)
+        arm = rotation @ (place - given.centres[0])
+        jacobian = np.hstack([-np.cross(np.eye(3), arm), np.eye(3)])
+        expected = jacobian @ given.covariances[0] @ jacobian.T
+        assert links.spreads[0, joint] == pytest.approx(expected, rel=1e-6, abs=1e-15)
+    others = [joint for joint in range(19) if joint not in PARTS[forearm]]
+    assert np.isnan(links.displacements[0, others]).all()
+
+
+def test_two_parts_are_averaged_by_their_information():
+    rng = np.random.default_rng(3)
+    names = [part.name for part in rigid_parts(captures.SKELETON)]
+    arm, forearm = names.index("lShoulder-lElbow"), names.index("lElbow-lWrist")
+    elbow = captures.SKELETON.joint("lElbow")
+    both, states = motions(rng, [arm, forearm]), rng.normal(size=(1, 19, 6))
+    rows = [PartMotions(*(getattr(both, name)[k : k + 1] for name in both.__slots__)) for k in (0, 1)]
+    alone = [links_of(row, PARTS, np.array([7]), states) for row in rows]
+    inverses = [np.linalg.inv(each.spreads[0, elbow]) for each in alone]
+    total = np.linalg.inv(sum(inverses))
+    mean = total @ sum(i @ each.displacements[0, elbow] for i, each in zip(inverses, alone))
+    links = links_of(both, PARTS, np.array([7]), states)
+    assert links.displacements[0, elbow] == pytest.approx(mean, abs=1e-9)
+    assert links.spreads[0, elbow] == pytest.approx(total, rel=1e-6, abs=1e-15)
+
+
+def test_nothing_is_said_of_strangers():
+    rng = np.random.default_rng(4)
+    assert links_of(motions(rng, [0], people=(9,)), PARTS, np.array([7]), rng.normal(size=(1, 19, 6))) is None
+
+
+# ------------------------------------------------------------------ what they are worth
+
+
+def refined(items, lag):
+    stage = make_stage("refinement", configure({"refinement": {"lag": lag, "bone_sigma": 0.0}})["refinement"],
+                       captures.CONTEXT)  # fmt: skip
+    return [output for item in items for output in stage.step(item).outputs] + list(stage.flush().outputs)
+
+
+def noisy(count, noise, hidden=(), joint="lWrist"):
+    """With the motion of the surface, and without; truth (count, 19, 3)."""
+    surface = make_stage("patches", configure({"patches": {"active": True}})["patches"], captures.CONTEXT)
+    with_motion, without, truth = [], [], []
+    for item in patch_scene.recording(count, angle=0.15, noise_px=0.3):
+        if isinstance(item, TrackedPoseSet):
+            truth.append(item.positions[0])
+            gone = [captures.SKELETON.joint(joint)] if item.index in hidden else []
+            item = patch_scene.skeletons(item.index, item.positions[0], noise, gone)
+            without.append(item)
+        given = surface.step(item).outputs
+        with_motion += [*given, *([item] if isinstance(item, TrackedPoseSet) else [])]
+    return with_motion, without, np.array(truth)
+
+
+def test_measured_motion_takes_noise_away_and_no_motion():
+    with_motion, without, truth = noisy(24, 0.015)
+    errors = [
+        np.linalg.norm(np.array([item.positions[0] for item in refined(items, 0.2)]) - truth, axis=2)[
+            6:
+        ].mean()
+        for items in (with_motion, without)
+    ]
+    assert errors[0] < 0.6 * errors[1]
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.5])
+def test_a_gap_is_filled_where_the_surface_shows_the_motion(lag):
+    """Half a second of a wrist in a curve."""
+    hidden = range(8, 21)
+    with_motion, without, truth = noisy(26, 0.002, hidden)
+    wrist = captures.SKELETON.joint("lWrist")
+    filled = refined(with_motion, lag)[8:21]
+    assert all(item.states[0, wrist] in (JointState.PREDICTED, JointState.FILLED) for item in filled)
+    errors = [np.linalg.norm(item.positions[0, wrist] - truth[k, wrist]) for k, item in zip(hidden, filled)]
+    assert np.mean(errors) < 0.02
+    assert any(item.states[0, wrist] == JointState.MISSING for item in refined(without, lag)[8:21])
