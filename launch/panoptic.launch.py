@@ -15,7 +15,7 @@ from launch_ros.actions import Node
 
 from panoptic_ros.capture import depth_files, open_capture_folder
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.build import configure, switched_on, with_shared
+from panoptic_ros.graph.build import configure, ports_in_use, switched_on, with_shared
 from panoptic_ros.graph.nodes import AFTER_DETECTION, CHAIN, NODES, SLOW, SOUND
 from panoptic_ros.graph.topics import TOPICS, given_inputs, ros_name
 from panoptic_ros.graph.wiring import Wiring
@@ -81,7 +81,8 @@ def start_graph(context):
     if given["node_per_stage"] == "true":
         together = []
     marked = flow == "replay" and bool(Wiring(chain).heads) and len(chain) > len(together) + 1
-    shared = {"flow": flow, "cameras": list(sources), "graph": list(chain), "marked": marked}
+    graph = [*chain, *ports_in_use({name: configs[name] for name in chain})]
+    shared = {"flow": flow, "cameras": list(sources), "graph": graph, "marked": marked}
     for name in chain:
         own = {**shared, **settings.get(name, {})}
         if name in together:
@@ -91,6 +92,8 @@ def start_graph(context):
         if name == "detection":
             images = {"compressed_image": list(sources), "depth": depths}
             own |= {"model": given["model"], **given_inputs(images)}
+        if name == "flow":
+            own |= given_inputs({"compressed_image": list(sources)})
         actions.append(start(name, name, own))
     if together:
         own = {f"{name}.{key}": value for name in together for key, value in settings.get(name, {}).items()}

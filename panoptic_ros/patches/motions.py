@@ -15,6 +15,7 @@ from panoptic_ros.patches.carried import Carried
 from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.patches.lifting import Capsules, axes, lift
 from panoptic_ros.patches.rigid import Bodies, Solved, Tracks, misses, solved, unsolved
+from panoptic_ros.patches.ties import Ties
 
 Array = np.ndarray
 ODD_INTERVAL = 0.5  # share by which the images of a view may be further apart than the instants
@@ -39,6 +40,7 @@ class PartTracker:
         poses = [camera.cam_from_world for camera in rig.cameras]
         self.views = np.array([np.column_stack([pose.rotation, pose.translation]) for pose in poses])
         self.origins = np.array([-pose.rotation.T @ pose.translation for pose in poses]).reshape(-1, 3)
+        self._ties = Ties(parts)
         turn, move = config.turn_sigma, config.move_sigma
         self._spread = np.array([turn, turn, turn, move, move, move])
 
@@ -136,13 +138,14 @@ class PartTracker:
         return result
 
     def motions(
-        self, lifted: Lifted, expected: Mapping[tuple[int, int], Array], last: PartMotions
-    ) -> PartMotions:
+        self, lifted: Lifted, expected: Mapping[tuple[int, int], Array], bodies: Mapping[int, Carried],
+        last: PartMotions,
+    ) -> PartMotions:  # fmt: skip
         """Motions of the parts that enough tracks agree on.
 
         Args:
             expected: (3,) rotation and, of the middle of its axis, place before (3,) and after (3,), by key.
-            last: motions before, which may go on.
+            bodies: skeletons before, by id. last: motions before, which may go on.
         """
         count = len(lifted.keys)
         starts = np.searchsorted(lifted.groups, np.arange(count + 1))
@@ -171,6 +174,9 @@ class PartTracker:
             covariances[:, range(6)[block], range(6)[block]] += own[:, None]
         people = np.array([key[0] for key in lifted.keys], np.int64).reshape(-1)[kept]
         parts = np.array([key[1] for key in lifted.keys], np.int32).reshape(-1)[kept]
+        for person in dict.fromkeys(people.tolist()):
+            rows = {int(parts[row]): row for row in np.flatnonzero(people == person).tolist()}
+            self._ties.correct(rows, bodies[person].positions, centres[kept], motions, covariances)
         return PartMotions(
             people, parts, centres[kept], motions[:, :3], motions[:, 3:], covariances, result.agreeing[kept],
             result.spreads[kept],

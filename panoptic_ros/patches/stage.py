@@ -118,7 +118,9 @@ class PatchesStage(Stateful):
         dt, config = 1e-9 * (item.stamp_ns - before.stamp_ns), self._config
         lifted = self._tracker.lifted(before, dt, self._people, tracks)
         measured = dict(zip(item.ids.tolist(), item.positions))
-        self._last = self._tracker.motions(lifted, self._expected(measured, lifted), self._last)
+        self._last = self._tracker.motions(
+            lifted, self._expected(measured, lifted), self._people, self._last
+        )
         self._carry(measured, dt)
         surface = moved(self._surface, self._last, lifted, config.life, self._tracker.views)
         new = seeded(surface, self._last, lifted, self._most, self._next)

@@ -100,7 +100,7 @@ def test_devices_start_every_stage_and_one_node_per_camera(
     assert nodes["timecode"]["devices"] == ["recorder"]
     assert {item["flow"] for name, item in nodes.items() if name != "rig"} == {"live"}
     nodes = _nodes(launch_file, rig=str(rig_file), devices=devices, audio="recorder", node_per_stage="true")
-    assert set(nodes) == {*around, *(set(NODES) - {"offsets"})}  # which is off unless a parameter says so
+    assert set(nodes) == {*around, *(set(NODES) - {"offsets", "flow", "patches"})}  # which parameters turn on
 
 
 def test_every_executable_is_one_that_the_package_installs(
