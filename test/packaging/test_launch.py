@@ -86,6 +86,9 @@ def test_it_imports_nothing_that_a_jazzy_workspace_lacks() -> None:
     assert modules <= {"functools", "pathlib", "launch", "launch_ros", "panoptic_ros", "yaml"}
 
 
+OFF = {"offsets", "kinematics", "flow", "patches"}  # unless parameters say otherwise
+
+
 def test_devices_start_every_stage_and_one_node_per_camera(
     launch_file: dict[str, Any], rig_file: Path
 ) -> None:
@@ -100,7 +103,7 @@ def test_devices_start_every_stage_and_one_node_per_camera(
     assert nodes["timecode"]["devices"] == ["recorder"]
     assert {item["flow"] for name, item in nodes.items() if name != "rig"} == {"live"}
     nodes = _nodes(launch_file, rig=str(rig_file), devices=devices, audio="recorder", node_per_stage="true")
-    assert set(nodes) == {*around, *(set(NODES) - {"offsets", "flow", "patches"})}  # which parameters turn on
+    assert set(nodes) == {*around, *(set(NODES) - OFF)}
 
 
 def test_every_executable_is_one_that_the_package_installs(
