@@ -11,7 +11,7 @@ from typing import Literal
 SECOND = 1_000_000_000
 LEAST_AHEAD_NS = SECOND // 2  # beyond the time that has gone by
 FASTER = 1.5  # stamps may go by this much faster than the clock, e.g. while a backlog comes
-GONE_NS = SECOND  # without a good record, after which another time line may be the right one
+GONE_NS = SECOND  # without a good record, and of records that agree: then another time line is right
 SLOWEST_NS = 5 * SECOND  # between stamps that can be of one time line
 SURE = 5  # records in a row that agree with each other make it certain
 OLD_NS = 60 * SECOND  # a copy of what came long ago, not a clock that was set back
@@ -32,6 +32,7 @@ class Continuity:
     _other: int = 0  # the newest stamp of what may be another time line
     _agreeing: int = 0
     _longest: int = 0  # step between these
+    _since_ns: int = 0  # when the first of them came
     _pace: int = 0  # the longest step of what was found to be another time line
 
     def judge(self, stamp_ns: int, now_ns: int) -> Verdict:
@@ -41,7 +42,7 @@ class Continuity:
         step, farthest = stamp_ns - self._newest, self._farthest(now_ns - self._used_ns)
         if 0 < step <= farthest:
             return ""
-        if now_ns - self._used_ns >= GONE_NS and self._is_other(stamp_ns):
+        if self._is_other(stamp_ns, now_ns) and now_ns - self._used_ns >= GONE_NS:
             return ""
         return "stale" if -OLD_NS < step <= 0 else "odd_stamp"
 
@@ -49,16 +50,16 @@ class Continuity:
         """A record with this stamp was good, and is the newest now."""
         self._newest, self._used_ns, self._agreeing = stamp_ns, now_ns, 0
 
-    def _is_other(self, stamp_ns: int) -> bool:
-        """Whether enough records one after another are of another time line."""
+    def _is_other(self, stamp_ns: int, now_ns: int) -> bool:
+        """Whether enough records one after another, for long enough, are of another time line."""
         step = stamp_ns - self._other
         if self._agreeing and 0 < step <= SLOWEST_NS:
             self._agreeing += 1
             self._longest = max(self._longest, step)
         elif not self._agreeing or stamp_ns != self._other:
-            self._agreeing, self._longest = 1, 0
+            self._agreeing, self._longest, self._since_ns = 1, 0, now_ns
         self._other = stamp_ns
-        if self._agreeing < SURE:
+        if self._agreeing < SURE or now_ns - self._since_ns < GONE_NS:
             return False
         self._pace = self._longest
         return True

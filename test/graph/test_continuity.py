@@ -78,3 +78,13 @@ def test_a_slow_recording_that_is_played_faster_is_taken_once_it_is_certain(rate
             gate.used(BEGIN + k * step, now)
     assert set(verdicts[-40:]) == {""}
     assert gate.judge(BEGIN + 60 * step + 60 * SECOND, round(60 * step / faster)) == "odd_stamp"
+
+
+def test_copies_of_a_stretch_of_old_messages_never_take_over():
+    gate, k = running()
+    now = k * PERIOD + 2 * SECOND  # nothing good for so long, as after a moment without a processor
+    copies = [BEGIN + n * PERIOD for n in range(k - 9, k)]
+    for n in range(20_000):  # eight seconds of 2400 a second
+        assert gate.judge(copies[n % 8], now + n * SECOND // 2400) == "stale"
+    now += 9 * SECOND
+    assert gate.judge(BEGIN + now, now) == ""
