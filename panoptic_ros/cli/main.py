@@ -31,6 +31,7 @@ VERBS: dict[str, str] = {
     "replay": "a bag onto the live graph, from any stage's topic, at any rate",
     "bag": "save what is whole in a cut bag, bring an older version's bag up to date",
     "bias": "measure the constant biases of a detector's joints against a reference",
+    "prior": "train what poses look like, from recorded motion",
     "models": "list, fetch and check pose models",
     "warm-up": "compile everything ahead, so that nothing waits for it later",
     "config": "show all parameters, write the generated files",

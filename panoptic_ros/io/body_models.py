@@ -48,8 +48,11 @@ def read_prior(name: str = "") -> PoseStatistics:
     return PoseStatistics(*(np.ascontiguousarray(a, np.float64) for a in (mean, components, deviations)))
 
 
-def read_clips() -> dict[str, Clip]:
-    """Recorded motions that are installed, see NOTICE for where they are from."""
-    path = share_folder() / "config" / "bodies" / MOTION
+def read_clips(path: Path | None = None) -> dict[str, Clip]:
+    """Recorded motions of our skeleton in a file; none if it has other things. None = those installed, see
+    NOTICE for where they are from."""
+    path = path or share_folder() / "config" / "bodies" / MOTION
     with file_errors(path, "read"), np.load(path) as found:
-        return clips_of(dict(found))
+        arrays = dict(found)
+    ours = "clips" in arrays and all(f"vectors_{name}" in arrays for name in arrays["clips"])
+    return clips_of(arrays) if ours else {}

@@ -1,0 +1,33 @@
+"""`panoptic prior train MOTION ... --out FILE`: what poses look like, from recorded motion."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from panoptic_ros.view.progress import PassBar
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("action", choices=("train",), help="from motion to a pose prior")
+    parser.add_argument(
+        "motion", type=Path, nargs="+", help=".bvh, .npz of clips, or kinematics.json.gz of our own"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="prior (.npz) to write")
+    parser.add_argument(
+        "--leave-out", action="append", default=[], metavar="NAME", help="clip that is not used; repeatable"
+    )
+    parser.add_argument(
+        "--unit", type=float, default=0.01, metavar="M", help="of BVH files, m (default 0.01)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train, write, and print what on."""
+    from panoptic_ros.running.prior_training import train_from_files  # only now: --help must be quick
+
+    with PassBar("prior") as bar:
+        lines = train_from_files(args.motion, args.out, args.leave_out, args.unit, bar.show)
+    print("\n".join(lines))
+    return 0

@@ -1,0 +1,162 @@
+"""Recorded motion of joints in files: BVH, and arrays of clips (.npz), in metres with z up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import file_errors, read_bytes, read_yaml
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.kinematics.fitting import Site
+
+Array = np.ndarray
+ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
+
+
+class JointMotion(NamedTuple):
+    """Joints (T, J, 3) of one person, by name, at a rate in Hz."""
+
+    name: str
+    joint_names: tuple[str, ...]
+    joints: Array
+    rate: float
+
+
+def read_clip_arrays(path: Path) -> list[JointMotion]:
+    """Clips of an .npz: `clips` (names), `joint_names`, `fps`, and `clip_<name>` (T, J, 3) m, z up.
+
+    Raises:
+        DataError: if these are not there.
+    """
+    with file_errors(path, "read"), np.load(path) as found:
+        try:
+            names = tuple(str(name) for name in found["joint_names"])
+            return [
+                JointMotion(str(clip), names, found[f"clip_{clip}"].astype(float), float(found["fps"]))
+                for clip in found["clips"]
+            ]
+        except KeyError as error:
+            raise DataError(f"{path} has no clips of joints: {error}") from None
+
+
+def read_bvh(path: Path, unit: float) -> JointMotion:
+    """Joints of a BVH file, whose y is up as usual.
+
+    Args:
+        unit: of the file, m.
+
+    Raises:
+        DataError: naming the file and what is wrong.
+    """
+    words = iter(read_bytes(path).decode("utf-8", "replace").split())
+    try:
+        names, parents, offsets, channels = _hierarchy(words)
+        _expect(words, "MOTION", "Frames:")
+        count = int(next(words))
+        _expect(words, "Frame", "Time:")
+        period = float(next(words))
+        values = np.array([float(word) for word in words])
+        table = values.reshape(count, sum(len(own) for own in channels))
+    except (StopIteration, ValueError, IndexError) as error:
+        raise DataError(f"{path} is no BVH file that is whole: {error!r}") from None
+    if period <= 0.0 or not np.isfinite(table).all():
+        raise DataError(f"{path}: frames of {period} s or numbers that are none")
+    places = _placed(parents, np.array(offsets), channels, table)
+    upright = np.stack([places[..., 2], places[..., 0], places[..., 1]], axis=-1)
+    return JointMotion(path.stem, tuple(names), unit * upright, 1.0 / period)
+
+
+def read_sites(model: SegmentModel) -> dict[str, Site]:
+    """Where joints of recorded motion lie on the skeleton, by their plain names, see `plain`."""
+    table: dict[str, Any] = dict(read_yaml(share_folder() / "config" / "bodies" / "motion_joints.yaml"))
+    found: dict[str, Site] = {}
+    for rows in (table.pop("ends"), table):
+        for segment, row in rows.items():
+            share = np.array(row.get("offset", (0.0, 0.0, 0.0)), float)
+            found |= {plain(name): Site(model.index(segment), share) for name in row["names"]}
+    return found
+
+
+def plain(name: str) -> str:
+    """A joint's name without prefix, case and spaces."""
+    return name.rpartition(":")[2].lower().replace(" ", "")
+
+
+def _hierarchy(words: Iterator[str]) -> tuple[list[str], list[int], list[list[float]], list[list[str]]]:
+    names: list[str] = []
+    parents: list[int] = []
+    offsets: list[list[float]] = []
+    channels: list[list[str]] = []
+    above: list[int] = []
+    _expect(words, "HIERARCHY")
+    for word in words:
+        if word in ("ROOT", "JOINT", "End"):
+            name = next(words)
+            names.append(f"{names[above[-1]]} end" if word == "End" else name)
+            parents.append(above[-1] if above else -1)
+            offsets.append([0.0, 0.0, 0.0])
+            channels.append([])
+        elif word == "{":
+            above.append(len(names) - 1)
+        elif word == "OFFSET":
+            offsets[above[-1]] = [float(next(words)) for _ in range(3)]
+        elif word == "CHANNELS":
+            channels[above[-1]] = [next(words) for _ in range(int(next(words)))]
+        elif word == "}":
+            above.pop()
+            if not above:
+                break
+        else:
+            raise ValueError(word)
+    return names, parents, offsets, channels
+
+
+def _expect(words: Iterator[str], *wanted: str) -> None:
+    for want in wanted:
+        word = next(words)
+        if word != want:
+            raise ValueError(f"{word} in place of {want}")
+
+
+def _placed(parents: list[int], offsets: Array, channels: list[list[str]], table: Array) -> Array:
+    """Joints (T, J, 3) in the axes and unit of the file."""
+    count = len(table)
+    places, frames = np.zeros((count, len(parents), 3)), np.zeros((count, len(parents), 3, 3))
+    column = 0
+    for k, parent in enumerate(parents):
+        local, turned = np.tile(offsets[k], (count, 1)), np.tile(np.eye(3), (count, 1, 1))
+        for channel in channels[k]:
+            if channel in ROTATIONS:
+                turned = turned @ _about(ROTATIONS.index(channel), np.radians(table[:, column]))
+            else:
+                local[:, "XYZ".index(channel[0])] = table[:, column]
+            column += 1
+        if parent < 0:
+            places[:, k], frames[:, k] = local, turned
+        else:
+            places[:, k] = places[:, parent] + (frames[:, parent] @ local[..., None])[..., 0]
+            frames[:, k] = frames[:, parent] @ turned
+    return places
+
+
+def _about(axis: int, angles: Array) -> Array:
+    """Rotations (T, 3, 3) about an axis."""
+    found = np.zeros((len(angles), 3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    found[:, axis, axis] = 1.0
+    found[:, i, i] = found[:, j, j] = np.cos(angles)
+    found[:, j, i] = np.sin(angles)
+    found[:, i, j] = -np.sin(angles)
+    return found
+
+
+def named_plainly(motion: JointMotion, sites: Mapping[str, Site]) -> JointMotion:
+    """With plain names; of several joints of one name, the first that is known."""
+    names = [plain(name) for name in motion.joint_names]
+    kept = [k for k, name in enumerate(names) if name in sites and name not in names[:k]]
+    return motion._replace(joint_names=tuple(names[k] for k in kept), joints=motion.joints[:, kept])

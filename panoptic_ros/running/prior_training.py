@@ -1,0 +1,106 @@
+"""What poses look like, from recorded motion or from our own results."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.io.body_files import read_bodies
+from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
+from panoptic_ros.kinematics.fitting import fit_motion
+from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
+from panoptic_ros.stage import Progress
+
+Array = np.ndarray
+RATE = 30.0  # Hz, at most, of poses that are looked at
+WORST = 0.05  # m, root mean square of a motion that does not fit
+
+
+def train_from_files(
+    paths: Sequence[Path], out: Path, leave_out: Sequence[str], unit: float, progress: Progress
+) -> list[str]:
+    """Train on all motions and write the prior; a line about each motion, and one about the prior.
+
+    Args:
+        leave_out: names of clips that are not used. unit: of BVH files, m.
+
+    Raises:
+        UserError: if a file is not as it must be, or nothing is left.
+    """
+    model = read_body_model()
+    poses: list[Array] = []
+    lines = []
+    for n, path in enumerate(paths):
+        progress(n / len(paths), path.name)
+        for name, vectors, told in _motions(path, model, unit):
+            if name in leave_out:
+                continue
+            poses.append(vectors)
+            lines.append(f"{path.name}: {name}: {len(vectors)} poses{told}")
+    if not poses:
+        raise UsageError("no motion is left to train on; give other files, or leave out less")
+    found = train_prior(np.concatenate(poses), other_sides(model.names))
+    _write(out, found)
+    progress(1.0, "done")
+    return [*lines, f"{out}: {found.components.shape[1]} components"]
+
+
+def _motions(path: Path, model: SegmentModel, unit: float) -> list[tuple[str, Array, str]]:
+    """Name, rotation vectors (T, S, 3), and how well they fit, of the motions of a file."""
+    if path.name.endswith((".json", ".json.gz")):
+        return [_own_result(path, model)]
+    if path.suffix.lower() == ".npz" and (clips := read_clips(path)):
+        return [(name, clip.vectors, "") for name, clip in clips.items()]
+    sites = read_sites(model)
+    if path.suffix.lower() == ".bvh":
+        motions = [read_bvh(path, unit)]
+    elif path.suffix.lower() == ".npz":
+        motions = read_clip_arrays(path)
+    else:
+        raise UsageError(f"{path}: motion is read from .bvh, .npz and kinematics.json.gz")
+    return [_fitted(path, motion, model, named_plainly(motion, sites)) for motion in motions]
+
+
+def _fitted(
+    path: Path, motion: JointMotion, model: SegmentModel, named: JointMotion
+) -> tuple[str, Array, str]:
+    every = max(int(motion.rate / RATE), 1)
+    try:
+        fit = fit_motion(model, read_sites(model), named.joint_names, named.joints[::every])
+    except DataError as error:
+        raise DataError(f"{path}: {motion.name}: {error}") from None
+    if fit.residual > WORST:
+        raise DataError(
+            f"{path}: {motion.name}: joints are {1e3 * fit.residual:.0f} mm off the skeleton; give the unit "
+            "of the file in metres, --unit"
+        )
+    return motion.name, fit.vectors, f", joints {1e3 * fit.residual:.0f} mm off"
+
+
+def _own_result(path: Path, model: SegmentModel) -> tuple[str, Array, str]:
+    names, states = read_bodies(path)
+    if names != model.names or not states:
+        raise DataError(f"{path} has no bodies with the {len(model.names)} segments of the skeleton")
+    frames = np.array([state.frames for state in states])
+    turns = frames.copy()
+    children = np.flatnonzero(model.parents >= 0)
+    turns[:, children] = frames[:, model.parents[children]].swapaxes(-1, -2) @ frames[:, children]
+    vectors = vectors_of(np.ascontiguousarray(turns.reshape(-1, 3, 3))).reshape(*turns.shape[:2], 3)
+    return path.name.split(".")[0], vectors, ""
+
+
+def _write(out: Path, prior: PoseStatistics) -> None:
+    memory = io.BytesIO()
+    np.savez_compressed(
+        memory, mean=prior.mean.astype(np.float32), components=prior.components.astype(np.float32),
+        deviations=prior.deviations.astype(np.float32),
+    )  # fmt: skip
+    write_bytes(out, memory.getvalue())
