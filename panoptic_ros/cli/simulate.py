@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder to write into")
     parser.add_argument("--frames", type=int, metavar="F", help="in place of the scene's own number")
     parser.add_argument("--images", action="store_true", help="rendered scenes: PNG folders, not videos")
-    parser.add_argument("--bag", action="store_true", help="2D people, and sound if any, also as a bag")
+    parser.add_argument("--bag", action="store_true", help="2D people, sound, IMUs also as a bag")
     parser.add_argument(
         "--tracks", action="store_true",
         help="rendered scenes with timecode: as sound tracks of the videos, which are all that stamps them",
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     if args.scene is None or args.out is None:
         raise UsageError("name a scene and a folder: panoptic simulate SCENE --out DIR (see --list)")
     if args.scene in BODY_SCENES:
-        print(f"{args.out}: {write_body_take(args.scene, args.out, args.seed)}")
+        print(f"{args.out}: {write_body_take(args.scene, args.out, args.seed, args.bag)}")
         return 0
     take = write_take(
         args.scene, args.out, seed=args.seed, frames=args.frames, images=args.images, depth=args.depth,

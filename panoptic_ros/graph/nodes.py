@@ -135,7 +135,7 @@ NODES: dict[str, NodeSpec] = {
         stage_row(
             "kinematics",
             (
-                Port("imu", optional=True), Port("detection_sets", optional=True),
+                Port("imu", optional=True), Port("detection_sets", optional=True, first=True),
                 Port("skeletons_raw", optional=True),
             ),
             ("bodies",), switch="runs",
@@ -160,5 +160,5 @@ AFTER_DETECTION = (
     "refinement",
 )  # fmt: skip
 SOUND = ("timecode", "clocks")  # what comes of timecode in sound
-SLOW = ("offsets",)  # busy for a second at times: live, nobody must wait for it
+SLOW = ("offsets", "kinematics")  # busy for long at times: live, nobody must wait for them
 CHAIN = (*BESIDE_IMAGES, *AFTER_DETECTION)

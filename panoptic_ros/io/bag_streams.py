@@ -14,6 +14,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
+from panoptic_ros.io.messages.bodies import read_imu
 from panoptic_ros.io.messages.family import decode_cdr
 
 SECOND = 1_000_000_000
@@ -21,6 +22,7 @@ JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recordi
 TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
 DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the last is read
 SOUND_KEY = "audio"
+IMU_KEY = "imu"
 LOOKED_AT = 20  # messages that tell the rate
 
 
@@ -92,6 +94,8 @@ class BagStream:
         try:
             if self.key == "detections":
                 return from_message(message, "ViewDetections")
+            if self.key == IMU_KEY:
+                return read_imu(message, self.camera)
             if self.key == SOUND_KEY:
                 return from_message(message, "AudioBlock")
             if self.key in DEPTH_KEYS:

@@ -22,7 +22,7 @@ def write_bodies(path: Path, model: SegmentModel, states: Iterable[BodyState]) -
     """Write solved bodies as `panoptic-kinematics-1`; equal states give equal bytes."""
     frames: dict[int, list[dict[str, Any]]] = {}
     for state in states:
-        frames.setdefault(state.stamp_ns, []).append(_body_row(model, state))
+        frames.setdefault(state.stamp_ns, []).append(body_row(model, state))
     rows = [
         {"index": k, "stamp_ns": stamp, "subjects": sorted(frames[stamp], key=lambda row: int(row["id"]))}
         for k, stamp in enumerate(sorted(frames))
@@ -31,7 +31,8 @@ def write_bodies(path: Path, model: SegmentModel, states: Iterable[BodyState]) -
     write_json(path, {"format": KINEMATICS, **names, "frames": rows})
 
 
-def _body_row(model: SegmentModel, state: BodyState) -> dict[str, Any]:
+def body_row(model: SegmentModel, state: BodyState) -> dict[str, Any]:
+    """A body as it stands in the file."""
     row = {
         "id": state.id,
         "positions": np.round(state.places, 5).tolist(),

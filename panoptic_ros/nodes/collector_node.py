@@ -21,12 +21,13 @@ class CollectorNode(Node):
 
     Args:
         cameras: whose detections are taken. devices: whose sound.
+        bodies: whose samples of IMUs are taken beside bodies; None: there are no bodies.
         on_record: called with (key of the topic, record), and with ("diagnostics", those of all nodes).
     """
 
     def __init__(
         self, flow: Flow, cameras: Sequence[str], on_record: Callable[[str, Any], None],
-        devices: Iterable[str] = (),
+        devices: Iterable[str] = (), bodies: Iterable[str] | None = None,
     ):  # fmt: skip
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
@@ -38,6 +39,9 @@ class CollectorNode(Node):
         self._kept = [self._subscribe("detections", camera) for camera in cameras]
         self._kept += [self._subscribe("audio", device) for device in devices]
         self._kept.append(self._subscribe("skeletons", ""))
+        if bodies is not None:
+            self._kept += [self._subscribe("imu", device) for device in bodies]
+            self._kept.append(self._subscribe("bodies", ""))
         for subscription in self._kept:
             self._open.add(subscription.topic_name)
             self._ends.watch(subscription.topic_name)

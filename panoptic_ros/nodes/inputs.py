@@ -163,8 +163,9 @@ def _subscribe(
     node: Node, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow, takers: Takers
 ) -> Input:
     row, live = TOPICS[carrier], flow.name == "live"
-    images, sound = row.message.startswith("sensor_msgs"), row.scope == "device"
-    quality = CLOCKS if row.latched else data_quality(flow, images=images, sound=sound)
+    frequent = row.scope in ("device", "imu")
+    images, sound = row.message.startswith("sensor_msgs") and not frequent, row.scope == "device"
+    quality = CLOCKS if row.latched else data_quality(flow, images=images, sound=frequent)
     if live and row.scope == "graph" and not row.latched:
         quality.depth = FLOODED
     is_guarded = live and row.scope != "graph"

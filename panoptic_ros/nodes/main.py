@@ -165,13 +165,15 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
 def _source(entry: Mapping[str, Any], rig_of_run: Any, overrides: Mapping[str, Any]) -> Any:
     """The node of what records come from."""
     from panoptic_ros.io.bag_streams import BagStream  # decoders that nodes of stages start without
-    from panoptic_ros.nodes.sources import make_bag_node, make_camera_node, make_sound_node
+    from panoptic_ros.nodes.sources import make_bag_node, make_camera_node, make_imu_node, make_sound_node
 
     if entry["kind"] == "camera":
         quality = int(entry.get("jpeg_quality", 0))
         return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
     if entry["kind"] == "sound":
         return make_sound_node(entry["sound"], rig_of_run.names, overrides)
+    if entry["kind"] == "imus":
+        return make_imu_node(entry["imus"], rig_of_run.names, overrides)
     if entry["kind"] == "bag":
         streams = [BagStream.from_words(stream) for stream in entry["streams"]]
         return make_bag_node(streams, overrides)

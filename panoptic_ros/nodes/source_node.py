@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from panoptic_ros.capture import DepthSource
-from panoptic_ros.domain import AudioBlock, Camera
+from panoptic_ros.domain import AudioBlock, Camera, ImuSample
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import PATIENT, WINDOW, make_flow
@@ -31,6 +31,7 @@ from panoptic_ros.nodes.quality import data_quality
 from panoptic_ros.nodes.runtime import quiet_once
 from panoptic_ros.nodes.streams import StreamEnds
 
+FREQUENT = (TOPICS["audio"].message, TOPICS["imu"].message)
 STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case a set was refused
 
 
@@ -81,7 +82,7 @@ class SourceNode(Node):
         self._publishers_by_key = {
             key: self.create_publisher(
                 message_class(kind), topic,
-                data_quality(self._flow, key in detections, kind == TOPICS["audio"].message),
+                data_quality(self._flow, key in detections, kind in FREQUENT),
             )
             for key, (topic, kind) in topics.items()
         }
@@ -226,3 +227,10 @@ def sound_messages(blocks: Iterable[AudioBlock]) -> Iterator[Outgoing]:
     family = ros_messages()
     for block in blocks:
         yield Outgoing(block.stamp_ns, (("audio", to_message(block, family)),))
+
+
+def imu_messages(samples: Iterable[ImuSample]) -> Iterator[Outgoing]:
+    """Every sample of IMUs, to the publisher of its device."""
+    family = ros_messages()
+    for sample in samples:
+        yield Outgoing(sample.stamp_ns, ((sample.device, to_message(sample, family)),))

@@ -2,18 +2,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from heapq import merge
+from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import DepthSource, open_source
+from panoptic_ros.capture.imus import imu_samples
 from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.domain import Rig
 from panoptic_ros.graph.topics import TOPICS, ros_name
-from panoptic_ros.io.bag_streams import SOUND_KEY, BagMessage, BagStream, StreamEnd, merged
+from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, BagMessage, BagStream, StreamEnd, merged
 from panoptic_ros.nodes.source_node import (
     Outgoing,
     SourceNode,
     camera_messages,
     camera_topics,
+    imu_messages,
     sound_messages,
 )
 
@@ -57,6 +61,26 @@ def make_sound_node(
     return node
 
 
+def make_imu_node(
+    imus: Mapping[str, str], cameras: Sequence[str], overrides: Mapping[str, Any]
+) -> SourceNode:
+    """A node that publishes what IMUs measured.
+
+    Args:
+        imus: file of samples by device. cameras: beside them.
+
+    Raises:
+        UserError: as the files' reading.
+    """
+    topic = TOPICS[IMU_KEY]
+    topics = {device: (topic.of(device), topic.message) for device in imus}
+    node = SourceNode("imus", topics, overrides, sound_beside=cameras)
+    paths = dict.fromkeys(imus.values())
+    every = (imu_samples(Path(path), [d for d in imus if imus[d] == path]) for path in paths)
+    node.start(imu_messages(merge(*every, key=lambda sample: sample.stamp_ns)))
+    return node
+
+
 def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) -> SourceNode:
     """A node that publishes cameras' topics of bags, merged by their stamps, under the graph's names.
 
@@ -74,4 +98,4 @@ def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) ->
 def _outgoing(item: BagMessage | StreamEnd, key: str) -> Outgoing:
     if isinstance(item, StreamEnd):
         return Outgoing(item.place_ns, ended=key)
-    return Outgoing(item.place_ns, ((key, item.data),), is_sound=item.stream.key == SOUND_KEY)
+    return Outgoing(item.place_ns, ((key, item.data),), is_sound=item.stream.key in (SOUND_KEY, IMU_KEY))

@@ -20,7 +20,13 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import load_skeleton, map_joints
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.bag_checks import check_contents, check_stamps
-from panoptic_ros.running.plans.bag_topics import BagChoice, depth_streams, image_streams, names_of
+from panoptic_ros.running.plans.bag_topics import (
+    BagChoice,
+    depth_streams,
+    image_streams,
+    imu_streams,
+    names_of,
+)
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plans.plan import Plan, require_two
 from panoptic_ros.running.sound.bags import recorder_of, sound_streams
@@ -65,6 +71,7 @@ def plan_bags(
         else:
             skeleton, extras = options.detector()
         check_contents(bag_of, found, skeleton)
+        worn = imu_streams(bags, choice.arrival_stamps) if options.subjects else ()
         heard = sound_streams(bags, choice.arrival_stamps)
         recorders = [recorder_of(stream) for stream in heard]
         configs = configure(options.all_parameters())
@@ -78,7 +85,7 @@ def plan_bags(
             clocks = plan_clocks(found, configs, recorders, stamps)
         rate = check_stamps(bag_of, clocks.shifts)
     sounds = (_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)
-    every = [*bag_of, *depths, *sounds]
+    every = [*bag_of, *depths, *sounds, *worn]
     return options.complete(Plan(
         f"bag {names_of(bags)}", found, skeleton, clocks.configs,
         streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import DEPTH_KEYS, BagStream
+from panoptic_ros.io.bag_streams import DEPTH_KEYS, IMU_KEY, BagStream
 from panoptic_ros.io.bags import BagReader
 
 KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
@@ -78,6 +78,16 @@ def depth_streams(
         except DataError as error:
             problems.append(f"camera {stream.camera} goes without its depth maps: {error}")
     return tuple(readable), problems
+
+
+def imu_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tuple[BagStream, ...]:
+    """The topics of IMUs, /<device>/imu in any namespace; of several of one device the first."""
+    kind, found = TOPICS[IMU_KEY].message, dict[str, BagStream]()
+    for bag in bags:
+        for topic in sorted(topic for topic, own in bag.topics.items() if own == kind and bag.counts[topic]):
+            device = topic.strip("/").split("/")[-2] if topic.count("/") > 1 else topic.strip("/")
+            found.setdefault(device, BagStream(bag.path, topic, device, IMU_KEY, arrival_stamps))
+    return tuple(found.values())
 
 
 def _of_kind(

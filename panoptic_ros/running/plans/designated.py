@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.errors import UsageError
 from panoptic_ros.identity.subjects import subject_word
-from panoptic_ros.io.body_models import read_body_model
-from panoptic_ros.io.kinematic_files import read_subject
+from panoptic_ros.io.bag_streams import IMU_KEY
+from panoptic_ros.io.body_context import body_extras
+from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.tracking.config import TrackingConfig
@@ -23,33 +23,49 @@ def subject_files(folder: Path, given: Sequence[Path]) -> tuple[Path, ...]:
     return tuple(found.values())
 
 
-def read_subjects(paths: Sequence[Path]) -> tuple[Subject, ...]:
-    """The people of these files.
-
-    Raises:
-        UserError: naming the file and what is wrong, or the id that stands twice.
-    """
-    model = read_body_model()
-    people = tuple(read_subject(path, model) for path in paths)
-    ids = [subject.id for subject in people]
-    for number in sorted(set(ids)):
-        if ids.count(number) > 1 or number < 0:
-            names = ", ".join(str(path) for path, found in zip(paths, ids) if found == number)
-            raise UsageError(f"subjects have distinct ids from 0 on: {names}: id {number}; change `id`")
-    return people
-
-
 def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
     """The plan of a run whose designated people are those of these files.
 
     Raises:
-        UserError: as `read_subjects`, or if the parameters designate people too.
+        UserError: naming a file and what is wrong, or if the parameters designate people too.
     """
     if not paths:
         return plan
     config = config_of(plan.configs, TrackingConfig)
     if config.subjects:
         raise UsageError("--subject and tracking.subjects both tell who is designated; give one of them")
-    words = tuple(subject_word(subject.id, subject.start) for subject in read_subjects(paths))
-    configs = {**plan.configs, "tracking": replace(config, subjects=words)}
-    return replace(plan, configs=configs, subjects=tuple(paths))
+    people = body_extras(paths)["subjects"]
+    words = tuple(subject_word(subject.id, subject.start) for subject in people)
+    bodies = config_of(plan.configs, KinematicsConfig)
+    configs = {
+        **plan.configs, "tracking": replace(config, subjects=words),
+        "kinematics": replace(bodies, subjects=tuple(str(path) for path in paths)),
+    }  # fmt: skip
+    worn = tuple(device.name for subject in people for device in subject.devices)
+    return _with_imus(replace(plan, configs=configs, subjects=tuple(paths), worn=worn))
+
+
+def with_bodies(plan: Plan) -> Plan:
+    """The plan with what the kinematics stage needs, if it runs.
+
+    Raises:
+        UserError: if a file of a subject, of segments or of a prior cannot be used.
+    """
+    config = config_of(plan.configs, KinematicsConfig)
+    if not config.runs:
+        return plan
+    extras = body_extras([Path(path) for path in config.subjects], config.segments, config.prior)
+    return replace(plan, extras={**plan.extras, **extras})
+
+
+def _with_imus(plan: Plan) -> Plan:
+    """The plan with the IMUs that somebody wears, of those that were recorded; a line about the others."""
+    imus = {name: path for name, path in plan.imus.items() if name in plan.worn}
+    streams = tuple(s for s in plan.streams if s.key != IMU_KEY or s.camera in plan.worn)
+    idle = [name for name in (*plan.imus, *(s.camera for s in plan.streams if s.key == IMU_KEY))
+            if name not in plan.worn]  # fmt: skip
+    found = {*imus, *(s.camera for s in streams if s.key == IMU_KEY)}
+    silent = [] if plan.live else [name for name in plan.worn if name not in found]
+    notices = [f"IMU {name} is on no subject and left out" for name in idle]
+    notices += [f"IMU {name}, which a subject wears, has no samples" for name in silent]
+    return replace(plan, imus=imus, streams=streams, notices=(*plan.notices, *notices))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.capture.imus import imu_devices
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
@@ -17,7 +18,7 @@ from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.params import config_of
-from panoptic_ros.running.plans.designated import with_subjects
+from panoptic_ros.running.plans.designated import with_bodies, with_subjects
 from panoptic_ros.running.plans.parameters import Parameters, with_occluders
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.plans.saved_offsets import saved_lines, saved_offsets
@@ -37,6 +38,7 @@ class RunOptions:
         offsets: file with clock offsets of cameras that were found before, added to their stamps.
         from_sound: find the clocks of cameras from what they hear.
         subjects: files of the designated people, besides those of a capture folder.
+        imus: file with samples of IMUs.
         apart: m, between microphones at most, where the rig does not tell.
     """
 
@@ -49,6 +51,7 @@ class RunOptions:
     from_sound: bool = False
     apart: float = APART
     subjects: tuple[Path, ...] = ()
+    imus: Path | None = None
 
     def all_parameters(self) -> Parameters:
         """The parameters, with the model among them."""
@@ -76,7 +79,9 @@ class RunOptions:
         check_names(plan.rig.names)
         rig = with_occluders(plan.rig, self.occluders)
         plan = plan if self.offsets is None else _with_offsets(plan, self.offsets)
-        plan = with_subjects(plan, self.subjects)
+        if self.imus is not None and self.subjects:
+            plan = replace(plan, imus=dict.fromkeys(imu_devices(self.imus), self.imus))
+        plan = with_bodies(with_subjects(plan, self.subjects))
         table = config_of(plan.configs, AssemblyConfig).bias_table
         return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
 

@@ -9,7 +9,7 @@ from typing import Any
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.graph.nodes import CHAIN, SOUND
-from panoptic_ros.io.bag_streams import SOUND_KEY, BagStream
+from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, BagStream
 from panoptic_ros.params import Config
 
 
@@ -33,6 +33,8 @@ class Plan:
         namespace: of the graph's nodes and topics.
         publish: what `nodes.people_node` makes of skeletons for other packages.
         subjects: files of the designated people.
+        imus: file with samples by device; empty for bags and running drivers.
+        worn: devices on the designated people, in the order of their files.
         notices: one line each about what was adapted.
     """
 
@@ -56,6 +58,8 @@ class Plan:
     namespace: str = ""
     publish: tuple[str, ...] = ()
     subjects: tuple[Path, ...] = ()
+    imus: Mapping[str, Path] = field(default_factory=dict)
+    worn: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
 
     @property
@@ -68,6 +72,12 @@ class Plan:
         """Those whose sound is used."""
         recorded = (stream.camera for stream in self.streams if stream.key == SOUND_KEY)
         return (*(str(sound["device"]) for sound in self.sounds), *recorded)
+
+    @property
+    def imu_devices(self) -> tuple[str, ...]:
+        """IMUs whose samples come: of a file, of bags; of running drivers all that are worn."""
+        recorded = tuple(stream.camera for stream in self.streams if stream.key == IMU_KEY)
+        return self.worn if self.live else (*self.imus, *recorded)
 
     def at(self, owner: str, stamp_ns: int) -> int:
         """Roughly the master time of a stamp of a camera, or of the sound on a topic."""

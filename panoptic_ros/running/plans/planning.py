@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import CaptureFolder, FrameSource, demo_capture, open_capture_folder, open_files
+from panoptic_ros.capture.imus import imu_file
 from panoptic_ros.capture.sound import described_sound
 from panoptic_ros.domain import Rig
 from panoptic_ros.graph.build import configure
@@ -51,7 +52,9 @@ def plan_capture(
         UserError: on whatever the user can mend, before anything has started.
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
-    options = replace(options, subjects=subject_files(folder, options.subjects))
+    options = replace(
+        options, subjects=subject_files(folder, options.subjects), imus=imu_file(folder)
+    )  # fmt: skip
     given = None if rig is None else read_rig(rig)
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
         source = {"kind": "folder", "path": str(folder), **own}

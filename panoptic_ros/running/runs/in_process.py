@@ -10,6 +10,7 @@ from itertools import tee
 from typing import Any
 
 from panoptic_ros.capture import DepthSource, open_source
+from panoptic_ros.capture.imus import imu_samples
 from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import AudioBlock, DepthFrame, ViewFrame
@@ -20,7 +21,7 @@ from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import DEPTH, NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import SOUND_KEY, opened_streams
+from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, opened_streams
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import ABOUT_CLOCKS
@@ -29,7 +30,7 @@ from panoptic_ros.running.runs.results import Results
 from panoptic_ros.running.runs.side_by_side import TABLE, SideBySide, free_threads
 from panoptic_ros.stage import Notice, StageContext
 
-TAKEN = ("image", "detections", SOUND_KEY)  # what results keep of what comes from outside
+TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY)  # what results keep of what comes from outside
 Records = dict[Key, Iterator[Any]]  # of each topic of each camera
 
 
@@ -100,6 +101,8 @@ def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> di
         for sound in plan.sounds:
             source = stack.enter_context(open_sound(sound))
             records[SOUND_KEY, source.device] = iter(source)
+        for device, path in plan.imus.items():
+            records[IMU_KEY, device] = imu_samples(path, [device])
         _replay(plan, counted.pipeline, records, results, stop)
         for error in refused:
             counted.refuse(error)

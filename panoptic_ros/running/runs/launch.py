@@ -55,6 +55,9 @@ def write_launch_file(
         few = len(plan.sounds) <= SOUND_PROCESSES
         name = f"sound-{ros_name(device)}" if few else f"sounds-{i % SOUND_PROCESSES}"
         processes.setdefault(name, []).append(node)
+    if plan.imus:
+        paths = {device: str(path) for device, path in plan.imus.items()}
+        processes["imus"] = [{"kind": "imus", "imus": paths, "parameters": plan_of_nodes.common}]
     guided = plan_of_nodes.guided and not plan.live  # then what comes back must come at its place
     beside = tuple(name for name in BESIDE_IMAGES if name in plan_of_nodes.stages)
     if plan.stage == "detection" and not guided:
@@ -119,6 +122,8 @@ class _Nodes:
             parameters |= {"devices": list(self._plan.devices)}
         if self._plan.shifts:
             parameters |= {"shifts": [f"{owner}={ns}" for owner, ns in self._plan.shifts.items()]}
+        if "kinematics" in stages:
+            parameters |= given_inputs({"imu": self._plan.imu_devices})
         for stage in stages:
             prefix = f"{stage}." if len(stages) > 1 else ""
             parameters |= {prefix + key: value for key, value in self._own(stage).items()}

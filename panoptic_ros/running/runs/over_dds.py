@@ -11,6 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.graph.flow import WINDOW, make_flow
+from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
 from panoptic_ros.nodes.runtime import in_namespace, start_ros
@@ -53,7 +54,9 @@ def _run(
     names = [name for nodes in document["processes"].values() for node in nodes for name in _told_of(node)]
     start_ros(arguments)
     executor = SingleThreadedExecutor()
-    collector = CollectorNode(make_flow(flow_name, window), plan.rig.names, results.take, plan.devices)
+    bodies = plan.imu_devices if config_of(plan.configs, KinematicsConfig).runs else None
+    flow = make_flow(flow_name, window)
+    collector = CollectorNode(flow, plan.rig.names, results.take, plan.devices, bodies)
     statics = StaticsNode(plan.rig, plan.skeleton)
     try:
         require_no_other_graph(collector)

@@ -12,8 +12,9 @@ from typing import Any
 from panoptic_ros.domain import ClockModel, RefinedPoseSet, ViewDetections
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import SOUND_KEY
+from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY
 from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.body_stream import BodyStream
 from panoptic_ros.io.clock_offsets import write_models
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.folders import MARK
@@ -77,6 +78,8 @@ class Results:
         self.views: dict[str, deque[ViewDetections]] = {name: deque(maxlen=kept) for name in plan.rig.names}
         self.frames_in = dict.fromkeys(plan.rig.names, 0)
         self._skeletons = SkeletonStream(folder / "skeletons.json.gz", plan.skeleton.joint_names)
+        model = plan.extras.get("segments")
+        self._bodies = None if model is None else BodyStream(folder / "kinematics.json.gz", model)
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
         self._on_record = on_record
@@ -112,6 +115,14 @@ class Results:
             self._write_markers(record)
             self._skeletons.add(record)
             self.poses.append(record)
+        elif key == IMU_KEY:
+            self._start(record.stamp_ns)
+            self._write(key, record, record.stamp_ns, record.device)
+        elif key == "bodies":
+            self._start(record.stamp_ns)
+            self._write(key, record, record.stamp_ns)
+            if self._bodies is not None:
+                self._bodies.add(record)
         elif key == "clock_models":
             self.clocks[record.device] = record
         self._on_record(key, record)
@@ -126,6 +137,8 @@ class Results:
         self._start(0)
         self._bag.close()
         self._skeletons.close()
+        if self._bodies is not None:
+            self._bodies.close()
         found = {name: model for name, model in self.clocks.items() if name in self.views}
         if found:
             given = named_numbers("SyncConfig.delays_ms", config_of(self._plan.configs, SyncConfig).delays_ms)
@@ -141,6 +154,8 @@ class Results:
         else:
             self._bag.discard()
             self._skeletons.discard()
+            if self._bodies is not None:
+                self._bodies.discard()
 
     def _start(self, stamp_ns: int) -> None:
         """The latched facts stand first in the bag."""

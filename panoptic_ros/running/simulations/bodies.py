@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.folders import staged_folder
 
@@ -33,8 +35,12 @@ def body_scene(name: str) -> BodyScene:
     return BodyScene(_CLIPS[name], seconds=19.0, mounts=not poor, t_pose=4.0 if poor else 2.0)
 
 
-def write_body_take(name: str, out: Path, seed: int) -> str:
-    """Simulate and write rig, 2D people, IMU samples, subject and truth; a line about it."""
+def write_body_take(name: str, out: Path, seed: int, bag: bool = False) -> str:
+    """Simulate and write rig, 2D people, IMU samples, subject and truth; a line about it.
+
+    Args:
+        bag: 2D people of the usual skeleton and samples of IMUs also as a bag.
+    """
     from panoptic_ros.io.body_files import write_bodies
     from panoptic_ros.io.body_models import read_body_model, read_clips
     from panoptic_ros.io.kinematic_files import subject_document, write_imus
@@ -48,6 +54,8 @@ def write_body_take(name: str, out: Path, seed: int) -> str:
         write_imus(folder / "imu.csv.gz", take.devices)
         write_json(folder / "subject.json", subject_document(take.subject, take.stature), indent=1)
         write_bodies(folder / "truth.json.gz", take.subject.body.model, take.truth())
+        if bag:
+            _write_bag(folder / "bag", take)
     return f"{name}, {len(take.stamps)} frames, {len(take.rig)} cameras, {len(take.devices)} IMUs"
 
 
@@ -63,3 +71,34 @@ def _detections(take: BodyCapture) -> dict[str, Any]:
             views[camera.name] = {"stamp_ns": stamp, "persons": [rows]}
         frames.append({"index": t, "stamp_ns": stamp, "views": views})
     return {"format": "panoptic-detections-1", "joint_names": list(take.joint_names), "frames": frames}
+
+
+def _write_bag(path: Path, take: BodyCapture) -> None:
+    """Rig, skeleton, 2D people and samples, by their stamps."""
+    from panoptic_ros.domain import ImuSample, ViewDetections
+    from panoptic_ros.graph.topics import TOPICS
+    from panoptic_ros.io.bags import BagWriter
+    from panoptic_ros.io.messages import bag_messages, to_message
+    from panoptic_ros.simulation import SKELETON
+
+    family, columns = bag_messages(), [take.joint_names.index(name) for name in SKELETON.joint_names]
+    rows: list[tuple[int, str, Any]] = []
+    for t, stamp in enumerate(take.stamps.tolist()):
+        for c, camera in enumerate(take.rig.cameras):
+            scores = take.scores[c, t, columns][None]
+            points = np.where(scores[..., None] > 0.0, take.pixels[c, t, columns][None], np.nan)
+            view = ViewDetections(
+                camera.name, stamp, t, camera.image_size, SKELETON.hash, points, scores, scores.mean(1)
+            )
+            rows.append((stamp, TOPICS["detections"].of(camera.name), view))
+    for name, series in take.devices.items():
+        rows += [
+            (stamp, TOPICS["imu"].of(name),
+             ImuSample(name, stamp, series.quaternions[k], series.rates[k], series.forces[k]))
+            for k, stamp in enumerate(series.stamps.tolist())
+        ]  # fmt: skip
+    with BagWriter(path) as bag:
+        for key, record in (("rig", take.rig), ("skeleton_model", SKELETON)):
+            bag.write("/" + TOPICS[key].name, int(take.stamps[0]), to_message(record, family))
+        for stamp, topic, record in sorted(rows, key=lambda row: row[:2]):
+            bag.write("/" + topic, stamp, to_message(record, family))

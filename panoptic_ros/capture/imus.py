@@ -1,0 +1,49 @@
+"""IMUs in files: `imu.csv` of capture folders, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from functools import lru_cache
+from heapq import merge
+from pathlib import Path
+
+from panoptic_ros.domain import ImuSample
+from panoptic_ros.domain.subjects import ImuSeries
+from panoptic_ros.io.kinematic_files import read_imus
+
+NAMES = ("imu.csv", "imu.csv.gz")
+
+
+def imu_file(folder: Path) -> Path | None:
+    """The file of a capture folder with samples of IMUs, if there is one."""
+    return next((folder / name for name in NAMES if (folder / name).is_file()), None)
+
+
+def imu_devices(path: Path) -> tuple[str, ...]:
+    """Names of the devices in a file.
+
+    Raises:
+        DataError: naming the file, the line and what is wrong.
+    """
+    return tuple(_series(path))
+
+
+def imu_samples(path: Path, devices: Collection[str]) -> Iterator[ImuSample]:
+    """Samples of some devices of a file, by their stamps.
+
+    Raises:
+        DataError: as `imu_devices`, or if a sample is none.
+    """
+    found = _series(path)
+    rows = [_samples(name, found[name]) for name in devices]
+    yield from merge(*rows, key=lambda sample: sample.stamp_ns)
+
+
+def _samples(name: str, series: ImuSeries) -> Iterator[ImuSample]:
+    for k, stamp in enumerate(series.stamps.tolist()):
+        yield ImuSample(name, stamp, series.quaternions[k], series.rates[k], series.forces[k])
+
+
+@lru_cache(maxsize=2)
+def _series(path: Path) -> dict[str, ImuSeries]:
+    return read_imus(path)
