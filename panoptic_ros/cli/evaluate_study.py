@@ -7,7 +7,7 @@ from pathlib import Path
 
 from panoptic_ros.bench.studies.takes import Takes
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.files import write_json
+from panoptic_ros.io.files import write_bytes, write_json
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.running.plans.presets import read_preset
 from panoptic_ros.running.studies import rigs as studies
@@ -82,6 +82,7 @@ def _run_bodies(args: argparse.Namespace) -> int:
     from panoptic_ros.running.simulations.bodies import BODY_SCENES
     from panoptic_ros.running.studies.bodies import (  # numba is slow to load
         CAMERAS,
+        METHODS,
         study_bodies,
         study_lines,
     )
@@ -90,7 +91,10 @@ def _run_bodies(args: argparse.Namespace) -> int:
     with PassBar(args.study) as bar:
         result = study_bodies(tuple(BODY_SCENES), args.seed, cameras, args.settings, bar.show)
     if args.out is not None:
+        from panoptic_ros.view.body_study_plot import body_study_plot
+
         write_json(args.out / "kinematics.json", result)
+        write_bytes(args.out / "kinematics.png", body_study_plot(result["rows"], METHODS[0]))
     print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))
     return 0
 
