@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from panoptic_ros.bench.studies.takes import Takes
+from panoptic_ros.cli.evaluate_refinement import run_refinement
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_bytes, write_json
 from panoptic_ros.running.plans.parameters import read_parameters
@@ -14,7 +15,7 @@ from panoptic_ros.running.studies import rigs as studies
 from panoptic_ros.view.progress import PassBar
 from panoptic_ros.view.study_table import study_table, time_table
 
-BODIES = "kinematics"
+BODIES, REFINE = "kinematics", "refine"
 PAPER, NOTHING = "panoptic-studio", "none"
 DEFAULTS = {  # numbers of people, of cameras, and of frames
     "cameras": ("2,3,4,5,6,7", "480,240,160,80,40,20,10", 12),
@@ -28,12 +29,14 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     """Options that only studies have."""
     group = parser.add_argument_group("studies, in place of TRUTH and RESULT")
     group.add_argument(
-        "--study", choices=(*studies.STUDIES, BODIES),
+        "--study", choices=(*studies.STUDIES, BODIES, REFINE),
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
         "VGA and QVGA images; time for a minute of capture; kinematics: bodies by cameras and IMUs, beside "
-        "the paper's solver (needs no rig)",
+        "the paper's solver (needs no rig); refine: smoothing of a capture with truth, with and without the "
+        "motion of the surface (--capture)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
+    group.add_argument("--capture", type=Path, metavar="DIR", help="refine: capture folder with its truth")
     group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
     group.add_argument(
         "--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5; time: 5)"
@@ -63,6 +66,8 @@ def run_study(args: argparse.Namespace) -> int:
     """Simulate, solve, score, print a table, write the plot and the numbers."""
     if args.study == BODIES:
         return _run_bodies(args)
+    if args.study == REFINE:
+        return run_refinement(args)
     if args.rig is None or args.out is None:
         raise UsageError(f"--study {args.study} needs --rig FILE and --out DIR")
     if not 0.0 < args.noise < 0.1:

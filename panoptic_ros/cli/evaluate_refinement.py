@@ -1,0 +1,25 @@
+"""`panoptic evaluate --study refine`: smoothing of a capture, with and without the motion of the surface."""
+from __future__ import annotations
+
+import argparse
+import json
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.io.files import write_json
+from panoptic_ros.running.plans.parameters import read_parameters
+from panoptic_ros.view.progress import PassBar
+
+
+def run_refinement(args: argparse.Namespace) -> int:
+    """Run a capture once, smooth it in every way, print a table, write the numbers."""
+    from panoptic_ros.running.studies.refine import study_lines, study_refinement  # numba is slow to load
+
+    if args.capture is None:
+        raise UsageError("--study refine needs --capture DIR, a capture folder with its truth")
+    cameras = args.cameras.split(",") if args.cameras else []
+    with PassBar(args.study) as bar:
+        result = study_refinement(args.capture, cameras, read_parameters(None, args.settings), bar.show)
+    if args.out is not None:
+        write_json(args.out / "refine.json", result)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))
+    return 0

@@ -1,0 +1,17 @@
+"""The study of refinement from the command line."""
+from panoptic_ros.cli.main import main
+from panoptic_ros.running.studies.refine import study_lines
+
+
+def test_a_capture_and_its_truth_are_asked_for(tmp_path, capsys):
+    assert main(["evaluate", "--study", "refine"]) == 2
+    assert "--capture" in capsys.readouterr().err
+    assert main(["evaluate", "--study", "refine", "--capture", str(tmp_path)]) == 2
+    assert "truth.json.gz" in capsys.readouterr().err
+
+
+def test_the_table_has_a_line_for_every_row():
+    row = {"method": "smoother, patches", "lag_s": 0.12, "acceleration_error": 1.16, "mpjpe_mm": 25.5,
+           "offset_free_mm": 10.21, "offset_free_p95_mm": 24.7, "fast_mm": 12.0, "pck_10cm": 1.0}  # fmt: skip
+    lines = study_lines({"capture": "social", "cameras": ["a", "b"], "rows": [row, row]})
+    assert len(lines) == 4 and "10.21" in lines[-1] and "2 cameras" in lines[0]
