@@ -61,11 +61,13 @@ def study_refinement(
     plan = plan_capture(folder, options, cameras=list(cameras) or None)
     kept = _Kept(progress, plan.instants or 1)
     run_in_process(plan, kept, lambda: False)  # type: ignore[arg-type]  # it only takes records
-    raw = [item for item in kept.items if isinstance(item, TrackedPoseSet)]
+    # patches of a set come before it, as in the graph; a stage gives them after it
+    both = sorted(kept.items, key=lambda item: (item.stamp_ns, isinstance(item, TrackedPoseSet)))
+    raw = [item for item in both if isinstance(item, TrackedPoseSet)]
     rows = [_row("none", 0.0, raw, plan, truth)]
     rows.append(_row("Savitzky-Golay", 0.12, savitzky_golay(raw), plan, truth))
     for lag in LAGS:
-        for name, items in (("smoother", raw), ("smoother, patches", kept.items)):
+        for name, items in (("smoother", raw), ("smoother, patches", both)):
             rows.append(_row(name, lag, _refined(items, plan, lag), plan, truth))
     progress(1.0, "scoring")
     return {"study": "refine", "capture": str(folder), "cameras": list(plan.rig.names), "rows": rows}
