@@ -11,8 +11,8 @@ from panoptic_ros.cli.options import number
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("path", type=Path, metavar="RESULTS|BAG", help="what `panoptic run` left, or a bag")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.html",
-                        help="one page with all data and images: open it by a double click")  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.html|.bvh",
+                        help="one page with all data and images; or bodies as BVH")  # fmt: skip
     parser.add_argument("--from", dest="begin", type=number(float, 0, 1e9), default=0.0, metavar="S",
                         help="seconds from the beginning")  # fmt: skip
     parser.add_argument("--to", dest="end", type=number(float, 0, 1e9), metavar="S", help="default: the end")
@@ -24,6 +24,8 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.view.progress import PassBar
 
     with PassBar("export") as bar:
-        export(args.path, args.out, args.begin, args.end, bar.show)
-    print(f"{args.out}: {args.out.stat().st_size / 1e6:.1f} MB; it opens in any browser, without a network")
+        files = export(args.path, args.out, args.begin, args.end, bar.show)
+    for file in files:
+        page = "; it opens in any browser, without a network" if file.suffix == ".html" else ""
+        print(f"{file}: {file.stat().st_size / 1e6:.1f} MB{page}")
     return 0

@@ -13,7 +13,7 @@ RANKS: dict[str, int] = {
     "errors": 0, "kernels": 0, "geometry": 1, "params": 1, "state": 1,
     "domain": 2, "stage": 3, "solving": 3, "identity": 3,
     **{stage: 4 for stage in STAGES},
-    "io": 5, "capture": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6,
+    "io": 5, "capture": 5, "export": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6,
     "running": 7, "cli": 8,
 }  # fmt: skip
 # kernels is free to find the cache of compiled code, on which no result depends
@@ -30,6 +30,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
     "capture": {"numpy", "cv2", "av"},
+    "export": {"numpy"},
     "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
     "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},

@@ -1,0 +1,1 @@
+"""Results in formats that others read: one writer per format, text or bytes from records."""

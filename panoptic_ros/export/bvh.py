@@ -1,0 +1,86 @@
+"""Bodies as BVH (Biovision hierarchy), with the rotation of segments about their own axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry.euler import euler_angles
+
+Array = np.ndarray
+UNIT = 100.0  # cm, as usual in BVH
+FILE_FROM_WORLD = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # y up, z forward
+ORDER = "zxy"
+CHANNELS = "Zrotation Xrotation Yrotation"
+LEAF = 0.5  # length of a segment without children, as a share of its parent's
+
+
+def bvh_text(model: SegmentModel, states: Sequence[BodyState]) -> str:
+    """The file of one person.
+
+    y is up and z forward, lengths are in cm, angles in degrees; a T facing forward is the posture without
+    rotations. Frames have a fixed rate; where there is no body, the one before stands.
+
+    Args:
+        model: the segments of the bodies. states: of one person, by time.
+
+    Raises:
+        DataError: if there are fewer than two instants.
+    """
+    if len(states) < 2:
+        raise DataError(f"BVH needs two instants of a body at least; there are {len(states)}")
+    stamps = np.array([state.stamp_ns for state in states])
+    period = float(np.median(np.diff(stamps)))
+    count = round((stamps[-1] - stamps[0]) / period) + 1
+    instants = stamps[0] + period * (np.arange(count) + 0.5)
+    rows = np.searchsorted(stamps, instants, side="right") - 1
+    places, frames = (np.array([getattr(s, name) for s in states])[rows] for name in ("places", "frames"))
+    above = frames[:, model.parents]
+    arms = (places - places[:, model.parents])[..., None]
+    offsets = np.median((above.swapaxes(-1, -2) @ arms)[..., 0], axis=0)
+    turns = above.swapaxes(-1, -2) @ frames
+    turns[:, 0] = frames[:, 0]
+    turned = FILE_FROM_WORLD @ turns @ FILE_FROM_WORLD.T
+    angles = np.degrees(euler_angles(turned, ORDER))
+    order = _depth_first(model)
+    roots = UNIT * places[:, 0] @ FILE_FROM_WORLD.T
+    table = np.concatenate([roots, angles[:, order].reshape(count, -1)], axis=1)
+    lines = ["HIERARCHY", *_joint(model, UNIT * offsets @ FILE_FROM_WORLD.T, 0, 0)]
+    lines += ["MOTION", f"Frames: {count}", f"Frame Time: {1e-9 * period:.9f}"]
+    lines += [" ".join(f"{value:.4f}" for value in row) for row in table]
+    return "\n".join(lines) + "\n"
+
+
+def _children(model: SegmentModel, segment: int) -> list[int]:
+    return [k for k, parent in enumerate(model.parents.tolist()) if parent == segment]
+
+
+def _depth_first(model: SegmentModel, segment: int = 0) -> list[int]:
+    """Segments in the order in which the file names them."""
+    return [segment, *(s for child in _children(model, segment) for s in _depth_first(model, child))]
+
+
+def _joint(model: SegmentModel, offsets: Array, segment: int, depth: int) -> list[str]:
+    """Lines of a segment and all below it; offsets (S, 3) in the axes of the file."""
+    pad, root = "  " * depth, segment == 0
+    offset = np.zeros(3) if root else offsets[segment]
+    channels = f"6 Xposition Yposition Zposition {CHANNELS}" if root else f"3 {CHANNELS}"
+    lines = [
+        f"{pad}{'ROOT' if root else 'JOINT'} {model.names[segment]}", f"{pad}{{",
+        f"{pad}  OFFSET {_numbers(offset)}", f"{pad}  CHANNELS {channels}",
+    ]  # fmt: skip
+    below = _children(model, segment)
+    for child in below:
+        lines += _joint(model, offsets, child, depth + 1)
+    if not below:
+        end = f"{pad}    OFFSET {_numbers(LEAF * offset)}"
+        lines += [f"{pad}  End Site", f"{pad}  {{", end, f"{pad}  }}"]
+    return [*lines, f"{pad}}}"]
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(f"{value:.5f}" for value in values)
