@@ -27,6 +27,7 @@ from panoptic_ros.capture.folder import (
 )
 from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.capture.live import open_live
+from panoptic_ros.capture.recorded import open_recording
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.capture.video import VideoSource
 
@@ -47,5 +48,6 @@ __all__ = [
     "open_depth_sensors",
     "open_files",
     "open_live",
+    "open_recording",
     "open_source",
 ]

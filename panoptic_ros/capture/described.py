@@ -7,6 +7,7 @@ from typing import Any
 
 from panoptic_ros.capture.folder import open_capture_folder, open_files
 from panoptic_ros.capture.live import open_live
+from panoptic_ros.capture.played import PlayedSource
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import UsageError
@@ -16,7 +17,8 @@ def open_source(camera: str, rig: Rig, description: Mapping[str, Any]) -> tuple[
     """One camera's frames, and the camera as calibrated for their size.
 
     Args:
-        description: {"kind": "folder" | "file" | "device", "path" or "device", and what opening takes}.
+        description: {"kind": "folder" | "file" | "device" | "played", "path" or "device", and what opening
+            takes}; of a folder that is played, "rate_hz" and "start_ns" (see `PlayedSource`).
 
     Raises:
         UserError: as `open_capture_folder`, `open_files` and `open_live`.
@@ -25,6 +27,9 @@ def open_source(camera: str, rig: Rig, description: Mapping[str, Any]) -> tuple[
     options = {k: v for k, v in description.items() if k not in ("kind", "path", "device")}
     if kind == "device":
         return open_live(camera, rig, description["device"], options), rig.camera(camera)
+    if kind == "played":
+        capture = open_capture_folder(Path(description["path"]), rig=rig, cameras=[camera])
+        return PlayedSource(capture.sources[0], options["rate_hz"], options["start_ns"]), rig.camera(camera)
     if kind == "folder":
         capture = open_capture_folder(Path(description["path"]), rig=rig, cameras=[camera], **options)
     elif kind == "file":

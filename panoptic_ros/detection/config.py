@@ -38,10 +38,17 @@ class DetectionConfig(Config):
         "people are carried from image to image by optical flow. 0 = at every image.",
         when="processors are too slow for your cameras: 8 is nearly as accurate as every image.",
     )
+    budget: float = param(
+        0.0, ge=0.0, le=1.0,
+        doc="Live: share of the cores that detection may use. It then chooses how often the network looks at "
+        "the cameras, and how tall people are in regions, from what looks cost, and says so on /diagnostics; "
+        "looks_per_s counts until that is known. 0 = no limit. Recordings are looked at as looks_per_s says.",
+        when="cameras give more images than processors can work on: 0.6.",
+    )
     regions: str = param(
         "auto", choices=("auto", "on", "off"),
         doc="Whether the network looks where tracked people should be, and at whole images in turn for "
-        "newcomers; auto = where looks are rationed (looks_per_s).",
+        "newcomers; auto = where looks are rationed (looks_per_s, budget).",
         when="every image shall be looked at, in half of the time: on.",
     )
     region_height: int = param(
@@ -75,7 +82,12 @@ class DetectionConfig(Config):
     @property
     def guided(self) -> bool:
         """Whether tracking tells where to look."""
-        return self.regions == "on" or (self.regions == "auto" and self.looks_per_s > 0.0)
+        return self.regions == "on" or (self.regions == "auto" and self.rationed)
+
+    @property
+    def rationed(self) -> bool:
+        """Whether some images are not looked at."""
+        return self.looks_per_s > 0.0 or self.budget > 0.0
 
 
 def with_card_thresholds(config: DetectionConfig, card: ModelCard) -> DetectionConfig:

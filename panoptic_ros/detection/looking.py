@@ -6,6 +6,7 @@ newcomers; somebody whom nobody explains makes all cameras look at whole images.
 """
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -70,6 +71,7 @@ class Lookout:
     cameras: dict[str, CameraLooks] = field(default_factory=dict)
     alarm_ns: int = -1
     ignored: list[Ignored] = field(default_factory=list)
+    _raising: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
 
     def reset(self) -> None:
         """Forget all cameras and strangers."""
@@ -100,12 +102,17 @@ class Lookout:
         return (Look.WHOLE if due else Look.CARRY), False
 
     def raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
-        """All cameras shall look at whole images, for strangers with boxes (N, 4) px in one of them.
+        """All cameras shall look at whole images, for strangers with boxes (N, 4) px in one of them. May be
+        called for several cameras at a time.
 
         Returns:
             whether anybody is heard: the same stranger at the same place is not, for longer each time; nor is
             somebody in an image that answers an alarm.
         """
+        with self._raising:
+            return self._raise_alarm(camera, boxes, stamp_ns)
+
+    def _raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
         self.ignored = [entry for entry in self.ignored if entry.until_ns + entry.wait_ns > stamp_ns]
         heard = False
         for box in boxes:

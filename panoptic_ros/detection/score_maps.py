@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from panoptic_ros.detection.patch_kernels import NOBODY, claimed
 from panoptic_ros.domain import JointMap, ScoreMaps
 
 Array = np.ndarray
-NOBODY = -1
 GATE_PER_HEIGHT = 0.15  # radius of the gate; a blob's sigma is about 0.04 of the person's height
 GATE_CELLS = (3.0, 14.0)  # at least, at most
 
@@ -81,28 +81,15 @@ def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> l
         cells: (P, K, 2) column and row of the people's joints; seen: (P, K) whether they count.
         radius: (P,) cells.
     """
-    rest, own = levels.copy(), []
-    places: list[list[tuple[float, float]]] = cells.tolist()
-    gates: list[float] = radius.tolist()
-    for joint in np.flatnonzero(seen.any(axis=0)).tolist():
-        people = np.flatnonzero(seen[:, joint]).tolist()
-        windows = [_window(*places[p][joint], gates[p], levels.shape) for p in people]
-        owners = None
-        if _overlap(windows):
-            alone = np.s_[joint : joint + 1]
-            owners = _owners(levels[alone], cells[:, alone], seen[:, alone], radius)[0]
-        for person, (left, top, right, bottom) in zip(people, windows):
-            part = rest[joint, top:bottom, left:right]
-            if not part.any():
-                continue
-            if owners is None:
-                mine = _disc(*places[person][joint], gates[person], (left, top, right, bottom))
-            else:
-                mine = owners[top:bottom, left:right] == person
-            values = part * mine
-            part -= values
-            own += _trimmed(joint, person, (left, top), values)
-    own.sort(key=lambda patch: patch.person)  # stable: joints stay in order
+    rest = levels.copy()
+    rows, data = claimed(
+        rest, np.array(cells, np.float64).reshape(len(radius), len(levels), 2), np.array(seen, bool),
+        np.array(radius, np.float64),
+    )  # fmt: skip
+    own = [
+        Patch(joint, person, (left, top), data[begin : begin + width * height].reshape(height, width))
+        for joint, person, left, top, width, height, begin in rows.tolist()
+    ]
     return own + _blobs(rest)
 
 
@@ -118,23 +105,6 @@ def gated(levels: Array, cells: Array, seen: Array, radius: float) -> Array:
     """Maps (K, h, w) with 0 outside of the gates round one person's joints (K, 2)."""
     owners = _owners(levels, cells[None], seen[None], np.array([radius]))
     return np.where(owners == NOBODY, 0, levels)
-
-
-def _overlap(windows: list[tuple[int, int, int, int]]) -> bool:
-    """Whether any two windows share a cell."""
-    return any(
-        one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
-        for k, one in enumerate(windows) for other in windows[:k]
-    )  # fmt: skip
-
-
-def _disc(x: float, y: float, radius: float, window: tuple[int, int, int, int]) -> Array:
-    """Which cells of a window lie within `radius` of a place; distances are rounded as in `_owners`."""
-    left, top, right, bottom = window
-    across = (np.arange(left, right) - x) ** 2
-    down = (np.arange(top, bottom) - y) ** 2
-    inside: Array = (down[:, None] + across[None, :]).astype(np.float32) <= np.float64(radius**2)
-    return inside
 
 
 def _owners(levels: Array, cells: Array, seen: Array, radius: Array) -> Array:
@@ -194,3 +164,8 @@ def _blobs(levels: Array) -> list[Patch]:
         joint, row = divmod(2 * int(kept[top // 2]) + top % 2, rows + 1)
         patches.append(Patch(joint, NOBODY, (left, row), values))
     return patches
+
+
+def warm_up() -> None:
+    """Compile what patches need."""
+    merged_patches(np.zeros((1, 2, 2), np.uint8), np.zeros((1, 1, 2)), np.ones((1, 1), bool), np.ones(1))

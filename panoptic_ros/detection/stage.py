@@ -5,6 +5,7 @@ from collections import deque
 
 import numpy as np
 
+from panoptic_ros.detection.budget import FEW, Budget, Pace, Processor
 from panoptic_ros.detection.card import CROP_FAMILIES
 from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.crops import CropNetwork
@@ -14,6 +15,7 @@ from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
 from panoptic_ros.detection.looking import CameraLooks, Ignored
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.people import People, boxes_of_points
+from panoptic_ros.detection.score_maps import warm_up
 from panoptic_ros.detection.watching import Watch
 from panoptic_ros.domain import (
     DepthFrame,
@@ -39,7 +41,8 @@ class DetectionStage(Stateful):
     """Finds people in the images of any number of cameras, each camera on its own.
 
     `context.extras` holds "detector", a DetectorModel, and "joint_map", the JointMap from its
-    joints to those of the context's skeleton.
+    joints to those of the context's skeleton; live also "processor", a Processor, by which it keeps within
+    `budget`. Images of different cameras may be stepped through at a time; all else comes between them.
 
     Raises:
         BackendError: if the network cannot be run here or is not what its card says.
@@ -73,16 +76,23 @@ class DetectionStage(Stateful):
             self.network = CropNetwork(model, config)
         else:
             self.network = FullImageNetwork(model, config)
+        warm_up()
         self._sides: dict[str, SideChooser] = {}
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()
         self._depths: dict[str, deque[DepthFrame]] = {}
         self._watch: Watch | None = None  # None: all of every image is looked at
-        if config.guided or config.looks_per_s:
+        if config.guided or config.rationed:
             self._watch = Watch(
                 self.config, self.network, context.rig, joint_map, self._whole,
                 lambda item: self._chooser(item).now,
             )  # fmt: skip
+        self._budget: tuple[Budget, Processor] | None = None
+        processor = context.extras.get("processor")
+        if config.budget and isinstance(processor, Processor):
+            begin = Pace(config.looks_per_s or FEW, config.region_height)
+            budget = Budget(config.budget, processor.cores, config.region_height, begin)
+            self._budget = budget, processor
 
     def step(self, item: ViewFrame | DepthFrame | TrackSet) -> StepResult[ViewDetections]:
         """The people in one image; takes depth maps before images of their stamps, and what tracking knows.
@@ -105,12 +115,35 @@ class DetectionStage(Stateful):
                 self._watch.take(item)
             return StepResult()
         limit = self._limit(item)
+        told: tuple[Notice, ...] = ()
         if self._watch is None:
             finding, carried = self._whole(item), None
-        else:
+        elif self._budget is None:
             finding, carried = self._watch.find(item)
+        else:
+            finding, carried, told = self._within_budget(item, self._watch, *self._budget)
         record = self._record(item, finding, limit, carried)
-        return StepResult((record,), self._size_notice(item.camera, finding))
+        return StepResult((record,), (*told, *self._size_notice(item.camera, finding)))
+
+    def _within_budget(
+        self, item: ViewFrame, watch: Watch, budget: Budget, processor: Processor
+    ) -> tuple[Finding, Array | None, tuple[Notice, ...]]:
+        """As `Watch.find`, at a pace that what it costs allows."""
+        start = processor.thread_s()
+        finding, carried = watch.find(item)
+        spent = processor.thread_s() - start
+        chosen = budget.took(item.camera, item.stamp_ns, item.frame_number, finding.scale > 0.0, spent)
+        if chosen is None:
+            return finding, carried, ()
+        watch.keep(chosen)
+        often = f"{chosen.looks_per_s:.1f} looks per s" if chosen.looks_per_s else "a look at every image"
+        used = budget.used()
+        text = (
+            f"{often} of each camera, people up to {chosen.region_height} px: {used:.2f} of "
+            f"{processor.cores} cores, {self.config.budget * processor.cores:.2f} allowed"
+        )
+        values = {"looks_per_s": chosen.looks_per_s, "region_height": chosen.region_height, "cores": used}
+        return finding, carried, (Notice("detection.pace", "info", text, values),)
 
     def _whole(self, item: ViewFrame) -> Finding:
         """The people in all of an image, at the size that suits its camera."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from panoptic_ros.detection.budget import Pace
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.flow import COARSE, WIDTH, Memory, carried, is_cut, remembered
 from panoptic_ros.detection.full_image import Finding, FullImageNetwork
@@ -48,6 +49,7 @@ class Watch:
         self._config, self._network = config, network
         self._rig, self._joint_map = rig, joint_map
         self._whole, self._side = whole, side
+        self._region_height = config.region_height
         self.known = KnownPeople()
         self.lookout = Lookout(rig.names, config.looks_per_s, config.guided and self._regions)
         self.memories: dict[str, Memory] = {}
@@ -57,6 +59,10 @@ class Watch:
         self.known = KnownPeople()
         self.lookout.reset()
         self.memories.clear()
+
+    def keep(self, pace: Pace) -> None:
+        """Look so often and so finely from now on."""
+        self.lookout.looks_per_s, self._region_height = pace
 
     def take(self, tracks: TrackSet) -> None:
         """What tracking says of an instant."""
@@ -68,7 +74,7 @@ class Watch:
         if self.lookout.guided:
             camera = self._rig.camera(item.camera)
             expected, door = self.known.seen_by(camera, item.stamp_ns), self.known.is_door(camera)
-        now = remembered(item.image, item.stamp_ns, WIDTH if self._config.looks_per_s else COARSE)
+        now = remembered(item.image, item.stamp_ns, WIDTH if self._config.rationed else COARSE)
         look, scan = self.lookout.look(item.camera, item.stamp_ns, self.known.nobody, door)
         people = None
         if before is None or is_cut(before, now):
@@ -92,7 +98,7 @@ class Watch:
         if look is Look.WHOLE or not self.lookout.guided or self.known.nobody:
             return self._whole(item)
         assert isinstance(self._network, FullImageNetwork)
-        regions = expected.regions(float(self._config.region_height), self._network.multiple)
+        regions = expected.regions(float(self._region_height), self._network.multiple)
         if not regions:
             return Finding(no_people(len(self._network.card.joints)), None, 0.0)
         rows, columns = self._network.size_of(self._side(item), item.image)

@@ -35,8 +35,11 @@ class JointMap:
             raise DataError(f"{points.shape[1]} joints from a detector of {self.source_count}")
         mapped = np.full((len(points), len(self.sources), 2), np.nan)
         mapped_scores = np.zeros(mapped.shape[:2])
+        alone = [(joint, sources[0]) for joint, sources in enumerate(self.sources) if len(sources) == 1]
+        targets, taken = [joint for joint, _ in alone], [source for _, source in alone]
+        mapped[:, targets], mapped_scores[:, targets] = points[:, taken], scores[:, taken]
         for joint, sources in enumerate(self.sources):
-            if sources:
+            if len(sources) > 1:
                 columns = list(sources)
                 mapped_scores[:, joint] = scores[:, columns].min(axis=1)
                 mapped[:, joint] = points[:, columns].mean(axis=1)

@@ -29,6 +29,7 @@ class Arrivals:
         self.lost = 0  # between publisher and here
         self.left_out = 0  # numbers that the publisher never sent
         self.bad = 0
+        self.cpu_ns = 0  # of reading it, where the node does that itself
         self.paused = ""  # why nothing is taken at the moment, if so
         self._since_ns = since_ns
         self._newest_ns: int | None = None
@@ -99,6 +100,7 @@ class Arrivals:
             "age_s": f"{self.age_ns(now_ns) / SECOND:.2f}", "period_ms": f"{self.period_ns() * 1e-6:.1f}",
             "latency_p50_ms": p50, "latency_p99_ms": p99, "lost": str(self.lost),
             "left_out": str(self.left_out), "bad": str(self.bad),
+            **({"cpu_s": f"{1e-9 * self.cpu_ns:.3f}"} if self.cpu_ns else {}),
         }  # fmt: skip
 
     def trouble(self, now_ns: int) -> str:

@@ -18,17 +18,18 @@ class StageStatistics:
     def __init__(self) -> None:
         self.taken = 0
         self.given = 0
+        self.cpu_ns = 0
         self.dropped: Counter[str] = Counter()
         self.notices: Counter[str] = Counter()
         self._latest: dict[str, str] = {}  # texts of warnings by code
+        self._told: dict[str, str] = {}  # and of what else there was to say
         self._durations: deque[int] = deque(maxlen=KEPT)  # ns
         self._latencies: deque[int] = deque(maxlen=RECENT)  # ns
 
     def take(self, notice: Notice) -> None:
         """Count a notice, and remember the newest warning of its kind."""
         self.notices[notice.code] += 1
-        if notice.severity != "info":
-            self._latest[notice.code] = notice.text
+        (self._told if notice.severity == "info" else self._latest)[notice.code] = notice.text
 
     def add_duration(self, duration_ns: int) -> None:
         """Remember how long one step took."""
@@ -55,6 +56,7 @@ class StageStatistics:
         """All of it as text, for /diagnostics."""
         p50, p99 = self.percentiles_ms(50, 99)
         rows = {"taken": str(self.taken), "given": str(self.given)}
+        rows |= {"cpu_s": f"{1e-9 * self.cpu_ns:.3f}"} if self.cpu_ns else {}
         rows |= {"step_p50_ms": f"{p50:.3f}", "step_p99_ms": f"{p99:.3f}"}
         if self._latencies:
             p50, p99 = _percentiles_ms(self._latencies, (50, 99))
@@ -62,6 +64,7 @@ class StageStatistics:
         rows |= {f"dropped.{cause}": str(n) for cause, n in sorted(self.dropped.copy().items())}
         rows |= {f"notice.{code}": str(n) for code, n in sorted(self.notices.copy().items())}
         rows |= {f"latest.{code}": text for code, text in sorted(self._latest.copy().items())}
+        rows |= {f"told.{code}": text for code, text in sorted(self._told.copy().items())}
         return rows
 
 

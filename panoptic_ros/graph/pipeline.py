@@ -7,7 +7,8 @@ one is taken; what it brings back up (feedback) is handed over then. How the ord
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -47,8 +48,11 @@ class Pipeline:
             it the error is raised.
         on_end: called with (topic, owner) when these stages give no more for a camera or device on a topic.
         on_step: called with (stage, nanoseconds) after every step, but for records of optional ports.
-        clock: a monotonic clock in ns; the pipeline itself reads none.
+        on_cpu: called with (stage, nanoseconds of processor time) after every step.
+        clock: a monotonic clock in ns, cpu_clock: that of a thread's processor time; the pipeline itself
+            reads none.
         everywhere: all stages of the graph that this is a part of; None = these are all.
+        pool: does what `push_together` starts; None: one after the other.
         table: the rows. used: ports that a parameter of any stage of the graph switches on (see
             `graph.build.ports_in_use`); None = those of the configurations.
     """
@@ -64,11 +68,15 @@ class Pipeline:
         on_refused: Callable[[str, DataError], None] | None = None,
         on_end: Callable[[str, str], None] | None = None,
         on_step: Callable[[str, int], None] | None = None,
+        on_cpu: Callable[[str, int], None] | None = None,
         clock: Callable[[], int] | None = None,
+        cpu_clock: Callable[[], int] | None = None,
         everywhere: Collection[str] | None = None,
+        pool: Executor | None = None,
         table: Table = NODES,
         used: Collection[str] | None = None,
     ):
+        self._apart = frozenset(spec.name for spec in table.values() if spec.apart)
         table = rows_in_use(ports_in_use(configs, table) if used is None else used, table)
         names = switched_on(stages, configs, table)
         self.wiring = Wiring(names, names if everywhere is None else everywhere, table)
@@ -76,12 +84,15 @@ class Pipeline:
         self._configs, self._context = configs, context
         self._stages = [self._make(spec.name) for spec in self.wiring.specs]
         self._pushed = 0
+        self._pool = pool
+        self._begun: dict[tuple[int, int], Future[tuple[Any, int, int]]] = {}  # by stage and id of the record
         self._on_record = on_record or (lambda topic, record: None)
         self._on_notice = on_notice or (lambda stage, notice: None)
         self._on_refused = on_refused
         self._on_end = on_end or (lambda topic, owner: None)
         self._on_step = on_step or (lambda stage, duration: None)
-        self._clock = clock or (lambda: 0)
+        self._on_cpu = on_cpu or (lambda stage, duration: None)
+        self._clock, self._cpu_clock = clock or (lambda: 0), cpu_clock or (lambda: 0)
         self.place: Place = ()  # of the newest record that was given
         self.stepping: tuple[str, int] = ("", 0)  # the stage in whose step this is, and since when
 
@@ -98,6 +109,25 @@ class Pipeline:
         """
         self.schedule.add(topic, record, self._place_of_push(topic))
         self.run()
+
+    def push_together(self, records: Sequence[tuple[str, Any]]) -> None:
+        """Hand on records of one instant, with their topics, as `push` does one after the other. A stage
+        whose cameras or devices are apart takes them at the same time.
+
+        What stands beside a record of its camera, such as its depth map, comes before it.
+        """
+        beside = [item for item in records if self._is_beside(item[0])]
+        others = [item for item in records if not self._is_beside(item[0])]
+        for topic, record in beside:
+            self.push(topic, record)
+        if self._pool is not None and len(others) > 1:
+            for topic, record in others:
+                first = self.wiring.readers[topic][0].stage
+                if self.names[first] in self._apart:
+                    step = self._pool.submit(self._timed, self._stages[first], record)
+                    self._begun[first, id(record)] = step
+        for topic, record in others:
+            self.push(topic, record)
 
     def end(self, topic: str, owner: str) -> None:
         """A camera or device gives no more on this topic."""
@@ -198,10 +228,12 @@ class Pipeline:
             self._take_end(turn, turn.record)
             return
         stage, name = self._stages[turn.stage], self.wiring.specs[turn.stage].name
-        start = self._clock()
-        self.stepping = name, start
+        self.stepping = name, self._clock()
+        begun = self._begun.pop((turn.stage, id(turn.record)), None)
         try:
-            result = stage.step(turn.record)
+            result, duration_ns, cpu_ns = (
+                begun.result() if begun is not None else self._timed(stage, turn.record)
+            )
         except DataError as error:
             if self._on_refused is None:
                 raise
@@ -210,8 +242,16 @@ class Pipeline:
         finally:
             self.stepping = "", 0
         if not turn.beside:
-            self._on_step(name, self._clock() - start)
+            self._on_step(name, duration_ns)
+        self._on_cpu(name, cpu_ns)
         self._hand_on(turn, result)
+
+    def _timed(self, stage: Stage[Any, Any], record: Any) -> tuple[StepResult[Any], int, int]:
+        start, cpu = self._clock(), self._cpu_clock()
+        return stage.step(record), self._clock() - start, self._cpu_clock() - cpu
+
+    def _is_beside(self, topic: str) -> bool:
+        return all(self.wiring.port(reader).optional for reader in self.wiring.readers[topic])
 
     def _hand_on(self, turn: Turn, result: StepResult[Any]) -> None:
         spec = self.wiring.specs[turn.stage]

@@ -14,6 +14,7 @@ from panoptic_ros.nodes.family import message_class
 from panoptic_ros.nodes.quality import END_OF_STREAM, collecting_quality
 from panoptic_ros.nodes.streams import END_KIND, TOPIC
 
+STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case a set was refused
 AHEAD_NS = 60_000_000_000  # by which sound may be ahead of skeletons
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from panoptic_ros.detection.budget import Processor
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import AFTER_DETECTION, NODES
@@ -22,6 +24,7 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.heat_maps_node import HeatMapsNode
 from panoptic_ros.nodes.markers_node import MarkersNode
+from panoptic_ros.nodes.own_cameras import OwnCameras
 from panoptic_ros.nodes.people_node import PeopleNode
 from panoptic_ros.nodes.rpt_node import RptNode
 from panoptic_ros.nodes.runtime import in_namespace, leave, run_nodes
@@ -30,8 +33,12 @@ from panoptic_ros.nodes.statics_node import StaticsNode
 
 
 def _detector(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
-    """The detection stage's extras: the model of its parameter `model`."""
-    return detector_extras(node.get_parameter(f"{prefix}model").value, skeleton.name)[1]
+    """The detection stage's extras: the model of its parameter `model`, live also what it may work on."""
+    extras = detector_extras(node.get_parameter(f"{prefix}model").value, skeleton.name)[1]
+    if node.get_parameter("flow").value != "live":
+        return extras
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return {**extras, "processor": Processor(cores, time.thread_time)}
 
 
 def _biases(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
@@ -50,10 +57,11 @@ EXTRAS = {"detection": _detector, "assembly": _biases, "kinematics": _bodies}
 
 
 def make_stage_node(
-    stages: str | Sequence[str], overrides: Mapping[str, Any] = {}, name: str | None = None
-) -> StageNode:
+    stages: str | Sequence[str], overrides: Mapping[str, Any] = {}, name: str | None = None,
+    own: OwnCameras | None = None,
+) -> StageNode:  # fmt: skip
     """The node of one stage or several."""
-    return StageNode(stages, overrides, EXTRAS, name)
+    return StageNode(stages, overrides, EXTRAS, name, own)
 
 
 def __getattr__(name: str) -> Callable[[], None]:
@@ -152,7 +160,8 @@ def host(arguments: Sequence[str] | None = None) -> int:
 def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
     overrides = dict(entry.get("parameters", {}))
     if entry["kind"] == "stages":
-        return make_stage_node(entry["stages"], overrides, entry["name"])
+        own = OwnCameras(**entry["own"]) if "own" in entry else None
+        return make_stage_node(entry["stages"], overrides, entry["name"], own)
     if entry["kind"] == "markers":
         return MarkersNode(overrides.get("flow", "live"))
     if entry["kind"] == "heat_maps":
@@ -165,11 +174,8 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
 def _source(entry: Mapping[str, Any], rig_of_run: Any, overrides: Mapping[str, Any]) -> Any:
     """The node of what records come from."""
     from panoptic_ros.io.bag_streams import BagStream  # decoders that nodes of stages start without
-    from panoptic_ros.nodes.sources import make_bag_node, make_camera_node, make_imu_node, make_sound_node
+    from panoptic_ros.nodes.sources import make_bag_node, make_imu_node, make_sound_node
 
-    if entry["kind"] == "camera":
-        quality = int(entry.get("jpeg_quality", 0))
-        return make_camera_node(entry["camera"], rig_of_run, entry["source"], overrides, quality)
     if entry["kind"] == "sound":
         return make_sound_node(entry["sound"], rig_of_run.names, overrides)
     if entry["kind"] == "imus":

@@ -24,7 +24,7 @@ from panoptic_ros.io.messages import (
     image_message,
     to_message,
 )
-from panoptic_ros.nodes.credit import Credit, SoundCredit
+from panoptic_ros.nodes.credit import STALL_S, Credit, SoundCredit
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.quality import data_quality
@@ -32,7 +32,6 @@ from panoptic_ros.nodes.runtime import quiet_once
 from panoptic_ros.nodes.streams import StreamEnds
 
 FREQUENT = (TOPICS["audio"].message, TOPICS["imu"].message)
-STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case a set was refused
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from panoptic_ros.domain import Rig, SkeletonModel
+from panoptic_ros.domain import Rig, SkeletonModel, ViewFrame
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import ports_in_use, resolve, rows_in_use
 from panoptic_ros.graph.companions import Companions, Item
@@ -17,7 +18,7 @@ from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.flow import WINDOW, live_defaults, make_flow
 from panoptic_ros.graph.health import Doing, Health
-from panoptic_ros.graph.host import Host, lanes_of
+from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.queue_choice import queue_for
@@ -30,6 +31,8 @@ from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.inputs import Input, InputChoice, Takers, subscribe
 from panoptic_ros.nodes.kept_states import KeptStates
 from panoptic_ros.nodes.outputs import Outputs
+from panoptic_ros.nodes.own_cameras import OwnCameras, OwnInput
+from panoptic_ros.nodes.own_reading import OwnReading
 from panoptic_ros.nodes.parameters import declare_config
 from panoptic_ros.nodes.pausing import Pausing
 from panoptic_ros.nodes.progress import ProgressTold
@@ -62,6 +65,7 @@ class StageNode(Node):
     Args:
         stages: names.
         extras: what stages need beyond the context, by (node, prefix of its parameters, skeleton).
+        own: cameras that the node reads itself; their images are sent only to those who subscribe.
     """
 
     def __init__(
@@ -70,6 +74,7 @@ class StageNode(Node):
         overrides: Mapping[str, Any] = {},
         extras: Mapping[str, Extras] = {},
         name: str | None = None,
+        own: OwnCameras | None = None,
     ):
         names = [stages] if isinstance(stages, str) else list(stages)
         super().__init__(
@@ -80,6 +85,7 @@ class StageNode(Node):
         self._flow = make_flow(
             self.declare_parameter("flow", "live").value, self.declare_parameter("window", WINDOW).value
         )
+        self._reading = OwnReading(self, self._flow, own, self._put_own, self._end_own)
         self._cameras = self._names("cameras")
         self._graph = self._names("graph")
         self._shifts = {name: int(ns) for name, ns in named_words("shifts", self._names("shifts")).items()}
@@ -106,7 +112,7 @@ class StageNode(Node):
         self._diagnostics.more = lambda: [
             status for report in self._reports.values() for status in report.statuses()
         ]
-        self._worker = Worker(self._work, self._dropped)
+        self._worker = Worker(self._work, self._dropped, lambda: self._reading.fetch(self._host))
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
         live = self._flow.name == "live"
@@ -137,7 +143,8 @@ class StageNode(Node):
         return self._tally.statistics
 
     def close(self) -> None:
-        """Stop the worker."""
+        """Stop the worker, and what reads cameras."""
+        self._reading.close()
         self._worker.stop()
         self._compilation.close()
 
@@ -168,11 +175,14 @@ class StageNode(Node):
             if stage in self._extras:
                 extras |= self._extras[stage](self, prefix, skeleton)
         around = [name for name in NODES if name in {*self._graph, *self.prefixes}]
+        reading, context = self._reading, StageContext(used, skeleton, extras)
+        reading.open(used, self._configs, context, self._ports_used, self._shifts)
         self._pipeline = pipeline = Pipeline(
-            self._configs, StageContext(used, skeleton, extras), list(self.prefixes),
+            self._configs, replace(context, extras={**extras, "looks": reading.looks}), list(self.prefixes),
             on_record=self._gave, on_notice=self._tally.tell, on_refused=self._refused,
-            on_end=self._owner_over, on_step=self._tally.stepped, clock=time.monotonic_ns, everywhere=around,
-            used=self._ports_used,
+            on_end=self._owner_over, on_step=self._stepped, on_cpu=self._tally.used,
+            clock=time.monotonic_ns, cpu_clock=time.thread_time_ns, everywhere=around, pool=reading.pool,
+            table=reading.table, used=self._ports_used,
         )  # fmt: skip
         self._take_over(states)
         replay = self._flow.name == "replay"
@@ -184,7 +194,9 @@ class StageNode(Node):
         for topic in sorted(pipeline.wiring.given):
             for owner in self._choice.owners(topic, used):
                 self._outputs.open(topic, owner)
-        owners = {port.topic: self._choice.owners(port.topic, used) for port in pipeline.wiring.inputs}
+        owners = reading.owners(
+            {port.topic: self._choice.owners(port.topic, used) for port in pipeline.wiring.inputs}
+        )
         present = [(topic, owner) for topic, found in owners.items() for owner in found]
         if replay:
             there = [topic for topic in owners if self._is_waited_for(topic)]
@@ -195,14 +207,19 @@ class StageNode(Node):
         else:
             ports = [port for port in pipeline.wiring.inputs if port.patience_ns]
             self._companions = Companions(ports, present)
+        for own in reading.inputs(present):
+            self._health.add(own.arrivals, self._taker(own.topic))
         self._worker.start(queue_for(pipeline.wiring, self._flow, present))
         takers = Takers(self._receive, self._refuse_input, self._tell_of_input, self._lost)
         for topic, owner in present:
+            if reading.reads(owner):
+                continue
             for entry in subscribe(self, self._choice, topic, owner, self._flow, takers):
                 self._inputs[entry.name] = entry
                 self._health.add(entry.arrivals, self._taker(topic))
                 if self._is_waited_for(topic) and entry.carrier != "audio_common":
                     self._ends.watch(entry.name)
+        self._reading.start(used, self._take_own, self._fail)
         self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
 
     def _take_over(self, states: Mapping[str, bytes]) -> None:
@@ -239,35 +256,60 @@ class StageNode(Node):
 
     # --------------------------------------------------------------- work
 
-    def _receive(self, entry: Input, queue: str, stamp_ns: int, data: bytes) -> None:
+    def _receive(self, entry: Input, queue: str, stamp_ns: int, data: bytes | ViewFrame) -> None:
         """Enqueue a message, with those that belong to it."""
         if self._pausing is not None and self._pausing.leaves_out():
             return
         for bundle in self._companions.put(Item(entry.topic, entry.owner, stamp_ns, (entry, data))):
             last = bundle[-1]
             key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
-            self._worker.put(key, last.stamp_ns, lambda bundle=bundle: self._work_on(bundle))
+            self._worker.put(key, last.stamp_ns, bundle)
 
-    def _work(self, job: Callable[[], None]) -> None:
-        """What is enqueued are calls."""
-        job()
+    def _work(self, batch: Sequence[Any]) -> None:
+        """What is enqueued are messages with those that belong to them, or calls."""
+        if callable(batch[0]):
+            batch[0]()
+        else:
+            self._work_on(batch)
 
-    def _work_on(self, bundle: tuple[Item, ...]) -> None:
+    def _work_on(self, bundles: Sequence[tuple[Item, ...]]) -> None:
         assert self._pipeline is not None
-        for item in bundle:
+        together = []
+        for item in (item for bundle in bundles for item in bundle):
             entry, data = item.message
             record = self._record(entry, data)
             if self._host is not None:
                 self._host.put(entry.topic, entry.owner, item.stamp_ns, record)
             elif record is not None:
-                self._pipeline.push(entry.topic, record)
+                together.append((entry.topic, record))
             entry.count += 1
             self._ends.taken(entry.name)
         if self._host is not None:
             self._host.advance()
             self._after_host()
+        else:
+            self._pipeline.push_together(together)
 
-    def _record(self, entry: Input, data: bytes) -> Any | None:
+    def _take_own(self, entry: OwnInput, frame: ViewFrame) -> None:
+        """A live camera of this node has given an image; on the camera's thread."""
+        overtaken = entry.came(frame, self._age_ns(frame))
+        if overtaken:
+            self._lost(entry, "overtaken", overtaken)
+        self._receive(entry, f"{entry.topic} {entry.owner}", frame.stamp_ns, frame)
+
+    def _put_own(self, entry: OwnInput, record: Any) -> None:
+        """The next record of a recording of this node."""
+        self._work_on([(Item(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
+
+    def _end_own(self, key: Key) -> None:
+        assert self._host is not None
+        self._host.end(*key)
+        self._advance()
+
+    def _fail(self, error: PanopticError) -> None:
+        self._fault = error
+
+    def _record(self, entry: Input, data: Any) -> Any | None:
         """The record of a message, None if it cannot be used."""
         try:
             record = entry.record(data)
@@ -311,6 +353,9 @@ class StageNode(Node):
         if self._flow.name == "live" and self._tally.refuses_all(stage):
             self._pipeline.begin_anew(stage)
             self.get_logger().warning(f"stage {stage} has refused all of late: it forgets what it knew")
+
+    def _stepped(self, stage: str, duration_ns: int) -> None:
+        self._tally.stepped(stage, self._reading.duration_ns(stage, duration_ns))
 
     def _refuse_input(self, entry: Input, error: PanopticError) -> None:
         entry.arrivals.bad += 1

@@ -41,6 +41,10 @@ class Tally:
         self.statistics[stage].taken += 1
         self.statistics[stage].add_duration(duration_ns)
 
+    def used(self, stage: str, cpu_ns: int) -> None:
+        """A stage has used so much processor time."""
+        self.statistics[stage].cpu_ns += cpu_ns
+
     def gave(self, stage: str, latency_ns: int | None) -> None:
         """A stage has given a record, so long after its stamp (live)."""
         self.statistics[stage].given += 1

@@ -13,15 +13,19 @@ from panoptic_ros.nodes.runtime import quiet_once
 
 
 class Worker:
-    """Does one item at a time.
+    """Does at a time what belongs together.
 
     Args:
-        work: called for every item.
+        work: called with items that were waiting, those of one instant together.
         on_drop: called with the number of items that were dropped.
+        fetch: called when nothing waits; whether it found something to do.
     """
 
-    def __init__(self, work: Callable[[Any], None], on_drop: Callable[[int], None]):
-        self._work = work
+    def __init__(
+        self, work: Callable[[list[Any]], None], on_drop: Callable[[int], None],
+        fetch: Callable[[], bool] = lambda: False,
+    ):  # fmt: skip
+        self._work, self._fetch = work, fetch
         self._on_drop = on_drop
         self._waiting: Waiting | None = None
         self._notes: deque[Any] = deque()
@@ -68,18 +72,20 @@ class Worker:
             self._run()
 
     def _run(self) -> None:
+        nothing_left = False
         while True:
             with self._changed:
                 batch = self._next()
-                while not batch and not self._stopping:
+                while nothing_left and not batch and not self._stopping:
                     self._changed.wait()
                     batch = self._next()
                 if self._stopping:
                     return
             try:
                 with full_disk_told():
-                    for item in batch:
-                        self._work(item)
+                    if batch:
+                        self._work(batch)
+                    nothing_left = not batch and not self._fetch()
             except PanopticError as error:
                 self.fault = error
                 return

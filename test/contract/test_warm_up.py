@@ -52,8 +52,12 @@ def test_motion_of_the_surface():
     assert late("surface") == "[]"
 
 
+def test_detection():
+    assert late("detection") == "[]"
+
+
 def test_no_other_stage_compiles():
     root = Path(panoptic_ros.__file__).parent
-    tested = {"sync", *FUSION, "offsets", "timecode", "clocks", "flow", "patches"}
+    tested = {"sync", *FUSION, "offsets", "timecode", "clocks", "flow", "patches", "detection"}
     for name in set(NODES) - tested:
         assert not any("njit" in path.read_text() for path in (root / name).rglob("*.py")), name

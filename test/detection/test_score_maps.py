@@ -126,3 +126,42 @@ def test_thirty_one_views_of_ten_people_stay_below_five_megabytes():
     made = record(levels, patches, JointMap(17, tuple((k,) for k in range(17))))
     arrays = (made.data, made.joints, made.persons, made.corners, made.sizes)
     assert 31 * sum(array.nbytes for array in arrays) < 5e6
+
+
+def nearest_joints(levels, cells, seen, radius):
+    """For each cell the person in whose gate it lies, whose joint is nearest; the first of equals."""
+    owners = np.full(levels.shape, NOBODY)
+    for joint, row, column in np.ndindex(levels.shape):
+        gaps = [
+            np.float32((row - y) ** 2 + (column - x) ** 2) if seen[p, joint] else np.inf
+            for p, (x, y) in enumerate(cells[:, joint])
+        ]
+        inside = [gap if gap <= reach**2 else np.inf for gap, reach in zip(gaps, radius)]
+        if inside and min(inside) < np.inf:
+            owners[joint, row, column] = int(np.argmin(inside))
+    return owners
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.integers(0, 4))
+def test_each_patch_is_all_that_is_nearest_to_a_joint_and_nothing_else(seed, people):
+    rng = np.random.default_rng(seed)
+    levels = quantised(rng.random((3, 9, 12)) ** 3, 0.05)
+    cells = rng.uniform(-6, 16, (people, 3, 2))
+    cells = np.where(rng.random(cells.shape) < 0.3, np.round(cells), cells)
+    seen, radius = rng.random((people, 3)) < 0.8, rng.uniform(1, 6, people)
+    before = levels.copy()
+    own = [p for p in merged_patches(levels, cells, seen, radius) if p.person != NOBODY]
+    np.testing.assert_array_equal(levels, before)
+    owners = nearest_joints(levels, cells, seen, radius)
+    expected = {}
+    for person, joint in np.ndindex(people, 3):
+        mine = np.where(owners[joint] == person, levels[joint], 0)
+        if mine.any():
+            rows, columns = np.flatnonzero(mine.any(axis=1)), np.flatnonzero(mine.any(axis=0))
+            window = mine[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            expected[person, joint] = ((columns[0], rows[0]), window)
+    assert [(p.person, p.joint) for p in own] == list(expected)
+    for patch, (corner, values) in zip(own, expected.values()):
+        assert patch.corner == corner
+        np.testing.assert_array_equal(patch.values, values)

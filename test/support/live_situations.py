@@ -1,6 +1,7 @@
 """What live stages may meet. As a program: which kernels were not ready when the stages were constructed.
 
-`python live_situations.py chain '[cameras, settings, skeleton]'`, `... offsets`, `... timecode`.
+`python live_situations.py chain '[cameras, settings, skeleton]'`, `... offsets`, `... timecode`,
+`... detection`.
 """
 from __future__ import annotations
 
@@ -160,8 +161,26 @@ def surface() -> set[tuple[str, str, str]]:
     return kernels() - before
 
 
+def detection() -> set[tuple[str, str, str]]:
+    """Images with one person, two, nobody, and strangers; whole, in regions, carried."""
+    from stage_cases import watched, watcher  # draws with OpenCV
+
+    from panoptic_ros.detection.config import DetectionConfig
+    from panoptic_ros.detection.stage import DetectionStage
+
+    found: set[tuple[str, str, str]] = set()
+    for looks in (0.0, 9.0):
+        config = DetectionConfig(input_side=256, smallest_input=64, adapt_input=False, looks_per_s=looks)
+        stage = DetectionStage(config, watcher())
+        before = kernels()
+        views = passed([stage], watched())
+        assert any(view.maps is not None and (view.maps.persons >= 0).any() for view in views)
+        found |= kernels() - before
+    return found
+
+
 PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
-    "chain": chain, "offsets": offsets, "timecode": timecode, "surface": surface,
+    "chain": chain, "offsets": offsets, "timecode": timecode, "surface": surface, "detection": detection,
 }  # fmt: skip
 
 if __name__ == "__main__":

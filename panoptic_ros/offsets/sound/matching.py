@@ -4,7 +4,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import oaconvolve
 
 Array = np.ndarray
 RATE = 100.0  # Hz, of coarse onsets
@@ -63,6 +62,8 @@ def find(part: Array, whole: Array, near: float | None = None, within: float = 0
         whole = whole[first:last]
     if min(len(part), len(whole)) < LEAST_S * RATE:
         return None
+    from scipy.signal import oaconvolve  # takes a second to load, which most runs do not need
+
     lags = np.arange(1 - len(part), len(whole))
     shared = np.minimum(len(whole), lags + len(part)) - np.maximum(0, lags)
     agreement = np.zeros(len(lags))

@@ -73,7 +73,8 @@ def plan_drivers(
         else rig_by_calibration(calibrated, file, drivers, notices)
     )
     return options.complete(Plan(
-        "drivers", found, skeleton, with_defaults(options.all_parameters(), live_parameters()),
+        "drivers", found, skeleton,
+        with_defaults(options.all_parameters(), live_parameters(cameras=len(found))),
         extras=extras, topics=carriers, live=True, notices=tuple(notices),
         encodings={name: topics.encoding for name, topics in file.cameras.items() if topics.encoding},
         depth_cameras=tuple(name for name, topics in file.cameras.items() if topics.depth),

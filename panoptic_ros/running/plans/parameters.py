@@ -1,7 +1,6 @@
 """Parameters and fixed things that a user gives, for all that solves."""
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from panoptic_ros.graph.flow import LIVE_DEFAULTS
 from panoptic_ros.io.files import read_yaml
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.params import Config
+from panoptic_ros.running.plans.free_threads import free_threads
 
 Parameters = dict[str, dict[str, Any]]  # {stage: {parameter: value}}
 
@@ -61,12 +61,12 @@ def with_defaults(given: Parameters, defaults: Parameters) -> dict[str, Config]:
     return configure(merged(defaults, given))
 
 
-def live_parameters(rate: float = 30.0) -> Parameters:
-    """What holds for live cameras of this rate, Hz, unless the user says something else."""
+def live_parameters(rate: float = 30.0, cameras: int = 1) -> Parameters:
+    """What holds for so many live cameras of this rate, Hz, unless the user says something else."""
     return {
-        # detection works through the cameras in turn
+        # detection works through the cameras in turn, some side by side
         "sync": {"deadline_s": max(LIVE_DEFAULTS["sync"]["deadline_s"], 3.0 / rate)},
-        "detection": {"threads": max(1, (os.cpu_count() or 2) // 2)},
+        "detection": {"threads": max(1, free_threads(1) // max(cameras, 1))},
         "refinement": {"lag": min(LIVE_DEFAULTS["refinement"]["lag"], 0.9 / rate)},
     }
 

@@ -122,7 +122,8 @@ def plan_devices(
     own = {"frame_rate": frame_rate, "latency_ms": latency_ms}
     clocked = _on_first(microphones, chosen)
     plan = options.complete(Plan(
-        "cameras", clocked, skeleton, with_defaults(options.all_parameters(), live_parameters(rate)),
+        "cameras", clocked, skeleton,
+        with_defaults(options.all_parameters(), live_parameters(rate, len(devices))),
         {name: {"kind": "device", "device": device, **own} for name, device in devices.items()},
         extras=extras, frame_rate=rate, live=True,
     ))  # fmt: skip

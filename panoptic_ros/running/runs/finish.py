@@ -16,7 +16,6 @@ from panoptic_ros.running.runs.regrouping import regrouped
 from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.overlay_run import write_overlays
-from panoptic_ros.view.plot3d import plot_capture
 from panoptic_ros.view.report import Latency, RunReport
 
 LATEST = "latest."
@@ -65,6 +64,8 @@ def _pictures(
     plan: Plan, results: Results, sets: list[DetectionSet], on_picture: Callable[[int, int], None]
 ) -> None:
     path = results.folder / "skeletons.png"
+    from panoptic_ros.view.plot3d import plot_capture  # matplotlib takes half a second to load
+
     plot_capture(path, plan.rig, plan.skeleton, list(results.poses), title=plan.title)
     if plan.live or plan.streams:
         return

@@ -1,33 +1,32 @@
 """A run in one process, without ROS: the same stages, the same results."""
 from __future__ import annotations
 
-import heapq
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
-from itertools import tee
 from typing import Any
 
-from panoptic_ros.capture import DepthSource, open_source
+from panoptic_ros.capture import open_recording, open_source
 from panoptic_ros.capture.imus import imu_samples
 from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.detection.config import DetectionConfig
-from panoptic_ros.domain import AudioBlock, DepthFrame, ViewFrame
+from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, switched_on
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.host import Host, Key, lanes_of
-from panoptic_ros.graph.nodes import DEPTH, NODES
+from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, opened_streams
 from panoptic_ros.params import config_of
+from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import ABOUT_CLOCKS
 from panoptic_ros.running.runs.newest_frames import newest_frames
 from panoptic_ros.running.runs.results import Results
-from panoptic_ros.running.runs.side_by_side import TABLE, SideBySide, free_threads
 from panoptic_ros.stage import Notice, StageContext
 
 TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY)  # what results keep of what comes from outside
@@ -95,7 +94,10 @@ def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> di
         return counted.statistics
     with ExitStack() as stack:
         refused: list[DataError] = []
-        records = _recorded(plan, stack, refused.append) if plan.streams else _filmed(plan, stack)
+        records: Records = (
+            _recorded(plan, stack, refused.append) if plan.streams
+            else open_recording(plan.rig, {name: plan.sources[name] for name in plan.rig.names}, stack)
+        )  # fmt: skip
         looks = _side_by_side(plan, stack, records)
         counted = _Counted(plan, results, looks)
         for sound in plan.sounds:
@@ -121,22 +123,7 @@ def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide 
     if threads == 1 or tied:
         return None
     stage = make_stage("detection", config, StageContext(plan.rig, plan.skeleton, plan.extras))
-    cameras = [owner for topic, owner in records if topic == "image"]
-    inputs = {name: by_stamp(records["image", name], records.pop(("depth", name), None)) for name in cameras}
-    looks = stack.enter_context(SideBySide(stage, inputs, threads, time.perf_counter_ns))
-    records.update({("image", camera): looks.frames(camera) for camera in cameras})
-    return looks
-
-
-def by_stamp(images: Iterator[Any], depths: Iterator[Any] | None) -> Iterator[Any]:
-    """What the stage takes of a camera, in the order in which the pipeline hands it over."""
-    if depths is None:
-        return images
-    return heapq.merge(depths, images, key=_place)
-
-
-def _place(item: ViewFrame | DepthFrame) -> int:
-    return item.stamp_ns - (DEPTH.ahead_ns if isinstance(item, DepthFrame) else 0)
+    return stack.enter_context(looked_ahead(records, stage, threads, time.perf_counter_ns))
 
 
 def _replay(
@@ -159,18 +146,6 @@ def _replay(
                 results.take(topic, record)
             host.put(topic, owner, record.stamp_ns, record)
         host.advance()
-
-
-def _filmed(plan: Plan, stack: ExitStack) -> Records:
-    """Frames, and depth maps where there are any, of the cameras of a recording."""
-    records: Records = {}
-    for camera in plan.rig.names:
-        source = stack.enter_context(open_source(camera, plan.rig, plan.sources[camera])[0])
-        frames, again = tee(source)
-        records["image", camera] = frames
-        if isinstance(source, DepthSource):
-            records["depth", camera] = map(source.depth_of, again)
-    return records
 
 
 def _live_frames(plan: Plan, camera: str) -> Iterator[Any]:

@@ -1,9 +1,11 @@
 """Which nodes a run consists of and which process each of them lives in."""
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.graph.build import ports_in_use, rows_in_use, switched_on
 from panoptic_ros.graph.flow import live_defaults
 from panoptic_ros.graph.nodes import BESIDE_IMAGES, SLOW, SOUND
@@ -14,11 +16,11 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.params import diff
+from panoptic_ros.params import config_of, diff
+from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.runs.side_by_side import free_threads
 
-CAMERA_PROCESSES = 8  # at most; beyond it, cameras share processes
+LOOKS_OF_A_PROCESS = 8  # at a time: the network, a tenth of whose time is Python's, leaves it no core to win
 HEAT_MAPS = "heat_maps"  # what is published of views, not of people
 SOUND_PROCESSES = 2  # at most, the same
 
@@ -30,7 +32,7 @@ def write_launch_file(
 
     Args:
         one_per_stage: a node and a process for each stage, in place of one for all after detection.
-            In replay, where tracking tells detection where to look, one process runs all stages.
+            In replay, where tracking tells detection where to look, one process runs all stages in any case.
     """
     rig = folder / "rig.json"
     write_rig(rig, plan.rig)
@@ -42,12 +44,6 @@ def write_launch_file(
         streams = [stream.words() for stream in plan.streams]
         bag = {"kind": "bag", "name": "bag", "streams": streams, "parameters": plan_of_nodes.common}
         processes["source"] = [bag]
-    for i, (camera, source) in enumerate(plan.sources.items()):
-        node = {"kind": "camera", "camera": camera, "source": source, "jpeg_quality": jpeg_quality,
-                "parameters": plan_of_nodes.source(camera)}  # fmt: skip
-        few = len(plan.sources) <= CAMERA_PROCESSES
-        name = f"camera-{ros_name(camera)}" if few else f"cameras-{i % CAMERA_PROCESSES}"
-        processes.setdefault(name, []).append(node)
     for i, sound in enumerate(plan.sounds):
         device = str(sound["device"])
         parameters = plan_of_nodes.source(TOPICS[SOUND_KEY].of(device))
@@ -58,25 +54,27 @@ def write_launch_file(
     if plan.imus:
         paths = {device: str(path) for device, path in plan.imus.items()}
         processes["imus"] = [{"kind": "imus", "imus": paths, "parameters": plan_of_nodes.common}]
-    guided = plan_of_nodes.guided and not plan.live  # then what comes back must come at its place
+    joined = _is_joined(plan, plan_of_nodes.guided, one_per_stage)
     beside = tuple(name for name in BESIDE_IMAGES if name in plan_of_nodes.stages)
-    if plan.stage == "detection" and not guided:
-        for k, cameras in enumerate(_shares(list(plan.rig.names), plan.live)):
-            inputs = _inputs_of_detection(plan, cameras, bool(jpeg_quality))
+    if plan.stage == "detection" and not joined:
+        for k, cameras in enumerate(_shares(plan)):
+            inputs = _inputs_of_detection(plan, cameras)
             processes[f"detection-{k}"] = [
                 plan_of_nodes.node(beside, f"detection_{k}", cameras=cameras, **inputs)
+                | _own(plan, cameras, jpeg_quality)
             ]
     apart = [name for name in plan_of_nodes.stages if plan.live and name in SLOW]
-    alone = apart if guided else [*beside, *apart]
+    alone = apart if joined else [*beside, *apart]
     together = [name for name in plan_of_nodes.stages if name not in alone]
-    divided = one_per_stage and not guided
+    divided = one_per_stage and not joined
     hosts = _divided(together) if divided else [tuple(together)]
-    inputs = _inputs_of_detection(plan, list(plan.rig.names), bool(jpeg_quality)) if guided else {}
+    inputs = _inputs_of_detection(plan, list(plan.rig.names)) if joined else {}
     for host in (*hosts, *((name,) for name in apart)):
         name = host[0] if len(host) == 1 else "sync" if divided else "fusion"
-        processes.setdefault("fusion" if host in hosts and not divided else name, []).append(
-            plan_of_nodes.node(host, name, **(inputs if "detection" in host else {}))
-        )
+        looks = "detection" in host
+        node = plan_of_nodes.node(host, name, **(inputs if looks else {}))
+        node |= _own(plan, list(plan.rig.names), jpeg_quality) if looks else {}
+        processes.setdefault("fusion" if host in hosts and not divided else name, []).append(node)
     markers = {"kind": "markers", "parameters": {"flow": flow}}
     processes.setdefault("markers" if divided else "fusion", []).append(markers)
     others = processes.setdefault("markers" if one_per_stage else "fusion", [])
@@ -88,6 +86,16 @@ def write_launch_file(
     document = {"rig": str(rig), "namespace": plan.namespace, "processes": processes}
     write_json(path, document, indent=1)
     return path
+
+
+def _is_joined(plan: Plan, guided: bool, one_per_stage: bool) -> bool:
+    """Whether one process runs all stages, with detection.
+
+    In replay: where tracking tells detection where to look, as what comes back must come at its place; and
+    where it reads images itself, so that only what is kept is sent, if one process fills the cores.
+    """
+    fills = bool(plan.sources) and not one_per_stage and free_threads(1) <= LOOKS_OF_A_PROCESS
+    return not plan.live and plan.stage == "detection" and (guided or fills)
 
 
 def _divided(stages: list[str]) -> list[tuple[str, ...]]:
@@ -143,7 +151,7 @@ class _Nodes:
         return self._flow == "replay" and bool(everything.heads) and set(inside.given_around) != inside.given
 
 
-def _inputs_of_detection(plan: Plan, cameras: list[str], jpeg: bool) -> dict[str, list[str]]:
+def _inputs_of_detection(plan: Plan, cameras: list[str]) -> dict[str, list[str]]:
     """Which messages come, by parameter of the node."""
     packed = {stream.camera for stream in plan.streams if stream.key == "compressed_depth"}
     packed |= set(plan.topics.get("compressed_depth", ()))
@@ -158,15 +166,28 @@ def _inputs_of_detection(plan: Plan, cameras: list[str], jpeg: bool) -> dict[str
     return others | given_inputs({
         "depth": [c for c in cameras if c in plan.depth_cameras],
         "compressed_depth": [c for c in cameras if c in packed],
-        "compressed_image": [c for c in cameras if jpeg or c in compressed],
+        "compressed_image": [c for c in cameras if c in compressed],
     })  # fmt: skip
 
 
-def _shares(cameras: list[str], live: bool) -> list[list[str]]:
+def _shares(plan: Plan) -> list[list[str]]:
     """Cameras per detection process.
 
-    Replay: one for every core that may be used: the network is nearly all of the work. Live: one, so that all
-    cameras drop the same instants when it cannot keep up; it has several threads instead.
+    Live: one, so that all cameras drop the same instants when it cannot keep up. Recordings that it reads
+    itself: one for so many looks at a time as Python's lock lets pass. Images that come as messages, as of
+    bags: one for every core that may be used.
     """
-    count = 1 if live else min(len(cameras), free_threads(1))
+    cameras = list(plan.rig.names)
+    each = LOOKS_OF_A_PROCESS if plan.sources else 1
+    count = 1 if plan.live else min(len(cameras), math.ceil(free_threads(1) / each))
     return [cameras[k::count] for k in range(count)]
+
+
+def _own(plan: Plan, cameras: list[str], jpeg_quality: int) -> dict[str, Any]:
+    """The cameras that a detection process reads itself, and how many of them it looks at at a time."""
+    if not plan.sources and not plan.live:
+        return {}
+    threads = free_threads(config_of(plan.configs, DetectionConfig).threads)
+    threads = math.ceil(threads * len(cameras) / len(plan.rig))
+    own = {name: plan.sources[name] for name in cameras if name in plan.sources}
+    return {"own": {"sources": own, "threads": threads, "jpeg_quality": jpeg_quality}}

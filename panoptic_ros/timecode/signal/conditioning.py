@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import firwin
 
 from panoptic_ros.timecode.signal.baseline import hat_sums
 from panoptic_ros.timecode.signal.clicks import ClickLimits, bridge_clicks
@@ -34,6 +33,8 @@ class Conditioner:
         self.up = max(1, -(-FINE_RATE // sample_rate))
         self._step = max(1, int(sample_rate / KNOT_HZ))
         knots = int(0.5 * FILTER_SECONDS * sample_rate / self._step) - 2  # of the low pass, to each side
+        from scipy.signal import firwin  # takes a second to load, which most runs do not need
+
         low = firwin(2 * knots + 1, corner_hz, window=WINDOW, fs=sample_rate / self._step)
         self._low_pass = low / self._step  # hats are so large
         self._between = _between(self.up)

@@ -8,7 +8,7 @@ Python's lock, so threads do; processes would have to be sent the images.
 
 from __future__ import annotations
 
-import os
+import heapq
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from panoptic_ros.domain import DepthFrame, ViewDetections, ViewFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.graph.nodes import NODES, NodeSpec
+from panoptic_ros.graph.nodes import DEPTH, NODES, NodeSpec
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Stage, StageContext, StepResult
 
@@ -111,7 +111,9 @@ class SideBySide:
         ready = self._ready[camera]
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: ready or camera in self._ended or self._fault)
+                self._changed.wait_for(
+                    lambda: ready or camera in self._ended or self._fault or self._closed
+                )
                 if not ready:
                     if self._fault is not None:
                         raise self._fault
@@ -177,7 +179,26 @@ class SideBySide:
         return _Look(frame, result, self._clock() - start)
 
 
-def free_threads(each: int) -> int:
-    """How many looks of `each` threads the cores that this process may use can do at a time."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, cores // each)
+def looked_ahead(
+    records: dict[tuple[str, str], Iterator[Any]], stage: Stage[Any, ViewDetections], threads: int,
+    clock: Callable[[], int],
+) -> SideBySide:  # fmt: skip
+    """Let a detection stage run ahead on the records of cameras, by (topic, camera): images become those that
+    were looked at, and depth maps go with them.
+    """
+    cameras = [owner for topic, owner in records if topic == "image"]
+    inputs = {name: by_stamp(records["image", name], records.pop(("depth", name), None)) for name in cameras}
+    looks = SideBySide(stage, inputs, threads, clock)
+    records.update({("image", camera): looks.frames(camera) for camera in cameras})
+    return looks
+
+
+def by_stamp(images: Iterator[Any], depths: Iterator[Any] | None) -> Iterator[Any]:
+    """What the stage takes of a camera, in the order in which the pipeline hands it over."""
+    if depths is None:
+        return images
+    return heapq.merge(depths, images, key=_place)
+
+
+def _place(item: ViewFrame | DepthFrame) -> int:
+    return item.stamp_ns - (DEPTH.ahead_ns if isinstance(item, DepthFrame) else 0)

@@ -11,8 +11,7 @@ from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.stage import DetectionStage
 from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.running.runs.in_process import by_stamp
-from panoptic_ros.running.runs.side_by_side import AHEAD, LookedAt, SideBySide, free_threads
+from panoptic_ros.graph.side_by_side import AHEAD, LookedAt, SideBySide, by_stamp
 from panoptic_ros.stage import StageContext, StepResult
 
 CAMERAS = ("left", "right", "third")
@@ -115,10 +114,6 @@ def test_it_ends_when_it_is_left_early():
     with SideBySide(Slow(), {n: iter(f) for n, f in frames(40).items()}, 3, time.perf_counter_ns) as work:
         next(work.frames("left"))
     assert not any(thread.name.startswith("detection-") for thread in threading.enumerate())
-
-
-def test_threads_of_operators_share_the_cores():
-    assert free_threads(1) >= 1 and free_threads(10_000) == 1
 
 
 def test_depth_maps_belong_to_their_images_in_threads_too():

@@ -1,0 +1,33 @@
+"""The cameras of a recording, opened together: frames of each, and depth maps where there are any."""
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from itertools import tee
+from typing import Any
+
+from panoptic_ros.capture.depth_folder import DepthSource
+from panoptic_ros.capture.described import open_source
+from panoptic_ros.domain import Rig
+
+
+def open_recording(
+    rig: Rig, descriptions: Mapping[str, Mapping[str, Any]], stack: ExitStack
+) -> dict[tuple[str, str], Iterator[Any]]:
+    """Iterators of `ViewFrame`s by ("image", camera), and of `DepthFrame`s by ("depth", camera).
+
+    Args:
+        descriptions: by camera, see `open_source`.
+        stack: closes the files.
+
+    Raises:
+        UserError: as `open_source`.
+    """
+    records: dict[tuple[str, str], Iterator[Any]] = {}
+    for camera, description in descriptions.items():
+        source = stack.enter_context(open_source(camera, rig, description)[0])
+        frames, again = tee(source)
+        records["image", camera] = frames
+        if isinstance(source, DepthSource):
+            records["depth", camera] = map(source.depth_of, again)
+    return records

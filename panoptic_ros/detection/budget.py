@@ -1,0 +1,130 @@
+"""How often, and how finely, cameras are looked at so that detection keeps within its share of the cores.
+
+Live only: what looks cost is measured, so the choice depends on the machine. All cameras get the same.
+"""
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+SECOND = 10**9
+DECIDED_EVERY_NS = SECOND // 2
+LEARNT = 0.05  # weight of a new cost in the mean
+FEW = 6.0  # looks per s and camera, below which people are made smaller before looks become rarer
+LEAST_HEIGHT = 160  # net px; below, accuracy falls quicker than the work
+FEWEST = 2.0  # looks per s and camera in any case
+STEP = 0.1  # a choice stays until another differs by more than this share
+
+
+@dataclass(frozen=True)
+class Processor:
+    """The processors that a live stage works on.
+
+    Args:
+        cores: how many. thread_s: processor time of the thread that asks, s.
+    """
+
+    cores: int
+    thread_s: Callable[[], float]
+
+
+class Pace(NamedTuple):
+    """What is chosen: looks per s and camera, 0 = at every image; height of people in regions, net px."""
+
+    looks_per_s: float
+    region_height: int
+
+
+@dataclass
+class _Camera:
+    stamp_ns: int
+    number: int
+    rate_hz: float = 0.0
+
+
+class Budget:
+    """Learns what images cost, and chooses. Images of several cameras may be worked on at a time.
+
+    Args:
+        share: of the cores that may be used. cores: how many there are.
+        tallest: net px, of people in regions, unless looks become rare.
+        begin: what counts until costs are known.
+    """
+
+    def __init__(self, share: float, cores: int, tallest: int, begin: Pace):
+        self._allowed, self._tallest = share * cores, tallest
+        self.pace = begin
+        self._cameras: dict[str, _Camera] = {}
+        self._look_s: float | None = None  # of an image that is looked at, people being `tallest`
+        self._rest_s = 0.0  # of one that is not
+        self._decided_ns: int | None = None
+        self._lock = threading.Lock()
+
+    def took(self, camera: str, stamp_ns: int, number: int, looked: bool, seconds: float) -> Pace | None:
+        """An image has cost so much processor time; gives another choice, if there is one.
+
+        Args:
+            number: of the frame: those that nobody took count as well. looked: whether the network saw it.
+        """
+        with self._lock:
+            self._learn(camera, stamp_ns, number)
+            if looked:
+                seconds *= (self._tallest / self.pace.region_height) ** 2
+                before = self._look_s
+                self._look_s = seconds if before is None else before + LEARNT * (seconds - before)
+            else:
+                self._rest_s += LEARNT * (seconds - self._rest_s)
+            if self._decided_ns is None:
+                self._decided_ns = stamp_ns
+            if self._look_s is None or stamp_ns - self._decided_ns < DECIDED_EVERY_NS:
+                return None
+            self._decided_ns = stamp_ns
+            chosen = self._choice(self._look_s)
+            if not self._differs(chosen):
+                return None
+            self.pace = chosen
+            return chosen
+
+    def used(self) -> float:
+        """Cores that the choice keeps busy."""
+        with self._lock:
+            return self._use(self.pace, self._look_s or 0.0)
+
+    def _learn(self, camera: str, stamp_ns: int, number: int) -> None:
+        known = self._cameras.get(camera)
+        if known is None or stamp_ns <= known.stamp_ns or number <= known.number:
+            self._cameras[camera] = _Camera(stamp_ns, number)
+            return
+        rate = SECOND * (number - known.number) / (stamp_ns - known.stamp_ns)
+        known.rate_hz += (LEARNT if known.rate_hz else 1.0) * (rate - known.rate_hz)
+        known.stamp_ns, known.number = stamp_ns, number
+
+    def _choice(self, look_s: float) -> Pace:
+        fastest = max(known.rate_hz for known in self._cameras.values())
+        looks = self._looks(look_s)
+        if looks >= fastest:
+            return Pace(0.0, self._tallest)
+        height = self._tallest
+        if looks < FEW:
+            least = min(LEAST_HEIGHT, self._tallest)
+            height = int(min(max(self._tallest * (looks / FEW) ** 0.5, least), self._tallest))
+            looks = min(self._looks(look_s * (height / self._tallest) ** 2), FEW)
+        return Pace(max(looks, min(FEWEST, fastest)), height)
+
+    def _looks(self, look_s: float) -> float:
+        """Looks per s and camera that there is time for, where one costs so much more than carrying."""
+        images = sum(known.rate_hz for known in self._cameras.values())
+        left = max(self._allowed - images * self._rest_s, 0.0)
+        return left / (len(self._cameras) * max(look_s - self._rest_s, 1e-6))
+
+    def _use(self, pace: Pace, look_s: float) -> float:
+        images = sum(known.rate_hz for known in self._cameras.values())
+        cost = look_s * (pace.region_height / self._tallest) ** 2
+        looks = len(self._cameras) * pace.looks_per_s if pace.looks_per_s else images
+        return min(looks, images) * cost + max(images - looks, 0.0) * self._rest_s
+
+    def _differs(self, chosen: Pace) -> bool:
+        pairs = zip(chosen, self.pace)
+        return any(abs(new - old) > STEP * max(new, old) for new, old in pairs)
