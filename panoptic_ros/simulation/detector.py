@@ -5,7 +5,7 @@ Array axes: C cameras, P people, 19 joints. All of one instant is done at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from panoptic_ros.simulation.ghosts import Ghosts
 from panoptic_ros.simulation.occlusion import hidden_joints
 from panoptic_ros.simulation.people import Person
 from panoptic_ros.simulation.silhouettes import box_overlap, boxes_of, seen_from_behind
-from panoptic_ros.simulation.skeleton import JOINTS, both_sides
+from panoptic_ros.simulation.skeleton import JOINTS, J, both_sides
 from panoptic_ros.simulation.walls import Wall, behind_walls
 
 Array = np.ndarray
@@ -32,11 +32,23 @@ POINT_DIGITS, SCORE_DIGITS = 6, 3
 
 @dataclass(frozen=True)
 class Absence:
-    """A person whom no camera detects from `start` until `end` (s)."""
+    """What is not detected of a person from `start` until `end` (s).
+
+    Args:
+        cameras: of the rig, by number; empty = all. joints: by name; empty = the whole person.
+    """
 
     person: int
     start: float
     end: float
+    cameras: tuple[int, ...] = ()
+    joints: tuple[str, ...] = ()
+
+    def holds(self, times: Array) -> Array:
+        """Of which cameras (C,), exposed at these times s."""
+        among = np.isin(np.arange(len(times)), self.cameras) if self.cameras else np.ones(len(times), bool)
+        during: Array = (times >= self.start) & (times < self.end) & among
+        return during
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +103,7 @@ class SimulatedDetector:
         hidden = hidden_joints(self._centres, joints, present, self._heights, self._table)
         boxes = boxes_of(points, visible)
         marks = self._mark(rng, index, points, visible, hidden, boxes)
+        marks = replace(marks, found=self._without(times, marks.found))
         reported = self._report(slow, times, (marks.found & ~hidden).sum(-1))
         pick = np.moveaxis(np.indices(visible.shape)[1:], 0, -1).copy()  # (C, P, 19, 2): person, joint
         self._swap(slow, pick, seen_from_behind(joints, self._centres))
@@ -134,8 +147,17 @@ class SimulatedDetector:
         """Whether people are reported at all (C, P), given their numbers of visible joints."""
         reported = (seen >= self._faults.fewest_joints) & (rng.random(seen.shape) >= self._faults.person_miss)
         for absence in self._absences:
-            reported[:, absence.person] &= (times < absence.start) | (times >= absence.end)
+            if not absence.joints:
+                reported[:, absence.person] &= ~absence.holds(times)
         return reported
+
+    def _without(self, times: Array, found: Array) -> Array:
+        """The joints found (C, P, 19) but for those that absences take away."""
+        found = found.copy()
+        for absence in self._absences:
+            numbers = [J[name] for name in absence.joints]
+            found[np.ix_(absence.holds(times), [absence.person], numbers)] = False
+        return found
 
     def _swap(self, rng: np.random.Generator, pick: Array, behind: Array) -> None:
         """Exchange left and right in `pick`, in place."""

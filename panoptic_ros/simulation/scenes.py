@@ -41,6 +41,18 @@ class Scene:
             raise UsageError("a scene needs at least one frame and one person")
 
 
+LOWER_HALF = ("BodyCenter", *(side + name for side in "lr" for name in ("Hip", "Knee", "Ankle")))
+
+
+def _walk_out(person: int, two: float, one: float, end: float) -> tuple[Absence, ...]:
+    """Of eight cameras, 2 and 4 see the upper half of somebody from `two` s on; from `one` s on 2 alone."""
+    others = (0, 1, 3, 5, 6, 7)
+    return (
+        Absence(person, two, end, others), Absence(person, two, end, joints=LOWER_HALF),
+        Absence(person, one, end, (4,)),
+    )  # fmt: skip
+
+
 _FOUR = ("walk", "talk", "reach", "turn")
 _EIGHT = ("walk", "walk", "talk", "reach", "turn", "crouch", "wave", "sit-down")
 _TWO_CLOCKS = Timing(
@@ -116,6 +128,15 @@ SCENES: dict[str, Scene] = {
             NOISY, size_px=500.0, memory=0.5, outlier=0.02, back_swap=0.10, merge=0.10, ghosts=0.1,
             hold=4,
         ),
+    ),
+    "walk-out-3p8v": Scene(
+        "eight views of one person become two of the upper half, then one", ("walk", "talk", "reach"),
+        Ring(8), degradation=MILD, frames=210, absences=_walk_out(0, 3.0, 4.5, 6.0),
+    ),
+    "child-among-3p8v": Scene(
+        "a child among adults who bend over it, seen by two views for a second",
+        ("stand", "crouch", "crouch", "crouch"), Ring(8), staging="among", degradation=MILD, frames=150,
+        absences=(Absence(0, 2.0, 3.0, (1, 2, 3, 5, 6, 7)),),
     ),
     "rendered-4p6v": Scene(
         "images of four people in six VGA views", ("walk", "talk", "wave", "stand"), _VGA_RING,

@@ -76,7 +76,10 @@ class Simulation:
 
     def is_ignored(self, person: Person, tick: float) -> bool:
         """Whether a result may have a person or not: bystanders, and people while nobody can detect them."""
-        unseen = any(a.person == person.id and a.start <= tick < a.end for a in self.scene.absences)
+        unseen = any(
+            a.person == person.id and a.start <= tick < a.end and not a.cameras and not a.joints
+            for a in self.scene.absences
+        )
         return person.bystander or unseen
 
     def truth_document(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from panoptic_ros.simulation.body import Body
 from panoptic_ros.simulation.gestures import draw_gesture
 from panoptic_ros.simulation.motions import Motion, Sitting, Standing, Stepping
 from panoptic_ros.simulation.paths import OnTheSpot, Round, Straight
-from panoptic_ros.simulation.people import Person, draw_group, draw_person, draw_sway, keep_apart
+from panoptic_ros.simulation.people import ACTIVITIES, Person, draw_group, draw_person, draw_sway, keep_apart
 from panoptic_ros.simulation.smooth import Pulses
 
 Array = np.ndarray
@@ -103,6 +103,21 @@ def round_table(rng: np.random.Generator, stage: Stage) -> list[Person]:
     return people
 
 
+def among(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """A child in the middle and the others half a metre round it, who face it and crouch."""
+    people = []
+    start, others = rng.uniform(0.0, 2.0 * np.pi), len(stage.activities) - 1
+    for number, activity in enumerate(stage.activities):
+        angle = start + 2.0 * np.pi * (number + rng.uniform(-0.1, 0.1)) / others
+        away = rng.uniform(0.5, 0.6) if number else 0.0
+        place = (float(away * np.cos(angle)), float(away * np.sin(angle)))
+        tall = rng.uniform(1.6, 1.9) if number else rng.uniform(1.05, 1.2)
+        down = Pulses.draw(rng, 3.0, 4.5) if activity == "crouch" else None
+        motion = Standing(place, angle + np.pi, draw_sway(rng), crouch=down)
+        people.append(Person(number, Body.draw(rng, tall), motion, draw_gesture(rng, ACTIVITIES[activity])))
+    return people
+
+
 def with_bystanders(rng: np.random.Generator, stage: Stage) -> list[Person]:
     """At random, and three more people who do not belong to the task, behind the cameras."""
     people = draw_group(rng, stage.activities, stage.area)
@@ -123,6 +138,7 @@ STAGINGS: dict[str, Staging] = {
     "crossing": crossing,
     "enter-leave": enter_leave,
     "table": round_table,
+    "among": among,
     "bystanders": with_bystanders,
 }
 

@@ -1,0 +1,252 @@
+"""Who stays who: simulated people who are hidden, cross, come and go, and whom few views see."""
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from panoptic_ros.evaluation.pairing import match_people
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.simulation import Absence, Scene, simulate
+from panoptic_ros.simulation.degradation import MILD
+from panoptic_ros.simulation.rigs import Ring
+from panoptic_ros.simulation.scenes import scene
+from panoptic_ros.simulation.skeleton import SKELETON
+from panoptic_ros.simulation.timing import Timing
+from panoptic_ros.stage import Progress, StageContext, untold
+
+Array = np.ndarray
+Settings = Mapping[str, Mapping[str, Any]]
+ELLIPSOID = 7.815  # squared Mahalanobis distance within which 95 % of 3D errors lie
+SETTLED = 1.0  # s after an event, within which people must have their ids again
+VISITS_S, VISITORS, VISITS_HZ = 600.0, 5, 15.0
+STAYS, AWAY = (15.0, 60.0), (3.0, 30.0)  # s
+
+
+class Match(NamedTuple):
+    """A person who was found: the id, errors (J,) m, and squared Mahalanobis distances (J,); NaN = no joint."""
+
+    number: int
+    errors: Array
+    distances: Array
+
+
+@dataclass(frozen=True)
+class Instant:
+    """One instant: who is there and can be seen, and who of them was found."""
+
+    seconds: float
+    there: frozenset[int]
+    found: Mapping[int, Match]
+
+
+def follow(what: Scene, seed: int, settings: Settings = {}) -> list[Instant]:
+    """Solve a take of a scene, and find its people among the results."""
+    take = simulate(what, seed)
+    results: list[Any] = []
+    pipeline = Pipeline(
+        configure(settings), StageContext(take.rig, SKELETON), FUSION,
+        on_record=lambda topic, record: results.append(record) if topic == "skeletons" else None,
+    )  # fmt: skip
+    for item in take.detection_sets():
+        pipeline.push("detection_sets", item)
+    pipeline.flush()
+    ticks = take.schedule.ticks
+    truths = np.stack([person.joints(ticks) for person in take.people], axis=1)
+    found = []
+    for tick, truth, result in zip(ticks, truths, results, strict=True):
+        people = [p for p in take.people if p.is_present(tick)]
+        rows = [p.id for p in people]
+        matches, _ = match_people(truth[rows], result.positions)
+        there = frozenset(p.id for p in people if not take.is_ignored(p, tick))
+        found.append(Instant(float(tick), there, {
+            rows[t]: _match(result, r, truth[rows[t]]) for t, r in matches.tolist()
+        }))  # fmt: skip
+    return found
+
+
+def _match(result: Any, row: int, truth: Array) -> Match:
+    gaps = result.positions[row] - truth
+    there = np.isfinite(gaps[:, 0])
+    distances = np.full(len(gaps), np.nan)
+    inverse = np.linalg.inv(result.covariances[row][there])
+    distances[there] = np.einsum("ji,jik,jk->j", gaps[there], inverse, gaps[there])
+    return Match(int(result.ids[row]), np.linalg.norm(gaps, axis=-1), distances)
+
+
+# ------------------------------------------------------------------ what people went through
+
+
+def hidden_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+    """Somebody whom nobody sees for a second, and the second."""
+    base = scene("occluded")
+    begin = 1.0 + 0.05 * (seed % 7)
+    return replace(base, absences=(Absence(0, begin, begin + 1.0),), frames=105), (begin, begin + 1.0)
+
+
+def crossing_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+    """Two who meet at half a metre, and the time in which they are near."""
+    return replace(scene("crossing"), frames=90), (1.0, 2.0)
+
+
+def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
+    """Whether everybody who was there before an event (from, until; s) has the same id soon after it."""
+    before: dict[int, int] = {}
+    after: dict[int, Counter[int]] = {}
+    for now in instants:
+        for person, match in now.found.items():
+            if now.seconds < event[0]:
+                before[person] = match.number
+            elif event[1] + 0.5 * SETTLED <= now.seconds <= event[1] + SETTLED:
+                after.setdefault(person, Counter())[match.number] += 1
+    return bool(before) and all(
+        person in after and after[person].most_common(1)[0][0] == number for person, number in before.items()
+    )
+
+
+def trials(count: int, seed: int, settings: Settings = {}, progress: Progress = untold) -> dict[str, Any]:
+    """Shares of trials in which everybody kept the id."""
+    kinds = {"hidden for 1 s": hidden_trial, "crossing at 0.5 m": crossing_trial}
+    kept: dict[str, int] = dict.fromkeys(kinds, 0)
+    lost: dict[str, list[int]] = {kind: [] for kind in kinds}
+    for k in range(count):
+        for j, (kind, make) in enumerate(kinds.items()):
+            progress((k * len(kinds) + j) / (count * len(kinds)), kind)
+            what, event = make(seed + k)
+            good = kept_ids(follow(what, seed + k, settings), event)
+            kept[kind] += good
+            if not good:
+                lost[kind].append(seed + k)
+    progress(1.0, "trials")
+    return {"trials": count, "kept": {kind: kept[kind] / count for kind in kinds}, "lost": lost}
+
+
+# ------------------------------------------------------------------ people whom few views see
+
+
+def few_views(count: int, seed: int, settings: Settings = {}, progress: Progress = untold) -> dict[str, Any]:
+    """Errors while two views, then one, see the upper half of somebody; and a child among adults."""
+    phases = {"two views": (3.0, 4.5), "one view": (4.5, 6.0)}
+    errors: dict[str, list[Array]] = {name: [] for name in phases}
+    inside: dict[str, list[Array]] = {name: [] for name in phases}
+    present: dict[str, list[float]] = {name: [] for name in phases}
+    lost, children = [], 0
+    for k in range(count):
+        progress(k / count, "few views")
+        instants = follow(scene("walk-out-3p8v"), seed + k, settings)
+        for name, (begin, end) in phases.items():
+            for now in instants:
+                if begin + 0.1 <= now.seconds < end:
+                    match = now.found.get(0)
+                    there = np.zeros(1, bool) if match is None else np.isfinite(match.errors)
+                    present[name].append(float(there.mean()))
+                    if match is not None:
+                        errors[name].append(match.errors[there])
+                        inside[name].append(match.distances[there] < ELLIPSOID)
+        child = follow(scene("child-among-3p8v"), seed + k, settings)
+        seconds = (child[-1].seconds - child[0].seconds) / (len(child) - 1)
+        missed = [0 not in now.found for now in child if now.seconds > 1.0]
+        lost.append(sum(missed) * seconds)
+        numbers = {now.found[0].number for now in child if 0 in now.found and now.seconds > 1.0}
+        children += len(numbers) == 1
+    progress(1.0, "few views")
+    rows = {}
+    for name in phases:
+        gaps = np.concatenate(errors[name]) if errors[name] else np.array([np.nan])
+        hits = np.concatenate(inside[name]) if inside[name] else np.array([False])
+        rows[name] = {
+            "joints_given": float(np.mean(present[name])), "mean_mm": 1e3 * float(gaps.mean()),
+            "p95_mm": 1e3 * float(np.quantile(gaps, 0.95)), "in_ellipsoid": float(hits.mean()),
+        }  # fmt: skip
+    return {
+        "takes": count, "phases": rows,
+        "child": {"lost_s": float(np.mean(lost)), "most_lost_s": max(lost), "kept": children / count},
+    }  # fmt: skip
+
+
+# ------------------------------------------------------------------ people who come and go
+
+
+def visits_scene(seed: int, seconds: float = VISITS_S) -> Scene:
+    """Five people who walk about and are away now and then."""
+    rng = np.random.default_rng([seed, 77])
+    absences = []
+    for person in range(VISITORS):
+        now = rng.uniform(0.0, STAYS[1])
+        while now < seconds:
+            away = rng.uniform(*AWAY)
+            absences.append(Absence(person, now, now + away))
+            now += away + rng.uniform(*STAYS)
+    return Scene(
+        "five people who come and go", ("walk", "walk", "walk", "talk", "walk"), Ring(5), degradation=MILD,
+        timing=Timing(rate=VISITS_HZ), absences=tuple(absences), frames=round(seconds * VISITS_HZ),
+    )  # fmt: skip
+
+
+def visit_figures(instants: Sequence[Instant]) -> dict[str, Any]:
+    """What became of the ids of people who come and go.
+
+    A person who is there has changed id if two finds without an absence in between differ. A return counts at
+    the second find, when the first second is over.
+    """
+    numbers: dict[int, int] = {}  # the newest id of each person
+    owners: dict[int, int] = {}  # who had an id first
+    away: set[int] = set()
+    pending: dict[int, float] = {}  # since when somebody is back
+    changes = returns = same = foreign = 0
+    for now in instants:
+        for person in list(numbers):
+            if person not in now.there:
+                away.add(person)
+                pending.pop(person, None)
+        for person, match in now.found.items():
+            if person not in now.there:
+                continue
+            if person in away:
+                pending.setdefault(person, now.seconds)
+                if now.seconds - pending[person] < SETTLED:
+                    continue
+                away.discard(person)
+                del pending[person]
+                returns += 1
+                same += match.number == numbers[person]
+                foreign += owners.get(match.number, person) != person
+            elif person in numbers and numbers[person] != match.number:
+                changes += 1
+            numbers[person] = match.number
+            owners.setdefault(match.number, person)
+    return {"changes": changes, "returns": returns, "same": same, "foreign": foreign}
+
+
+def visits(seed: int, settings: Settings = {}, seconds: float = VISITS_S) -> dict[str, Any]:
+    """Ids of five people who come and go for ten minutes."""
+    return visit_figures(follow(visits_scene(seed, seconds), seed, settings))
+
+
+def lines(result: Mapping[str, Any]) -> Iterator[str]:
+    """The figures as text."""
+    if "kept" in result.get("trials", {}):
+        for kind, share in result["trials"]["kept"].items():
+            yield f"{kind:20} ids kept in {share:7.1%} of {result['trials']['trials']}"
+    if "few_views" in result:
+        for name, row in result["few_views"]["phases"].items():
+            yield (
+                f"{name:20} {row['mean_mm']:6.1f} mm mean, {row['p95_mm']:6.1f} mm p95, {row['joints_given']:5.0%} "
+                f"of the joints, {row['in_ellipsoid']:6.1%} in the 95 % ellipsoid"
+            )
+        child = result["few_views"]["child"]
+        yield (
+            f"child among adults   lost for {child['lost_s']:.2f} s (at most {child['most_lost_s']:.2f}), "
+            f"id kept in {child['kept']:.0%} of {result['few_views']['takes']}"
+        )
+    if "visits" in result:
+        row = result["visits"]
+        yield (
+            f"come and go          {row['changes']} changes while there; {row['same']} of {row['returns']} came back "
+            f"under their id, {row['foreign']} under somebody else's"
+        )
