@@ -75,6 +75,11 @@ class AssemblyConfig(Config):
     max_joint_sigma: float = param(
         0.3, unit="m", ge=0.01, le=10.0, doc="Joints that are less certain than this are missing."
     )
+    held_sigma: float = param(
+        0.15, unit="m", ge=0.0, le=1.0,
+        doc="Joints of people whom one or two views show, and who were seen better before, are placed by the "
+        "lengths of their bones until they are less certain than this (largest axis); 0 = never.",
+    )
     max_bone: float = param(0.9, unit="m", ge=0.05, le=10.0, doc="No bone of a person is longer.")
     lowest: float = param(
         -2.0, unit="m", ge=-1000.0, le=1000.0, doc="A person's middle joint (median) lies above this height."

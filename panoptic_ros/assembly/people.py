@@ -8,6 +8,7 @@ import numpy as np
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.disputed import place_disputed
+from panoptic_ros.assembly.held import Body, hold_people
 from panoptic_ros.assembly.joints import Joints
 from panoptic_ros.assembly.judgement import (
     drop_long_bones,
@@ -25,25 +26,28 @@ from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 
-MEASURED, MISSING = int(JointState.MEASURED), int(JointState.MISSING)  # members are slow to look up
+MISSING, MEASURED, _, FILLED = (int(state) for state in JointState)  # members are slow to look up
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class People:
     """Skeletons of one instant: P people of the K solved.
 
-    kept: (P,) which of the solved. joints: theirs. sources: their 2D people.
+    kept: (P,) which of the solved. joints: theirs. sources: their 2D people. placed: (P, J) joints that bones
+    have placed, with the help of the prediction.
     """
 
     kept: Array
     joints: Joints
     sources: ViewSources
+    placed: Array
 
     def rows(self, which: Array) -> People:
         """Some of the people, by a mask (P,)."""
         return People(
-            self.kept[which], self.joints.rows(which), self.sources.rows(np.flatnonzero(which))
-        )
+            self.kept[which], self.joints.rows(which), self.sources.rows(np.flatnonzero(which)),
+            self.placed[which],
+        )  # fmt: skip
 
     def pose_set(
         self, item: ProposalSet, votes: Array | None = None, shift: TimeShift | None = None
@@ -51,7 +55,7 @@ class People:
         """The record, with votes (P, G) about the sides of limbs."""
         joints = self.joints
         measured = np.isfinite(joints.positions[..., 0])
-        states = np.where(measured, MEASURED, MISSING)
+        states = np.where(measured, np.where(self.placed, FILLED, MEASURED), MISSING)
         newest = max((view.stamp_ns for view in item.detections.views), default=-1)
         person = joints.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
         covariances = joints.covariances + joints.doubts[..., None, None] * np.eye(3)
@@ -68,6 +72,7 @@ class Finisher:
     def __init__(self, config: AssemblyConfig, skeleton: SkeletonModel):
         self._config, self._skeleton = config, skeleton
         self._bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
+        self._body = Body.of(skeleton)
         self._inflation = covariance_correction(config.cauchy)
 
     def finish(
@@ -99,8 +104,13 @@ class Finisher:
         )
         kept = np.flatnonzero(possible)
         kept = kept[~second_skeletons(joints.positions[kept], joints.views[kept])]
+        own, placed = joints.rows(kept), np.zeros((len(kept), len(self._skeleton)), bool)
+        if config.held_sigma > 0.0:
+            kept, own, placed = hold_people(
+                scene, found, item.association.prediction, kept, own, self._body, config.held_sigma
+            )
         sources = view_sources(item.detections, scene.evidence, found, solved, kept)
-        return People(kept, joints.rows(kept), sources)
+        return People(kept, own, sources, placed)
 
     def _judged(self, scene: Scene, solved: SolvedJoints, observed: Array) -> tuple[Joints, Array]:
         """The joints that are certain enough, and which (P, J) are."""

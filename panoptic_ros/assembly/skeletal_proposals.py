@@ -40,7 +40,8 @@ def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, conf
         np.where(solved, (claims >= 0).sum(axis=-1), np.where(there, _taken(item.node_views, nodes), 0)),
         np.zeros(nodes.shape),
     )
-    return People(np.arange(len(nodes)), joints, _sources(item.detections, claims))
+    placed = np.zeros(nodes.shape, bool)
+    return People(np.arange(len(nodes)), joints, _sources(item.detections, claims), placed)
 
 
 def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, noise: float) -> Triangulated:

@@ -29,6 +29,9 @@ class AssociationConfig(Config):
     guided_agreement: float = param(
         0.08, unit="m", ge=0.005, le=0.5, doc="The same for the agreement with where somebody should be now."
     )
+    guided_views: int = param(
+        1, ge=1, le=100, doc="Views that must show somebody who is followed; one is enough for bones to hold."
+    )
     person_agreement: float = param(
         0.25, ge=0.05, le=0.9, doc="Mean agreement from which a 2D person belongs to a skeleton."
     )

@@ -101,12 +101,12 @@ class AssociationStage(Stateful):
         return predicted(self._tracks, stamp_ns, self._config.track_memory)
 
     def _known(self, scene: Scene, prediction: Prediction) -> tuple[Groups, Array, Array]:
-        """2D people of those predicted whom two or more views show, who they are, and what is left (D,)."""
+        """2D people of those predicted whom enough views show, who they are, and what is left (D,)."""
         config, free = self._config, np.ones(len(scene.evidence.view), bool)
         groups, left = assign(
             scene, prediction.positions, prediction.velocities, free, config, config.guided_agreement
         )
-        seen = (groups.member >= 0).sum(axis=1) >= 2
+        seen = (groups.member >= 0).sum(axis=1) >= self._config.guided_views
         lost = groups.member[~seen]
         left[lost[lost >= 0]] = True
         return groups.rows(seen), np.flatnonzero(seen), left

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -18,10 +18,11 @@ from panoptic_ros.simulation.rigs import Ring
 from panoptic_ros.simulation.scenes import scene
 from panoptic_ros.simulation.skeleton import SKELETON
 from panoptic_ros.simulation.timing import Timing
-from panoptic_ros.stage import Progress, StageContext, untold
+from panoptic_ros.stage import Progress, StageContext, part_of, untold
 
 Array = np.ndarray
 Settings = Mapping[str, Mapping[str, Any]]
+NO_SETTINGS: Settings = {}
 ELLIPSOID = 7.815  # squared Mahalanobis distance within which 95 % of 3D errors lie
 SETTLED = 1.0  # s after an event, within which people must have their ids again
 VISITS_S, VISITORS, VISITS_HZ = 600.0, 5, 15.0
@@ -29,7 +30,7 @@ STAYS, AWAY = (15.0, 60.0), (3.0, 30.0)  # s
 
 
 class Match(NamedTuple):
-    """A person who was found: the id, errors (J,) m, and squared Mahalanobis distances (J,); NaN = no joint."""
+    """A person who was found: the id, errors (J,) m, squared Mahalanobis distances (J,); NaN = no joint."""
 
     number: int
     errors: Array
@@ -45,7 +46,7 @@ class Instant:
     found: Mapping[int, Match]
 
 
-def follow(what: Scene, seed: int, settings: Settings = {}) -> list[Instant]:
+def follow(what: Scene, seed: int, settings: Settings = NO_SETTINGS) -> list[Instant]:
     """Solve a take of a scene, and find its people among the results."""
     take = simulate(what, seed)
     results: list[Any] = []
@@ -109,7 +110,9 @@ def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
     )
 
 
-def trials(count: int, seed: int, settings: Settings = {}, progress: Progress = untold) -> dict[str, Any]:
+def trials(
+    count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
+) -> dict[str, Any]:
     """Shares of trials in which everybody kept the id."""
     kinds = {"hidden for 1 s": hidden_trial, "crossing at 0.5 m": crossing_trial}
     kept: dict[str, int] = dict.fromkeys(kinds, 0)
@@ -129,7 +132,9 @@ def trials(count: int, seed: int, settings: Settings = {}, progress: Progress = 
 # ------------------------------------------------------------------ people whom few views see
 
 
-def few_views(count: int, seed: int, settings: Settings = {}, progress: Progress = untold) -> dict[str, Any]:
+def few_views(
+    count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
+) -> dict[str, Any]:
     """Errors while two views, then one, see the upper half of somebody; and a child among adults."""
     phases = {"two views": (3.0, 4.5), "one view": (4.5, 6.0)}
     errors: dict[str, list[Array]] = {name: [] for name in phases}
@@ -223,30 +228,22 @@ def visit_figures(instants: Sequence[Instant]) -> dict[str, Any]:
     return {"changes": changes, "returns": returns, "same": same, "foreign": foreign}
 
 
-def visits(seed: int, settings: Settings = {}, seconds: float = VISITS_S) -> dict[str, Any]:
+def visits(seed: int, settings: Settings = NO_SETTINGS, seconds: float = VISITS_S) -> dict[str, Any]:
     """Ids of five people who come and go for ten minutes."""
-    return visit_figures(follow(visits_scene(seed, seconds), seed, settings))
+    return {"seconds": seconds, **visit_figures(follow(visits_scene(seed, seconds), seed, settings))}
 
 
-def lines(result: Mapping[str, Any]) -> Iterator[str]:
-    """The figures as text."""
-    if "kept" in result.get("trials", {}):
-        for kind, share in result["trials"]["kept"].items():
-            yield f"{kind:20} ids kept in {share:7.1%} of {result['trials']['trials']}"
-    if "few_views" in result:
-        for name, row in result["few_views"]["phases"].items():
-            yield (
-                f"{name:20} {row['mean_mm']:6.1f} mm mean, {row['p95_mm']:6.1f} mm p95, {row['joints_given']:5.0%} "
-                f"of the joints, {row['in_ellipsoid']:6.1%} in the 95 % ellipsoid"
-            )
-        child = result["few_views"]["child"]
-        yield (
-            f"child among adults   lost for {child['lost_s']:.2f} s (at most {child['most_lost_s']:.2f}), "
-            f"id kept in {child['kept']:.0%} of {result['few_views']['takes']}"
-        )
-    if "visits" in result:
-        row = result["visits"]
-        yield (
-            f"come and go          {row['changes']} changes while there; {row['same']} of {row['returns']} came back "
-            f"under their id, {row['foreign']} under somebody else's"
-        )
+TRIALS_PER_TAKE = 10  # of the other scenes, which are longer
+
+
+def study_identity(
+    count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
+) -> dict[str, Any]:
+    """All figures: `count` trials of each kind, a tenth of it of few views, visits of 6 s for each trial."""
+    takes = max(1, count // TRIALS_PER_TAKE)
+    return {
+        "study": "identity", "seed": seed,
+        "trials": trials(count, seed, settings, part_of(progress, 0.0, 0.5)),
+        "few_views": few_views(takes, seed, settings, part_of(progress, 0.5, 0.7)),
+        "visits": visits(seed, settings, VISITS_S * count / 100),
+    }  # fmt: skip

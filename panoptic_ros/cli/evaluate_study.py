@@ -6,16 +6,14 @@ import json
 from pathlib import Path
 
 from panoptic_ros.bench.studies.takes import Takes
-from panoptic_ros.cli.evaluate_refinement import run_refinement
+from panoptic_ros.cli.studies_without_rig import WITHOUT_RIG
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.files import write_bytes, write_json
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.running.plans.presets import read_preset
 from panoptic_ros.running.studies import rigs as studies
 from panoptic_ros.view.progress import PassBar
 from panoptic_ros.view.study_table import study_table, time_table
 
-BODIES, REFINE = "kinematics", "refine"
 PAPER, NOTHING = "panoptic-studio", "none"
 DEFAULTS = {  # numbers of people, of cameras, and of frames
     "cameras": ("2,3,4,5,6,7", "480,240,160,80,40,20,10", 12),
@@ -29,11 +27,11 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     """Options that only studies have."""
     group = parser.add_argument_group("studies, in place of TRUTH and RESULT")
     group.add_argument(
-        "--study", choices=(*studies.STUDIES, BODIES, REFINE),
+        "--study", choices=(*studies.STUDIES, *WITHOUT_RIG),
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
         "VGA and QVGA images; time for a minute of capture; kinematics: bodies by cameras and IMUs, beside "
-        "the paper's solver (needs no rig); refine: smoothing of a capture with truth, with and without the "
-        "motion of the surface (--capture)",
+        "the paper's solver; identity: who stays who, and whom few views see (these two need no rig); "
+        "refine: smoothing of a capture with truth, with and without the motion of the surface (--capture)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument("--capture", type=Path, metavar="DIR", help="refine: capture folder with its truth")
@@ -45,7 +43,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras", default="", metavar="N,N", help="default 480,240,160,80,40,20,10 (resolution: 19)"
     )
     group.add_argument(
-        "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution, time: 5)"
+        "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution, time: 5); "
+        "identity: trials of each kind, default 100"
     )
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
     group.add_argument(
@@ -64,10 +63,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_study(args: argparse.Namespace) -> int:
     """Simulate, solve, score, print a table, write the plot and the numbers."""
-    if args.study == BODIES:
-        return _run_bodies(args)
-    if args.study == REFINE:
-        return run_refinement(args)
+    if args.study in WITHOUT_RIG:
+        return WITHOUT_RIG[args.study](args)
     if args.rig is None or args.out is None:
         raise UsageError(f"--study {args.study} needs --rig FILE and --out DIR")
     if not 0.0 < args.noise < 0.1:
@@ -80,27 +77,6 @@ def run_study(args: argparse.Namespace) -> int:
     print(json.dumps(result, indent=1) if args.json else "\n".join(table(result)))
     if not args.json:
         print(f"\nwritten: {', '.join(str(path) for path in files)}")
-    return 0
-
-
-def _run_bodies(args: argparse.Namespace) -> int:
-    from panoptic_ros.running.simulations.bodies import BODY_SCENES
-    from panoptic_ros.running.studies.bodies import (  # numba is slow to load
-        CAMERAS,
-        METHODS,
-        study_bodies,
-        study_lines,
-    )
-
-    cameras = [int(word) for word in args.cameras.split(",")] if args.cameras else CAMERAS
-    with PassBar(args.study) as bar:
-        result = study_bodies(tuple(BODY_SCENES), args.seed, cameras, args.settings, bar.show)
-    if args.out is not None:
-        from panoptic_ros.view.body_study_plot import body_study_plot
-
-        write_json(args.out / "kinematics.json", result)
-        write_bytes(args.out / "kinematics.png", body_study_plot(result["rows"], METHODS[0]))
-    print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))
     return 0
 
 

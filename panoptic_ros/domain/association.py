@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import check_not_infinite, check_stamp
+from panoptic_ros.domain.checks import NOT_GIVEN, check_not_infinite, check_stamp
 from panoptic_ros.domain.detections import DetectionSet
 from panoptic_ros.errors import DataError
 
@@ -69,6 +69,7 @@ class Prediction:
         positions: (K, J, 3) m, NaN = unknown. velocities: (K, J, 3) m/s, 0 where unknown.
         ages: (K, J) s since measured. variances: (K, J, 3), see `identity.motion`.
         firm: (K, J) whether three or more views agreed on the joint a moment ago.
+        lengths: (K, B) m, learnt lengths of the skeleton's bones, NaN = not known; (K, 0) = of none.
 
     Raises:
         DataError: if the arrays do not fit each other, or places are infinite.
@@ -79,9 +80,11 @@ class Prediction:
     ages: Array
     variances: Array
     firm: Array
+    lengths: Array = NOT_GIVEN
 
     def __post_init__(self) -> None:
         shape = self.ages.shape
+        _fit_lengths(self, shape[0])
         _fit(self, "positions velocities variances", (*shape, 3))
         _fit(self, "ages firm", shape)
         check_not_infinite(self, "positions velocities variances")
@@ -183,6 +186,7 @@ class TrackSet:
         states (T, J, 6) m and m/s, NaN = unknown, and variances (T, J, 3): see `identity.motion`.
         ages: (T, J) s since each joint was measured. unagreed: (T, J) s since three views agreed on it.
         unseen: (T,) s since the person was seen.
+        lengths: (T, B) m, learnt lengths of the skeleton's bones, NaN = not known; (T, 0) = of none.
 
     Raises:
         DataError: if the arrays do not fit each other, or places are infinite.
@@ -197,15 +201,25 @@ class TrackSet:
     ages: Array
     unagreed: Array
     unseen: Array
+    lengths: Array = NOT_GIVEN
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
         shape = self.ages.shape
+        _fit_lengths(self, shape[0])
         _fit(self, "ids unseen", shape[:1])
         _fit(self, "ages unagreed", shape)
         _fit(self, "states", (*shape, 6))
         _fit(self, "variances", (*shape, 3))
         check_not_infinite(self, "states variances")
+
+
+def _fit_lengths(record: Prediction | TrackSet, people: int) -> None:
+    """Lengths of bones (people, B), of none where they are not given, read-only."""
+    if record.lengths is None:
+        object.__setattr__(record, "lengths", np.zeros((people, 0)))
+    _fit(record, "lengths", (people, *record.lengths.shape[1:2]))
+    check_not_infinite(record, "lengths")
 
 
 def _fit(record: object, names: str, shape: tuple[int, ...]) -> None:

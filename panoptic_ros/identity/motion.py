@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import Prediction, TrackSet
+from panoptic_ros.domain import JointState, Prediction, TrackSet
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
@@ -18,6 +18,7 @@ ACCELERATION = 10.0  # m/s^2, standard deviation, of a joint
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
 FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
 LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten
+FILLED = int(JointState.FILLED)
 FIRM_VIEWS = 3  # views that must agree on a joint to make its position firm
 FIRM_TIME = 0.08  # s, how long it stays firm
 
@@ -63,7 +64,7 @@ def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
     states = motion.states[rows]
     return Prediction(
         states[..., :3].copy(), np.where(known[rows][..., None], states[..., 3:], 0.0), motion.ages[rows],
-        motion.variances[rows], motion.unagreed[rows] <= FIRM_TIME,
+        motion.variances[rows], motion.unagreed[rows] <= FIRM_TIME, tracks.lengths[rows],
     )  # fmt: skip
 
 
@@ -94,16 +95,44 @@ def predict_joints(motion, dt, fade, growth):
 
 
 @njit(cache=True, error_model="numpy")
-def update_joints(motion, t, positions, covariances, views):
-    """Update person t in place with a skeleton: (J, 3) m, (J, 3, 3) m^2, number of inlier views (J,)."""
+def update_joints(motion, t, positions, covariances, views, states):
+    """Update person t in place with a skeleton: (J, 3) m, (J, 3, 3) m^2, number of inlier views, states (J,).
+
+    Joints that are filled from the prediction and bones are what the filter comes to, not a measurement.
+    """
     for j in range(len(positions)):
         if views[j] >= FIRM_VIEWS:
             motion.unagreed[t, j] = 0.0
+        if states[j] == FILLED and np.isfinite(motion.states[t, j, 0]):
+            motion.ages[t, j] = 0.0
+            _replace_joint(motion.states[t, j], motion.variances[t, j], positions[j], covariances[j])
+            continue
         if np.isfinite(positions[j, 0]):
             motion.ages[t, j] = 0.0
             c = covariances[j]
             noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
             _update_joint(motion.states[t, j], motion.variances[t, j], positions[j], noise)
+
+
+@njit(cache=True, error_model="numpy")
+def _replace_joint(state, variance, point, covariance):
+    """Set one joint to where it was found with the help of its prediction, in place.
+
+    The filter has one variance for all axes: it takes that of the least certain one, which are those that no
+    view shows.
+    """
+    worst = 0.0
+    for k in range(3):
+        for m in range(3):
+            worst += covariance[k, m] ** 2
+    share = min(1.0, np.sqrt(worst) / max(variance[0], 1e-12))  # the Frobenius norm bounds the largest one
+    slope = variance[1] / max(variance[0], 1e-12)
+    for k in range(3):
+        state[3 + k] += slope * (point[k] - state[k])
+        state[k] = point[k]
+    variance[2] -= slope * variance[1] * (1.0 - share)
+    variance[0] *= share
+    variance[1] *= share
 
 
 @njit(cache=True, error_model="numpy")

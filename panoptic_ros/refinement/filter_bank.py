@@ -7,7 +7,7 @@ from panoptic_ros.domain import PartMotions, SkeletonModel, TimeShift, TrackedPo
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.refinement.bones import learn_lengths, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.joint_states import Judged, judge, take_measurements
+from panoptic_ros.refinement.joint_states import FILLED, MEASURED, Judged, judge, take_measurements
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
 from panoptic_ros.refinement.links import links_of, predict_linked
 from panoptic_ros.refinement.motion_rows import started, update_moving, update_velocities
@@ -87,6 +87,7 @@ class FilterBank:
         now.measured.person_scores[rows] = item.person_scores
         relief, scores, views = config.few_views_relief, item.scores, item.views
         take_measurements(now.measured, rows, points, item.covariances, relief, scores, views)
+        now.measured.filled[rows] = item.states == FILLED
         innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
         if shift is None:
             update(now.motion, rows, points, noises, config.cauchy, innovations)
@@ -94,6 +95,7 @@ class FilterBank:
             points = points + (shift.delays @ shift.assumed[..., None])[..., 0]
             update_moving(now.motion, rows, points, noises, shift.delays, config.cauchy, innovations)
             update_velocities(now.motion, rows, shift.velocities, shift.information, config.cauchy)
+        innovations[now.measured.filled] = np.nan  # they rest on what was known before
         learn(self.people, now.measured.people, innovations, self.lasting)
         new = now.measured.joints & np.isnan(now.motion.states[:, :, 0])
         for k in np.flatnonzero(new[rows].any(axis=1)).tolist() if new.any() else ():
@@ -137,6 +139,7 @@ class FilterBank:
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
+        lasting[measured.filled] = 1.0  # what places them errs in the same way for long
         limits = config.max_sigma, config.max_prediction
         places, spreads, scores = np.empty((*shape, 3)), np.empty((*shape, 3, 3)), np.empty(shape)
         judged = Judged(places, spreads, scores, np.empty(shape, np.uint8))
@@ -146,7 +149,8 @@ class FilterBank:
             learn_lengths(places, spreads, judged.states, self._bones, lengths, frames)
             settled = np.where(frames >= config.bone_frames, lengths, np.nan)
             pull_bones(places, spreads, judged.states, self._bones, settled, config.bone_sigma)
-        if self._share > 0.0:
+        judged.states[measured.filled & (judged.states == MEASURED)] = FILLED
+        if self._share > 0.0 or measured.filled.any():
             judged.covariances[...] += lasting[..., None, None] * measured.noises
         return judged
 

@@ -30,6 +30,7 @@ class Measured(NamedTuple):
     ages: Array  # (P, J) s since those
     carried: Array  # (P, J) bool, at each instant since those the surface showed how the joint moved
     person_scores: Array  # (P,) of those
+    filled: Array  # (P, J) bool, which of the joints rest on a prediction and the rest of the body too
 
 
 class Moment(NamedTuple):
@@ -66,6 +67,7 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int) -> Moment:
     measured = Measured(
         np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
         np.zeros((*shape, 3, 3)), np.zeros(shape), np.zeros(shape, bool), np.zeros(people),
+        np.zeros(shape, bool),
     )  # fmt: skip
     return Moment(stamp_ns, dt, np.zeros(shape), predicted, np.zeros((*shape, 6, 6)), motion, measured)
 

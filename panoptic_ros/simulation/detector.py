@@ -155,8 +155,8 @@ class SimulatedDetector:
         """The joints found (C, P, 19) but for those that absences take away."""
         found = found.copy()
         for absence in self._absences:
-            numbers = [J[name] for name in absence.joints]
-            found[np.ix_(absence.holds(times), [absence.person], numbers)] = False
+            for name in absence.joints:
+                found[absence.holds(times), absence.person, J[name]] = False
         return found
 
     def _swap(self, rng: np.random.Generator, pick: Array, behind: Array) -> None:

@@ -22,9 +22,14 @@ class TrackingConfig(Config):
         "head the distance of the heads.",
     )
     memory: float = param(
-        2.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen.",
+        30.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen.",
         when="people leave and come back later and should keep their number (longer), or others take their "
         "place (shorter).",
+    )
+    recognition_time: float = param(
+        0.6, unit="s", ge=0.0, le=10.0,
+        doc="How long somebody who comes is looked at, where it may be one who was lost, before it is "
+        "somebody new; until then nobody is reported.",
     )
     joint_memory: float = param(
         0.3, unit="s", ge=0.0, le=10.0,

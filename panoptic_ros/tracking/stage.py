@@ -8,6 +8,7 @@ import numpy as np
 from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.assignment import best_pairs
+from panoptic_ros.identity.likeness import NEW, WAIT, bone_evidence, place_evidence, recognised
 from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
@@ -16,6 +17,7 @@ from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances, return_costs
 
 Array = np.ndarray
+RETURN_S = 2.0  # of absence, in which somebody who is near and alike has come back at once
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
 
 
@@ -113,7 +115,7 @@ class TrackingStage(Stateful):
         states = np.where((tracks.ages <= config.joint_memory)[..., None], tracks.states, np.nan)
         distance, cost = joint_distances(states, tracks.variances, item.positions, item.covariances)
         _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
-        waiting = np.setdiff1d(np.flatnonzero(tracks.ids >= 0), owners)
+        waiting = np.setdiff1d(np.flatnonzero((tracks.ids >= 0) & (tracks.missed <= RETURN_S)), owners)
         open_rows = np.flatnonzero(owners < 0)
         if len(waiting) and len(open_rows):  # somebody may have come back
             lost = tracks.rows(waiting)
@@ -134,18 +136,44 @@ class TrackingStage(Stateful):
         return owners
 
     def _confirm(self, item: PoseSet, owners: Array) -> tuple[Notice, ...]:
-        """Give an identity to new tracks with enough evidence."""
-        notices = []
-        for k in np.flatnonzero(owners >= 0).tolist():
-            t = owners[k]
-            if self._tracks.ids[t] < 0 and (
-                self._tracks.hits[t] >= self._config.confirm_frames or self._convinces(item, k)
-            ):
-                number = self._tracks.ids[t] = self._new_id()
-                notices.append(
-                    Notice("tracking.appeared", "info", f"person {number} appeared", {"id": number})
-                )
+        """Give an identity to new tracks with enough evidence: of somebody who was lost, or a new one."""
+        ready = [
+            t for k, t in enumerate(owners.tolist()) if t >= 0 and self._tracks.ids[t] < 0
+            and (self._tracks.hits[t] >= self._config.confirm_frames or self._convinces(item, k))
+        ]  # fmt: skip
+        if not ready:
+            return ()
+        tracks, notices = self._tracks, []
+        fresh, lost = np.array(ready), np.flatnonzero((tracks.ids >= 0) & (tracks.unseen > 0.0))
+        if self._config.method == "head":  # the head alone tells
+            lost = lost[:0]
+        found = recognised(self._odds(lost, fresh), tracks.seconds[fresh], self._config.recognition_time)
+        gone = []
+        for t, who in zip(ready, found.tolist()):
+            if who == WAIT:
+                continue
+            if who == NEW:
+                number, word = self._new_id(), "appeared"
+            else:
+                number, word = int(tracks.ids[lost[who]]), "returned"
+                tracks.take_over(int(lost[who]), t)
+                gone.append(int(lost[who]))
+            tracks.ids[t] = number
+            text = f"person {number} {word}"
+            notices.append(Notice(f"tracking.{word}", "info", text, {"id": number}))
+        if gone:
+            kept = np.setdiff1d(np.arange(len(tracks.ids)), gone)
+            owners[owners >= 0] = np.searchsorted(kept, owners[owners >= 0])
+            self._tracks = tracks.rows(kept)
         return tuple(notices)
+
+    def _odds(self, lost: Array, fresh: Array) -> Array:
+        """Log-odds (L, F) that people who were lost are those who have come."""
+        away, here = self._tracks.rows(lost), self._tracks.rows(fresh)
+        gaps = np.linalg.norm((away.middles[:, None] - here.middles[None])[..., :2], axis=-1)
+        odds = bone_evidence(away.lengths, away.counts, here.lengths, here.counts)
+        odds += place_evidence(gaps, away.unseen)
+        return odds
 
     def _new_id(self) -> int:
         """A number that nobody has had, and that is no subject's."""

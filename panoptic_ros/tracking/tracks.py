@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import PoseSet, TrackSet
+from panoptic_ros.domain import JointState, PoseSet, TrackSet
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
@@ -14,6 +14,8 @@ from panoptic_ros.solving.limbs import Limbs
 
 Array = np.ndarray
 
+MEASURED = int(JointState.MEASURED)
+KNOWN_AFTER = 10  # measurements of a bone, from which on its length counts as known
 LENGTH_MEMORY = 60.0  # frames over which bone lengths are averaged
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
 BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
@@ -43,7 +45,7 @@ class Tracks:
         states, variances, ages, unagreed: see `JointMotion`. lengths, counts, middles, drifts: see `Bodies`.
         heads: (T, 3) m, where the head was seen last, NaN = nowhere.
         unseen: (T,) s since the person was seen; missed: (T,) those of them in which there were sets.
-        hits: (T,) how often it was seen.
+        hits: (T,) how often it was seen; seconds: (T,) since when there is a track.
         balance: (T, G) exchanged minus straight views of each limb, with forgetting.
     """
 
@@ -60,6 +62,7 @@ class Tracks:
     unseen: Array
     missed: Array
     hits: Array
+    seconds: Array
     balance: Array
 
     @classmethod
@@ -69,7 +72,7 @@ class Tracks:
             np.full(people, -1), *JointMotion.of_new(people, joints), np.full((people, bones), np.nan),
             np.zeros((people, bones)), np.full((people, 3), np.nan), np.zeros((people, 3)),
             np.full((people, 3), np.nan), np.zeros(people), np.zeros(people), np.zeros(people, np.int64),
-            np.zeros((people, limbs)),
+            np.zeros(people), np.zeros((people, limbs)),
         )  # fmt: skip
 
     @property
@@ -99,15 +102,25 @@ class Tracks:
         """
         predict(self.motion, dt)
         self.unseen += dt
+        self.seconds += dt
         self.missed += 0.0 if blind else dt
         self.middles += min(dt, DRIFT_FADE_TIME) * self.drifts  # as far as fading speeds get
         self.drifts *= np.exp(-dt / DRIFT_FADE_TIME)
 
+    def take_over(self, lost: int, fresh: int) -> None:
+        """Let a fresh row know, in place, of the body of a lost one that is the same person."""
+        counts = self.counts[lost] + self.counts[fresh]
+        both = np.nan_to_num(self.lengths[lost]) * self.counts[lost]
+        both += np.nan_to_num(self.lengths[fresh]) * self.counts[fresh]
+        self.lengths[fresh] = np.where(counts > 0.0, both / np.maximum(counts, 1.0), np.nan)
+        self.counts[fresh] = np.minimum(counts, LENGTH_MEMORY)
+
     def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
         """Update in place with skeletons, of which each has the row `owners` (P,) here, -1 = none."""
         update_tracks(
-            self.motion, self.bodies, owners, poses.positions, poses.covariances, poses.views, bones
-        )
+            self.motion, self.bodies, owners, poses.positions, poses.covariances, poses.views, poses.states,
+            bones,
+        )  # fmt: skip
         k = np.flatnonzero(owners >= 0)
         self.unseen[owners[k]] = self.missed[owners[k]] = 0.0
         self.hits[owners[k]] += 1
@@ -133,11 +146,12 @@ class Tracks:
         return TrackSet(
             poses.index, poses.stamp_ns, poses.skeleton_hash, self.ids.copy(), self.states.copy(),
             self.variances.copy(), self.ages.copy(), self.unagreed.copy(), self.unseen.copy(),
+            np.where(self.counts >= KNOWN_AFTER, self.lengths, np.nan),
         )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def update_tracks(motion, bodies, owners, positions, covariances, views, bones):
+def update_tracks(motion, bodies, owners, positions, covariances, views, states, bones):
     """The loops of `Tracks.update`; bones: (B, 2)."""
     joints = positions.shape[1]
     places, speeds = np.empty(joints), np.empty(joints)
@@ -145,8 +159,8 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, bones):
         t = owners[k]
         if t < 0:
             continue
-        update_joints(motion, t, positions[k], covariances[k], views[k])
-        _learn_lengths(bodies.lengths[t], bodies.counts[t], positions[k], bones)
+        update_joints(motion, t, positions[k], covariances[k], views[k], states[k])
+        _learn_lengths(bodies.lengths[t], bodies.counts[t], positions[k], states[k], bones)
         for axis in range(3):
             count = 0
             for j in range(joints):
@@ -159,9 +173,11 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, bones):
 
 
 @njit(cache=True, error_model="numpy")
-def _learn_lengths(lengths, counts, position, bones):
-    """Means of the lengths (B,) of bones that a skeleton (J, 3) shows, in place."""
+def _learn_lengths(lengths, counts, position, states, bones):
+    """Means of the lengths (B,) of bones whose ends (J, 3) are measured, in place."""
     for b in range(len(bones)):
+        if states[bones[b, 0]] != MEASURED or states[bones[b, 1]] != MEASURED:
+            continue
         length = _distance(position[bones[b, 0]], position[bones[b, 1]])
         if np.isfinite(length):
             counts[b] = min(counts[b] + 1.0, LENGTH_MEMORY)

@@ -53,7 +53,7 @@ def test_update_is_the_numpy_filters(seed):
     positions[rng.random(5) < 0.3] = np.nan
     covariances = rng.uniform(1e-5, 1e-3, (5, 1, 1)) * np.eye(3)
     views = rng.integers(0, 6, 5)
-    update_joints(got, 2, positions, covariances, views)
+    update_joints(got, 2, positions, covariances, views, np.ones(5, np.uint8))
     noise = np.trace(covariances, axis1=-2, axis2=-1) / 3.0
     given.states[2], given.variances[2] = update_motion(
         given.states[2], given.variances[2], positions, noise, START_SPEED
@@ -93,3 +93,19 @@ def test_joints_are_firm_for_a_moment():
     late = predicted(tracks(), SECOND + round(1.1 * FIRM_TIME * SECOND), 0.5)
     assert early.firm.all() and not late.firm.any()
     assert not predicted(tracks(unagreed=np.inf), SECOND, 0.5).firm.any()
+
+
+def test_filled_joints_are_what_the_filter_comes_to():
+    """A joint that bones have placed is no measurement: its variance is not divided once more."""
+    motion = JointMotion.of_new(1, 2)
+    exact = np.tile(1e-4 * np.eye(3), (2, 1, 1))
+    update_joints(motion, 0, np.zeros((2, 3)), exact, np.full(2, 3), np.ones(2))
+    predict(motion, 0.1)
+    before = motion.variances[0, 0].copy()
+    placed, spread = np.array([[0.0, 0.0, 0.05], [1.0, 1.0, 1.0]]), np.diag([1e-6, 1e-6, 0.5 * before[0]])
+    update_joints(motion, 0, placed, np.stack([spread, spread]), np.ones(2), np.array([3, 1]))
+    assert motion.states[0, 0, :3].tolist() == placed[0].tolist() and motion.ages[0, 0] == 0.0
+    assert motion.variances[0, 0, 0] == pytest.approx(0.5 * before[0], rel=1e-6)  # of the least certain axis
+    assert motion.states[0, 0, 5] == pytest.approx(0.05 * before[1] / before[0])
+    assert 0.0 < motion.variances[0, 0, 2] < before[2]
+    assert motion.variances[0, 1, 0] < 0.3 * motion.variances[0, 0, 0]  # the other one is a measurement

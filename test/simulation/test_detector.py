@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.simulation import CLEAN, SCENES, Absence, Degradation, Timing, simulate
-from panoptic_ros.simulation.skeleton import J
+from panoptic_ros.simulation.skeleton import JOINTS, J
 
 EXACT = Degradation(noise_px=0.0, hidden_miss=0.0)
 BASE = replace(SCENES["clean-4p5v"], degradation=EXACT)
@@ -164,6 +164,16 @@ def test_absent_people_are_not_detected_and_ignored():
     assert 2 not in seen[0] and 2 not in seen[1] and 2 in seen[3]
     frames = take.truth_document()["frames"]
     assert [any(s.get("ignore") for s in f["skeletons"]) for f in frames] == [True, True, False, False]
+
+
+def test_absences_of_some_cameras_or_joints_hide_just_these():
+    some, lower = Absence(1, 0.0, 9.0, (0, 2)), Absence(0, 0.0, 9.0, joints=("lKnee", "rAnkle"))
+    take, views = sightings(EXACT, 2, absences=(some, lower))
+    for _, c, view in views:
+        seen = {(int(w), int(j)) for w, j in view.sources.reshape(-1, 2)}
+        assert any(w == 1 for w, _ in seen) == (c not in (0, 2))
+        assert not {(0, JOINTS.index("lKnee")), (0, JOINTS.index("rAnkle"))} & seen
+    assert not any(s.get("ignore") for f in take.truth_document()["frames"] for s in f["skeletons"])
 
 
 def test_clean_is_the_default():

@@ -90,12 +90,12 @@ def test_a_pause_of_all_cameras_costs_nobody_the_identity(pause_s):
 def test_after_a_quarter_of_a_minute_people_are_others():
     sets = [poses(i, [body(0.0)]) for i in range(5)]
     sets += [poses(5 + i, [body(0.1)], stamp=round(1e9 * (21 + i / 30))) for i in range(5)]
-    assert [o.ids.tolist() for o in run(sets)] == [[0]] * 5 + [[1]] * 5
+    assert [o.ids.tolist() for o in run(sets, memory=10.0)] == [[0]] * 5 + [[1]] * 5
 
 
 def test_ids_are_never_used_twice():
-    sets = [poses(i, [body(0.0)]) for i in range(5)] + [poses(i, [body(5.0)]) for i in range(100, 105)]
-    assert [o.ids.tolist() for o in run(sets)] == [[0]] * 5 + [[1]] * 5
+    sets = [poses(i, [body(0.0)] if i < 5 else [body(5.0)] if i >= 100 else []) for i in range(105)]
+    assert [o.ids.tolist() for o in run(sets, memory=2.0)] == [[0]] * 5 + [[]] * 95 + [[1]] * 5
 
 
 def test_a_ghost_gets_no_identity_and_a_weak_person_gets_one_soon():
@@ -144,7 +144,8 @@ def test_by_head_alone_the_nearest_head_decides_whatever_the_rest_does():
     moved[2] = body(0.1)[2]
     sets = [poses(0, [body(0.0)]), poses(1, [moved])]
     assert [o.ids.tolist() for o in run(sets, method="head", max_distance=0.3)] == [[0], [0]]
-    assert [o.ids.tolist() for o in run(sets, return_distance=0.0, return_speed=0.0)] == [[0], [1]]
+    strict = {"return_distance": 0.0, "return_speed": 0.0, "recognition_time": 0.0}
+    assert [o.ids.tolist() for o in run(sets, **strict)] == [[0], [1]]
 
 
 def test_by_head_people_are_not_predicted_and_wait_for_the_window():
@@ -182,7 +183,7 @@ def test_designated_people_keep_their_ids_and_bystanders_are_left_out():
     passing = [body(2.0 - 0.05 * max(0, i - 40), size=0.8) for i in range(180)]
     people = [[body(0.0), other] if not 30 <= i < 150 else [other] for i, other in enumerate(passing)]
     outputs = run([poses(i, p) for i, p in enumerate(people)], subjects=["4=0.1 0 0.9"], memory=1.0)
-    assert all(output.ids.tolist() == [4] for output in outputs[:30] + outputs[150:])
+    assert all(output.ids.tolist() == [4] for output in outputs[:30] + outputs[170:])  # looked at before
     assert all(len(output.ids) == 0 for output in outputs[30:150])
     assert outputs[-1].positions[0, 0, 0] == 0.0
 
@@ -214,3 +215,18 @@ def test_subjects_are_said_anew():
 def test_whoever_is_seen_first_is_the_subject_without_a_place():
     sets = [poses(i, [body(0.0)] if i < 5 else [body(0.0), body(2.0)]) for i in range(10)]
     assert [output.ids.tolist() for output in run(sets, subjects=["9"])] == [[9]] * 10
+
+
+def test_somebody_who_was_away_for_long_is_recognised_by_bones_and_others_are_not():
+    """Three of different sizes leave; two return elsewhere after ten seconds, and a stranger comes."""
+    rng = np.random.default_rng(3)
+    here = [body(0.0), body(2.0, size=0.85), body(4.0, size=1.12)]
+    later = [body(3.0, 1.0), body(1.0, 1.0, size=1.12), body(-1.0, size=0.72)]
+    sets = [poses(i, [b + rng.normal(0, 0.004, b.shape) for b in here]) for i in range(30)]
+    sets += [poses(i, []) for i in range(30, 330)]
+    sets += [poses(i, [b + rng.normal(0, 0.004, b.shape) for b in later]) for i in range(330, 360)]
+    outputs = run(sets)
+    assert all(set(o.ids.tolist()) <= {0, 2, 3} for o in outputs[330:])  # nobody is somebody else before
+    found = dict(zip(outputs[-1].ids.tolist(), outputs[-1].positions[:, 0, 0].round()))
+    assert found == {0: 3.0, 2: 1.0, 3: -1.0}
+    assert 3 in run(sets, memory=5.0)[-1].ids  # 0 to 2 are forgotten then

@@ -42,6 +42,7 @@ def write(item: AssociationSet, family: Messages, frame_id: str) -> Any:
         mirrored=flat(family, groups.mirrored, np.uint8),
         continues=flat(family, item.who, np.int32),
         places=flat(family, item.places, np.float64),
+        lengths=flat(family, item.prediction.lengths, np.float64),
         **{
             field: flat(family, getattr(item.prediction, name), np.uint8 if dtype == np.bool_ else dtype)
             for field, (name, _, dtype) in _PREDICTION.items()
@@ -62,7 +63,8 @@ def read(message: Any) -> AssociationSet:
         **{
             name: _array(message, field, dtype, followed, joints, *tail)
             for field, (name, tail, dtype) in _PREDICTION.items()
-        }
+        },
+        lengths=_lengths(message, "AssociationSet", followed),
     )
     groups = Groups(
         _array(message, "members", np.int64, people, views),
@@ -109,6 +111,7 @@ def write_tracks(item: TrackSet, family: Messages, frame_id: str) -> Any:
         joint_count=item.ages.shape[1],
         ids=flat(family, item.ids, np.int64),
         unseen=flat(family, item.unseen, np.float64),
+        lengths=flat(family, item.lengths, np.float64),
         **{name: flat(family, getattr(item, name), np.float64) for name in _TRACKS},
     )
 
@@ -128,7 +131,14 @@ def read_tracks(message: Any) -> TrackSet:
         int(message.index), stamp_of(message.header), str(message.skeleton_hash),
         np.array(message.ids, np.int64), **arrays,
         unseen=np.array(shaped(message.unseen, "TrackSet.unseen", people), np.float64),
+        lengths=_lengths(message, "TrackSet", people),
     )  # fmt: skip
+
+
+def _lengths(message: Any, kind: str, people: int) -> Array:
+    """Lengths (people, B) of bones; of none where the message has none."""
+    bones = len(message.lengths) // max(people, 1)
+    return np.array(shaped(message.lengths, f"{kind}.lengths", people, bones), np.float64)
 
 
 def write_subjects(item: SubjectSet, family: Messages, frame_id: str) -> Any:

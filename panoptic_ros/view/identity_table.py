@@ -1,0 +1,27 @@
+"""The figures of the study of identities as text."""
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def identity_lines(result: Mapping[str, Any]) -> Iterator[str]:
+    """One line for each figure of `bench.identity`."""
+    for kind, share in result["trials"]["kept"].items():
+        yield f"{kind:20} ids kept in {share:.1%} of {result['trials']['trials']} takes"
+    few = result["few_views"]
+    for name, row in few["phases"].items():
+        yield (
+            f"{name:20} error {row['mean_mm']:.1f} mm (95 %: {row['p95_mm']:.1f}), {row['joints_given']:.0%} "
+            f"of the joints given, {row['in_ellipsoid']:.1%} in the ellipsoid that should hold 95 %"
+        )
+    child = few["child"]
+    yield (
+        f"child among adults   lost for {child['lost_s']:.2f} s (at most {child['most_lost_s']:.2f}), "
+        f"id kept in {child['kept']:.0%} of {few['takes']} takes"
+    )
+    row = result["visits"]
+    yield (
+        f"come and go          {row['changes']} ids changed while there; {row['same']} of {row['returns']} "
+        f"returned under their own, {row['foreign']} under somebody else's"
+    )

@@ -1,0 +1,48 @@
+"""The study of identities."""
+import numpy as np
+
+from panoptic_ros.bench import identity
+from panoptic_ros.bench.identity import Instant, Match, few_views, kept_ids, visit_figures
+from panoptic_ros.view.identity_table import identity_lines
+
+NOWHERE = np.full(19, np.nan)
+
+
+def instants(*rows):
+    """One instant a second: {person: id}, who is there but not found: None."""
+    found = [{p: Match(n, NOWHERE, NOWHERE) for p, n in row.items() if n is not None} for row in rows]
+    return [Instant(float(k), frozenset(row), found[k]) for k, row in enumerate(rows)]
+
+
+def test_returns_count_when_the_first_second_is_over_and_changes_at_once():
+    found = visit_figures(instants(
+        {0: 5, 1: 6}, {0: 5, 1: 6}, {1: 6}, {0: 9, 1: 6}, {0: 5, 1: 6}, {0: 5, 1: 7}, {0: 5}, {0: 5, 1: None},
+        {0: 5, 1: 5}, {0: 5, 1: 5},
+    ))  # fmt: skip
+    assert found == {"changes": 1, "returns": 2, "same": 1, "foreign": 1}
+
+
+def test_ids_are_kept_if_everybody_has_the_same_soon_after():
+    before, gone = [{0: 1, 1: 2}] * 3, [{1: 2}] * 2
+    assert kept_ids(instants(*before, *gone, *before), (3.0, 5.0))
+    assert not kept_ids(instants(*before, *gone, *[{0: 2, 1: 1}] * 3), (3.0, 5.0))
+    assert not kept_ids(instants(*before, *gone, *[{1: 2}] * 3), (3.0, 5.0))  # never found again
+
+
+def test_one_view_holds_somebody_who_was_seen_well():
+    found = few_views(1, 7)
+    one, two = found["phases"]["one view"], found["phases"]["two views"]
+    assert two["mean_mm"] < 40.0 and one["mean_mm"] < 150.0 and one["joints_given"] > 0.4
+    assert found["child"]["lost_s"] <= 0.2 and found["child"]["kept"] == 1.0
+    rows = {"trials": {"trials": 1, "kept": {"hidden": 1.0}}, "few_views": found,
+            "visits": {"changes": 0, "returns": 3, "same": 2, "foreign": 0}}  # fmt: skip
+    text = "\n".join(identity_lines(rows))
+    assert "2 of 3 returned under their own, 0 under somebody else's" in text and "one view" in text
+
+
+def test_visits_are_drawn_from_the_seed():
+    one, again, other = (identity.visits_scene(seed, 60.0) for seed in (1, 1, 2))
+    assert one == again != other and one.frames == 60 * identity.VISITS_HZ
+    for absence in one.absences:
+        assert identity.AWAY[0] <= absence.end - absence.start <= identity.AWAY[1]
+    assert {a.person for a in one.absences} == set(range(identity.VISITORS))
