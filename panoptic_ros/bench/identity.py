@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from panoptic_ros.evaluation.pairing import match_people
-from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.simulation import Absence, Scene, simulate
@@ -229,7 +229,8 @@ def visit_figures(instants: Sequence[Instant]) -> dict[str, Any]:
 
 
 def visits(seed: int, settings: Settings = NO_SETTINGS, seconds: float = VISITS_S) -> dict[str, Any]:
-    """Ids of five people who come and go for ten minutes."""
+    """Ids of five people who come and go for ten minutes, and are remembered for as long as they are away."""
+    settings = merged({"tracking": {"memory": AWAY[1]}}, settings)
     return {"seconds": seconds, **visit_figures(follow(visits_scene(seed, seconds), seed, settings))}
 
 

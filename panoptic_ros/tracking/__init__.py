@@ -4,7 +4,8 @@ Joo et al. 2017 (5.3) give a skeleton the identity of the nearest one of the fra
 distance of the head node, and look further back where it is missing. Made robust here: all joints
 that two skeletons share take part, each against a constant-velocity prediction and its uncertainty;
 the assignment is optimal per frame (Hungarian) instead of nearest; after a gap the middle of the
-body and the lengths of the bones decide; and a skeleton of few views must be seen repeatedly
+body and the lengths of the bones decide,
+after longer ones `identity.likeness`; and a skeleton of few views must be seen repeatedly
 before it gets an identity. `tracking.method=head` is the paper's way.
 
 In: `PoseSet`. Out: one `TrackedPoseSet` for each, measured skeletons only, ids counting from 0 in

@@ -22,8 +22,8 @@ class TrackingConfig(Config):
         "head the distance of the heads.",
     )
     memory: float = param(
-        30.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen.",
-        when="people leave and come back later and should keep their number (longer), or others take their "
+        2.0, unit="s", ge=0.0, le=600.0, doc="How long an identity waits for somebody who is not seen.",
+        when="people leave and come back later and should keep their number (30), or others take their "
         "place (shorter).",
     )
     recognition_time: float = param(

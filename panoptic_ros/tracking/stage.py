@@ -144,7 +144,7 @@ class TrackingStage(Stateful):
         if not ready:
             return ()
         tracks, notices = self._tracks, []
-        fresh, lost = np.array(ready), np.flatnonzero((tracks.ids >= 0) & (tracks.unseen > 0.0))
+        fresh, lost = np.array(ready), np.flatnonzero((tracks.ids >= 0) & (tracks.missed > RETURN_S))
         if self._config.method == "head":  # the head alone tells
             lost = lost[:0]
         found = recognised(self._odds(lost, fresh), tracks.seconds[fresh], self._config.recognition_time)

@@ -144,7 +144,7 @@ def test_by_head_alone_the_nearest_head_decides_whatever_the_rest_does():
     moved[2] = body(0.1)[2]
     sets = [poses(0, [body(0.0)]), poses(1, [moved])]
     assert [o.ids.tolist() for o in run(sets, method="head", max_distance=0.3)] == [[0], [0]]
-    strict = {"return_distance": 0.0, "return_speed": 0.0, "recognition_time": 0.0}
+    strict = {"return_distance": 0.0, "return_speed": 0.0}
     assert [o.ids.tolist() for o in run(sets, **strict)] == [[0], [1]]
 
 
@@ -225,7 +225,7 @@ def test_somebody_who_was_away_for_long_is_recognised_by_bones_and_others_are_no
     sets = [poses(i, [b + rng.normal(0, 0.004, b.shape) for b in here]) for i in range(30)]
     sets += [poses(i, []) for i in range(30, 330)]
     sets += [poses(i, [b + rng.normal(0, 0.004, b.shape) for b in later]) for i in range(330, 360)]
-    outputs = run(sets)
+    outputs = run(sets, memory=30.0)
     assert all(set(o.ids.tolist()) <= {0, 2, 3} for o in outputs[330:])  # nobody is somebody else before
     found = dict(zip(outputs[-1].ids.tolist(), outputs[-1].positions[:, 0, 0].round()))
     assert found == {0: 3.0, 2: 1.0, 3: -1.0}
