@@ -52,12 +52,16 @@ def test_motion_of_the_surface():
     assert late("surface") == "[]"
 
 
+def test_bodies():
+    assert late("bodies") == "[]"
+
+
 def test_detection():
     assert late("detection") == "[]"
 
 
 def test_no_other_stage_compiles():
     root = Path(panoptic_ros.__file__).parent
-    tested = {"sync", *FUSION, "offsets", "timecode", "clocks", "flow", "patches", "detection"}
+    tested = {"sync", *FUSION, "offsets", "timecode", "clocks", "flow", "patches", "kinematics", "detection"}
     for name in set(NODES) - tested:
         assert not any("njit" in path.read_text() for path in (root / name).rglob("*.py")), name

@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from panoptic_ros.domain import AudioBlock, DetectionSet, Occluders, SkeletonModel, Timecode, VisibilityLimit
+from panoptic_ros.domain import (
+    AudioBlock,
+    DetectionSet,
+    ImuSample,
+    Occluders,
+    SkeletonModel,
+    Timecode,
+    VisibilityLimit,
+)
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline, records_of
@@ -161,6 +169,28 @@ def surface() -> set[tuple[str, str, str]]:
     return kernels() - before
 
 
+def bodies() -> set[tuple[str, str, str]]:
+    """Somebody with an IMU in views, with one view, by IMUs alone; everybody from skeletons."""
+    from stage_cases import cases
+
+    found: set[tuple[str, str, str]] = set()
+    for name in ("kinematics", "kinematics-everybody"):
+        case = cases()[name]
+        one_view = [
+            replace(item, views=item.views[:1]) if isinstance(item, DetectionSet) else item
+            for item in case.items
+        ]
+        worn_alone = [item for item in case.items if isinstance(item, ImuSample)]
+        stage = case.stage()
+        before = kernels()
+        given = len(passed([stage], case.items))
+        for items in (case.others, one_view, worn_alone):
+            passed([stage], items)
+        assert given, "nobody was solved for"
+        found |= kernels() - before
+    return found
+
+
 def detection() -> set[tuple[str, str, str]]:
     """Images with one person, two, nobody, and strangers; whole, in regions, carried."""
     from stage_cases import watched, watcher  # draws with OpenCV
@@ -180,7 +210,8 @@ def detection() -> set[tuple[str, str, str]]:
 
 
 PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
-    "chain": chain, "offsets": offsets, "timecode": timecode, "surface": surface, "detection": detection,
+    "chain": chain, "offsets": offsets, "timecode": timecode, "surface": surface,
+    "bodies": bodies, "detection": detection,
 }  # fmt: skip
 
 if __name__ == "__main__":

@@ -352,6 +352,12 @@ def walked(camera, count=9, start=0):
     return found
 
 
+def small_images():
+    """Cameras of the size of those images."""
+    rig = watching_rig((320, 240), captures.RIG.names)
+    return StageContext(rig, captures.SKELETON)
+
+
 @cache
 def cases():
     ways = {
@@ -394,7 +400,9 @@ def cases():
             "kinematics", {"rate_hz": 15.0, "lag": 0.0, "everybody": True}, chain()["refinement"],
             chain(7, 200)["refinement"], wearer(),
         ),
-        "flow": Case("flow", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30)),
+        "flow": Case(
+            "flow", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30), small_images()
+        ),
         "patches": Case(
             "patches", {"per_part": 4, "life": 4}, patch_scene.recording(8),
             patch_scene.recording(4, start=90),
