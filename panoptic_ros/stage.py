@@ -73,6 +73,9 @@ class Stage(Protocol[In, Out]):
     def reset(self) -> None:
         """Forget everything, as if just constructed."""
 
+    def forget(self) -> None:
+        """Forget what was measured, in a graph that goes on: what others rely on lasts, such as ids."""
+
     def state(self) -> bytes:
         """All that later steps depend on; the stage is unchanged."""
 

@@ -156,8 +156,8 @@ class Pipeline:
                 stage.begin(states[name])
 
     def begin_anew(self, name: str) -> None:
-        """Let a stage forget everything."""
-        self._stages[self.names.index(name)].reset()
+        """Let a stage forget what it measured."""
+        self._stages[self.names.index(name)].forget()
 
     def change_rig(self, rig: Rig) -> tuple[str, ...]:
         """Work with another rig from the next record on. Stages keep what they know where it still holds.

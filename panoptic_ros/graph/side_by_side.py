@@ -56,6 +56,9 @@ class LookedAt:
     def reset(self) -> None:
         """Nothing is remembered."""
 
+    def forget(self) -> None:
+        """Nothing is remembered."""
+
     def state(self) -> bytes:
         """Nothing is remembered here."""
         return b""

@@ -59,16 +59,17 @@ class StateLayout:
         attributes: that are the state: all that a step may change and a later one may look at.
         classes: of the objects in it, besides plain values, arrays and containers.
         shared: attributes that stay as the constructor made them, but that parts of the state refer to.
+        lasting: those of the attributes that a stage keeps when it forgets what it measured.
         same: what must be equal in a stage that begins from a state, by what errors call it, e.g.
             {"cameras": "_rig.names"}; compared by hashes of `repr`.
     """
 
     def __init__(
         self, stage: str, attributes: Iterable[str], classes: Iterable[type | Fields] = (),
-        shared: Iterable[str] = (), same: Mapping[str, str] | None = None,
+        shared: Iterable[str] = (), lasting: Iterable[str] = (), same: Mapping[str, str] | None = None,
     ):  # fmt: skip
         self.stage = stage
-        self.attributes, self.shared = tuple(attributes), tuple(shared)
+        self.attributes, self.shared, self.lasting = tuple(attributes), tuple(shared), tuple(lasting)
         self.same = dict(same or {})
         self.classes = tuple(Fields.of(entry) for entry in classes)
         self.index = {fields.cls: k for k, fields in enumerate(self.classes)}

@@ -14,6 +14,17 @@ class Stateful:
 
     LAYOUT: ClassVar[StateLayout]
 
+    def reset(self) -> None:
+        """Forget everything, as if just constructed."""
+        raise NotImplementedError
+
+    def forget(self) -> None:
+        """Forget what was measured, and keep what the layout calls lasting, such as ids that are taken."""
+        kept = {name: getattr(self, name) for name in self.LAYOUT.lasting}
+        self.reset()
+        for name, value in kept.items():
+            setattr(self, name, value)
+
     def state(self) -> bytes:
         """All that later steps depend on; the stage is unchanged."""
         layout = self.LAYOUT

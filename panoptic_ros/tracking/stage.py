@@ -26,7 +26,7 @@ class TrackingStage(Stateful):
 
     LAYOUT = StateLayout(
         "tracking", ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns"), (Tracks, SubjectSet),
-        same={"configuration": "_config", "skeleton": "_hash"},
+        lasting=("_next", "_subjects"), same={"configuration": "_config", "skeleton": "_hash"},
     )  # fmt: skip
 
     def __init__(self, config: TrackingConfig, context: StageContext):

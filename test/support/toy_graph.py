@@ -109,6 +109,9 @@ class Toy:
         self.reset()
         return StepResult()
 
+    def forget(self):
+        self.reset()
+
     def state(self):
         return json.dumps({k: v for k, v in vars(self).items() if k != "log"}).encode()
 

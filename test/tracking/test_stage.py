@@ -230,3 +230,15 @@ def test_somebody_who_was_away_for_long_is_recognised_by_bones_and_others_are_no
     found = dict(zip(outputs[-1].ids.tolist(), outputs[-1].positions[:, 0, 0].round()))
     assert found == {0: 3.0, 2: 1.0, 3: -1.0}
     assert 3 in run(sets, memory=5.0)[-1].ids  # 0 to 2 are forgotten then
+
+
+def test_ids_are_not_given_twice_by_a_stage_that_forgot():
+    stage = TrackingStage(TrackingConfig(), StageContext(None, MODEL))
+    stage.step(poses(0, [body(0.0), body(2.0)]))
+    stage.step(SubjectSet(0, [7], tracks=[1]))
+    stage.step(poses(1, [body(0.0), body(2.0)]))
+    stage.forget()
+    later = stage.step(poses(2, [body(0.0), body(2.0)])).outputs[0]
+    assert later.ids.tolist() == [7]  # the first who is seen: that name was taken
+    stage.step(SubjectSet.of_nobody())
+    assert min(stage.step(poses(3, [body(0.0), body(2.0)])).outputs[0].ids) >= 2
