@@ -48,8 +48,7 @@ class DetectionConfig(Config):
     regions: str = param(
         "auto", choices=("auto", "on", "off"),
         doc="Whether the network looks where tracked people should be, and at whole images in turn for "
-        "newcomers; auto = where looks are rationed (looks_per_s, budget).",
-        when="every image shall be looked at, in half of the time: on.",
+        "newcomers; auto = where looks are rationed (looks_per_s, budget). On at every image: half the time.",
     )
     region_height: int = param(
         220, ge=64, le=1024, unit="px",

@@ -7,7 +7,9 @@ each of the processes that it goes through. The one on events is told by the mid
 
 from __future__ import annotations
 
+import contextlib
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -19,7 +21,8 @@ Taker = Callable[[bytes, Mapping[str, Any]], None]
 
 def make_executor() -> Executor:
     """An executor for one thread. Call `spin_once` in a loop: its `spin` does not end on signals."""
-    return EventsExecutor()
+    with contextlib.redirect_stderr(sys.__stderr__):  # it needs a file there, which notebooks have not
+        return EventsExecutor()
 
 
 def with_facts(take: Taker) -> Any:

@@ -1,4 +1,6 @@
 """A live node pauses and goes on with the people that it knew."""
+import time
+
 import captures
 import pytest
 from spinning import spin_until
@@ -34,6 +36,7 @@ class Feed:
 
     def play(self, ready):
         def step():
+            time.sleep(0.01)  # no faster than the node works: two seconds left out are an absence
             self.index += 1
             for camera in captures.RIG.cameras:
                 view = captures.view(camera, self.index, round(self.index * 1e9 / 30))

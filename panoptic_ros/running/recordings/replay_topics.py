@@ -10,7 +10,7 @@ from panoptic_ros.graph.topics import TOPICS, variants
 
 def topics_from(begin: str) -> frozenset[str]:
     """Keys of the topics that the graph needs when it begins with a topic: it, what stages behind it take
-    from elsewhere, and what is latched. Stages that are off unless asked for do not count.
+    from elsewhere, and what is latched. Stages and ports that are off unless asked for do not count.
 
     Args:
         begin: key of a topic, e.g. detections, or the name of the stage that gives it.
@@ -26,7 +26,7 @@ def topics_from(begin: str) -> frozenset[str]:
         )
     given, taken = set(keys), set[str]()
     for spec in NODES.values():  # in the order in which records go down
-        ports = {port.topic for port in spec.inputs}
+        ports = {port.topic for port in spec.inputs if not port.switch}
         if ports & given and not spec.switch:
             given |= set(spec.outputs)
             taken |= ports
