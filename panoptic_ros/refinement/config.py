@@ -64,6 +64,11 @@ class RefinementConfig(Config):
         doc="Share of the variance of measurements whose errors last, as a limb that is hidden or taken for "
         "another stays so for many frames: smoothing does not remove it. Of detectors with biases only.",
     )
+    difference_share: float = param(
+        0.3, ge=0.0, le=10.0,
+        doc="Share of their covariances by which the difference of two measurements of a joint errs, as most "
+        "of their error lasts. It corrects the motion of the surface; 0 = it is not used.",
+    )
     bias_floor: float = param(
         -1.0, unit="m", ge=-1.0, le=1.0,
         doc="Standard deviation added to every joint at the end for constant biases of the detector, which "

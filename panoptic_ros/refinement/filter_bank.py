@@ -9,9 +9,18 @@ from panoptic_ros.refinement.bones import learn_lengths, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.joint_states import FILLED, MEASURED, Judged, judge, take_measurements
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
-from panoptic_ros.refinement.links import links_of, predict_linked
+from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_rows import started, update_moving, update_velocities
-from panoptic_ros.refinement.records import Moment, Motion, joined, new_people, of_all, selected, unknown
+from panoptic_ros.refinement.records import (
+    Measured,
+    Moment,
+    Motion,
+    joined,
+    new_people,
+    of_all,
+    selected,
+    unknown,
+)
 from panoptic_ros.refinement.start_motion import likely_velocities
 from panoptic_ros.refinement.tuning import learn, nothing_lasting, process_noise, scales
 
@@ -35,7 +44,7 @@ class FilterBank:
 
     def take(self, item: TrackedPoseSet, motions: PartMotions | None = None) -> None:
         """Filter everybody up to this set; motions: of parts since the set before, by the surface."""
-        self._predict(item.stamp_ns, motions)
+        self._predict(item, motions)
         known = self.people.ids.tolist()
         new = [number for number in item.ids.tolist() if number not in known]
         if new:
@@ -43,9 +52,9 @@ class FilterBank:
         if len(item.ids):
             self._update(item)
 
-    def _predict(self, stamp_ns: int, motions: PartMotions | None) -> None:
-        """Predict all motion to an instant."""
-        config, people = self._config, self.people
+    def _predict(self, item: TrackedPoseSet, motions: PartMotions | None) -> None:
+        """Predict all motion to the instant of a set."""
+        config, people, stamp_ns = self._config, self.people, item.stamp_ns
         last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints)
         dt = 1e-9 * (stamp_ns - last.stamp_ns)
         now = unknown(stamp_ns, dt, len(people.ids), self._joints)
@@ -58,6 +67,8 @@ class FilterBank:
         links = links_of(motions, self._parts, people.ids, states) if motions is not None else None
         if links is not None:
             now = now._replace(linked=True)
+            if config.difference_share > 0.0 and item.time_shift is None:
+                links = self._with_views(links, last.measured, item)
             predict_linked(last.motion, dt, now.noise, links, config.cauchy, now.predicted, now.gains)
             linked = np.isfinite(links.displacements[..., 0])
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
@@ -67,6 +78,16 @@ class FilterBank:
         now.predicted.states[(now.measured.ages > config.max_gap) & ~now.measured.carried] = np.nan
         now.motion.states[...], now.motion.covariances[...] = now.predicted
         self.moments.append(now)
+
+    def _with_views(self, links: Links, before: Measured, item: TrackedPoseSet) -> Links:
+        """Links with the differences of measurements; filled joints rest on what was known before."""
+        row_of = {number: row for row, number in enumerate(self.people.ids.tolist())}
+        known = [k for k, number in enumerate(item.ids.tolist()) if number in row_of]
+        rows = np.array([row_of[number] for number in item.ids[known].tolist()], np.int64)
+        moved = item.positions[known] - before.points[rows]
+        moved[(item.states[known] == FILLED) | before.filled[rows]] = np.nan
+        share = self._config.difference_share
+        return with_views(links, rows, moved, share * (item.covariances[known] + before.noises[rows]))
 
     def _add(self, ids: list[int]) -> None:
         """Add people of whom nothing is known but, if they were there before, the lengths of their bones."""
@@ -88,6 +109,7 @@ class FilterBank:
         relief, scores, views = config.few_views_relief, item.scores, item.views
         take_measurements(now.measured, rows, points, item.covariances, relief, scores, views)
         now.measured.filled[rows] = item.states == FILLED
+        now.measured.points[rows] = points
         innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
         if shift is None:
             update(now.motion, rows, points, noises, config.cauchy, innovations)

@@ -73,6 +73,26 @@ def links_of(motions: PartMotions, joints: list[list[int]], ids: Array, states: 
     return found
 
 
+def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links:
+    """Links with what views say of the same motion: the difference of two measurements of a joint.
+
+    Errors of views last for many frames, as a limb that is hidden stays so. So their difference is known
+    better than each of them, and corrects a surface that was followed wrongly. What has no link gets none.
+
+    Args:
+        rows: (R,) of the people that views measured. moved: (R, J, 3) m, NaN = not.
+        spreads: (R, J, 3, 3) m^2.
+    """
+    displacements, own = links.displacements.copy(), links.spreads.copy()
+    row, joint = np.nonzero(np.isfinite(displacements[rows, :, 0] + moved[..., 0]))
+    there = rows[row], joint
+    surface, views = np.linalg.inv(own[there]), np.linalg.inv(spreads[row, joint])
+    own[there] = np.linalg.inv(surface + views)
+    sums = surface @ displacements[there][..., None] + views @ moved[row, joint][..., None]
+    displacements[there] = (own[there] @ sums)[..., 0]
+    return Links(displacements, own)
+
+
 @njit(cache=True, error_model="numpy")
 def predict_linked(motion, dt, noise, links, cauchy, ahead, gains):
     """`kalman.predict` and `kalman.smoother_gains` of the joints that were measured to move, in place.

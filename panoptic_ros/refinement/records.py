@@ -27,6 +27,7 @@ class Measured(NamedTuple):
     views: Array  # (P, J) of these measurements
     scores: Array  # (P, J) of the latest measurements, 0 before any
     noises: Array  # (P, J, 3, 3) m^2, of those
+    points: Array  # (P, J, 3) m of this instant, NaN = none
     ages: Array  # (P, J) s since those
     carried: Array  # (P, J) bool, at each instant since those the surface showed how the joint moved
     person_scores: Array  # (P,) of those
@@ -66,8 +67,8 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int) -> Moment:
     predicted, motion = (Motion(np.full((*shape, 6), np.nan), np.zeros((*shape, 6, 6))) for _ in range(2))
     measured = Measured(
         np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
-        np.zeros((*shape, 3, 3)), np.zeros(shape), np.zeros(shape, bool), np.zeros(people),
-        np.zeros(shape, bool),
+        np.zeros((*shape, 3, 3)), np.full((*shape, 3), np.nan), np.zeros(shape), np.zeros(shape, bool),
+        np.zeros(people), np.zeros(shape, bool),
     )  # fmt: skip
     return Moment(stamp_ns, dt, np.zeros(shape), predicted, np.zeros((*shape, 6, 6)), motion, measured)
 

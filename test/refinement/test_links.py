@@ -8,7 +8,7 @@ import pytest
 from panoptic_ros.domain import JointState, PartMotions, TrackedPoseSet
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.refinement.links import Links, links_of, predict_linked
+from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.records import Motion
 
 DT, NOISE = 0.04, 3.0
@@ -95,6 +95,22 @@ def test_two_parts_are_averaged_by_their_information():
 def test_nothing_is_said_of_strangers():
     rng = np.random.default_rng(4)
     assert links_of(motions(rng, [0], people=(9,)), PARTS, np.array([7]), rng.normal(size=(1, 19, 6))) is None
+
+
+def test_differences_of_measurements_are_averaged_with_links_by_their_information():
+    rng = np.random.default_rng(5)
+    links = Links(rng.normal(size=(3, 2, 3)), np.array([[spread(rng, 3, 1e-6)] * 2] * 3))
+    links.displacements[2, 0] = np.nan
+    moved, spreads = rng.normal(size=(2, 2, 3)), np.array([[spread(rng, 3, 1e-5)] * 2] * 2)
+    moved[0, 1] = np.nan
+    found = with_views(links, np.array([2, 0]), moved, spreads)
+    assert np.isnan(found.displacements[2, 0]).all()  # a difference alone is no link
+    assert found.displacements[2, 1] == pytest.approx(links.displacements[2, 1])  # without a difference
+    one, other = np.linalg.inv(links.spreads[0, 0]), np.linalg.inv(spreads[1, 0])
+    mean = np.linalg.solve(one + other, one @ links.displacements[0, 0] + other @ moved[1, 0])
+    assert found.displacements[0, 0] == pytest.approx(mean)
+    assert found.spreads[0, 0] == pytest.approx(np.linalg.inv(one + other))
+    assert found.displacements[1] == pytest.approx(links.displacements[1])
 
 
 # ------------------------------------------------------------------ what they are worth
