@@ -14,11 +14,11 @@ def run_refinement(args: argparse.Namespace) -> int:
     """Run a capture once, smooth it in every way, print a table, write the numbers."""
     from panoptic_ros.running.studies.refine import study_lines, study_refinement  # numba is slow to load
 
-    if args.capture is None:
-        raise UsageError("--study refine needs --capture DIR, a capture folder with its truth")
+    if len(args.capture) != 1:
+        raise UsageError("--study refine needs one --capture DIR, a capture folder with its truth")
     cameras = args.cameras.split(",") if args.cameras else []
     with PassBar(args.study) as bar:
-        result = study_refinement(args.capture, cameras, read_parameters(None, args.settings), bar.show)
+        result = study_refinement(args.capture[0], cameras, read_parameters(None, args.settings), bar.show)
     if args.out is not None:
         write_json(args.out / "refine.json", result)
     print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))

@@ -29,12 +29,16 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--study", choices=(*studies.STUDIES, *WITHOUT_RIG),
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
-        "VGA and QVGA images; time for a minute of capture; kinematics: bodies by cameras and IMUs, beside "
-        "the paper's solver; identity: who stays who, and whom few views see (these two need no rig); "
-        "refine: smoothing of a capture with truth, with and without the motion of the surface (--capture)",
+        "VGA and QVGA images; time for a minute of capture. Without --rig: kinematics: bodies beside the "
+        "paper's solver, -inputs: by cameras and IMUs; devices: IMUs that are worn otherwise than said; "
+        "identity: who stays who, and whom few views see; refine: smoothing of a capture with truth, with "
+        "and without the motion of the surface (--capture)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
-    group.add_argument("--capture", type=Path, metavar="DIR", help="refine: capture folder with its truth")
+    group.add_argument(
+        "--capture", type=Path, metavar="DIR", action="append", default=[],
+        help="refine, kinematics: capture folder with its truth; kinematics: repeatable",
+    )  # fmt: skip
     group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
     group.add_argument(
         "--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5; time: 5)"
@@ -47,6 +51,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "identity: trials of each kind, default 100"
     )
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
+    group.add_argument("--seeds", default="", metavar="FROM:TO", help="kinematics: several of them")
+    group.add_argument("--scenes", default="", metavar="NAME,NAME", help="kinematics: default all body-...")
     group.add_argument(
         "--noise", type=float, default=0.012, metavar="SHARE",
         help="standard deviation of 2D joints, a share of the diagonal of the person's box (default 0.012)",

@@ -44,6 +44,7 @@ class Subject:
         start: (3,) m, where the pelvis is at the first instant; None = only one person is there.
         heading_known: whether the IMUs' inertial frame is the world's.
         measured: whether lengths were measured; else they are those of the stature.
+        stature: m; 0 = not known.
     """
 
     id: int
@@ -54,6 +55,7 @@ class Subject:
     facing: Array | None = None
     heading_known: bool = True
     measured: bool = True
+    stature: float = 0.0
 
 
 class ImuReading(NamedTuple):

@@ -12,16 +12,20 @@ from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.geometry.rotations import mean_rotation, vectors_of
 
 Array = np.ndarray
+STANDING_SPEED = 0.1  # m/s
 
 
 def score_bodies(
-    truth: Sequence[BodyState], found: Sequence[BodyState], parents: Array, skip_s: float
-) -> dict[str, Any]:
+    truth: Sequence[BodyState], found: Sequence[BodyState], parents: Array, skip_s: float,
+    ground: Sequence[int] = (),
+) -> dict[str, Any]:  # fmt: skip
     """Errors of one subject at the stamps that both have, after the first seconds.
 
     mm: of the joints, global, relative to the root, after the best rigid motion of each frame; deg: of the
     segments' orientations, plain, after one constant rotation of each segment, and relative to the parent;
-    acc: m/s^2, of the joints' accelerations. Of the first: mean, median, std, MAD.
+    acc: m/s^2, of the joints' accelerations. Of the first: mean, median, std, MAD. drift_m: farthest that
+    the root goes from where it was off at first; standing_drift_m: the same, of what is added while one of
+    the joints `ground` truly stands.
     """
     theirs = {state.stamp_ns: state for state in found}
     begin = truth[0].stamp_ns + round(skip_s * 1e9)
@@ -48,7 +52,22 @@ def score_bodies(
         "aligned_deg": float(_degrees(aligned).mean()),
         "joint_deg": float(_degrees(local[1].swapaxes(-1, -2) @ local[0]).mean()),
         "acc": float(jump.mean()) if len(jump) else 0.0,
+        "drift_m": _farthest(mine[:, 0] - places[:, 0], np.ones(len(pairs), bool)),
+        "standing_drift_m": _farthest(mine[:, 0] - places[:, 0], _stands(places[:, list(ground)], step)),
     }  # fmt: skip
+
+
+def _stands(joints: Array, step: float) -> Array:
+    """Whether (T,) one of the joints (T, G, 3) is slow since the instant before."""
+    speeds = np.linalg.norm(np.diff(joints, axis=0, prepend=joints[:1]), axis=-1) / step
+    found: Array = (speeds < STANDING_SPEED).any(-1)
+    return found
+
+
+def _farthest(errors: Array, counted: Array) -> float:
+    """m, that errors (T, 3) go in the steps that are counted (T,)."""
+    steps = np.where(counted[1:, None], np.diff(errors, axis=0), 0.0)
+    return float(np.linalg.norm(np.cumsum(steps, axis=0), axis=-1).max(initial=0.0))
 
 
 def _summary(name: str, values: Array) -> dict[str, float]:

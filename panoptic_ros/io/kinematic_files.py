@@ -85,7 +85,8 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
     if not isinstance(document, dict) or document.get("format") != SUBJECT:
         raise DataError(f"{path} is no {SUBJECT} file")
     try:
-        body = model.body(float(document["height_m"]))
+        stature = float(document["height_m"])
+        body = model.body(stature)
         body = body.with_offsets(
             {name: _vector(v, 3, name) for name, v in (document.get("segments") or {}).items()}
         )
@@ -100,6 +101,7 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
             None if start is None else _vector(start, 3, "start"),
             None if facing is None else _vector(facing, 3, "facing"),
             document.get("inertial_frame", "world") == "world", bool(document.get("segments")),
+            stature,
         )  # fmt: skip
     except DataError as error:
         raise DataError(f"{path}: {error}") from None

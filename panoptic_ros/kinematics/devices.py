@@ -33,6 +33,9 @@ LEAST_BONE, ON_AXIS = 0.15, 0.07  # m, of a limb; of a joint that is as good as 
 class WornDevices:
     """Devices by number, in the order of the subject.
 
+    Attributes:
+        names, segments, mounts: (N,), (N,) and (N, 3, 3), as they are taken to be worn now, uncorrected.
+
     Args:
         mounts: (3, 3) segment from device, by name, of all devices that are used.
         heading: rad, world from the IMUs' inertial frame, about the vertical.
@@ -44,7 +47,8 @@ class WornDevices:
     ):  # fmt: skip
         self._config, self._subject, self._chain = config, subject, chain
         self._devices = [d for d in subject.devices if d.name in mounts]
-        self._mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
+        self.names = [d.name for d in self._devices]
+        self.mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
         self.segments = np.array([d.segment for d in self._devices], np.int64)
         self.positions = np.array([d.position for d in self._devices]).reshape(-1, 3)
         self._turn = turn_about_z(heading)
@@ -61,7 +65,7 @@ class WornDevices:
         worn = [(k, instant.readings[name].orientation) for k, name in self._there(instant)]
         which = np.array([k for k, turned in worn if np.isfinite(turned[0, 0])], np.int64)
         turned = np.array([turned for _, turned in worn if np.isfinite(turned[0, 0])]).reshape(-1, 3, 3)
-        return which, self._turn @ turned @ self._mounts[which].swapaxes(1, 2)
+        return which, self._turn @ turned @ self.mounts[which].swapaxes(1, 2)
 
     def spreads(self, which: Array) -> Array:
         """Standard deviations (M,) rad of their corrected orientations."""
@@ -156,7 +160,7 @@ class WornDevices:
         told = np.full((len(self._devices), 3, 3), np.nan)
         for k, name in self._there(instant):
             told[k] = self._turn @ instant.readings[name].orientation
-        found = self._wearing.look(frames[self.segments], told, self._mounts)
+        found = self._wearing.look(frames[self.segments], told, self.mounts)
         if found is None:
             return False
         (i, j), names = found.devices, self._subject.body.model.names
@@ -164,7 +168,7 @@ class WornDevices:
         self._tell("swapped", self._devices[i], f"{text}: taken for each other")
         for values in (self.segments, self.positions):
             values[[i, j]] = values[[j, i]]
-        self._mounts[[i, j]] = found.mounts
+        self.mounts[[i, j]] = found.mounts
         self.mounting = self._fresh_mounting()
         self.forget()
         return True

@@ -10,7 +10,7 @@ from panoptic_ros.io.body_models import read_body_model, read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.devices import unseen_axes
 from panoptic_ros.kinematics.session import solve_recording
-from panoptic_ros.running.studies.bodies import prior_without, recording_of, score_capture
+from panoptic_ros.running.studies.bodies.cases import case_of, prior_without, recording_of
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
 from panoptic_ros.simulation.bodies.imus import unknown_heading
 
@@ -23,15 +23,19 @@ def capture(**changes):
     return simulate_body(BodyScene(("02_05",), seconds=8.0, cameras=6, **changes), 9, MODEL, CLIPS)
 
 
+def score(take, config):
+    return case_of(take, PRIOR).score(config)
+
+
 def test_a_poor_t_pose_is_mended():
     take = capture(mounts=False, t_pose=4.0)
-    ours, fixed = score_capture(take, OURS, PRIOR), score_capture(take, FIXED, PRIOR)
+    ours, fixed = score(take, OURS), score(take, FIXED)
     assert ours["mm"] < 0.8 * fixed["mm"] and ours["deg"] < 0.9 * fixed["deg"]
 
 
 def test_a_good_mounting_is_kept():
     take = capture()
-    ours, fixed = score_capture(take, OURS, PRIOR), score_capture(take, FIXED, PRIOR)
+    ours, fixed = score(take, OURS), score(take, FIXED)
     assert ours["mm"] < fixed["mm"] + 0.5 and ours["deg"] < fixed["deg"] + 0.3
 
 
@@ -100,6 +104,6 @@ def test_lengths_are_learnt_from_motion(good):
     known = {name: (MODEL.names[s], o) for name, (s, o) in good.subject.body.keypoints.items()}
     unmeasured = replace(good.subject, body=body.with_keypoints(known), measured=False)
     take = replace(good, subject=unmeasured)
-    learnt = score_capture(take, OURS, PRIOR)["mm"]
-    stature = score_capture(take, replace(OURS, lengths=False), PRIOR)["mm"]
-    assert learnt < score_capture(good, OURS, PRIOR)["mm"] + 5.0 < stature
+    learnt = score(take, OURS)["mm"]
+    stature = score(take, replace(OURS, lengths=False))["mm"]
+    assert learnt < score(good, OURS)["mm"] + 5.0 < stature

@@ -9,24 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.io.body_models import read_body_model, read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.prior import PoseStatistics
-from panoptic_ros.kinematics.resampling import instants_of
-from panoptic_ros.kinematics.session import t_pose_mounts
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import Evidence, no_anchor
-from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
+from panoptic_ros.kinematics.tracker import SubjectTracker
 from panoptic_ros.running.simulations.bodies import body_scene
-from panoptic_ros.running.studies.bodies import prior_without, recording_of
+from panoptic_ros.running.studies.bodies.cases import prior_without
+from panoptic_ros.running.studies.bodies.following import follow, tracker_of
 from panoptic_ros.simulation.bodies.capture import BodyCapture, simulate_body, sparse
 
 Array = np.ndarray
 SCENE = "body-punch"
-GATE = 0.5  # m
 WARM = 30  # instants that are not timed
 
 
@@ -61,40 +57,19 @@ class _Asked(SubjectTracker):
         super()._step_alone(evidence, period)
 
 
-def _tracker(
-    capture: BodyCapture, config: KinematicsConfig, statistics: PoseStatistics
-) -> tuple[_Asked, list[Instant]]:
-    recording = recording_of(capture)
-    weighing = Weighing(config, capture.subject, statistics, recording.rig, recording.joint_names)
-    instants = instants_of(recording.views, recording.devices, config.rate_hz)
-    mounts = t_pose_mounts(capture.subject, instants, set(recording.devices), 0.0)
-    return _Asked(config, capture.subject, weighing, mounts, 0.0), instants
-
-
-def _step(tracker: SubjectTracker, instant: Instant) -> None:
-    weighing = tracker.weighing
-    people = assign_people([tracker], instant, weighing.rotations, weighing.translations, GATE)[0]
-    if not tracker.started:
-        people = {c: (seen.points[0], seen.scores[0]) for c, seen in instant.views.items()}
-    tracker.step(instant, people)
-
-
 def _steps(capture: BodyCapture, config: KinematicsConfig, statistics: PoseStatistics) -> Array:
     """Milliseconds (T,) of all that is done per instant."""
-    tracker, instants = _tracker(capture, config, statistics)
-    times = []
-    for instant in instants:
-        began = time.thread_time()
-        _step(tracker, instant)
-        times.append(1e3 * (time.thread_time() - began))
-    return np.array(times)
+    times = [time.thread_time()]
+    for _ in follow(*tracker_of(capture, config, statistics), config.gate):
+        times.append(time.thread_time())
+    return 1e3 * np.diff(times)
 
 
 def _solves(capture: BodyCapture, config: KinematicsConfig, statistics: PoseStatistics) -> dict[str, float]:
     """Milliseconds of a solve alone, from the pose of the instant before, and its iterations."""
-    tracker, instants = _tracker(capture, config, statistics)
-    for instant in instants:
-        _step(tracker, instant)
+    tracker, instants = tracker_of(capture, config, statistics, _Asked)
+    for _ in follow(tracker, instants, config.gate):
+        pass
     chain, times, iterations = capture.subject.body.chain, [], []
     hessian = np.empty((3 + 3 * len(chain.parents),) * 2)
     nothing = no_anchor(len(chain.parents))

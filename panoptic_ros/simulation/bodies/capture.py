@@ -62,7 +62,7 @@ class BodyScene:
 @dataclass(frozen=True, eq=False)
 class BodyCapture:
     """Pixels (C, T, K, 2), NaN = missing, and scores (C, T, K) of the joints; samples by device; what is
-    known of the subject; and the truth."""
+    known of the subject; and the truth, with the mounting (3, 3) of each device, segment from device."""
 
     rig: Rig
     joint_names: tuple[str, ...]
@@ -73,6 +73,7 @@ class BodyCapture:
     subject: Subject
     stature: float
     motion: BodyMotion
+    mounts: dict[str, Array]
 
     def truth(self) -> list[BodyState]:
         """True bodies at all stamps."""
@@ -99,19 +100,20 @@ def simulate_body(scene: BodyScene, seed: int, model: SegmentModel, clips: Mappi
     points = motion.places[:, segments] + (motion.frames[:, segments] @ offsets[..., None])[..., 0]
     trunk = motion.places[:, [0, model.index("neck")]]
     pixels, scores = detect_joints(rng, rig, points, trunk, names, scene.joints, scene.rate)
-    worn, samples = [], {}
+    worn, samples, mounts = [], {}, {}
     for k, (segment, position) in enumerate(DEVICES):
         name, mount, place = f"imu{k + 1:02d}", random_mount(rng), np.array(position)
-        index = model.index(segment)
+        index, mounts[name] = model.index(segment), mount
         samples[name] = measure(rng, motion, index, place, mount, scene.imus, FIRST_NS)
         stated = mistaken(rng, mount, scene.imus.mounting) if scene.mounts else None
         worn.append(Device(name, index, place, stated))
     end = FIRST_NS + int(1e9 * (T_POSE_S - 0.2))
     subject = Subject(
-        0, known, tuple(worn), TPose(FIRST_NS, end, np.array([1.0, 0.0, 0.0])), motion.roots[0].round(2)
-    )
+        0, known, tuple(worn), TPose(FIRST_NS, end, np.array([1.0, 0.0, 0.0])), motion.roots[0].round(2),
+        stature=stature,
+    )  # fmt: skip
     stamps = FIRST_NS + np.round(motion.times * 1e9).astype(np.int64)
-    return BodyCapture(rig, names, stamps, pixels, scores, samples, subject, stature, motion)
+    return BodyCapture(rig, names, stamps, pixels, scores, samples, subject, stature, motion, mounts)
 
 
 def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCapture:

@@ -1,0 +1,70 @@
+"""Studies of bodies: `panoptic evaluate --study kinematics` and its kind."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.io.files import write_bytes, write_json
+from panoptic_ros.view.progress import PassBar
+
+if TYPE_CHECKING:
+    from panoptic_ros.running.studies.bodies.cases import BodyCase
+
+BODY_STUDIES = ("kinematics", "kinematics-inputs", "devices")
+
+
+def run_bodies(args: argparse.Namespace) -> int:
+    """Solve captures in several ways, print a table, write the numbers and the plot."""
+    from panoptic_ros.running.studies.bodies import devices, goals, inputs  # numba is slow to load
+
+    cases, number = _cases(args)
+    with PassBar(args.study) as bar:
+        if args.study == "devices":
+            result = devices.study_devices(_seeds(args), args.settings, bar.show)
+            lines = devices.device_lines(result)
+        elif args.study == "kinematics":
+            result = goals.study_goals(cases, number, args.settings, bar.show)
+            lines = goals.goal_lines(result)
+        else:
+            cameras = [int(word) for word in args.cameras.split(",")] if args.cameras else inputs.CAMERAS
+            result = inputs.study_inputs(cases, number, cameras, args.settings, bar.show)
+            lines = inputs.input_lines(result)
+    if args.out is not None:
+        write_json(args.out / f"{args.study}.json", result)
+        if args.study == "kinematics-inputs":
+            from panoptic_ros.view.body_study_plot import body_study_plot
+
+            write_bytes(args.out / f"{args.study}.png", body_study_plot(result["rows"], "ours"))
+    print(json.dumps(result, indent=1) if args.json else "\n".join(lines))
+    return 0
+
+
+def _cases(args: argparse.Namespace) -> tuple[Iterator[BodyCase], int]:
+    """Captures one by one, and how many: those in folders, or simulated ones of all scenes and seeds."""
+    from panoptic_ros.running.simulations.bodies import BODY_SCENES
+    from panoptic_ros.running.studies.bodies.cases import read_case, simulated_case
+
+    if args.capture:
+        return map(read_case, args.capture), len(args.capture)
+    seeds, scenes = _seeds(args), args.scenes.split(",") if args.scenes else list(BODY_SCENES)
+    unknown = [name for name in scenes if name not in BODY_SCENES]
+    if unknown:
+        raise UsageError(f"there is no scene {unknown[0]!r}; there are {', '.join(BODY_SCENES)}")
+    pairs = [(name, seed) for seed in seeds for name in scenes]
+    return (simulated_case(*pair) for pair in pairs), len(pairs)
+
+
+def _seeds(args: argparse.Namespace) -> range:
+    if not args.seeds:
+        return range(args.seed, args.seed + 1)
+    try:
+        first, last = (int(part) for part in args.seeds.split(":"))
+    except ValueError:
+        first, last = 0, 0
+    if first >= last:
+        raise UsageError(f"--seeds {args.seeds}: write FROM:TO, e.g. 400:405")
+    return range(first, last)

@@ -1,0 +1,146 @@
+"""Captures of bodies with their truth, simulated or from a folder, in the form that studies solve."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState, Subject, ViewPeople, ViewSeries
+from panoptic_ros.errors import DataError
+from panoptic_ros.evaluation.kinematic_scores import score_bodies
+from panoptic_ros.io.body_files import read_bodies
+from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
+from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
+from panoptic_ros.running.kinematics import PAPER, body_config, read_body_task
+from panoptic_ros.running.simulations.bodies import body_scene
+from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture, simulate_body
+from panoptic_ros.simulation.bodies.motion import Clip
+
+SKIPPED_S = 3.0  # not scored: the T-pose and the way out of it
+OURS = "ours"
+METHODS = (OURS, PAPER)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCase:
+    """A capture that is solved: what the solver gets, and the truth of its subjects.
+
+    Args:
+        statistics: of poses, without the motions of the capture if it is simulated.
+    """
+
+    name: str
+    seed: int
+    recording: Recording
+    subjects: tuple[Subject, ...]
+    truth: tuple[BodyState, ...]
+    statistics: PoseStatistics
+
+    @property
+    def model(self) -> SegmentModel:
+        """Of all subjects."""
+        return self.subjects[0].body.model
+
+    def with_inputs(self, cameras: int, imus: int) -> BodyCase:
+        """The same with the first cameras, which are neighbours, and 0, 6 or 13 IMUs of each subject."""
+        names = self.model.names
+        subjects = tuple(
+            replace(s, devices=tuple(
+                d for d in s.devices if imus == 13 or (imus == 6 and names[d.segment] in SPARSE)
+            ))
+            for s in self.subjects
+        )  # fmt: skip
+        worn = {device.name for subject in subjects for device in subject.devices}
+        given = self.recording
+        recording = replace(
+            given, rig=given.rig if cameras else None,
+            views={camera: view for camera, view in given.views.items() if camera < cameras},
+            devices={name: series for name, series in given.devices.items() if name in worn},
+        )  # fmt: skip
+        return replace(self, recording=recording, subjects=subjects)
+
+    def of_stature(self) -> BodyCase:
+        """The same with nothing known of the subjects' lengths but the stature."""
+        subjects = []
+        for subject in self.subjects:
+            body = replace(subject.body, offsets=self.model.body(subject.stature).offsets)
+            subjects.append(replace(subject, body=body, measured=False))
+        return replace(self, subjects=tuple(subjects))
+
+    def solve(self, config: KinematicsConfig) -> Solved:
+        """Bodies of all subjects."""
+        return solve_recording(self.recording, self.subjects, config, self.statistics)
+
+    def score(self, config: KinematicsConfig) -> dict[str, Any]:
+        """Errors, mean over the subjects, and milliseconds of processor time per instant and subject."""
+        began = time.process_time()
+        states = self.solve(config).states
+        spent = 1e3 * (time.process_time() - began)
+        model, found = self.model, []
+        ground = [model.index(name) for name in model.ground]
+        for subject in self.subjects:
+            truth, mine = ([s for s in both if s.id == subject.id] for both in (self.truth, states))
+            found.append(score_bodies(truth, mine, model.parents, SKIPPED_S, ground))
+        means = {key: float(np.mean([scores.get(key, np.nan) for scores in found])) for key in found[0]}
+        return means | {"ms": spent / len(self.truth)}
+
+
+def simulated_case(name: str, seed: int) -> BodyCase:
+    """The capture of `panoptic simulate NAME --seed N`, with a prior of all other motions."""
+    model, clips, scene = read_body_model(), read_clips(), body_scene(name)
+    capture = simulate_body(scene, seed, model, clips)
+    return case_of(capture, prior_without(scene.clips, clips, model), name, seed)
+
+
+def case_of(capture: BodyCapture, statistics: PoseStatistics, name: str = "", seed: int = 0) -> BodyCase:
+    """A simulated capture as a case."""
+    return BodyCase(name, seed, recording_of(capture), (capture.subject,), tuple(capture.truth()), statistics)
+
+
+def read_case(folder: Path) -> BodyCase:
+    """A capture in a folder: rig.json, detections.json.gz, imu.csv or imu.csv.gz, subject*.json and
+    truth.json.gz, with the installed prior.
+
+    Raises:
+        UserError: if one is missing or cannot be used.
+    """
+    subjects = sorted(folder.glob("subject*.json"))
+    if not subjects:
+        raise DataError(f"{folder} has no subject*.json; a capture of bodies names whom to solve for")
+    rig, detections = folder / "rig.json", folder / "detections.json.gz"
+    imu = next((folder / n for n in ("imu.csv", "imu.csv.gz") if (folder / n).exists()), None)
+    seen = (rig, detections) if rig.exists() else (None, None)
+    task = read_body_task(subjects, body_config(), seen[0], seen[1], imu)
+    names, truth = read_bodies(folder / "truth.json.gz")
+    if names != task.model.names:
+        raise DataError(f"{folder / 'truth.json.gz'} is of another skeleton: {', '.join(names[:4])}, ...")
+    return BodyCase(folder.name, 0, task.recording, task.subjects, tuple(truth), task.statistics)
+
+
+def recording_of(capture: BodyCapture) -> Recording:
+    """What the solver gets of a simulated capture."""
+    if not len(capture.pixels):
+        return Recording(None, capture.joint_names, {}, capture.devices)
+    views = {}
+    for c, camera in enumerate(capture.rig.cameras):
+        pixels = capture.pixels[c]
+        plane = np.full(pixels.shape, np.nan)
+        there = np.isfinite(pixels).all(-1)
+        plane[there] = camera.intrinsics.undistort(pixels[there])
+        people = tuple(ViewPeople(plane[t][None], capture.scores[c, t][None]) for t in range(len(plane)))
+        views[c] = ViewSeries(capture.stamps, people)
+    return Recording(capture.rig, capture.joint_names, views, capture.devices)
+
+
+def prior_without(left_out: Sequence[str], clips: Mapping[str, Clip], model: SegmentModel) -> PoseStatistics:
+    """Statistics of the poses of all clips but these."""
+    poses = np.concatenate([clip.vectors for name, clip in clips.items() if name not in left_out])
+    return train_prior(poses, other_sides(model.names))
