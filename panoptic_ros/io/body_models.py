@@ -16,6 +16,7 @@ from panoptic_ros.simulation.bodies.motion import Clip, clips_of
 DEFAULT_MODEL = "segments21"
 DEFAULT_PRIOR = "prior-cmu.npz"
 MOTION = "cmu-motion.npz"
+PRIOR_KEYS = ("mean", "components", "deviations", "spreads")
 
 
 def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
@@ -42,10 +43,10 @@ def read_prior(name: str = "") -> PoseStatistics:
     path = Path(name) if name else share_folder() / "config" / "bodies" / DEFAULT_PRIOR
     with file_errors(path, "read"), np.load(path) as found:
         try:
-            mean, components, deviations = (found[key] for key in ("mean", "components", "deviations"))
+            arrays = [found[key] for key in PRIOR_KEYS]
         except KeyError as error:
-            raise DataError(f"{path} is no pose prior: {error}") from None
-    return PoseStatistics(*(np.ascontiguousarray(a, np.float64) for a in (mean, components, deviations)))
+            raise DataError(f"{path} is no pose prior, or an old one ({error}): train it anew") from None
+    return PoseStatistics(*(np.ascontiguousarray(array, np.float64) for array in arrays))
 
 
 def read_clips(path: Path | None = None) -> dict[str, Clip]:

@@ -63,8 +63,9 @@ class KinematicsConfig(Config):
         doc="Time for which errors of joints and orientations stay the same: that much data count once.",
     )  # fmt: skip
     prior_sd: float = param(
-        8.6, unit="deg", ge=0.1, le=1000.0, doc="How far poses lie off the space of the prior, per axis."
-    )
+        12.0, unit="deg", ge=0.1, le=1000.0,
+        doc="How far poses lie off the space of the prior, per axis, at most; less where they hardly vary.",
+    )  # fmt: skip
     deviation_sd: float = param(
         1.3, ge=0.01, le=1000.0, doc="How far poses lie from the mean inside of it, in its deviations."
     )

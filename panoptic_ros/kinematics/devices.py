@@ -52,6 +52,7 @@ class WornDevices:
         self.segments = np.array([d.segment for d in self._devices], np.int64)
         self.positions = np.array([d.position for d in self._devices]).reshape(-1, 3)
         self._turn = turn_about_z(heading)
+        self._unseen = unseen_axes(subject.body)
         self.mounting = self._fresh_mounting()
         self._wearing = Wearing(len(self._devices))
         self._since_look = 0.0
@@ -132,8 +133,7 @@ class WornDevices:
         return found
 
     def _fresh_mounting(self) -> MountingEstimate:
-        unseen = unseen_axes(self._subject.body)[self.segments]
-        return MountingEstimate(self._config, self._chain, self.segments, unseen)
+        return MountingEstimate(self._config, self._chain, self.segments, self._unseen[self.segments])
 
     def _there(self, instant: Instant) -> list[tuple[int, str]]:
         """Number and name of the devices that tell something."""
@@ -160,7 +160,7 @@ class WornDevices:
         told = np.full((len(self._devices), 3, 3), np.nan)
         for k, name in self._there(instant):
             told[k] = self._turn @ instant.readings[name].orientation
-        found = self._wearing.look(frames[self.segments], told, self.mounts)
+        found = self._wearing.look(frames[self.segments], told, self.mounts, self._unseen[self.segments])
         if found is None:
             return False
         (i, j), names = found.devices, self._subject.body.model.names

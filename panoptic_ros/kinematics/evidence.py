@@ -58,11 +58,11 @@ class Weighing:
         focal = [c.intrinsics.matrix[0, 0] * PAPER_WIDTH / c.image_size[0] for c in cameras]
         self._paper_focal = np.array(focal)
         paper = config.paper_weights
-        axis = math.radians(config.prior_sd)
         scale = config.prior_scale**2
         ours = PriorCosts(
-            axis**-2, scale, config.deviation_sd**-2, scale, math.radians(config.limit_sd) ** -2
-        )
+            1.0, scale, config.deviation_sd**-2, scale, math.radians(config.limit_sd) ** -2,
+            math.radians(config.prior_sd),
+        )  # fmt: skip
         self.prior = statistics.prior(
             model.lower, model.upper,
             PriorCosts(PAPER["projection"], 1.0, PAPER["deviation"], 1.0, 0.0) if paper else ours,

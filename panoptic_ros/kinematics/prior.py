@@ -12,17 +12,19 @@ from panoptic_ros.kinematics.targets import PosePrior
 
 Array = np.ndarray
 KEPT_VARIANCE = 0.95
+LEAST_OFF, OFF_SHARE = np.radians(2.0), 0.06  # rad; share of the range of a joint
 APART = 0.35  # rad, distance of poses that are kept for training: no pose counts by how often it occurs
 
 
 @dataclass(frozen=True, eq=False)
 class PoseStatistics:
     """Mean (N,) of the rotation vectors of all segments but the root, components (N, K) and their standard
-    deviations (K,), rad."""
+    deviations (K,), rad; and the deviation of each axis of each segment (N,), rad."""
 
     mean: Array
     components: Array
     deviations: Array
+    spreads: Array
 
     @property
     def projection(self) -> Array:
@@ -38,14 +40,39 @@ class PoseStatistics:
         found: Array = scaled @ scaled.T
         return found
 
+    def measured_in(self, spreads: Array) -> tuple[Array, Array]:
+        """Projection and deviation where axes are off the space by spreads (N,), rad, of their own: of the
+        distances from the space in these spreads, and of its point that is nearest by them."""
+        weights = spreads**-2
+        inverse = np.linalg.inv(self.components.T @ (weights[:, None] * self.components))
+        along = inverse @ (self.components.T * weights)
+        scaled = along / self.deviations[:, None]
+        projection = np.diag(weights) - (weights[:, None] * self.components) @ along
+        return np.ascontiguousarray(projection), np.ascontiguousarray(scaled.T @ scaled)
+
+    def off_space(self, lower: Array, upper: Array, most: float) -> Array:
+        """How far (N,), rad, poses that were not recorded lie off the space, per axis: about as
+        far as recorded ones deviate, and no less than a share of what the joint can turn, as recordings of
+        joints tell little of turns about bones.
+
+        Args:
+            lower, upper: (S, 3) rad, limits. most: rad, that counts of what they deviate.
+        """
+        seen = LEAST_OFF**2 + 1.0 / (np.maximum(self.spreads, 1e-6) ** -2 + most**-2)
+        found: Array = np.maximum(np.sqrt(seen), OFF_SHARE * (upper - lower)[1:].ravel())
+        return found
+
     def prior(self, lower: Array, upper: Array, costs: PriorCosts) -> PosePrior:
         """For the solver.
 
         Args:
             lower, upper: (S, 3) limits, see `SegmentModel`.
         """
+        projection, deviation = self.projection, self.deviation
+        if costs.off_space:
+            projection, deviation = self.measured_in(self.off_space(lower, upper, costs.off_space))
         return PosePrior(
-            self.mean, self.projection, self.deviation, np.ascontiguousarray(lower[1:].ravel()),
+            self.mean, projection, deviation, np.ascontiguousarray(lower[1:].ravel()),
             np.ascontiguousarray(upper[1:].ravel()), costs.projection, costs.projection_scale,
             costs.deviation, costs.deviation_scale, costs.limits,
         )  # fmt: skip
@@ -53,13 +80,15 @@ class PoseStatistics:
 
 @dataclass(frozen=True)
 class PriorCosts:
-    """Weights and scales of the terms, see `targets.PosePrior`."""
+    """Weights and scales of the terms, see `targets.PosePrior`; `off_space`, rad: axes are off the space of
+    the components by distances of their own, at most about this; 0 = all by the same."""
 
     projection: float
     projection_scale: float
     deviation: float
     deviation_scale: float
     limits: float
+    off_space: float = 0.0
 
 
 def train_prior(vectors: Array, mirrored: Array, apart: float = APART) -> PoseStatistics:
@@ -76,7 +105,7 @@ def train_prior(vectors: Array, mirrored: Array, apart: float = APART) -> PoseSt
     _, singular, axes = np.linalg.svd(kept - mean, full_matrices=False)
     variance = singular**2 / max(len(kept) - 1, 1)
     count = int(np.searchsorted(np.cumsum(variance) / variance.sum(), KEPT_VARIANCE)) + 1
-    return PoseStatistics(mean, np.ascontiguousarray(axes[:count].T), np.sqrt(variance[:count]))
+    return PoseStatistics(mean, np.ascontiguousarray(axes[:count].T), np.sqrt(variance[:count]), kept.std(0))
 
 
 def mirror(vectors: Array, mirrored: Array) -> Array:

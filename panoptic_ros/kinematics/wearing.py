@@ -32,7 +32,7 @@ class Wearing:
         self._looks: deque[tuple[Array, Array]] = deque(maxlen=LOOKS)
         self._count = count
 
-    def look(self, frames: Array, orientations: Array, mounts: Array) -> Exchange | None:
+    def look(self, frames: Array, orientations: Array, mounts: Array, unseen: Array) -> Exchange | None:
         """Two devices that are exchanged, if there are any; after that all looks are forgotten.
 
         Either their names are, so that the mounting of each fits the data of the other; or they are, and then
@@ -42,21 +42,24 @@ class Wearing:
             frames: (N, 3, 3) of the segments that the N devices are said to be on, seen by cameras alone.
             orientations: (N, 3, 3) world from device, NaN = not told.
             mounts: (N, 3, 3) segment from device, as said.
+            unseen: (N, 3) axes of these segments about which cameras do not see them turn, 0 = none.
         """
         self._looks.append((frames, orientations))
         seen, told = (np.array([look[k] for look in self._looks]) for k in (0, 1))
-        found = self._names(seen, told, mounts) if len(seen) >= FEWEST_LABELS else None
+        found = self._names(seen, told, mounts, unseen) if len(seen) >= FEWEST_LABELS else None
         if found is None and len(seen) >= FEWEST:
             found = self._turns(seen, told)
         if found is not None:
             self._looks.clear()
         return found
 
-    def _names(self, seen: Array, told: Array, mounts: Array) -> Exchange | None:
+    def _names(self, seen: Array, told: Array, mounts: Array, unseen: Array) -> Exchange | None:
         """Two devices whose data fit when each has the other's place and mounting."""
         goals = told[-FEWEST_LABELS:, None] @ mounts.swapaxes(1, 2)[None, :, None]  # by place, then device
         turned = np.ascontiguousarray(seen[-FEWEST_LABELS:, :, None].swapaxes(-1, -2) @ goals)
         apart = np.linalg.norm(vectors_of(turned.reshape(-1, 3, 3)), axis=-1).reshape(turned.shape[:3])
+        along = np.einsum("pi,lpdij,pj->lpd", unseen, turned, unseen)  # of bones: where they point
+        apart = np.where(unseen.any(-1)[:, None], np.arccos(np.clip(along, -1.0, 1.0)), apart)
         off = np.median(np.where(np.isfinite(apart), apart, 0.0), axis=0)
         wrong = np.flatnonzero(np.diag(off) > WRONG).tolist()
         pairs = [(max(off[i, j], off[j, i]), i, j) for i in wrong for j in wrong if i < j]

@@ -12,7 +12,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.io.body_files import read_bodies
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import PRIOR_KEYS, read_body_model, read_clips
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
 from panoptic_ros.kinematics.fitting import fit_motion
@@ -99,8 +99,5 @@ def _own_result(path: Path, model: SegmentModel) -> tuple[str, Array, str]:
 
 def _write(out: Path, prior: PoseStatistics) -> None:
     memory = io.BytesIO()
-    np.savez_compressed(
-        memory, mean=prior.mean.astype(np.float32), components=prior.components.astype(np.float32),
-        deviations=prior.deviations.astype(np.float32),
-    )  # fmt: skip
+    np.savez_compressed(memory, **{key: getattr(prior, key).astype(np.float32) for key in PRIOR_KEYS})
     write_bytes(out, memory.getvalue())
