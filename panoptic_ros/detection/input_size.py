@@ -115,6 +115,11 @@ class SideChooser:
             self._follow(chosen, image_side)
         return best
 
+    def saw(self, answer: Answer, image_side: int) -> None:
+        """Take an answer for another side than the present one: it tells how tall people are."""
+        if self.adaptive:
+            self._follow(answer, image_side)
+
     def _follow(self, answer: Answer, image_side: int) -> None:
         """Count what is missing, and move to the side that suits the people of the last frames."""
         lost = not answer.sure.any() or answer.unclaimed >= UNCLAIMED_JOINTS

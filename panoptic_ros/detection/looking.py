@@ -3,6 +3,7 @@
 Looks are spread over the rig by stamps: camera i of N looks when its stamps pass (m - i / N) / looks_per_s, m
 being whole numbers. So the cameras of one trigger look in turn. Small whole images go round the rig for
 newcomers; somebody whom nobody explains makes all cameras look at whole images.
+Live, an `Allowance` bounds how much is looked at with every instant.
 """
 from __future__ import annotations
 
@@ -12,11 +13,15 @@ from enum import Enum
 
 import numpy as np
 
+from panoptic_ros.detection.allowance import Allowance
+
 Array = np.ndarray
 SECOND = 10**9
 LONGEST_GAP_NS = 150_000_000  # between two images, over which nobody is carried
 SCANS_PER_S = 12  # small whole images, of all cameras together
 WHOLE_IMAGES = 2  # of every camera after an alarm
+WHOLE_IMAGES_LIVE = 1  # the same where looks are not allowed without end
+QUIET_LIVE_NS = SECOND  # there, after an alarm: its whole images come first
 FIRST_WAIT_NS = SECOND // 2  # until the same stranger raises another alarm; doubles each time
 LONGEST_WAIT_NS = 32 * SECOND
 SAME_PLACE = 0.3  # intersection over union of the boxes of a stranger who has not moved
@@ -63,11 +68,13 @@ class Lookout:
         names: of the cameras, in the order of the rig.
         looks_per_s: of each camera; 0 = at every image.
         guided: whether regions are looked at, where anybody is known.
+        allowance: of looks; None: as many as are due.
     """
 
     names: tuple[str, ...]
     looks_per_s: float
     guided: bool
+    allowance: Allowance | None = None
     cameras: dict[str, CameraLooks] = field(default_factory=dict)
     alarm_ns: int = -1
     ignored: list[Ignored] = field(default_factory=list)
@@ -82,7 +89,8 @@ class Lookout:
         """What to do with an image, and whether to scan it for newcomers besides; call it once for each.
 
         Args:
-            nobody: whether nobody is known. door: whether newcomers are likely; it is scanned twice as often.
+            nobody: whether nobody is known. door: whether newcomers are likely; it is scanned twice as often,
+                unless looks are few.
         """
         known = self.cameras.get(camera)
         step = stamp_ns - known.last_ns if known is not None else -1
@@ -91,15 +99,30 @@ class Lookout:
             return (Look.REGIONS if self.guided and not nobody else Look.WHOLE), False
         before, known.last_ns = known.last_ns, stamp_ns
         if self.alarm_ns > known.answered_ns and stamp_ns > self.alarm_ns:
-            known.answered_ns, known.left = self.alarm_ns, WHOLE_IMAGES
+            known.answered_ns, known.left = self.alarm_ns, self._whole_images
         if known.left:
             known.left, known.whole_ns = known.left - 1, stamp_ns
             return Look.WHOLE, False
         place = self.names.index(camera)
         due = not self.looks_per_s or self._phase(place, stamp_ns) != self._phase(place, before)
         if self.guided and not nobody:
-            return (Look.REGIONS if due else Look.CARRY), self._scans(place, before, stamp_ns, 1 + door)
+            return (Look.REGIONS if due else Look.CARRY), self._scans(place, before, stamp_ns, door)
         return (Look.WHOLE if due else Look.CARRY), False
+
+    def allowed(self, camera: str, stamp_ns: int, number: int, wish: Look) -> Look:
+        """What may be done with an image, where `wish` should be: what is put off is made up for later.
+
+        Args:
+            number: of the frame.
+        """
+        if self.allowance is None:
+            return wish
+        if self.allowance.takes(camera, stamp_ns, number, self.looks_per_s, wish is not Look.CARRY):
+            return Look.REGIONS if wish is Look.CARRY else wish
+        known = self.cameras[camera]
+        if wish is Look.WHOLE and known.whole_ns == stamp_ns:
+            known.left += 1
+        return Look.CARRY
 
     def raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
         """All cameras shall look at whole images, for strangers with boxes (N, 4) px in one of them. May be
@@ -112,7 +135,13 @@ class Lookout:
         with self._raising:
             return self._raise_alarm(camera, boxes, stamp_ns)
 
+    @property
+    def _whole_images(self) -> int:
+        return WHOLE_IMAGES if self.allowance is None else WHOLE_IMAGES_LIVE
+
     def _raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
+        if self.allowance is not None and 0 <= self.alarm_ns and stamp_ns < self.alarm_ns + QUIET_LIVE_NS:
+            return False
         self.ignored = [entry for entry in self.ignored if entry.until_ns + entry.wait_ns > stamp_ns]
         heard = False
         for box in boxes:
@@ -136,11 +165,15 @@ class Lookout:
         rate, count = round(1000 * self.looks_per_s), len(self.names)
         return (stamp_ns * rate * count + place * 1000 * SECOND) // (1000 * SECOND * count)
 
-    def _scans(self, place: int, before_ns: int, stamp_ns: int, times: int) -> bool:
-        """Whether this camera's turn to scan, so many times a round, came between two of its images."""
+    def _scans(self, place: int, before_ns: int, stamp_ns: int, door: bool) -> bool:
+        """Whether this camera's turn to scan came between two of its images."""
+        times = 1 + (door and self.allowance is None)
         first, last = (stamp * times * SCANS_PER_S // SECOND for stamp in (before_ns, stamp_ns))
         count = len(self.names)
-        return (last - place) // count > (first - place) // count
+        scans = (last - place) // count > (first - place) // count
+        if scans and self.allowance is not None:
+            self.allowance.scanned()
+        return scans
 
 
 def _overlap(one: Array, other: Array) -> float:

@@ -1,11 +1,13 @@
 """What is done with each image where not all of every image is looked at: looks, regions, scans, carrying."""
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from panoptic_ros.detection.allowance import Allowance
 from panoptic_ros.detection.budget import Pace
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.flow import COARSE, WIDTH, Memory, carried, is_cut, remembered
@@ -30,7 +32,7 @@ class Watch:
     """Where and when to look in the images of a rig; between looks people are carried.
 
     Args:
-        whole: looks at all of an image. side: net px, of that.
+        whole: looks at all of an image. side: net px, of that. allowance: see `Lookout`.
 
     Raises:
         ConfigError: if regions are asked for that the network cannot take.
@@ -38,7 +40,7 @@ class Watch:
 
     def __init__(
         self, config: DetectionConfig, network: object, rig: Rig, joint_map: JointMap, whole: Whole,
-        side: Side,
+        side: Side, allowance: Allowance | None = None,
     ):  # fmt: skip
         self._regions = isinstance(network, FullImageNetwork) and network.any_size
         if config.regions == "on" and not self._regions:
@@ -51,7 +53,8 @@ class Watch:
         self._whole, self._side = whole, side
         self._region_height = config.region_height
         self.known = KnownPeople()
-        self.lookout = Lookout(rig.names, config.looks_per_s, config.guided and self._regions)
+        self._learning = threading.Lock()  # images may be looked at while tracks come
+        self.lookout = Lookout(rig.names, config.looks_per_s, config.guided and self._regions, allowance)
         self.memories: dict[str, Memory] = {}
 
     def reset(self) -> None:
@@ -66,30 +69,42 @@ class Watch:
 
     def take(self, tracks: TrackSet) -> None:
         """What tracking says of an instant."""
-        self.known.take(tracks)
+        with self._learning:
+            self.known.take(tracks)
 
     def find(self, item: ViewFrame) -> tuple[Finding, Array | None]:
         """The people in an image, and for how long each was carried (P,) s; None: all are seen there."""
         before, expected, door = self.memories.get(item.camera), Expected.of_nobody(item.image_size), False
-        if self.lookout.guided:
-            camera = self._rig.camera(item.camera)
-            expected, door = self.known.seen_by(camera, item.stamp_ns), self.known.is_door(camera)
+        with self._learning:
+            nobody = self.known.nobody
+            if self.lookout.guided:
+                camera = self._rig.camera(item.camera)
+                expected, door = self.known.seen_by(camera, item.stamp_ns), self.known.is_door(camera)
         now = remembered(item.image, item.stamp_ns, WIDTH if self._config.rationed else COARSE)
-        look, scan = self.lookout.look(item.camera, item.stamp_ns, self.known.nobody, door)
-        people = None
-        if before is None or is_cut(before, now):
+        if before is not None and is_cut(before, now):
+            before = None
+        look, scan = self.lookout.look(item.camera, item.stamp_ns, nobody, door)
+        if before is None:
             look, scan = Look.WHOLE, False
-        elif look is Look.CARRY:
-            people = carried(before, now)
-            look = Look.REGIONS if people is None else look
-        if people is not None and before is not None:
+        elif look is Look.CARRY and before.people is None:
+            look = Look.REGIONS
+        look = self.lookout.allowed(item.camera, item.stamp_ns, item.frame_number, look)
+        people = carried(before, now) if look is Look.CARRY and before is not None else None
+        if look is Look.CARRY and people is None and self.lookout.allowance is None:
+            look = Look.REGIONS
+        look_ns = item.stamp_ns
+        if look is not Look.CARRY:
+            finding = self._look(item, look, expected)
+            people = finding.people
+        elif people is not None and before is not None:
             finding, look_ns = Finding(people, None, 0.0), before.look_ns
-        else:
-            finding, look_ns = self._look(item, look, expected), item.stamp_ns
+        else:  # lost, until it is looked at
+            finding = Finding(no_people(self._joint_map.source_count), None, 0.0)
         ages = np.full(len(finding.people), 1e-9 * (item.stamp_ns - look_ns))
         if self.lookout.guided:
             finding = self._with_strangers(item, expected, finding, scan, new=look is not Look.CARRY)
-        self.memories[item.camera] = replace(now, people=finding.people, look_ns=look_ns)
+        kept = None if people is None else finding.people
+        self.memories[item.camera] = replace(now, people=kept, look_ns=look_ns)
         ages = np.pad(ages, (0, len(finding.people) - len(ages)))
         return finding, ages if ages.any() else None
 

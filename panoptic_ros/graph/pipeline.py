@@ -7,17 +7,18 @@ one is taken; what it brings back up (feedback) is handed over then. How the ord
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Collection, Iterable, Mapping
+from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from panoptic_ros.domain import EndOfStream, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, rows_in_use, switched_on
+from panoptic_ros.graph.lines import Lines
 from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
 from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Turn
-from panoptic_ros.graph.topics import TOPICS, number_of
+from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Notice, Stage, StageContext, StepResult
@@ -52,7 +53,6 @@ class Pipeline:
         clock: a monotonic clock in ns, cpu_clock: that of a thread's processor time; the pipeline itself
             reads none.
         everywhere: all stages of the graph that this is a part of; None = these are all.
-        pool: does what `push_together` starts; None: one after the other.
         table: the rows. used: ports that a parameter of any stage of the graph switches on (see
             `graph.build.ports_in_use`); None = those of the configurations.
     """
@@ -72,7 +72,6 @@ class Pipeline:
         clock: Callable[[], int] | None = None,
         cpu_clock: Callable[[], int] | None = None,
         everywhere: Collection[str] | None = None,
-        pool: Executor | None = None,
         table: Table = NODES,
         used: Collection[str] | None = None,
     ):
@@ -84,7 +83,6 @@ class Pipeline:
         self._configs, self._context = configs, context
         self._stages = [self._make(spec.name) for spec in self.wiring.specs]
         self._pushed = 0
-        self._pool = pool
         self._begun: dict[tuple[int, int], Future[tuple[Any, int, int]]] = {}  # by stage and id of the record
         self._on_record = on_record or (lambda topic, record: None)
         self._on_notice = on_notice or (lambda stage, notice: None)
@@ -110,24 +108,21 @@ class Pipeline:
         self.schedule.add(topic, record, self._place_of_push(topic))
         self.run()
 
-    def push_together(self, records: Sequence[tuple[str, Any]]) -> None:
-        """Hand on records of one instant, with their topics, as `push` does one after the other. A stage
-        whose cameras or devices are apart takes them at the same time.
-
-        What stands beside a record of its camera, such as its depth map, comes before it.
+    def begin_step(self, topic: str, record: Any, lines: Lines) -> Future[Any] | None:
+        """Let the stage that takes a record first begin with it, where its cameras or devices are apart.
+        `push` then hands on what came of it. None: nothing was begun.
         """
-        beside = [item for item in records if self._is_beside(item[0])]
-        others = [item for item in records if not self._is_beside(item[0])]
-        for topic, record in beside:
-            self.push(topic, record)
-        if self._pool is not None and len(others) > 1:
-            for topic, record in others:
-                first = self.wiring.readers[topic][0].stage
-                if self.names[first] in self._apart:
-                    step = self._pool.submit(self._timed, self._stages[first], record)
-                    self._begun[first, id(record)] = step
-        for topic, record in others:
-            self.push(topic, record)
+        first = self.wiring.readers[topic][0].stage
+        if self.names[first] not in self._apart:
+            return None
+        stage = self._stages[first]
+        step = lines.add(owner_of(topic, record), lambda: self._timed(stage, record))
+        self._begun[first, id(record)] = step
+        return step
+
+    def is_beside(self, topic: str) -> bool:
+        """Whether what comes on a topic from outside is only taken along by stages that work on others."""
+        return all(self.wiring.port(reader).optional for reader in self.wiring.readers[topic])
 
     def end(self, topic: str, owner: str) -> None:
         """A camera or device gives no more on this topic."""
@@ -249,9 +244,6 @@ class Pipeline:
     def _timed(self, stage: Stage[Any, Any], record: Any) -> tuple[StepResult[Any], int, int]:
         start, cpu = self._clock(), self._cpu_clock()
         return stage.step(record), self._clock() - start, self._cpu_clock() - cpu
-
-    def _is_beside(self, topic: str) -> bool:
-        return all(self.wiring.port(reader).optional for reader in self.wiring.readers[topic])
 
     def _hand_on(self, turn: Turn, result: StepResult[Any]) -> None:
         spec = self.wiring.specs[turn.stage]

@@ -1,18 +1,21 @@
 """How what comes to a node waits for its stages."""
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 from panoptic_ros.graph.flow import PATIENT, Flow
 from panoptic_ros.graph.queues import InOrder, InstantsAndOthers, NewestInstant, Waiting
 from panoptic_ros.graph.wiring import Wiring
 
 
-def queue_for(wiring: Wiring, flow: Flow, present: Collection[tuple[str, str]]) -> Waiting:
+def queue_for(
+    wiring: Wiring, flow: Flow, present: Collection[tuple[str, str]],
+    full: Callable[[], bool] = lambda: False,
+) -> Waiting:  # fmt: skip
     """Live: images wait as instants; a few of everything else, or all where every message counts.
 
     Args:
-        present: (topic, owner) of what comes.
+        present: (topic, owner) of what comes. full: whether no other instant shall begin yet.
     """
     if flow.queue_limit is None:
         return InOrder()
@@ -26,4 +29,4 @@ def queue_for(wiring: Wiring, flow: Flow, present: Collection[tuple[str, str]]) 
     instants = [
         f"{topic} {owner}" for topic, owner in present if "instant" in kinds[topic] and topic not in beside
     ]
-    return InstantsAndOthers(NewestInstant(instants), instants, others) if instants else others
+    return InstantsAndOthers(NewestInstant(instants), instants, others, full) if instants else others

@@ -55,10 +55,14 @@ class InstantsAndOthers:
 
     Args:
         instants: takes the topics `keys`. others: takes the rest.
+        full: whether no other instant shall begin yet.
     """
 
-    def __init__(self, instants: Waiting, keys: Collection[str], others: Waiting):
-        self._instants, self._keys, self._others = instants, frozenset(keys), others
+    def __init__(
+        self, instants: Waiting, keys: Collection[str], others: Waiting,
+        full: Callable[[], bool] = lambda: False,
+    ):  # fmt: skip
+        self._instants, self._keys, self._others, self._full = instants, frozenset(keys), others, full
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
         """See `Waiting`."""
@@ -66,7 +70,7 @@ class InstantsAndOthers:
 
     def take(self) -> list[Any]:
         """See `Waiting`."""
-        return self._others.take() or self._instants.take()
+        return self._others.take() or ([] if self._full() else self._instants.take())
 
 
 class NewestInstant:

@@ -24,6 +24,7 @@ from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.queue_choice import queue_for
 from panoptic_ros.graph.schedule import Place
 from panoptic_ros.graph.topics import TOPICS, owner_of
+from panoptic_ros.graph.under_way import UnderWay
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.nodes.compilation import Compilation
 from panoptic_ros.nodes.diagnostics import Diagnostics
@@ -102,6 +103,7 @@ class StageNode(Node):
         self._choice = InputChoice(self, Wiring(names, table=rows_in_use(self._ports_used)).inputs)
         self._pipeline: Pipeline | None = None
         self._host: Host | None = None
+        self._under_way: UnderWay | None = None
         self._companions = Companions((), ())
         self._inputs: dict[str, Input] = {}  # by full name
         self._fault: PanopticError | None = None
@@ -181,8 +183,8 @@ class StageNode(Node):
             self._configs, replace(context, extras={**extras, "looks": reading.looks}), list(self.prefixes),
             on_record=self._gave, on_notice=self._tally.tell, on_refused=self._refused,
             on_end=self._owner_over, on_step=self._stepped, on_cpu=self._tally.used,
-            clock=time.monotonic_ns, cpu_clock=time.thread_time_ns, everywhere=around, pool=reading.pool,
-            table=reading.table, used=self._ports_used,
+            clock=time.monotonic_ns, cpu_clock=time.thread_time_ns, everywhere=around, table=reading.table,
+            used=self._ports_used,
         )  # fmt: skip
         self._take_over(states)
         replay = self._flow.name == "replay"
@@ -209,7 +211,8 @@ class StageNode(Node):
             self._companions = Companions(ports, present)
         for own in reading.inputs(present):
             self._health.add(own.arrivals, self._taker(own.topic))
-        self._worker.start(queue_for(pipeline.wiring, self._flow, present))
+        self._under_way = under_way = UnderWay(pipeline, reading.pool, self._worker.urge)
+        self._worker.start(queue_for(pipeline.wiring, self._flow, present, lambda: under_way.full))
         takers = Takers(self._receive, self._refuse_input, self._tell_of_input, self._lost)
         for topic, owner in present:
             if reading.reads(owner):
@@ -237,7 +240,8 @@ class StageNode(Node):
         self._worker.note(self._publish_states)
 
     def _publish_states(self) -> None:
-        assert self._pipeline is not None and self._kept is not None
+        assert self._pipeline is not None and self._kept is not None and self._under_way is not None
+        self._under_way.wait()
         self._kept.publish(self._pipeline.state())
 
     def _used(self, rig: Rig) -> Rig:
@@ -288,7 +292,8 @@ class StageNode(Node):
             self._host.advance()
             self._after_host()
         else:
-            self._pipeline.push_together(together)
+            assert self._under_way is not None
+            self._under_way.begin(together)
 
     def _take_own(self, entry: OwnInput, frame: ViewFrame) -> None:
         """A live camera of this node has given an image; on the camera's thread."""
@@ -351,6 +356,8 @@ class StageNode(Node):
         assert self._pipeline is not None
         self._tally.refuse(stage, error)
         if self._flow.name == "live" and self._tally.refuses_all(stage):
+            assert self._under_way is not None
+            self._under_way.wait()
             self._pipeline.begin_anew(stage)
             self.get_logger().warning(f"stage {stage} has refused all of late: it forgets what it knew")
 
@@ -376,7 +383,8 @@ class StageNode(Node):
     # ---------------------------------------------------------------- what changes, and the end
 
     def _change_rig(self, rig: Rig) -> Sequence[str]:
-        assert self._pipeline is not None
+        assert self._pipeline is not None and self._under_way is not None
+        self._under_way.wait()
         self._facts.take_over(rig)
         return self._pipeline.change_rig(self._used(rig))
 

@@ -29,6 +29,7 @@ class Worker:
         self._on_drop = on_drop
         self._waiting: Waiting | None = None
         self._notes: deque[Any] = deque()
+        self._urgent: deque[Any] = deque()
         self._changed = threading.Condition()
         self._stopping = False
         self.fault: PanopticError | None = None
@@ -52,6 +53,12 @@ class Worker:
         """Enqueue something that must not be dropped; it is done when no items wait."""
         with self._changed:
             self._notes.append(item)
+            self._changed.notify()
+
+    def urge(self, item: Any) -> None:
+        """Enqueue something that must not be dropped, before all that waits."""
+        with self._changed:
+            self._urgent.append(item)
             self._changed.notify()
 
     @property
@@ -92,4 +99,6 @@ class Worker:
 
     def _next(self) -> list[Any]:
         assert self._waiting is not None
+        if self._urgent:
+            return [self._urgent.popleft()]
         return self._waiting.take() or ([self._notes.popleft()] if self._notes else [])

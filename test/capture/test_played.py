@@ -18,7 +18,7 @@ class Film:
 
     def __iter__(self):
         for k in range(5):
-            yield ViewFrame("a", k, k, np.full((8, 8, 3), k, np.uint8))
+            yield ViewFrame("a", k, k, np.full((8, 8, 3), 40 * k, np.uint8))
 
     def close(self):
         pass
@@ -35,9 +35,9 @@ class Clock:
         self.now += round(1e9 * seconds)
 
 
-def played(now, start=1000):
+def played(now, start=1000, most_kept=0):
     clock = Clock(now)
-    return PlayedSource(Film(), 25.0, start, clock, clock.wait), clock
+    return PlayedSource(Film(), 25.0, start, clock, clock.wait, most_kept), clock
 
 
 @given(behind=st.integers(0, 40 * PERIOD))
@@ -46,7 +46,18 @@ def test_cameras_of_one_start_give_the_same_frames_whenever_they_begin(behind):
     for frame in islice(iter(source), 12):
         assert frame.stamp_ns == 1000 + frame.frame_number * PERIOD
         assert clock.now >= frame.stamp_ns >= 1000 + behind
-        assert (frame.image == frame.frame_number % 5).all()
+        assert (frame.image == 40 * (frame.frame_number % 5)).all()
+
+
+@given(behind=st.integers(0, 40 * PERIOD))
+def test_a_short_recording_is_kept_and_played_forth_and_back(behind):
+    source, clock = played(1000 + behind, most_kept=10_000)
+    for frame in islice(iter(source), 20):
+        assert frame.stamp_ns == 1000 + frame.frame_number * PERIOD
+        assert clock.now >= frame.stamp_ns >= 1000 + behind
+        place = frame.frame_number % 8
+        shown = min(place, 8 - place)
+        assert np.abs(frame.image.astype(int) - 40 * shown).max() <= 3
 
 
 def test_what_nobody_takes_in_time_is_left_out_by_its_number():

@@ -19,8 +19,9 @@ from panoptic_ros.stage import Progress, untold
 ABOUT = "cameras to skeletons live, recordings being played as cameras: what is lost, latency, processor time"
 ROWS = (
     ("instants of the cameras", "sent", 0), ("  skeletons received", "received", 0), ("  lost", "lost", 0),
-    ("instants per second", "rate_out_hz", 1), ("latency p50, ms", "latency_p50_ms", 0),
-    ("  p90", "latency_p90_ms", 0), ("  p99", "latency_p99_ms", 0), ("  most", "latency_max_ms", 0),
+    ("instants per second", "rate_out_hz", 1), ("people in each, mean", "people", 2),
+    ("latency p50, ms", "latency_p50_ms", 0), ("  p90", "latency_p90_ms", 0),
+    ("  p99", "latency_p99_ms", 0), ("  most", "latency_max_ms", 0),
     ("processor time, % of a core", "cpu_percent", 0), ("first skeletons after, s", "first_skeletons_s", 1),
     ("memory, MB", "resident_mb", 0),
 )  # fmt: skip

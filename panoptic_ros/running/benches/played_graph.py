@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
@@ -67,8 +68,9 @@ class _Listener:
     def __init__(self, plan: Plan):
         self._plan = plan
         self._received: list[tuple[int, int]] = []
+        self._people: list[tuple[int, int]] = []  # when, and how many
         self._node = FeedingNode(
-            (), lambda stamp, when, ids: self._received.append((stamp, when)), time.time_ns
+            (), self._take, time.time_ns
         )
         self._executor = SingleThreadedExecutor()
 
@@ -92,6 +94,10 @@ class _Listener:
             self._executor.shutdown()
             self._node.destroy_node()
             statics.destroy_node()
+
+    def _take(self, stamp_ns: int, when_ns: int, ids: frozenset[int]) -> None:
+        self._received.append((stamp_ns, when_ns))
+        self._people.append((when_ns, len(ids)))
 
     def _wait_for_first(self, processes: Processes, started: int) -> None:
         while not self._received:
@@ -131,6 +137,7 @@ class _Listener:
         cpu_ms = {"reading cameras": cameras, **by_stage, "messages and the rest": rest}
         return {
             **figures_of(seen), "cpu_ms": cpu_ms,
+            "people": float(np.mean([number for when, number in self._people if when > before.at_ns] or [0])),
             "chosen": {
                 name.removeprefix("told."): text for values in stages.values()
                 for name, text in values.items() if name.startswith("told.detection.")

@@ -1,0 +1,63 @@
+"""Live: images of a few instants under work side by side, so that no camera waits for another one's look."""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, wait
+from typing import Any
+
+from panoptic_ros.graph.lines import Lines
+from panoptic_ros.graph.pipeline import Pipeline
+
+INSTANTS = 2  # under way at most: while a long look at one camera goes on, the others go on to the next
+
+
+class UnderWay:
+    """Lets a pipeline begin with records on the threads of a pool, and hands them on when they are done.
+
+    Of each camera one comes after the other; cameras overtake each other. All methods are called on one
+    thread, which also does what `note` takes.
+
+    Args:
+        pool: None: one record after the other.
+        note: takes calls from any thread, to be done on that one.
+    """
+
+    def __init__(self, pipeline: Pipeline, pool: Executor | None, note: Callable[[Callable[[], None]], None]):
+        self._pipeline, self._note = pipeline, note
+        self._lines = None if pool is None else Lines(pool)
+        self._instants: list[set[Future[Any]]] = []
+
+    @property
+    def full(self) -> bool:
+        """Whether no other instant should begin."""
+        return len(self._instants) >= INSTANTS
+
+    def begin(self, records: Sequence[tuple[str, Any]]) -> None:
+        """Take records of one instant, with their topics. What stands beside a record of its camera, such as
+        its depth map, comes before it.
+        """
+        instant: set[Future[Any]] = set()
+        others = [item for item in records if not self._pipeline.is_beside(item[0])]
+        for topic, record in (item for item in records if self._pipeline.is_beside(item[0])):
+            self._pipeline.push(topic, record)
+        for topic, record in others:
+            step = None if self._lines is None else self._pipeline.begin_step(topic, record, self._lines)
+            if step is None:
+                self._pipeline.push(topic, record)
+            else:
+                instant.add(step)
+                self._tell(topic, record, step, instant)
+        if instant:
+            self._instants.append(instant)
+
+    def wait(self) -> None:
+        """Until no stage is at work."""
+        wait([step for instant in self._instants for step in instant])
+
+    def _tell(self, topic: str, record: Any, step: Future[Any], instant: set[Future[Any]]) -> None:
+        step.add_done_callback(lambda done: self._note(lambda: self._end(topic, record, done, instant)))
+
+    def _end(self, topic: str, record: Any, step: Future[Any], instant: set[Future[Any]]) -> None:
+        instant.discard(step)
+        self._instants = [left for left in self._instants if left]
+        self._pipeline.push(topic, record)

@@ -1,0 +1,115 @@
+"""Live: a long look at one camera holds up neither the others nor the next instant."""
+import queue
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import captures
+import numpy as np
+import pytest
+
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.flow import make_flow
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.queue_choice import queue_for
+from panoptic_ros.graph.under_way import INSTANTS, UnderWay
+from panoptic_ros.stage import StepResult
+
+CAMERAS = captures.RIG.names
+TABLE = {**NODES, "detection": replace(NODES["detection"], stage=f"{__name__}:Looker")}
+HELD: dict[tuple[str, int], threading.Event] = {}
+
+
+class Looker:
+    """Gives a view for every image; waits where it is held, and refuses images of number 99."""
+
+    def __init__(self, config, context):
+        pass
+
+    def step(self, item):
+        if (item.camera, item.frame_number) in HELD:
+            HELD[item.camera, item.frame_number].wait(5.0)
+        if item.frame_number == 99:
+            raise DataError("refused")
+        camera = captures.RIG.camera(item.camera)
+        return StepResult((captures.view(camera, item.frame_number, item.stamp_ns),))
+
+    def state(self):
+        return b""
+
+
+class Live:
+    """A pipeline of detection, and what a node's worker does for it."""
+
+    def __init__(self, pool):
+        self.given, self.refused, self.calls = [], [], queue.Queue()
+        self.pipeline = Pipeline(
+            configure({}), captures.CONTEXT, ("detection",), table=TABLE, everywhere=("detection", "sync"),
+            on_record=lambda topic, record: self.given.append((record.camera, record.frame_number)),
+            on_refused=lambda stage, error: self.refused.append(str(error)),
+        )  # fmt: skip
+        self.under_way = UnderWay(self.pipeline, pool, self.calls.put)
+
+    def begin(self, number, cameras=CAMERAS):
+        image = np.zeros((4, 4, 3), np.uint8)
+        self.under_way.begin([("image", ViewFrame(c, number * 10**8, number, image)) for c in cameras])
+
+    def work(self, count):
+        for _ in range(count):
+            self.calls.get(timeout=5.0)()
+
+
+@pytest.fixture(autouse=True)
+def nothing_held():
+    HELD.clear()
+    yield
+    for event in HELD.values():
+        event.set()
+
+
+def test_a_long_look_holds_up_its_own_camera_alone():
+    HELD[CAMERAS[0], 0] = threading.Event()
+    with ThreadPoolExecutor(2) as pool:
+        live = Live(pool)
+        live.begin(0)
+        assert not live.under_way.full
+        live.begin(1)
+        assert live.under_way.full and INSTANTS == 2
+        live.work(2 * (len(CAMERAS) - 1))
+        assert CAMERAS[0] not in {camera for camera, _ in live.given}
+        for camera in CAMERAS[1:]:
+            assert [number for name, number in live.given if name == camera] == [0, 1]
+        HELD[CAMERAS[0], 0].set()
+        live.work(2)
+        assert [number for name, number in live.given if name == CAMERAS[0]] == [0, 1]
+        assert not live.under_way.full
+
+
+def test_what_is_refused_is_told_and_ends_its_instant():
+    with ThreadPoolExecutor(2) as pool:
+        live = Live(pool)
+        live.begin(99)
+        live.under_way.wait()
+        live.work(len(CAMERAS))
+        assert live.refused == ["refused"] * len(CAMERAS) and not live.given and not live.under_way.full
+
+
+def test_without_a_pool_records_are_handed_on_at_once():
+    live = Live(None)
+    live.begin(3)
+    assert live.given == [(camera, 3) for camera in CAMERAS] and not live.under_way.full
+
+
+def test_no_instant_is_taken_while_there_are_enough():
+    full = [True]
+    live = Live(None)
+    present = [("image", camera) for camera in CAMERAS]
+    waiting = queue_for(live.pipeline.wiring, make_flow("live"), present, lambda: full[0])
+    for camera in CAMERAS:
+        waiting.put(f"image {camera}", 1, camera)
+    assert waiting.take() == []
+    full[0] = False
+    assert waiting.take() == list(CAMERAS)
