@@ -2,7 +2,8 @@
 
 The type of an operation depends on the operation, the types of its arguments and the flags alone, but numba
 tries all of its templates at every place. The variables of an instruction are looked for in a recursion that
-is asked for all of its attributes, nine times for each function.
+is asked for all of its attributes, nine times for each function. Every assignment of an array to a part of
+another brings with it all that it takes to write both shapes into the error's text: a plain text serves.
 """
 from __future__ import annotations
 
@@ -13,6 +14,8 @@ from typing import Any
 from numba.core import ir
 from numba.core.targetconfig import ConfigStack
 from numba.core.types.functions import BaseFunction
+from numba.extending import overload
+from numba.np import arrayobj
 
 _find_call_type = BaseFunction.get_call_type
 _found: dict[Any, Any] = {}  # signatures; the types in its keys are kept by numba as well
@@ -23,8 +26,9 @@ OTHER, VARIABLE, INSTRUCTION, SEQUENCE, MAPPING = range(5)
 @contextmanager
 def quicker() -> Iterator[None]:
     """While this holds, numba remembers. Only one thread compiles at a time."""
-    names: tuple[tuple[type, str, Any], ...] = (
+    names: tuple[tuple[Any, str, Any], ...] = (
         (BaseFunction, "get_call_type", _call_type), (ir.Inst, "_rec_list_vars", _variables),
+        (arrayobj, "raise_with_shape_context", _refuse_shapes),
     )  # fmt: skip
     before = [getattr(owner, name) for owner, name, _ in names]
     for owner, name, function in names:
@@ -34,6 +38,19 @@ def quicker() -> Iterator[None]:
     finally:
         for (owner, name, _), function in zip(names, before):
             setattr(owner, name, function)
+
+
+def _refuse_shapes(src_shapes: Any, index_shape: Any) -> None:
+    """In place of `arrayobj.raise_with_shape_context`."""
+    raise NotImplementedError
+
+
+@overload(_refuse_shapes)
+def _refusal(src_shapes: Any, index_shape: Any) -> Any:
+    def refuse(src_shapes: Any, index_shape: Any) -> None:
+        raise ValueError("an array is assigned to a part of another shape")
+
+    return refuse
 
 
 def _call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
