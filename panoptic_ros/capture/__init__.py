@@ -22,6 +22,7 @@ from panoptic_ros.capture.folder import (
     VIDEO_SUFFIXES,
     CaptureFolder,
     fit_rig,
+    has_images,
     open_capture_folder,
     open_files,
 )
@@ -44,6 +45,7 @@ __all__ = [
     "demo_capture",
     "depth_files",
     "fit_rig",
+    "has_images",
     "open_capture_folder",
     "open_depth_sensors",
     "open_files",

@@ -154,6 +154,11 @@ def open_capture_folder(
     return replace(opened, sounds=sounds, stamps=stamps, notices=(*opened.notices, *told))
 
 
+def has_images(path: Path) -> bool:
+    """Whether a folder has a video or a folder of images."""
+    return bool(path.is_dir() and (_videos(path) or _image_folders(path)))
+
+
 def open_files(
     rig: Rig,
     files: Mapping[str, Path],

@@ -11,8 +11,9 @@ from panoptic_ros.cli.options import number
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("path", type=Path, metavar="RESULTS|BAG", help="what `panoptic run` left, or a bag")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.html|.bvh",
-                        help="one page with all data and images; or bodies as BVH")  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.html|.bvh|...",
+                        help="one page with all data and images; bodies: .bvh, .glb (glTF animation), "
+                        ".trc and .mot (OpenSim), .urdf")  # fmt: skip
     parser.add_argument("--from", dest="begin", type=number(float, 0, 1e9), default=0.0, metavar="S",
                         help="seconds from the beginning")  # fmt: skip
     parser.add_argument("--to", dest="end", type=number(float, 0, 1e9), metavar="S", help="default: the end")

@@ -24,7 +24,7 @@ from panoptic_ros.domain.patches import PartMotions, PatchTracks, PatchTrajector
 from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
 from panoptic_ros.domain.preview import Preview
 from panoptic_ros.domain.proposals import ProposalSet
-from panoptic_ros.domain.rig import Rig
+from panoptic_ros.domain.rig import NO_CAMERAS, Rig
 from panoptic_ros.domain.skeleton import SkeletonModel
 from panoptic_ros.domain.stamp_line import StampLine
 from panoptic_ros.domain.time import (
@@ -39,6 +39,7 @@ from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.domain.visibility import VisibilityLimit
 
 __all__ = [
+    "NO_CAMERAS",
     "AssociationSet",
     "AudioBlock",
     "BiasTable",

@@ -23,9 +23,11 @@ class Rig:
         depth_sensors: sensors with maps of their own, in a fixed order. A camera whose depth is registered
             to its images needs none.
 
+    Whoever reads a rig wants cameras; one without any is for bodies that IMUs alone tell of (`NO_CAMERAS`).
+
     Raises:
-        CalibrationError: without cameras, with two cameras or sensors of one name, or with a sensor whose
-            colour camera is not there.
+        CalibrationError: with two cameras or sensors of one name, or with a sensor whose colour camera is
+            not there.
     """
 
     cameras: tuple[Camera, ...]
@@ -36,8 +38,6 @@ class Rig:
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
         object.__setattr__(self, "depth_sensors", tuple(self.depth_sensors))
-        if not self.cameras:
-            raise CalibrationError("a rig without cameras")
         self._check_names()
         for sensor in self.depth_sensors:
             if sensor.colour_camera and sensor.colour_camera not in self.names:
@@ -109,6 +109,8 @@ class Rig:
         Depth sensors stay: they measure without any camera. One whose colour camera is left out has none.
         """
         wanted = {self.index(name) for name in names}
+        if not wanted:
+            raise CalibrationError("a rig without cameras")
         cameras = tuple(self.cameras[i] for i in sorted(wanted))
         kept = {camera.name for camera in cameras}
         sensors = tuple(
@@ -124,3 +126,6 @@ class Rig:
             np.stack([c.cam_from_world.translation for c in self.cameras]),
             np.array([0.5 * np.trace(c.intrinsics.matrix[:2, :2]) for c in self.cameras]),
         )
+
+
+NO_CAMERAS = Rig(())

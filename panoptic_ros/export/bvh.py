@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState
-from panoptic_ros.errors import DataError
+from panoptic_ros.export.resampled import local_turns, motion_of
 from panoptic_ros.geometry.euler import euler_angles
 
 Array = np.ndarray
@@ -31,26 +31,16 @@ def bvh_text(model: SegmentModel, states: Sequence[BodyState]) -> str:
     Raises:
         DataError: if there are fewer than two instants.
     """
-    if len(states) < 2:
-        raise DataError(f"BVH needs two instants of a body at least; there are {len(states)}")
-    stamps = np.array([state.stamp_ns for state in states])
-    period = float(np.median(np.diff(stamps)))
-    count = round((stamps[-1] - stamps[0]) / period) + 1
-    instants = stamps[0] + period * (np.arange(count) + 0.5)
-    rows = np.searchsorted(stamps, instants, side="right") - 1
-    places, frames = (np.array([getattr(s, name) for s in states])[rows] for name in ("places", "frames"))
-    above = frames[:, model.parents]
-    arms = (places - places[:, model.parents])[..., None]
-    offsets = np.median((above.swapaxes(-1, -2) @ arms)[..., 0], axis=0)
-    turns = above.swapaxes(-1, -2) @ frames
-    turns[:, 0] = frames[:, 0]
+    motion = motion_of(model, states, "BVH")
+    count, offsets = len(motion.places), motion.offsets
+    turns = local_turns(model, motion.frames)
     turned = FILE_FROM_WORLD @ turns @ FILE_FROM_WORLD.T
     angles = np.degrees(euler_angles(turned, ORDER))
     order = _depth_first(model)
-    roots = UNIT * places[:, 0] @ FILE_FROM_WORLD.T
+    roots = UNIT * motion.places[:, 0] @ FILE_FROM_WORLD.T
     table = np.concatenate([roots, angles[:, order].reshape(count, -1)], axis=1)
     lines = ["HIERARCHY", *_joint(model, UNIT * offsets @ FILE_FROM_WORLD.T, 0, 0)]
-    lines += ["MOTION", f"Frames: {count}", f"Frame Time: {1e-9 * period:.9f}"]
+    lines += ["MOTION", f"Frames: {count}", f"Frame Time: {motion.period:.9f}"]
     lines += [" ".join(f"{value:.4f}" for value in row) for row in table]
     return "\n".join(lines) + "\n"
 

@@ -97,7 +97,8 @@ class Schedule:
         port = self._wiring.port(reader)
         self._number += 1
         time = (*place, rank + (FIRST if port.first else 0))
-        heappush(self._waiting[reader.stage], (time, self._number, record, port.optional))
+        beside = self._wiring.is_beside(reader)
+        heappush(self._waiting[reader.stage], (time, self._number, record, beside))
 
     def close(self, stage: int) -> None:
         """A stage takes nothing any more."""

@@ -104,6 +104,13 @@ class Wiring:
         """The port of a reader."""
         return self.specs[reader.stage].inputs[reader.port]
 
+    def is_beside(self, reader: Reader) -> bool:
+        """Whether a record of a reader stands beside those that its stage works on: it is optional, and the
+        stage has ports that are not.
+        """
+        inputs = self.specs[reader.stage].inputs
+        return self.port(reader).optional and not all(port.optional for port in inputs)
+
     def comes_back(self, reader: Reader, giver: int | None) -> bool:
         """Whether a record comes back to a reader from below.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from panoptic_ros.domain.body_shape import BodyShape, read_shape
 from panoptic_ros.domain.segments import SegmentModel, read_model
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import file_errors, read_yaml
@@ -14,6 +15,7 @@ from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.simulation.bodies.motion import Clip, clips_of
 
 DEFAULT_MODEL = "segments21"
+DEFAULT_SHAPE = "shape21"
 DEFAULT_PRIOR = "prior-cmu.npz"
 MOTION = "cmu-motion.npz"
 PRIOR_KEYS = ("mean", "components", "deviations", "spreads")
@@ -32,6 +34,19 @@ def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
     if not isinstance(document, dict):
         raise DataError(f"{path} is no skeleton of segments")
     return read_model(document)
+
+
+def read_body_shape(model: SegmentModel, name: str = DEFAULT_SHAPE) -> BodyShape:
+    """How thick bodies are, as installed.
+
+    Raises:
+        DataError: if it cannot be read.
+    """
+    path = share_folder() / "config" / "bodies" / f"{name}.yaml"
+    document = read_yaml(path)
+    if not isinstance(document, dict):
+        raise DataError(f"{path} is no shape of a body")
+    return read_shape(document, model)
 
 
 def read_prior(name: str = "") -> PoseStatistics:

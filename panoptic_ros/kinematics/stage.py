@@ -218,7 +218,8 @@ class KinematicsStage(Stateful):
         tracked = set() if item is None else set(item.ids.tolist())
         lost = [person for number, person in self._people.items() if number not in tracked]
         begun = [person for person in lost if person.tracker is not None and person.tracker.started]
-        new = [person for person in lost if person.tracker is None and not self._tracks_come]
+        tracked_first = self._tracks_come and len(self._cameras) > 1  # one camera alone tracks nobody
+        new = [person for person in lost if person.tracker is None and not tracked_first]
         if not begun and not new:
             return
         rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}

@@ -38,7 +38,8 @@ class CollectorNode(Node):
         self._ends = StreamEnds(self, self._end)
         self._kept = [self._subscribe("detections", camera) for camera in cameras]
         self._kept += [self._subscribe("audio", device) for device in devices]
-        self._kept.append(self._subscribe("skeletons", ""))
+        if cameras:  # without, there are bodies alone
+            self._kept.append(self._subscribe("skeletons", ""))
         if bodies is not None:
             self._kept += [self._subscribe("imu", device) for device in bodies]
             self._kept.append(self._subscribe("bodies", ""))

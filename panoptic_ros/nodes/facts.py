@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.node import Node
 
 from panoptic_ros.domain import Rig, SkeletonModel
-from panoptic_ros.errors import ConfigError, PanopticError
+from panoptic_ros.errors import ConfigError, DataError, PanopticError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.nodes.family import message_class
@@ -24,6 +24,7 @@ class Facts:
         on_ready: called once, with both.
         on_rig: called with another rig that comes later; raises ConfigError if the node cannot work with it.
         on_bad: told about messages that cannot be used, which are left out.
+        needs_cameras: whether a rig without any cannot be used.
     """
 
     def __init__(
@@ -32,7 +33,9 @@ class Facts:
         on_ready: Callable[[Rig, SkeletonModel], None],
         on_bad: Callable[[PanopticError], None],
         on_rig: Callable[[Rig], None],
+        needs_cameras: bool = True,
     ):
+        self._needs_cameras = needs_cameras
         self._node, self._on_ready, self._on_bad, self._on_rig = node, on_ready, on_bad, on_rig
         self._taken: dict[str, tuple[Any, Any]] = {}  # message and record
         self._ready = False
@@ -67,6 +70,8 @@ class Facts:
     def _take(self, key: str, message: Any) -> None:
         try:
             record = from_message(message, TOPICS[key].record)
+            if key == "rig" and self._needs_cameras and not record.cameras:
+                raise DataError("/rig is a rig without cameras")
         except PanopticError as error:
             self._on_bad(error)
             return

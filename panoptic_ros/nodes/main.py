@@ -13,7 +13,7 @@ from typing import Any
 from rclpy.node import Node
 
 from panoptic_ros.detection.budget import Processor
-from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.domain import NO_CAMERAS, SkeletonModel
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import AFTER_DETECTION, NODES
 from panoptic_ros.io.body_context import body_extras
@@ -149,7 +149,7 @@ def host(arguments: Sequence[str] | None = None) -> int:
     """Run one process of a launcher's file, as long as the launcher lives: `host FILE PROCESS PID`."""
     path, process, launcher = list(sys.argv[1:] if arguments is None else arguments)
     document = json.loads(Path(path).read_text())
-    rig_of_run = read_rig(Path(document["rig"]))
+    rig_of_run = read_rig(Path(document["rig"])) if document["rig"] else NO_CAMERAS
 
     def make() -> Sequence[Any]:
         return [_hosted(entry, rig_of_run) for entry in document["processes"][process]]

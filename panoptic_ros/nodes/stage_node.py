@@ -124,6 +124,7 @@ class StageNode(Node):
         self._facts = Facts(
             self, self._begin, self._refuse_message,
             lambda rig: self._rig_changes.offer(rig, self._facts.rig),
+            needs_cameras=not all(port.optional for stage in names for port in NODES[stage].inputs),
         )  # fmt: skip
 
     def _names(self, parameter: str) -> list[str]:

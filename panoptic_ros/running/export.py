@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from panoptic_ros.domain.body_shape import offsets_of
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.export.bvh import bvh_text
+from panoptic_ros.export.gltf import glb_bytes
+from panoptic_ros.export.opensim import mot_text, trc_text
+from panoptic_ros.export.urdf import urdf_text
 from panoptic_ros.io.body_files import read_bodies
-from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.body_models import read_body_model, read_body_shape
+from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.running.viewer.recordings import open_recorded
 from panoptic_ros.stage import Progress, untold
 from panoptic_ros.view.page.recorded import RecordedScene
 
+Writer = Callable[[Path, Path, float, float | None, Progress], list[Path]]
+TextWriter = Callable[[SegmentModel, Sequence[BodyState], Path], str]  # the text of a person's file
 
 def export(
     path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress = untold
@@ -48,28 +59,70 @@ def _write_html(
     return [out]
 
 
-def _write_bvh(
-    path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress
-) -> list[Path]:
-    """The bodies of results, one file for each person: `out`, and with their ids if there are several."""
+def _people_of(
+    path: Path, begin_s: float, end_s: float | None
+) -> tuple[SegmentModel, dict[int, list[BodyState]]]:
+    """The bodies of results by id, by time.
+
+    Raises:
+        DataError: if there are none.
+    """
     model = read_body_model()
     names, states = read_bodies(path / "kinematics.json.gz" if path.is_dir() else path)
     if names != model.names:
         raise DataError(f"{path}: bodies of other segments than {', '.join(model.names)}")
     first = min((state.stamp_ns for state in states), default=0)
     end = float("inf") if end_s is None else end_s
-    kept = [state for state in states if begin_s <= 1e-9 * (state.stamp_ns - first) <= end]
-    ids, files = sorted({state.id for state in kept}), []
-    for done, number in enumerate(ids):
-        own = sorted((s for s in kept if s.id == number), key=lambda state: state.stamp_ns)
-        files.append(out if len(ids) == 1 else out.with_name(f"{out.stem}-{number}{out.suffix}"))
-        write_bytes(files[-1], bvh_text(model, own).encode())
-        progress((done + 1) / len(ids), f"person {number}")
-    if not ids:
+    people: dict[int, list[BodyState]] = {}
+    for state in sorted(states, key=lambda state: (state.id, state.stamp_ns)):
+        if begin_s <= 1e-9 * (state.stamp_ns - first) <= end:
+            people.setdefault(state.id, []).append(state)
+    if not people:
         raise DataError(f"{path} has no bodies between {begin_s:g} and {end:g} s")
-    return files
+    return model, people
 
 
-WRITERS: dict[str, Callable[[Path, Path, float, float | None, Progress], list[Path]]] = {
-    ".html": _write_html, ".bvh": _write_bvh
-}  # fmt: skip
+def _each(write: TextWriter) -> Writer:
+    """One file for each person: `out`, and with their ids if there are several."""
+
+    def write_all(
+        path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress
+    ) -> list[Path]:
+        model, people = _people_of(path, begin_s, end_s)
+        files = []
+        for done, (number, own) in enumerate(people.items()):
+            files.append(out if len(people) == 1 else out.with_name(f"{out.stem}-{number}{out.suffix}"))
+            write_bytes(files[-1], write(model, own, files[-1]).encode())
+            progress((done + 1) / len(people), f"person {number}")
+        return files
+
+    return write_all
+
+
+def _urdf(model: SegmentModel, states: Sequence[BodyState], out: Path) -> str:
+    """The description of a body, in the lengths that it has."""
+    places, frames = (np.array([getattr(s, name) for s in states]) for name in ("places", "frames"))
+    number = states[0].id
+    offsets = offsets_of(model, places, frames)
+    return urdf_text(read_body_shape(model), offsets, f"p{number}", rgb_of(number))
+
+
+def _write_glb(
+    path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress
+) -> list[Path]:
+    """One animated scene of everybody."""
+    model, people = _people_of(path, begin_s, end_s)
+    colours = {number: rgb_of(number) for number in people}
+    write_bytes(out, glb_bytes(read_body_shape(model), people, colours))
+    progress(1.0, f"{len(people)} people")
+    return [out]
+
+
+WRITERS: dict[str, Writer] = {
+    ".html": _write_html,
+    ".bvh": _each(lambda model, states, out: bvh_text(model, states)),
+    ".glb": _write_glb,
+    ".trc": _each(lambda model, states, out: trc_text(model, states, out.name)),
+    ".mot": _each(lambda model, states, out: mot_text(model, states, out.stem)),
+    ".urdf": _each(_urdf),
+}

@@ -41,6 +41,7 @@ class RunReport:
             came of it.
         notices: of stages and sources, in the order in which they came.
         facts: anything else to be told, e.g. {"model": ..., "elapsed_s": ...}.
+        bodies: what bodies of designated people rest on, see `BodyTally.document`; empty without.
     """
 
     summary: CaptureSummary
@@ -49,11 +50,13 @@ class RunReport:
     latency_ms: Mapping[str, Latency] = field(default_factory=dict)
     notices: Sequence[Notice] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
+    bodies: Mapping[str, Any] = field(default_factory=dict)
 
     def table(self) -> str:
         """Lines for a terminal."""
         blocks = [
-            self._frames(), self._people(), self._reprojection(), self._latency(), self._notices(),
+            self._frames(), *([] if self._without_cameras else [self._people(), self._reprojection()]),
+            self._bodies(), self._latency(), self._notices(),
         ]  # fmt: skip
         return "\n\n".join("\n".join(block) for block in blocks if block)
 
@@ -72,6 +75,7 @@ class RunReport:
                 "all": asdict(summary.reprojection_px),
                 "cameras": {name: asdict(s) for name, s in summary.reprojection_by_camera.items()},
             },
+            **({"bodies": self.bodies} if self.bodies else {}),
             "latency_ms": {name: asdict(latency) for name, latency in self.latency_ms.items()},
             "notices": [
                 {"code": first.code, "severity": first.severity, "count": count, "text": first.text}
@@ -89,12 +93,18 @@ class RunReport:
         taken = sum(self.frames_in.values())
         lost = ", ".join(f"{count} {cause}" for cause, count in self.dropped.items() if count) or "none"
         rows = [f"{name:<16}{value}" for name, value in self.facts.items()]
+        if self._without_cameras:
+            return [*rows, f"{'dropped':<16}{lost}"]
         return [
             *rows,
             f"{'frames in':<16}{taken} images of {len(self.frames_in)} cameras",
             f"{'frames out':<16}{summary.frames}, of which {summary.frames_with_people} with people",
             f"{'dropped':<16}{lost}",
         ]
+
+    @property
+    def _without_cameras(self) -> bool:
+        return bool(self.bodies) and not self.frames_in
 
     def _people(self) -> list[str]:
         people = self.summary.people
@@ -120,6 +130,18 @@ class RunReport:
             f"{'reprojection':<16}{'median px':>10}{'p90 px':>10}{'joints':>10}",
             *(f"{name:<16}{_number(s.median):>10}{_number(s.p90):>10}{s.count:>10}" for name, s in rows),
         ]
+
+    def _bodies(self) -> list[str]:
+        """One line for each subject; that there are none, where they were asked for."""
+        if not self.bodies:
+            return []
+        rows = [f"{'bodies':<16}{self.bodies['instants']} instants"]
+        for subject in self.bodies["subjects"]:
+            there = ", ".join(f"{source} {count}" for source, count in subject["sources"].items())
+            means = f"{subject['views']:.1f} views and {subject['devices']:.1f} IMUs on average"
+            name = f"subject {subject['id']}"
+            rows.append(f"{name:<16}{there}; {means}")
+        return rows if len(rows) > 1 else [*rows, "nobody of the designated was there"]
 
     def _latency(self) -> list[str]:
         if not self.latency_ms:

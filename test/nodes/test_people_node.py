@@ -1,17 +1,25 @@
 """/skeletons in other words, by real subscribers."""
+from xml.etree import ElementTree
+
 import captures
 import numpy as np
 import pytest
+from bodies import BODY, MODEL, placed, some_pose
 from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 
 from panoptic_ros.cli.run.usage import PUBLISHABLE  # noqa: E402
 from panoptic_ros.domain import JointState, RefinedPoseSet  # noqa: E402
+from panoptic_ros.domain.body_names import link_names  # noqa: E402
+from panoptic_ros.domain.subjects import BodyState  # noqa: E402
 from panoptic_ros.errors import ConfigError  # noqa: E402
-from panoptic_ros.io.messages import to_message  # noqa: E402
+from panoptic_ros.io.messages import bag_messages, to_message  # noqa: E402
+from panoptic_ros.io.messages.body_outputs import segment_transforms  # noqa: E402
+from panoptic_ros.io.messages.transforms import read_transform  # noqa: E402
+from panoptic_ros.kinematics.body_records import Solved, body_set  # noqa: E402
 from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
-from panoptic_ros.nodes.people_node import KINDS, PeopleNode  # noqa: E402
+from panoptic_ros.nodes.people_node import KINDS, OF_BODIES, PeopleNode  # noqa: E402
 from panoptic_ros.nodes.quality import LATCHED  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -90,4 +98,67 @@ def test_tf_is_off_by_default_and_what_is_not_installed_is_left_out(executor):
 def test_unknown_words_are_told(ros):
     with pytest.raises(ConfigError, match="cannot be published as 'fbx'; known: roots, tf, bodies, boxes"):
         PeopleNode(overrides={"publish": ["fbx"]})
-    assert (*KINDS, "heat_maps") == PUBLISHABLE
+    assert (*KINDS, *OF_BODIES, "heat_maps") == PUBLISHABLE
+
+
+def bodies():
+    frames, places = placed(some_pose(1))
+    body = Solved(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
+    return body_set(0, 5, 5, MODEL, captures.SKELETON, [body])
+
+
+def heard_of_bodies(executor, node, topic, kind, quality=10):
+    other = rclpy.create_node("other")
+    executor.add_node(node)
+    executor.add_node(other)
+    seen = []
+    other.create_subscription(message_class(kind), topic, seen.append, quality)
+    publisher = other.create_publisher(message_class("panoptic_msgs/msg/Bodies"), "bodies", 10)
+    message = to_message(bodies(), ros_messages(), "hall")
+
+    def done():
+        publisher.publish(message)
+        return bool(seen)
+
+    spin_until(executor, done)
+    return seen[0]
+
+
+def test_joint_angles_come_with_the_description_that_they_belong_to(executor):
+    node = PeopleNode(overrides={"publish": ["joints"]})
+    state = heard_of_bodies(executor, node, "/humans/bodies/p4/joint_states", "sensor_msgs/msg/JointState")
+    frames, _ = placed(some_pose(1))
+    assert list(state.name)[:3] == [f"{name}_p4" for name in MODEL.joint_names[:3]]
+    assert np.array(state.position) == pytest.approx(MODEL.joint_angles(frames), abs=1e-9)
+    text = node.get_parameter("human_description_p4").value
+    joints = [joint.get("name") for joint in ElementTree.fromstring(text).findall("joint")]
+    assert joints == list(state.name)
+
+
+def test_the_description_is_latched(executor):
+    node = PeopleNode(overrides={"publish": ["joints"]})
+    message = heard_of_bodies(executor, node, "/humans/bodies/p4/urdf", "std_msgs/msg/String", LATCHED)
+    assert message.data == node.get_parameter("human_description_p4").value
+
+
+def test_segments_in_tf_add_up_to_the_body(executor):
+    pytest.importorskip("tf2_msgs", reason="./run messages tf2_msgs builds them")
+    node = PeopleNode(overrides={"publish": ["segments", "tf"]})
+    message = heard_of_bodies(executor, node, "/tf", KINDS["tf"][1])
+    check_transforms(message.transforms)
+
+
+def check_transforms(transforms):
+    frames, places = placed(some_pose(1))
+    found = {"hall": (np.eye(3), np.zeros(3))}
+    for transform in transforms:
+        parent, child, pose = read_transform(transform)
+        turn, at = found[parent]
+        found[child] = turn @ pose.rotation, at + turn @ pose.translation
+    for s, name in enumerate(link_names(MODEL, "p4")):
+        assert found[name][1] == pytest.approx(places[s], abs=1e-9)
+        assert found[name][0] == pytest.approx(frames[s], abs=1e-9)
+
+
+def test_segments_are_a_tree_of_transforms():
+    check_transforms(segment_transforms(bodies(), MODEL, "hall", "", bag_messages()))

@@ -30,7 +30,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
     "capture": {"numpy", "cv2", "av"},
-    "export": {"numpy"},
+    "export": {"numpy", "websockets"},  # the last for the live stream of bodies
     "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
     "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},

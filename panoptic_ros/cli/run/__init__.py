@@ -35,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--topics", type=Path, metavar="FILE",
                         help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}; "
                         "without --rig, poses come from TF")  # fmt: skip
+    parser.add_argument("--imus", action="store_true",
+                        help="live, no cameras: bodies of --subject from /<device>/imu alone")  # fmt: skip
     parser.add_argument("--fixed-frame", default="", metavar="FRAME",
                         help="with --topics and without --rig: the world among the frames of TF")  # fmt: skip
     parser.add_argument("--microphone", action="append", default=[], metavar="NAME=DEVICE",
@@ -65,7 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
     parser.add_argument("--publish", default="", metavar="WORDS",
                         help="skeletons in other words too, separated by commas: roots (PoseArray), tf (of "
-                        "joints), bodies (REP 155), boxes (Detection3DArray); also heat_maps")  # fmt: skip
+                        "joints), bodies (REP 155), boxes (Detection3DArray); of --subject joints "
+                        "(JointState, URDF), segments (TF), stream (WebSocket); also heat_maps")  # fmt: skip
     parser.add_argument("--namespace", default="", metavar="NAME",
                         help="of nodes and topics, so that several graphs can run side by side")  # fmt: skip
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")

@@ -8,6 +8,7 @@ from panoptic_ros.cli.options import names, pairs
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.plans.bag_topics import BagChoice
+from panoptic_ros.running.plans.imu_plan import plan_live_imus
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.running.plans.plan import Plan
@@ -33,6 +34,8 @@ def make_plan(args: argparse.Namespace) -> Plan:
         from panoptic_ros.running.plans.driver_plan import plan_drivers  # needs ROS
 
         return plan_drivers(args.topics, args.rig, options, args.fixed_frame)
+    if args.imus:
+        return plan_live_imus(options)
     rate = args.frame_rate
     if args.device:
         devices = pairs(args.device, "--device")

@@ -6,7 +6,8 @@ import argparse
 from panoptic_ros.cli.options import names
 from panoptic_ros.errors import UsageError
 
-PUBLISHABLE = ("roots", "tf", "bodies", "boxes", "heat_maps")  # see `nodes.people_node`, `heat_maps_node`
+# see `nodes.people_node`, `heat_maps_node`
+PUBLISHABLE = ("roots", "tf", "bodies", "boxes", "joints", "segments", "stream", "heat_maps")
 _FILES = ("capture", "demo", "video")
 _MEANS_SOMETHING_FOR = {
     "arrival_stamps": ("bag",),
@@ -26,7 +27,7 @@ _MEANS_SOMETHING_FOR = {
 }
 _SHOWN = {
     "capture": "a capture folder",
-    **{name: f"--{name}" for name in ("bag", "video", "device", "topics", "demo")},
+    **{name: f"--{name}" for name in ("bag", "video", "device", "topics", "imus", "demo")},
 }
 
 
@@ -40,7 +41,7 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
     if len(given) != 1:
         raise UsageError(
             "give one of: a capture folder, --bag BAG, --rig R --video CAMERA=FILE ..., "
-            "--rig R --device CAMERA=DEVICE ..., --topics FILE, --demo; found "
+            "--rig R --device CAMERA=DEVICE ..., --topics FILE, --imus, --demo; found "
             f"{', '.join(given) or 'none'}"
         )
     for option, sources in _MEANS_SOMETHING_FOR.items():
@@ -51,6 +52,8 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
             )
     if given[0] in ("video", "device") and not args.rig:
         raise UsageError(f"--{given[0]} needs --rig, the calibration of the cameras")
+    if args.imus and args.in_process:
+        raise UsageError("--imus takes topics, so it has no meaning with --in-process")
     unknown = [word for word in names(args.publish) or () if word not in PUBLISHABLE]
     if unknown:
         raise UsageError(f"--publish {unknown[0]}: there is no such thing, only {', '.join(PUBLISHABLE)}")

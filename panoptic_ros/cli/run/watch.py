@@ -8,12 +8,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.runs.finish import warnings_of
+from panoptic_ros.running.runs.finish import dropped_in_all, warnings_of
 from panoptic_ros.running.runs.observer import RunObserver
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
 
+EACH = ("kinematics.imu_", "kinematics.never_", "kinematics.mounting", "kinematics.strap")
 PATIENCE_S = 10.0  # without a result after the first detections
 
 
@@ -28,18 +29,20 @@ class Watch(RunObserver):
         self._with_table = table
         self._table: LiveTable | None = None
         self._bar: ProgressBar | None = None
-        self._live = False
+        self._live, self._has_cameras = False, True
         self._instants = 0
         self._waiting: threading.Timer | None = None
         self._told: set[str] = set()
 
     def started(self, plan: Plan) -> None:
         """Begin to draw."""
-        self._live = plan.live
+        self._live, self._has_cameras = plan.live, bool(plan.rig.cameras)
         if self._with_table:
             self._table = LiveTable(plan.rig.names, plan.skeleton)
         else:
-            self._bar = ProgressBar(None if plan.live else plan.instants, "skeletons")
+            self._bar = ProgressBar(
+                None if plan.live else plan.instants, "skeletons" if plan.rig.cameras else "bodies"
+            )
 
     def saw(self, key: str, record: Any) -> None:
         """See `RunObserver`."""
@@ -56,8 +59,12 @@ class Watch(RunObserver):
                 self._table.saw_poses(record, self._latency_ms(record.stamp_ns))
             if self._bar is not None:
                 self._bar.update(self._instants)
+        if key == "bodies" and not self._has_cameras:
+            self._instants += 1
+            if self._bar is not None:
+                self._bar.update(self._instants)
         if key == "diagnostics":
-            self._tell_of_clocks(record)
+            self._tell_of(record)
             if self._table is not None:
                 self._table.set_dropped(dropped_in_all(record))
 
@@ -67,11 +74,12 @@ class Watch(RunObserver):
             if notice.severity != "info":
                 print(f"\n{notice.severity}: {notice.text}", file=sys.stderr, flush=True)
 
-    def _tell_of_clocks(self, counted: Mapping[str, Mapping[str, str]]) -> None:
-        """Print what stages say of sound and clocks, each kind of warning once."""
+    def _tell_of(self, counted: Mapping[str, Mapping[str, str]]) -> None:
+        """Print what stages say of sound, clocks and bodies: each kind of warning once, of IMUs for each."""
         for notice in warnings_of(counted):
-            if notice.code not in self._told:
-                self._told.add(notice.code)
+            kind = notice.text if notice.code.startswith(EACH) else notice.code
+            if kind not in self._told:
+                self._told.add(kind)
                 print(f"\nwarning: {notice.text}", file=sys.stderr, flush=True)
 
     def ended(self) -> None:
@@ -108,12 +116,4 @@ def _explain() -> None:
     print(
         "\nwaiting for the first skeletons: kernels are compiled once after an installation, "
         "which takes about a minute", file=sys.stderr, flush=True,
-    )  # fmt: skip
-
-
-def dropped_in_all(counted: Mapping[str, Mapping[str, str]]) -> int:
-    """Frames and messages that all nodes together have dropped."""
-    return sum(
-        int(number) for values in counted.values() for key, number in values.items()
-        if key.startswith("dropped.")
     )  # fmt: skip

@@ -57,15 +57,16 @@ def body_frame(poses: TrackedPoseSet, k: int, skeleton: SkeletonModel) -> Rigid 
 
 
 def joint_transforms(
-    poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, prefix: str, family: Messages
-) -> list[Any]:
+    poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, prefix: str, family: Messages,
+    solved: frozenset[int] = frozenset(),
+) -> list[Any]:  # fmt: skip
     """A TransformStamped of every known joint, `<prefix>p<id>_<joint>`, turned as the world, and of every
-    body, `<prefix>body_p<id>`.
+    body, `<prefix>body_p<id>`, but of those whose segments are solved for, who have one from there.
     """
     found = []
     for k, person_id in enumerate(poses.ids.tolist()):
         name, frame = body_name(person_id), body_frame(poses, k, skeleton)
-        if frame is not None:
+        if frame is not None and person_id not in solved:
             child = f"{prefix}body_{name}"
             found.append(transform_message(family, poses.stamp_ns, frame_id, child, frame))
         for j, position in _known(poses, k):

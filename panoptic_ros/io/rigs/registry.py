@@ -119,7 +119,10 @@ def read_rig(
         useless = options.given() - chosen.uses
         if useless:
             raise UsageError(f"{path}: {chosen.title} has no use for {', '.join(sorted(useless))}")
-        return chosen.parse(document.content if document else None, options)
+        rig = chosen.parse(document.content if document else None, options)
+        if not rig.cameras:
+            raise CalibrationError("a rig without cameras")
+        return rig
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from None
 

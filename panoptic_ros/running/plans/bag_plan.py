@@ -27,8 +27,9 @@ from panoptic_ros.running.plans.bag_topics import (
     imu_streams,
     names_of,
 )
+from panoptic_ros.running.plans.imu_plan import imus_in_bags, plan_imu_bags
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
-from panoptic_ros.running.plans.plan import Plan, require_two
+from panoptic_ros.running.plans.plan import Plan, require_cameras
 from panoptic_ros.running.sound.bags import recorder_of, sound_streams
 from panoptic_ros.running.sound.clocks import corrections_from_sound
 from panoptic_ros.running.sound.use import ClockPlan, plan_clocks
@@ -53,6 +54,8 @@ def plan_bags(
     """
     with ExitStack() as stack:
         bags = [stack.enter_context(BagReader(path)) for path in paths]
+        if options.subjects and (alone := imus_in_bags(bags, choice)):
+            return plan_imu_bags(f"bag {names_of(bags)}", alone, options)
         whole = read_rig(rig) if rig else _latched(bags, "rig")
         if whole is None:
             raise DataError(f"{names_of(bags)} has no message on /rig; give the calibration with --rig")
@@ -63,7 +66,7 @@ def plan_bags(
         counts = {s.camera: bag.counts[s.topic] for s, bag in bag_of.items()}
         absent = [name for name in asked.names if name not in counts]
         found = asked.subset(counts)
-        require_two(found)
+        require_cameras(found, bool(options.subjects))
         stage = "sync" if streams[0].key == "detections" else "detection"
         extras: Mapping[str, Any] = {}
         if stage == "sync":

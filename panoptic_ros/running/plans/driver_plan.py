@@ -13,7 +13,7 @@ from panoptic_ros.nodes.drivers import Drivers, find_drivers
 from panoptic_ros.running.plans.driver_rig import rig_by_calibration, rig_by_transforms, with_info
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plans.parameters import live_parameters, with_defaults
-from panoptic_ros.running.plans.plan import Plan, require_two
+from panoptic_ros.running.plans.plan import Plan, require_cameras
 from panoptic_ros.running.processes.children import prepare_environment
 
 CARRIERS = {
@@ -50,9 +50,12 @@ def plan_drivers(
     if calibrated is not None:
         if file.fixed_frame or fixed_frame:
             raise UsageError("a fixed frame is one of TF, which is not asked where --rig is given")
-        require_two(calibrated.subset(file.cameras))
-    elif len(file.cameras) < 2:
-        raise CalibrationError(f"{path} names {len(file.cameras)} camera, which is not enough for 3D")
+        require_cameras(calibrated.subset(file.cameras), bool(options.subjects))
+    elif len(file.cameras) < (1 if options.subjects else 2):
+        raise CalibrationError(
+            f"{path} names {len(file.cameras)} camera, which is not enough for 3D; with --subject FILE "
+            "one is enough for a body"
+        )
     _check_encodings(path, file)
     skeleton, extras = options.detector()
     prepare_environment()

@@ -12,6 +12,7 @@ from panoptic_ros.graph.nodes import CHAIN, SOUND
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, BagStream
 from panoptic_ros.params import Config
 
+BODIES = "kinematics"  # the stage that needs no camera
 
 @dataclass(frozen=True)
 class Plan:
@@ -64,7 +65,11 @@ class Plan:
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """All stages from the first on; parameters may switch some of them off."""
+        """All stages from the first on; parameters may switch some of them off. Without cameras there are
+        bodies alone.
+        """
+        if not self.rig.cameras:
+            return (BODIES,)
         return (*(SOUND if self.devices else ()), *CHAIN[CHAIN.index(self.stage) :])
 
     @property
@@ -88,11 +93,14 @@ class Plan:
         return self.rig.clock_of(owner)
 
 
-def require_two(rig: Rig) -> None:
-    """Whether there are cameras enough.
+def require_cameras(rig: Rig, designated: bool = False) -> None:
+    """Whether there are cameras enough: two, or one where subjects are given, whose bodies it tells of.
 
     Raises:
         CalibrationError: if not.
     """
-    if len(rig) < 2:
-        raise CalibrationError(f"{len(rig)} camera ({', '.join(rig.names)}) is not enough for 3D")
+    if len(rig) < (1 if designated else 2):
+        raise CalibrationError(
+            f"{len(rig)} camera ({', '.join(rig.names)}) is not enough for 3D; add cameras, or "
+            "--subject FILE for the body of a designated person, for which one is enough"
+        )

@@ -7,18 +7,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture import CaptureFolder, FrameSource, demo_capture, open_capture_folder, open_files
+from panoptic_ros.capture import (
+    CaptureFolder,
+    FrameSource,
+    demo_capture,
+    has_images,
+    open_capture_folder,
+    open_files,
+)
 from panoptic_ros.capture.imus import imu_file
 from panoptic_ros.capture.sound import described_sound
 from panoptic_ros.domain import Rig
+from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import config_of, named_words
 from panoptic_ros.running.plans.designated import subject_files
+from panoptic_ros.running.plans.imu_plan import hint_without_images, plan_imu_file
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plans.overlap import check_overlap
 from panoptic_ros.running.plans.parameters import live_parameters, with_defaults
-from panoptic_ros.running.plans.plan import Plan, require_two
+from panoptic_ros.running.plans.plan import Plan, require_cameras
 from panoptic_ros.running.sound.clocks import corrections_from_sound, recorders_of
 from panoptic_ros.running.sound.tracks import find_tracks
 from panoptic_ros.running.sound.use import Recorder, plan_clocks
@@ -55,6 +64,11 @@ def plan_capture(
     options = replace(
         options, subjects=subject_files(folder, options.subjects), imus=imu_file(folder)
     )  # fmt: skip
+    if folder.is_dir() and not has_images(folder):
+        if hint := hint_without_images(folder):
+            raise DataError(f"{folder} has no videos and no images{hint}")
+        if options.imus is not None and options.subjects:
+            return plan_imu_file(title or str(folder), options)
     given = None if rig is None else read_rig(rig)
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
         source = {"kind": "folder", "path": str(folder), **own}
@@ -117,7 +131,7 @@ def plan_devices(
     """
     skeleton, extras = options.detector()
     chosen = read_rig(rig).subset(devices)
-    require_two(chosen)
+    require_cameras(chosen, bool(options.subjects))
     rate = frame_rate or 30.0
     own = {"frame_rate": frame_rate, "latency_ms": latency_ms}
     clocked = _on_first(microphones, chosen)
@@ -151,7 +165,7 @@ def _on_first(microphones: Mapping[str, str], rig: Rig) -> Rig:
 def _recorded(
     title: str, capture: CaptureFolder, sources: Mapping[str, Mapping[str, Any]], options: RunOptions
 ) -> Plan:
-    require_two(capture.rig)
+    require_cameras(capture.rig, bool(options.subjects))
     skeleton, extras = options.detector()
     counts = [source.frame_count for source in capture.sources]
     instants = None if None in counts else max(count for count in counts if count is not None)

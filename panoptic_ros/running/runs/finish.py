@@ -19,7 +19,7 @@ from panoptic_ros.view.overlay_run import write_overlays
 from panoptic_ros.view.report import Latency, RunReport
 
 LATEST = "latest."
-ABOUT_CLOCKS = ("timecode.", "clocks.", "sync.clock_")  # notices of which the report and the console tell
+TOLD = ("timecode.", "clocks.", "sync.clock_", "kinematics.")  # notices of which report and console tell
 
 
 def finish(
@@ -53,8 +53,9 @@ def finish(
             *warnings_of(counted), *notices,
         ],
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
+        bodies=results.bodies.document() if results.bodies.instants else {},
     )
-    if pictures:
+    if pictures and plan.rig.cameras:
         _pictures(plan, results, sets, on_picture)
     report.write(results.folder / MARK)
     return report
@@ -102,12 +103,20 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
 
 
 def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
-    """The newest warning of each kind about sound and clocks, as stages and nodes count them."""
+    """The newest warning of each kind about sound, clocks and bodies, as stages and nodes count them."""
     found = [
         (name, key.removeprefix(LATEST), text)
         for name, values in counted.items() for key, text in values.items() if key.startswith(LATEST)
     ]  # fmt: skip
-    return [Notice(code, "warning", text) for _, code, text in found if code.startswith(ABOUT_CLOCKS)]
+    return [Notice(code, "warning", text) for _, code, text in found if code.startswith(TOLD)]
+
+
+def dropped_in_all(counted: Mapping[str, Mapping[str, str]]) -> int:
+    """Frames and messages that all nodes together have dropped."""
+    return sum(
+        int(number) for values in counted.values() for key, number in values.items()
+        if key.startswith("dropped.")
+    )  # fmt: skip
 
 
 def _plan_notices(plan: Plan) -> list[Notice]:

@@ -24,7 +24,7 @@ from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, opened_streams
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.runs.finish import ABOUT_CLOCKS
+from panoptic_ros.running.runs.finish import TOLD
 from panoptic_ros.running.runs.newest_frames import newest_frames
 from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Notice, StageContext
@@ -51,7 +51,7 @@ class _Counted:
 
     def _note(self, stage: str, notice: Notice) -> None:
         self.statistics[stage].take(notice)
-        if notice.severity == "warning" and notice.code.startswith(ABOUT_CLOCKS):
+        if notice.severity == "warning" and notice.code.startswith(TOLD):
             self._tell()
 
     def _record(self, key: str, item: Any) -> None:
@@ -119,7 +119,7 @@ def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide 
     config = plan.configs["detection"]
     threads = free_threads(config_of(plan.configs, DetectionConfig).threads)
     in_bags = plan.streams and plan.depth_cameras
-    tied = plan.stage != "detection" or in_bags or ports_in_use({"detection": config})
+    tied = plan.stage != "detection" or not plan.rig.cameras or in_bags or ports_in_use({"detection": config})
     if threads == 1 or tied:
         return None
     stage = make_stage("detection", config, StageContext(plan.rig, plan.skeleton, plan.extras))

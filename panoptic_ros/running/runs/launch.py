@@ -16,6 +16,7 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.params import config_of, diff
 from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
@@ -35,7 +36,8 @@ def write_launch_file(
             In replay, where tracking tells detection where to look, one process runs all stages in any case.
     """
     rig = folder / "rig.json"
-    write_rig(rig, plan.rig)
+    if plan.rig.cameras:
+        write_rig(rig, plan.rig)
     if plan.rig.occluders is not None:
         write_occluders(folder / OCCLUDERS, plan.rig.occluders)
     plan_of_nodes = _Nodes(plan, flow, window)
@@ -67,7 +69,7 @@ def write_launch_file(
     alone = apart if joined else [*beside, *apart]
     together = [name for name in plan_of_nodes.stages if name not in alone]
     divided = one_per_stage and not joined
-    hosts = _divided(together) if divided else [tuple(together)]
+    hosts = _divided(together) if divided else [tuple(together)] if together else []
     inputs = _inputs_of_detection(plan, list(plan.rig.names)) if joined else {}
     for host in (*hosts, *((name,) for name in apart)):
         name = host[0] if len(host) == 1 else "sync" if divided else "fusion"
@@ -75,15 +77,19 @@ def write_launch_file(
         node = plan_of_nodes.node(host, name, **(inputs if looks else {}))
         node |= _own(plan, list(plan.rig.names), jpeg_quality) if looks else {}
         processes.setdefault("fusion" if host in hosts and not divided else name, []).append(node)
-    markers = {"kind": "markers", "parameters": {"flow": flow}}
-    processes.setdefault("markers" if divided else "fusion", []).append(markers)
-    others = processes.setdefault("markers" if one_per_stage else "fusion", [])
+    if plan.rig.cameras:
+        markers = {"kind": "markers", "parameters": {"flow": flow}}
+        processes.setdefault("markers" if divided else "fusion", []).append(markers)
     if words := [word for word in plan.publish if word != HEAT_MAPS]:
-        others.append({"kind": "people", "parameters": {"flow": flow, "publish": words}})
+        others = processes.setdefault("markers" if one_per_stage else "fusion", [])
+        segments = config_of(plan.configs, KinematicsConfig).segments
+        parameters = {"flow": flow, "publish": words, "segments": segments}
+        others.append({"kind": "people", "parameters": parameters})
     if HEAT_MAPS in plan.publish:
         processes["heat-maps"] = [{"kind": "heat_maps"}]
     path = folder / "launch.json"
-    document = {"rig": str(rig), "namespace": plan.namespace, "processes": processes}
+    known = str(rig) if plan.rig.cameras else ""
+    document = {"rig": known, "namespace": plan.namespace, "processes": processes}
     write_json(path, document, indent=1)
     return path
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from panoptic_ros.domain import ClockModel, RefinedPoseSet, ViewDetections
 from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation.body_tally import BodyTally
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY
 from panoptic_ros.io.bags import BagWriter
@@ -80,6 +81,7 @@ class Results:
         self._skeletons = SkeletonStream(folder / "skeletons.json.gz", plan.skeleton.joint_names)
         model = plan.extras.get("segments")
         self._bodies = None if model is None else BodyStream(folder / "kinematics.json.gz", model)
+        self.bodies = BodyTally()
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
         self._on_record = on_record
@@ -121,6 +123,7 @@ class Results:
         elif key == "bodies":
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns)
+            self.bodies.add(record)
             if self._bodies is not None:
                 self._bodies.add(record)
         elif key == "clock_models":
@@ -131,6 +134,11 @@ class Results:
     def instants(self) -> int:
         """How many sets of skeletons there were."""
         return self._skeletons.count
+
+    @property
+    def has_something(self) -> bool:
+        """Whether there were skeletons or bodies."""
+        return bool(self.poses) or self.bodies.instants > 0
 
     def close(self) -> None:
         """Finish the skeletons, write the clocks that were found, and finish the bag."""

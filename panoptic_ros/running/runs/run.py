@@ -85,10 +85,10 @@ def run(
                     else _over_dds(plan, results, stop, jpeg_quality, node_per_stage)
                 )  # fmt: skip
             except PanopticError as error:
-                if not (plan.live and results.poses):
+                if not (plan.live and results.has_something):
                     raise
                 counted, fault = {}, error
-            if asked() and not results.poses:
+            if asked() and not results.has_something:
                 raise KeyboardInterrupt
         observer.ended()
         notices = check.judge()

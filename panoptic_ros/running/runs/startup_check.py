@@ -40,6 +40,8 @@ class StartupCheck:
 
     def judge(self) -> tuple[Notice, ...]:
         """Judge by what has come, unless that was done."""
+        if self.notices is None and not self._plan.rig.cameras:
+            self.notices = ()
         if self.notices is None:
             sets = regrouped(self._plan, self._clocks.values(), self._views)
             report = check_rig(self._plan.rig, sets, self._plan.skeleton)

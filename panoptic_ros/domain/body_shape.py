@@ -1,0 +1,101 @@
+"""How thick bodies are, for drawings: tapered capsules on the segments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+class Capsule(NamedTuple):
+    """A tapered capsule in the frame of a segment.
+
+    Args:
+        segment: index. begin, end: (3,) m, centres of the balls at its ends; radii: m, of these.
+        wide: how many times it is wider along y than across.
+    """
+
+    segment: int
+    begin: Array
+    end: Array
+    radii: tuple[float, float]
+    wide: float
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShape:
+    """Capsules of any person, lengths as shares of the stature.
+
+    Args:
+        model: of the segments.
+        rows: (segment, from, to, radii, wide); an end is a point (3,) or the index of a segment below.
+    """
+
+    model: SegmentModel
+    rows: tuple[tuple[int, Array | int, Array | int, tuple[float, float], float], ...]
+
+    def capsules(self, offsets: Array) -> list[Capsule]:
+        """Those of a person.
+
+        Args:
+            offsets: (S, 3) m, joints in the frames of their parents.
+        """
+        tall = stature_of(self.model, offsets)
+
+        def place(end: Array | int) -> Array:
+            found: Array = offsets[end] if isinstance(end, int) else tall * end
+            return found
+
+        return [
+            Capsule(segment, place(begin), place(end), (tall * radii[0], tall * radii[1]), wide)
+            for segment, begin, end, radii, wide in self.rows
+        ]
+
+
+def stature_of(model: SegmentModel, offsets: Array) -> float:
+    """The stature, m, that joints (S, 3) in the frames of their parents go with."""
+    lengths, shares = (np.linalg.norm(rows[1:], axis=-1).sum() for rows in (offsets, model.shares))
+    return float(lengths / shares)
+
+
+def offsets_of(model: SegmentModel, places: Array, frames: Array) -> Array:
+    """Joints (S, 3) m in the frames of their parents: the medians over instants of places (N, S, 3) m and
+    frames (N, S, 3, 3); 0 of the root.
+    """
+    arms = (places - places[:, model.parents])[..., None]
+    found: Array = np.median((frames[:, model.parents].swapaxes(-1, -2) @ arms)[..., 0], axis=0)
+    found[0] = 0.0
+    return found
+
+
+def read_shape(document: Mapping[str, Any], model: SegmentModel) -> BodyShape:
+    """A shape from a YAML document, see `config/bodies/shape21.yaml`.
+
+    Raises:
+        DataError: naming the segment and what is wrong.
+    """
+    rows = []
+    for name, capsules in document.items():
+        segment = model.index(str(name))
+        for row in capsules:
+            try:
+                ends = [_end(row.get(key, (0, 0, 0)), model) for key in ("from", "to")]
+                first, last = (float(radius) for radius in row["radii"])
+                rows.append((segment, ends[0], ends[1], (first, last), float(row.get("wide", 1.0))))
+            except (KeyError, TypeError, ValueError) as error:
+                raise DataError(f"segment {name}: a capsule that cannot be read: {error!r}") from None
+    return BodyShape(model, tuple(rows))
+
+
+def _end(value: Any, model: SegmentModel) -> Array | int:
+    if isinstance(value, str):
+        return model.index(value)
+    x, y, z = (float(number) for number in value)
+    return np.array([x, y, z])

@@ -1,0 +1,135 @@
+"""Bodies over a WebSocket: every client gets the newest instant, whatever it can take."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import re
+import secrets
+import threading
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+
+from panoptic_ros.errors import EnvironmentProblem
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+OWN_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
+MOST_ASKED = 1024  # bytes that a client may send; nothing is asked of it
+REFUSED = 1008  # code of a connection that is closed for lack of the token
+
+
+class _Client:
+    """What waits for a client: the newest instant, or none."""
+
+    def __init__(self) -> None:
+        self.waiting: str | None = None
+        self.changed = asyncio.Event()
+
+
+class BodySocket:
+    """Listens in a thread of its own.
+
+    On this machine alone the address is enough; pages of other sites are refused by their origin. For other
+    machines a token in the address is asked for.
+
+    Args:
+        host: to listen on. port: 0 = any that is free.
+
+    Raises:
+        EnvironmentProblem: if the port is taken.
+    """
+
+    def __init__(self, host: str = "127.0.0.1", port: int = 0):
+        self._host, self._port = host, port
+        self._token = "" if host in LOOPBACK else secrets.token_urlsafe(9)
+        self._hello: str | None = None
+        self._clients: set[_Client] = set()
+        self._loop = asyncio.new_event_loop()
+        self._over = asyncio.Event()
+        started: Future[int] = Future()
+        self._thread = threading.Thread(target=self._run, args=(started,), daemon=True)
+        self._thread.start()
+        try:
+            self.port = started.result()
+        except OSError as error:
+            raise EnvironmentProblem(
+                f"nothing can listen on {host}, port {port} ({error.strerror or error}); choose another "
+                "`stream_port`"
+            ) from None
+
+    @property
+    def address(self) -> str:
+        """Where clients connect."""
+        return f"ws://{self._host}:{self.port}/" + (f"?token={self._token}" if self._token else "")
+
+    @property
+    def watched(self) -> bool:
+        """Whether there are clients."""
+        return bool(self._clients)
+
+    def begin(self, hello: str) -> None:
+        """What every client is told first; instants are sent after it only."""
+        self._hello = hello
+
+    def offer(self, instant: str) -> None:
+        """The newest instant; whoever has not taken the one before gets this in its place."""
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._spread, instant)
+
+    def close(self) -> None:
+        """End all connections."""
+        with suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(self._over.set)
+        self._thread.join(timeout=5.0)
+
+    def _spread(self, instant: str) -> None:
+        for client in self._clients:
+            client.waiting = instant
+            client.changed.set()
+
+    def _run(self, started: Future[int]) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.run_until_complete(self._serve(started))
+        self._loop.close()
+
+    async def _serve(self, started: Future[int]) -> None:
+        try:
+            server = await serve(
+                self._talk, self._host, self._port, compression=None, max_size=MOST_ASKED, server_header=None,
+                origins=[None, OWN_PAGES],
+            )  # fmt: skip
+        except OSError as error:
+            started.set_exception(error)
+            return
+        async with server:
+            started.set_result(int(next(iter(server.sockets)).getsockname()[1]))
+            await self._over.wait()
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        request: Any = connection.request
+        given = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
+        if not hmac.compare_digest(given.encode(), self._token.encode()):
+            await connection.close(REFUSED, "the address lacks its token")
+            return
+        client = _Client()
+        self._clients.add(client)
+        told = False
+        try:
+            while True:
+                await client.changed.wait()
+                client.changed.clear()
+                instant, client.waiting = client.waiting, None
+                if not told and self._hello is not None:
+                    await connection.send(self._hello)
+                    told = True
+                if told and instant is not None:
+                    await connection.send(instant)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._clients.discard(client)

@@ -1,0 +1,53 @@
+"""Bodies of one person at a fixed rate, as most formats of motion want them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain.body_shape import offsets_of
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+
+
+class Motion(NamedTuple):
+    """N instants of S segments: period s; places (N, S, 3) m and frames (N, S, 3, 3), world from segment;
+    offsets (S, 3) m, joints in the frames of their parents; first_ns: stamp of the first."""
+
+    period: float
+    places: Array
+    frames: Array
+    offsets: Array
+    first_ns: int
+
+
+def motion_of(model: SegmentModel, states: Sequence[BodyState], what: str) -> Motion:
+    """The motion of one person; where there is no body, the one before stands.
+
+    Args:
+        states: of one person, by time. what: the format, for the message.
+
+    Raises:
+        DataError: if there are fewer than two instants.
+    """
+    if len(states) < 2:
+        raise DataError(f"{what} needs two instants of a body at least; there are {len(states)}")
+    stamps = np.array([state.stamp_ns for state in states])
+    period = float(np.median(np.diff(stamps)))
+    count = round((stamps[-1] - stamps[0]) / period) + 1
+    instants = stamps[0] + period * (np.arange(count) + 0.5)
+    rows = np.searchsorted(stamps, instants, side="right") - 1
+    places, frames = (np.array([getattr(s, name) for s in states])[rows] for name in ("places", "frames"))
+    return Motion(1e-9 * period, places, frames, offsets_of(model, places, frames), int(stamps[0]))
+
+
+def local_turns(model: SegmentModel, frames: Array) -> Array:
+    """Frames (N, S, 3, 3) of segments in those of their parents; of the root in the world."""
+    turns: Array = frames[:, model.parents].swapaxes(-1, -2) @ frames
+    turns[:, 0] = frames[:, 0]
+    return turns
