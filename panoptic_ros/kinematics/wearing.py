@@ -59,7 +59,8 @@ class Wearing:
         turned = np.ascontiguousarray(seen[-FEWEST_LABELS:, :, None].swapaxes(-1, -2) @ goals)
         apart = np.linalg.norm(vectors_of(turned.reshape(-1, 3, 3)), axis=-1).reshape(turned.shape[:3])
         along = np.einsum("pi,lpdij,pj->lpd", unseen, turned, unseen)  # of bones: where they point
-        apart = np.where(unseen.any(-1)[:, None], np.arccos(np.clip(along, -1.0, 1.0)), apart)
+        points = np.linalg.norm(unseen, axis=-1)[:, None] > 0.0
+        apart = np.where(points, np.arccos(np.clip(along, -1.0, 1.0)), apart)
         off = np.median(np.where(np.isfinite(apart), apart, 0.0), axis=0)
         wrong = np.flatnonzero(np.diag(off) > WRONG).tolist()
         pairs = [(max(off[i, j], off[j, i]), i, j) for i in wrong for j in wrong if i < j]
