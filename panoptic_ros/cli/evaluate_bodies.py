@@ -14,18 +14,30 @@ from panoptic_ros.view.progress import PassBar
 if TYPE_CHECKING:
     from panoptic_ros.running.studies.bodies.cases import BodyCase
 
-BODY_STUDIES = ("kinematics", "kinematics-inputs", "devices")
+BODY_STUDIES = ("kinematics", "kinematics-inputs", "terms", "alignment", "devices")
 
 
 def run_bodies(args: argparse.Namespace) -> int:
     """Solve captures in several ways, print a table, write the numbers and the plot."""
-    from panoptic_ros.running.studies.bodies import devices, goals, inputs  # numba is slow to load
+    from panoptic_ros.running.studies.bodies import (  # numba is slow to load
+        alignment,
+        devices,
+        goals,
+        inputs,
+        terms,
+    )
 
     cases, number = _cases(args)
     with PassBar(args.study) as bar:
         if args.study == "devices":
             result = devices.study_devices(_seeds(args), args.settings, bar.show)
             lines = devices.device_lines(result)
+        elif args.study == "alignment":
+            result = alignment.study_alignment(cases, number, args.settings, bar.show)
+            lines = alignment.alignment_lines(result)
+        elif args.study == "terms":
+            result = terms.study_terms(cases, number, args.settings, bar.show)
+            lines = terms.term_lines(result)
         elif args.study == "kinematics":
             result = goals.study_goals(cases, number, args.settings, bar.show)
             lines = goals.goal_lines(result)

@@ -30,9 +30,10 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "--study", choices=(*studies.STUDIES, *WITHOUT_RIG),
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
         "VGA and QVGA images; time for a minute of capture. Without --rig: kinematics: bodies beside the "
-        "paper's solver, -inputs: by cameras and IMUs; devices: IMUs that are worn otherwise than said; "
-        "identity: who stays who, and whom few views see; refine: smoothing of a capture with truth, with "
-        "and without the motion of the surface (--capture)",
+        "paper's solver, -inputs: by cameras and IMUs; terms: each left out; alignment: heading and clock "
+        "of IMUs; devices: IMUs that are worn otherwise than said; identity: who stays who, and whom few "
+        "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
+        "(--capture)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument(

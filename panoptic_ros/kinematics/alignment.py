@@ -9,30 +9,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import BodyState, Subject
-from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.domain.subjects import BodyState, Subject, TPose
+from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z, vectors_of
+from panoptic_ros.kinematics.config import KinematicsConfig
 
 Array = np.ndarray
 SMOOTHING_S = 0.06  # of angular velocities, about 3 Hz
 OFFSETS_S = np.arange(-0.15, 0.1501, 0.005)
 LEAST_MOTION = 0.3  # rad/s, root mean square of what is compared: less tells nothing
 HEADINGS = 720
+ALIGNED_LAG_S = 0.2  # of the poses that are compared: with less, they follow late and look like a late clock
+LEAST_OFFSET_S, SURE = 0.012, 3.0  # s, standard deviations: less is within the error of finding it
+SAME_S = 1.0  # for which errors of angular velocities stay the same
+
+
+_Pair = tuple[Array, Array, Array, Array]  # see `align`
 
 
 class Alignment(NamedTuple):
-    """Heading, rad, world from inertial frame; offset, s, that is added to the stamps of the IMUs; root mean
-    square, rad/s, of what is compared, and of what is left of it."""
+    """Heading, rad, world from inertial frame; offset, s, that is added to the stamps of the IMUs, and its
+    standard deviation; root mean square, rad/s, of what is compared, and of what is left of it."""
 
     heading: float
     offset: float
+    unsure: float
     motion: float
     residual: float
+
+    @property
+    def late(self) -> bool:
+        """Whether the clock is off by more than the error of finding it."""
+        return abs(self.offset) >= max(LEAST_OFFSET_S, SURE * self.unsure)
 
 
 def align(
@@ -49,7 +63,7 @@ def align(
     stamps = np.array([state.stamp_ns for state in states])
     frames = np.array([state.frames for state in states])
     step = float(np.median(np.diff(stamps))) * 1e-9
-    pairs = []
+    pairs: list[_Pair] = []  # stamps, felt (N, 3); seen (T, 3), and what is across the bone (T, 3, 3)
     for device in subject.devices:
         bone = _bone(subject.body.model, device.segment)
         if device.name not in orientations or bone is None:
@@ -70,15 +84,18 @@ def align(
     found = [_fit(stamps, pairs, offset, subject.heading_known) for offset in OFFSETS_S]
     costs = np.array([cost for cost, _ in found])
     k = int(np.argmin(costs))
-    offset, heading = float(OFFSETS_S[k]), found[k][1]
+    offset, heading, left, unsure = float(OFFSETS_S[k]), found[k][1], max(float(costs[k]), 0.0), math.inf
     if 0 < k < len(costs) - 1:
-        bend = costs[k - 1] - 2 * costs[k] + costs[k + 1]
-        offset += float(0.5 * (costs[k - 1] - costs[k + 1]) / bend * (OFFSETS_S[1] - OFFSETS_S[0]))
-    return Alignment(heading, offset, motion, math.sqrt(max(float(costs[k]), 0.0)))
+        spacing = float(OFFSETS_S[1] - OFFSETS_S[0])
+        bend = float(costs[k - 1] - 2 * costs[k] + costs[k + 1]) / spacing**2
+        offset += float(0.5 * (costs[k - 1] - costs[k + 1])) / (bend * spacing)
+        independent = max(len(pairs) * len(states) * step / SAME_S, 1.0)
+        unsure = math.sqrt(2.0 * left / (bend * independent))
+    return Alignment(heading, offset, unsure, motion, math.sqrt(left))
 
 
 def _fit(
-    stamps: Array, pairs: list[tuple[Array, Array, Array, Array]], offset: float, known: bool
+    stamps: Array, pairs: list[_Pair], offset: float, known: bool
 ) -> tuple[float, float]:
     """Mean square that is left, and the heading, for an offset of the clock."""
     matrix, vector, constant, count = np.zeros((2, 2)), np.zeros(2), 0.0, 0
@@ -118,3 +135,37 @@ def _bone(model: SegmentModel, segment: int) -> int | None:
     if len(children) != 1 or name[:1] not in "lr" or model.parents[segment] < 0:
         return None
     return int(children[0])
+
+
+def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:
+    """How motion is solved that is compared with what IMUs felt."""
+    return replace(config, lag=ALIGNED_LAG_S)
+
+
+def taken_over(subject: Subject, found: Alignment, clocks: bool) -> tuple[float, int, list[str]]:
+    """Heading, rad, what is added to the stamps of the IMUs, ns, and lines about both where they are not as
+    stated.
+
+    Args:
+        clocks: whether an offset of the clock is taken over.
+    """
+    heading, offset_ns, lines = 0.0, 0, []
+    if not subject.heading_known:
+        heading = found.heading
+        lines.append(f"heading of the IMUs found from motion: {math.degrees(heading):.1f} deg")
+    if clocks and found.late:
+        offset_ns = round(1e9 * found.offset)
+        lines.append(f"clock of the IMUs found from motion: {1e3 * found.offset:+.0f} ms")
+    return heading, offset_ns, lines
+
+
+def t_pose_mount(pose: TPose, heading: float, held: Sequence[Array]) -> Array:
+    """Mounting (3, 3), segment from device, of a device with these orientations (3, 3) in a T-pose.
+
+    Args:
+        heading: rad, world from the IMUs' inertial frame.
+    """
+    facing = pose.facing if pose.facing is not None else np.array([1.0, 0.0, 0.0])
+    body = turn_about_z(float(np.arctan2(facing[1], facing[0])))
+    found: Array = body.T @ turn_about_z(heading) @ mean_rotation(np.array(held))
+    return found

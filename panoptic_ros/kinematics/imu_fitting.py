@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
-from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z
-from panoptic_ros.kinematics.alignment import align
+from panoptic_ros.kinematics.alignment import align, t_pose_mount, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 LOOK_S, LONGEST_S = 5.0, 15.0  # of motion after which heading and clock are looked for, and given up
 UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
-LEAST_OFFSET_S = 0.012  # less is within the error of finding it
 
 
 class ImuFitting:
@@ -31,6 +26,7 @@ class ImuFitting:
     def __init__(self, config: KinematicsConfig, subject: Subject):
         self.heading = 0.0 if subject.heading_known else None
         self.offset_ns = 0
+        self._clocks = config.clocks
         worn = bool(subject.devices)
         self.looking = worn and config.window and (config.clocks or not subject.heading_known)
         self._states: list[BodyState] = []
@@ -65,10 +61,7 @@ class ImuFitting:
             if device.mount is not None:
                 found[device.name] = device.mount
             elif pose is not None and stamp_ns > pose.to_ns and device.name in self._held:
-                facing = pose.facing if pose.facing is not None else np.array([1.0, 0.0, 0.0])
-                body = turn_about_z(float(np.arctan2(facing[1], facing[0])))
-                held = mean_rotation(np.array(self._held[device.name]))
-                found[device.name] = body.T @ turn_about_z(self.heading) @ held
+                found[device.name] = t_pose_mount(pose, self.heading, self._held[device.name])
         return found
 
     def learn(self, subject: Subject, states: list[BodyState], rate_hz: float) -> list[Notice]:
@@ -92,13 +85,7 @@ class ImuFitting:
             more = lasted < LONGEST_S
             return [] if more else self._give_up(subject, "the person hardly moves")
         self._done()
-        lines = []
-        if not subject.heading_known:
-            self.heading = found.heading
-            lines.append(f"heading of the IMUs found from motion: {math.degrees(found.heading):.1f} deg")
-        if abs(found.offset) >= LEAST_OFFSET_S:
-            self.offset_ns = round(1e9 * found.offset)
-            lines.append(f"clock of the IMUs found from motion: {1e3 * found.offset:+.0f} ms")
+        self.heading, self.offset_ns, lines = taken_over(subject, found, self._clocks)
         return [_notice("imu_aligned", "info", subject, line) for line in lines]
 
     def _give_up(self, subject: Subject, why: str) -> list[Notice]:
@@ -126,11 +113,6 @@ class ImuFitting:
             line = f"device {device.name} {why}; it is left out"
             notices.append(_notice("imu_mount", "warning", subject, line, device.name))
         return notices
-
-
-def cameras_alone(config: KinematicsConfig, lag: float) -> KinematicsConfig:
-    """How motion is solved that is compared with what IMUs felt."""
-    return replace(config, lag=lag)
 
 
 def _notice(code: str, severity: str, subject: Subject, line: str, device: str = "") -> Notice:

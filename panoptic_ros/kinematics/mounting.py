@@ -117,9 +117,7 @@ class MountingEstimate:
         if self._looks > 2 * RECENT:
             recent = [np.mean([look[k] for look in self._recent], axis=0) for k in (0, 1)]
             newer, spread = self._corrections(recent[0], recent[1], RECENT)
-            change = (newer - state)[1:].reshape(-1, 3)
-            along = (change * self._unseen).sum(-1, keepdims=True)  # of which the prior alone tells
-            apart = np.linalg.norm(change - along * self._unseen, axis=-1)
+            apart = np.linalg.norm(self._seen_part((newer - state)[1:].reshape(-1, 3)), axis=-1)
             unsure = np.sqrt(np.diag(spread)[1:].reshape(-1, 3).sum(1))
             away = apart > np.maximum(SLIPPED, SLIPPED_SDS * unsure)
             self._moved = np.where(away, self._moved + 1, 0)
@@ -131,7 +129,7 @@ class MountingEstimate:
         self.heading, self.mountings = float(state[0]), state[1:].reshape(-1, 3)
         left = np.diag(covariance)[1:].reshape(-1, 3).mean(1)
         self.spreads = np.sqrt(left + self._strap**2)
-        off = np.linalg.norm(self.mountings, axis=-1)
+        off = np.linalg.norm(self._seen_part(self.mountings), axis=-1)
         self.mistaken = self._far(state, covariance) & (off > TOLD) & (self._looks >= FEWEST_LOOKS)
 
     def _corrections(self, information: Array, pull: Array, number: int) -> tuple[Array, Array]:
@@ -158,9 +156,14 @@ class MountingEstimate:
 
     def _far(self, state: Array, covariance: Array) -> Array:
         """Which mountings (N,) are off by more than those of one person are, and than cameras mistake."""
-        off = np.linalg.norm(state[1:].reshape(-1, 3), axis=-1)
+        off = np.linalg.norm(self._seen_part(state[1:].reshape(-1, 3)), axis=-1)
         unsure = np.sqrt(np.diag(covariance)[1:].reshape(-1, 3).sum(1))
         found: Array = off > np.maximum(max(MISTAKEN, MISTAKEN_SDS * self._common), MISTAKEN_SPREADS * unsure)
+        return found
+
+    def _seen_part(self, turns: Array) -> Array:
+        """Turns (N, 3) of the segments without what the prior alone tells."""
+        found: Array = turns - (turns * self._unseen).sum(-1, keepdims=True) * self._unseen
         return found
 
     @staticmethod

@@ -11,16 +11,16 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.bodies import BodySource
 from panoptic_ros.domain.subjects import BodyState, ImuReading, Instant, Subject
+from panoptic_ros.kinematics.alignment import cameras_alone
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
-from panoptic_ros.kinematics.imu_fitting import ImuFitting, cameras_alone
+from panoptic_ros.kinematics.imu_fitting import ImuFitting
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.seen_people import SeenPerson, SeenPoints
 from panoptic_ros.kinematics.tracker import SubjectTracker
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
-ALIGNED_LAG_S = 0.2  # with less, poses follow late and look like a late clock
 LOST_S = 0.5  # without any data, after which a body is given up
 AWAITED_S = 2.0  # for which somebody whom no camera has seen yet is waited for
 AGAIN_S = 1.0  # without cameras, after which the place is taken from what they see
@@ -131,7 +131,7 @@ class Person:
         """Solve from cameras alone, and compare with the IMUs."""
         if self._alone is None and people:
             bare = replace(self.subject, devices=())
-            self._alone = SubjectTracker(cameras_alone(self._config, ALIGNED_LAG_S), bare, self.weighing, {})
+            self._alone = SubjectTracker(cameras_alone(self._config), bare, self.weighing, {})
         states = self._alone.step(instant, people) if self._alone is not None and people else []
         notices = self.fitting.learn(self.subject, states, self._config.rate_hz)
         if not self.fitting.looking:

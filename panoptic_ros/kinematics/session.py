@@ -11,8 +11,8 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.rotations import from_quaternions, mean_rotation, turn_about_z
-from panoptic_ros.kinematics.alignment import align
+from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.alignment import align, cameras_alone, t_pose_mount, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.prior import PoseStatistics
@@ -21,8 +21,6 @@ from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
-ALIGNED_LAG_S = 0.2  # with less, poses follow late and look like a late clock
-LEAST_OFFSET_S = 0.012  # less is within the error of finding it
 FIRST_GATE = 0.8  # m, from where a subject is said to start
 
 
@@ -100,9 +98,8 @@ def _aligned(
         for camera, view in recording.views.items()
     }
     alone = [replace(other, devices=()) for other in subjects]
-    smooth = replace(config, lag=ALIGNED_LAG_S)
     cameras = Recording(recording.rig, recording.joint_names, views, {})
-    seen = solve_recording(cameras, alone, smooth, statistics)
+    seen = solve_recording(cameras, alone, cameras_alone(config), statistics)
     states = [state for state in seen.states if state.id == subject.id]
     orientations = {}
     for device in subject.devices:
@@ -119,14 +116,10 @@ def _aligned(
         if not subject.heading_known:
             notices.append(f"subject {subject.id}: hardly moves, so the heading of its IMUs is taken as 0")
         return recording
-    if not subject.heading_known:
-        headings[subject.id] = found.heading
-        degrees = math.degrees(found.heading)
-        notices.append(f"subject {subject.id}: heading of the IMUs found from motion: {degrees:.1f} deg")
-    if abs(found.offset) < LEAST_OFFSET_S or not config.clocks:
+    headings[subject.id], shift, lines = taken_over(subject, found, config.clocks)
+    notices += [f"subject {subject.id}: {line}" for line in lines]
+    if not shift:
         return recording
-    notices.append(f"subject {subject.id}: clock of the IMUs found from motion: {1e3 * found.offset:+.0f} ms")
-    shift = round(1e9 * found.offset)
     worn = {device.name for device in subject.devices}
     moved = {name: s.shifted(shift) if name in worn else s for name, s in recording.devices.items()}
     return replace(recording, devices=moved)
@@ -164,9 +157,7 @@ def t_pose_mounts(
         held = [r for r in held if np.isfinite(r).all()]
         if not held:
             raise DataError(f"subject {subject.id}: device {device.name} has no samples in the T-pose")
-        facing = pose.facing if pose.facing is not None else np.array([1.0, 0.0, 0.0])
-        body = turn_about_z(float(np.arctan2(facing[1], facing[0])))
-        mounts[device.name] = body.T @ turn_about_z(heading) @ mean_rotation(np.array(held))
+        mounts[device.name] = t_pose_mount(pose, heading, held)
     return mounts
 
 
