@@ -9,6 +9,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, JointState, SkeletonModel, TrackedPoseSet, ViewDetections
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.colors import bgr_of
+from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody, draw_bodies
 
 Array = np.ndarray
 BONE_PIECES = 8  # a bone is drawn as so many pieces, since lenses bend lines and a part may be behind us
@@ -27,15 +28,19 @@ def draw_view(
     detections: ViewDetections | None = None,
     *,
     scale: float = 1.0,
+    bodies: Sequence[DrawnBody] = (),
+    surfaces: BodySurfaces | None = None,
 ) -> Array:
     """Skeletons reprojected into one view with the lens's distortion, over a copy of its image.
 
     A colour and a number per id; measured joints are discs, predicted ones rings, filled ones squares;
-    bones with an end that is not measured are thin. The detector's 2D people are thin grey lines.
+    bones with an end that is not measured are thin. The detector's 2D people are thin grey lines. Who has a
+    body is drawn as one in place of bones and joints.
 
     Args:
         image: (H, W, 3) uint8, BGR, of the camera's size.
         poses: None or empty draws the detections only.
+        bodies: of this instant. surfaces: of theirs; None: bodies are not drawn.
         scale: size of the result relative to the image; drawing after resizing keeps lines sharp.
 
     Returns:
@@ -55,10 +60,15 @@ def draw_view(
     canvas = _resized(image, scale)
     if detections is not None:
         _draw_detections(canvas, detections, skeleton, scale)
+    there = {body.id for body in bodies} if surfaces is not None else set()
+    if surfaces is not None:
+        draw_bodies(canvas, camera, bodies, surfaces, [bgr_of(body.id) for body in bodies], scale)
     if poses is not None:
         pieces = _bone_pieces(camera, poses, skeleton)
         pixels, _ = camera.project(poses.positions)
         for person, identity in enumerate(poses.ids):
+            if int(identity) in there:
+                continue
             _draw_bones(canvas, pieces[person], poses.states[person], skeleton, bgr_of(identity), scale)
             _draw_joints(canvas, pixels[person], poses.states[person], bgr_of(identity), scale)
         for person, identity in enumerate(poses.ids):

@@ -10,12 +10,15 @@ import numpy as np
 
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, TrackedPoseSet, ViewFrame
+from panoptic_ros.domain.body_shape import BodyShape
+from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody
 from panoptic_ros.view.mosaic import Mosaic
 from panoptic_ros.view.overlay import draw_view
 from panoptic_ros.view.pictures import Stills
 from panoptic_ros.view.video_file import VideoFile
 
 Array = np.ndarray
+NEAR_NS = 50_000_000  # a body is drawn into an image that is at most so far from it in time
 VIDEO_RATE_LIMIT = 60.0  # Hz; players have trouble beyond
 
 
@@ -30,6 +33,8 @@ def write_overlays(
     stills: int = 4,
     max_size: tuple[int, int] = (1920, 1080),
     show_detections: bool = True,
+    bodies: Sequence[DrawnBody] = (),
+    shape: BodyShape | None = None,
     on_frame: Callable[[int], None] | None = None,
 ) -> list[Path]:
     """Write overlay.mp4 and some stills: all views side by side, with the skeletons of each instant.
@@ -43,6 +48,7 @@ def write_overlays(
         sources: recorded ones, of any of the rig's cameras.
         detections: in the order of time; one picture each.
         stills: how many pictures besides the video, evenly spread over it.
+        bodies: by time, of all instants, with the shape that they have; the nearest in time is drawn.
         on_frame: called with the number of pictures done, for a progress bar.
 
     Returns:
@@ -56,6 +62,7 @@ def write_overlays(
         return []
     mosaic = Mosaic({source.camera: source.image_size for source in sources}, max_size)
     by_index = {pose.index: pose for pose in poses}
+    nearest = _Nearest(bodies, None if shape is None else BodySurfaces(shape))
     first, last = detections[0].stamp_ns, detections[-1].stamp_ns
     instants = tuple((last - first) * (i + 0.5) / stills / 1e9 for i in range(stills))
     gallery = Stills(Path(folder), instants, ".jpg")
@@ -66,7 +73,7 @@ def write_overlays(
         path = Path(folder) / "overlay.mp4"
         video = stack.enter_context(VideoFile(path, mosaic.size, _rate(detections)))
         for done, found in enumerate(detections, start=1):
-            images = _views(rig, skeleton, mosaic, readers, found, by_index, show_detections)
+            images = _views(rig, skeleton, mosaic, readers, found, by_index, show_detections, nearest)
             picture = mosaic.compose(images, f"{(found.stamp_ns - first) / 1e9:.2f} s")
             video.write(picture)
             gallery.offer(found.stamp_ns, picture)
@@ -74,6 +81,25 @@ def write_overlays(
                 on_frame(done)
         gallery.close()
     return [video.path, *gallery.written]
+
+
+class _Nearest:
+    """The bodies nearest to an instant."""
+
+    def __init__(self, bodies: Sequence[DrawnBody], surfaces: BodySurfaces | None):
+        self.surfaces = surfaces
+        self._bodies = list(bodies)
+        self._stamps = np.array([body.stamp_ns for body in bodies], np.int64)
+
+    def at(self, stamp_ns: int) -> list[DrawnBody]:
+        """Of each person at most one."""
+        begin, end = np.searchsorted(self._stamps, [stamp_ns - NEAR_NS, stamp_ns + NEAR_NS])
+        found: dict[int, DrawnBody] = {}
+        for body in self._bodies[begin:end]:
+            other = found.get(body.id)
+            if other is None or abs(body.stamp_ns - stamp_ns) < abs(other.stamp_ns - stamp_ns):
+                found[body.id] = body
+        return list(found.values())
 
 
 class _Reader:
@@ -104,6 +130,7 @@ def _views(
     found: DetectionSet,
     by_index: Mapping[int, TrackedPoseSet],
     show_detections: bool,
+    nearest: _Nearest,
 ) -> dict[str, Array]:
     images = {}
     for view in found.views:
@@ -116,6 +143,8 @@ def _views(
                 skeleton,
                 view if show_detections else None,
                 scale=mosaic.scales[view.camera],
+                bodies=nearest.at(view.stamp_ns),
+                surfaces=nearest.surfaces,
             )
     return images
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain.body_shape import BodyShape
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.files import write_bytes
+from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody, shades
 
 Array = np.ndarray
 CAMERA_GREY = (0.45, 0.45, 0.45)
@@ -32,6 +34,8 @@ def plot_capture(
     *,
     instants: Sequence[int] | None = None,
     title: str = "",
+    bodies: Sequence[DrawnBody] = (),
+    shape: BodyShape | None = None,
 ) -> None:
     """Write a PNG: on the left skeletons and cameras in 3D, on the right everything from above.
 
@@ -41,6 +45,7 @@ def plot_capture(
     Args:
         poses: in the order of time; may be empty.
         instants: indices into `poses` of the skeletons drawn; None takes a few, evenly spread.
+        bodies: by time; those nearest to the instants drawn stand in place of bones. shape: that they have.
 
     Raises:
         DataError: for poses of another skeleton.
@@ -56,13 +61,39 @@ def plot_capture(
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.2, 1.0), wspace=0.06)[0]
     scene: Axes3D = left.add_subplot(projection="3d")
     plan = right.add_subplot()
-    _draw_scene(scene, rig, skeleton, chosen, paths)
+    surfaces = None if shape is None else BodySurfaces(shape)
+    there = {body.id for body in bodies} if surfaces is not None else set()
+    _draw_scene(scene, rig, skeleton, chosen, paths, there)
+    if surfaces is not None:
+        _draw_bodies(scene, surfaces, _chosen_bodies(bodies, chosen))
     _draw_plan(plan, rig, skeleton, chosen, paths)
     if title:
         figure.suptitle(title)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     write_bytes(Path(path), buffer.getvalue())
+
+
+def _chosen_bodies(bodies: Sequence[DrawnBody], poses: Sequence[TrackedPoseSet]) -> list[DrawnBody]:
+    """Of each person the bodies nearest to some instants, or to a few of its own where there are none."""
+    stamps = [pose.stamp_ns for pose in poses]
+    found = []
+    for number in sorted({body.id for body in bodies}):
+        own = [body for body in bodies if body.id == number]
+        times = np.array([body.stamp_ns for body in own])
+        wanted = stamps or np.linspace(times[0], times[-1], SHOWN_INSTANTS).tolist()
+        found += [own[row] for row in dict.fromkeys(int(np.abs(times - t).argmin()) for t in wanted)]
+    return found
+
+
+def _draw_bodies(axes: Axes3D, surfaces: BodySurfaces, bodies: Sequence[DrawnBody]) -> None:
+    stamps = sorted({body.stamp_ns for body in bodies})
+    for body in bodies:
+        points, normals, triangles = surfaces.place(body)
+        opacity = 0.25 + 0.75 * (stamps.index(body.stamp_ns) + 1) / len(stamps)
+        tints = shades(normals, triangles)[:, None] * np.array(rgb_of(body.id))
+        colors = np.concatenate([tints, np.full((len(tints), 1), opacity)], axis=1)
+        axes.add_collection3d(Poly3DCollection(points[triangles], facecolors=colors, edgecolors="none"))
 
 
 def head_paths(skeleton: SkeletonModel, poses: Sequence[TrackedPoseSet]) -> dict[int, Array]:
@@ -108,6 +139,7 @@ def _draw_scene(
     skeleton: SkeletonModel,
     poses: Sequence[TrackedPoseSet],
     paths: dict[int, Array],
+    hidden: Collection[int],
 ) -> None:
     centres = np.stack([camera.centre for camera in rig.cameras])
     size = 0.12 * max(1.0, float(np.ptp(centres, axis=0).max()))
@@ -118,7 +150,7 @@ def _draw_scene(
     for identity, path in paths.items():
         axes.plot(path[:, 0], path[:, 1], 0.0, color=rgb_of(identity), linewidth=1.0)
     shown = [centres]
-    for lines, colors in (_bone_lines(skeleton, pose, age) for pose, age in _aged(poses)):
+    for lines, colors in (_bone_lines(skeleton, pose, age, hidden) for pose, age in _aged(poses)):
         axes.add_collection3d(Line3DCollection(lines, colors=colors, linewidths=2.0))
         shown.append(lines.reshape(-1, 3))
     _equal_axes(axes, np.concatenate(shown))
@@ -163,11 +195,12 @@ def _aged(poses: Sequence[TrackedPoseSet]) -> list[tuple[TrackedPoseSet, float]]
 
 
 def _bone_lines(
-    skeleton: SkeletonModel, pose: TrackedPoseSet, opacity: float
+    skeleton: SkeletonModel, pose: TrackedPoseSet, opacity: float, hidden: Collection[int] = ()
 ) -> tuple[Array, list[tuple[float, float, float, float]]]:
-    """Lines (N, 2, 3) m of all bones that have both ends, and their colours."""
+    """Lines (N, 2, 3) m of all bones that have both ends, and their colours; not of hidden people."""
     ends = pose.positions[:, np.array(skeleton.bones)]  # (P, B, 2, 3)
     there = np.isfinite(ends).all((-1, -2))
+    there[[number in hidden for number in pose.ids.tolist()]] = False
     colors = [(*rgb_of(pose.ids[person]), opacity) for person, _ in np.argwhere(there)]
     return ends[there], colors
 

@@ -3,11 +3,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from typing import Any
 
 from panoptic_ros.capture import open_source
 from panoptic_ros.domain import DetectionSet
+from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.evaluation.capture_report import summarise_capture
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.io.body_models import read_body_model, read_body_shape
 from panoptic_ros.io.folders import MARK
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.params import config_of
@@ -67,7 +70,10 @@ def _pictures(
     path = results.folder / "skeletons.png"
     from panoptic_ros.view.plot3d import plot_capture  # matplotlib takes half a second to load
 
-    plot_capture(path, plan.rig, plan.skeleton, list(results.poses), title=plan.title)
+    model = plan.extras.get("segments")
+    drawn: dict[str, Any] = {"bodies": list(results.drawn)}
+    drawn["shape"] = read_body_shape(model) if model is not None and _has_shape(model) else None
+    plot_capture(path, plan.rig, plan.skeleton, list(results.poses), title=plan.title, **drawn)
     if plan.live or plan.streams:
         return
     with ExitStack() as stack:
@@ -76,8 +82,13 @@ def _pictures(
         ]
         write_overlays(
             results.folder, plan.rig, plan.skeleton, sources, sets, list(results.poses),
-            on_frame=lambda done: on_picture(done, len(sets)),
+            on_frame=lambda done: on_picture(done, len(sets)), **drawn,
         )  # fmt: skip
+
+
+def _has_shape(model: SegmentModel) -> bool:
+    """Whether the shape that is installed is one of these segments."""
+    return model.names == read_body_model().names
 
 
 def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:

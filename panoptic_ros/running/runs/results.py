@@ -26,6 +26,7 @@ from panoptic_ros.io.skeleton_stream import SkeletonStream
 from panoptic_ros.params import config_of, named_numbers, of_name
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.sync.config import SyncConfig
+from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
 KEPT_LIVE = 3600  # instants that the report of a live run, which has no end, is about: two minutes
 
@@ -82,6 +83,7 @@ class Results:
         model = plan.extras.get("segments")
         self._bodies = None if model is None else BodyStream(folder / "kinematics.json.gz", model)
         self.bodies = BodyTally()
+        self.drawn: deque[DrawnBody] = deque(maxlen=kept)
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
         self._on_record = on_record
@@ -124,6 +126,7 @@ class Results:
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns)
             self.bodies.add(record)
+            self.drawn.extend(drawn_bodies(record))
             if self._bodies is not None:
                 self._bodies.add(record)
         elif key == "clock_models":

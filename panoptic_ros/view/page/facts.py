@@ -7,7 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from panoptic_ros.domain import Camera, Rig, SkeletonModel
+from panoptic_ros.io.body_models import read_body_model, read_body_shape
 from panoptic_ros.io.messages.family import bag_typestore
 
 
@@ -61,7 +64,23 @@ class SceneFacts:
             "topics": [[topic.key, topic.owner, topic.message] for topic in self.topics],
             "schemas": schemas(topic.message for topic in self.topics),
             "report": dict(self.report), "rates": dict(self.rates),
+            "shape": shape_document() if any(topic.key == "bodies" for topic in self.topics) else None,
         }  # fmt: skip
+
+
+def shape_document() -> dict[str, Any]:
+    """How thick bodies are: what `bodies.js` draws with."""
+    model = read_body_model()
+
+    def end(place: Any) -> Any:
+        return model.names[place] if isinstance(place, int) else place.tolist()
+
+    capsules = [
+        {"segment": model.names[segment], "from": end(begin), "to": end(to), "radii": list(radii),
+         "wide": wide}
+        for segment, begin, to, radii, wide in read_body_shape(model).rows
+    ]  # fmt: skip
+    return {"scale": float(np.linalg.norm(model.shares[1:], axis=1).sum()), "capsules": capsules}
 
 
 def camera_document(camera: Camera) -> dict[str, Any]:

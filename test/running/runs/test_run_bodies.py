@@ -11,14 +11,18 @@ from panoptic_ros.capture.imus import imu_devices, imu_file, imu_samples
 from panoptic_ros.domain import BodySource, ImuSample
 from panoptic_ros.domain.subjects import ImuSeries
 from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.build import make_stage
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.kinematic_files import write_imus
 from panoptic_ros.io.messages import bag_messages, from_message, to_message
 from panoptic_ros.running.plans.bag_plan import plan_bags
+from panoptic_ros.running.plans.bag_topics import BagChoice
 from panoptic_ros.running.plans.options import RunOptions
+from panoptic_ros.running.plans.planning import plan_capture
 from panoptic_ros.running.runs.in_process import run_in_process
 from panoptic_ros.running.runs.results import Results
+from panoptic_ros.stage import StageContext
 
 
 def subject(path, number=4, device="back"):
@@ -92,3 +96,61 @@ def test_a_sample_goes_through_a_message_and_back():
     assert message.angular_velocity_covariance[0] == -1.0 and message.header.frame_id == "arm"
     back = from_message(message, "ImuSample")
     assert np.isnan(back.rate).all() and back.force.tolist() == [0, 0, 9.8]
+
+
+def run_of(plan, folder):
+    """States of the bodies of a run in this process, and its tally."""
+    folder.mkdir()
+    with Results(folder, plan) as results:
+        run_in_process(plan, results, lambda: False)
+    return read_bodies(folder / "kinematics.json.gz")[1], results.bodies
+
+
+def test_one_camera_is_enough_for_a_body(folder, tmp_path):
+    options = RunOptions(subjects=(folder / "subject.json",))
+    plan = plan_bags([folder / "bag"], options, choice=BagChoice(cameras=captures.RIG.names[:1]))
+    states, tally = run_of(plan, tmp_path / "out")
+    assert len(states) > 30 and set(tally.sources[4]) <= {BodySource.VIEWS, BodySource.PREDICTED}
+    camera = captures.RIG.cameras[0]
+    place = captures.people(0.0)[1, captures.SKELETON.joint("BodyCenter")]
+    seen = camera.project(np.stack([states[-1].places[0], place]))[0]
+    assert np.linalg.norm(seen[0] - seen[1]) < 60  # px: depth is not known, the direction is
+
+
+def test_imus_alone_give_bodies_and_no_skeletons(folder, tmp_path):
+    only = tmp_path / "only"
+    only.mkdir()
+    for name in ("imu.csv.gz", "subject.json"):
+        (only / name).write_bytes((folder / name).read_bytes())
+    states, tally = run_of(plan_capture(only), tmp_path / "out")
+    assert len(states) > 30 and set(tally.sources[4]) <= {BodySource.IMUS, BodySource.PREDICTED}
+    assert tally.document()["subjects"][0]["devices"] == 1.0
+
+
+def test_bad_imus_are_told_once_and_the_other_goes_on(folder, tmp_path):
+    good = series(200)
+    turned = ImuSeries(good.stamps, good.quaternions, good.rates, -good.forces)  # gravity the other way up
+    dead = ImuSeries(*(values[:30] for values in (good.stamps, good.quaternions, good.rates, good.forces)))
+    repeated = ImuSeries(np.repeat(good.stamps[::2], 2), good.quaternions, good.rates, good.forces)
+    worn = {"back": good, "turned": turned, "dead": dead, "repeated": repeated}
+    only = tmp_path / "only"
+    only.mkdir()
+    write_imus(only / "imu.csv.gz", worn)
+    places = ("spine4", "lThigh", "rThigh", "lShin")
+    devices = [{"device": d, "segment": s, "mount": [1, 0, 0, 0]} for d, s in zip(worn, places)]
+    document = json.loads((folder / "subject.json").read_text()) | {"devices": devices}
+    (only / "subject.json").write_text(json.dumps(document))
+    plan = plan_capture(only)
+    notices = []
+    context = StageContext(plan.rig, plan.skeleton, plan.extras)
+    stage = make_stage("kinematics", plan.configs["kinematics"], context)
+    states = []
+    for sample in imu_samples(only / "imu.csv.gz", list(worn)):
+        result = stage.step(sample)
+        notices += result.notices
+        states += result.outputs
+    codes = [(notice.code, notice.values["device"]) for notice in notices if notice.severity == "warning"]
+    assert codes.count(("kinematics.imu_silent", "dead")) == 1
+    assert codes.count(("kinematics.imu_convention", "turned")) == 1
+    assert {device for _, device in codes} <= {"dead", "turned", "repeated"}
+    assert states[-1].devices.tolist() == [2]  # back and repeated

@@ -2,16 +2,20 @@
 import base64
 
 import numpy as np
+from bodies import BODY, MODEL, placed, some_pose
 from node_js import needs_node, run_js
 from recorded_scene import SKELETON, START_NS, as_bytes, make_poses, make_rig, make_view, places, write_scene
 
 from panoptic_ros.domain import Camera
+from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.body_models import read_body_shape
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.messages.family import decode_cdr
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.view.page.facts import camera_document, schemas
+from panoptic_ros.kinematics.body_records import Solved, body_set
+from panoptic_ros.view.page.facts import camera_document, schemas, shape_document
 from panoptic_ros.view.page.packets import Kind, Message, pack
 from panoptic_ros.view.page.recorded import RecordedScene
 
@@ -298,3 +302,29 @@ def test_health_of_statuses_and_of_a_report():
     assert health["cameras"]["cam1"]["clock"] == "12.00 ms ± 40 µs"
     assert captions == [[["30 Hz"], "good"], [["0.0 Hz", "silent 3 s", "7 dropped"], "bad"]]
     assert SKELETON.head == 1
+
+
+def test_balls_of_a_body_lie_where_its_capsules_are():
+    frames, places = placed(some_pose(3))
+    body = Solved(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
+    data = as_bytes(body_set(0, 5, 5, MODEL, SKELETON, [body]))
+    kind = "panoptic_msgs/msg/Bodies"
+    found = run_js(
+        BYTES + """
+        import { Decoder } from "#view/cdr.js";
+        import { ballsOf } from "#view/bodies.js";
+        const message = new Decoder(data.schemas).decode(bytes(data.message), data.kind);
+        console.log(JSON.stringify(ballsOf(message, message.bodies[0], data.shape)));
+        """,
+        {"schemas": schemas([kind]), "message": text(data), "kind": kind, "shape": shape_document()},
+    )  # fmt: skip
+    centres, sizes = np.array([ball["at"] for ball in found]), np.array([ball["radius"] for ball in found])
+    axes = np.array([ball["axes"] for ball in found]).reshape(-1, 3, 3)
+    for capsule in read_body_shape(MODEL).capsules(BODY.offsets):
+        turn, origin = frames[capsule.segment], places[capsule.segment]
+        for end, radius in zip((capsule.begin, capsule.end), capsule.radii):
+            away = np.linalg.norm(centres - (origin + turn @ end), axis=1) + np.abs(sizes - radius)
+            nearest = away.argmin()
+            assert away[nearest] < 1e-6
+            expected = turn @ np.diag([radius, radius * capsule.wide, radius])
+            assert (np.abs(axes - expected).max((1, 2)) < 1e-6).any()

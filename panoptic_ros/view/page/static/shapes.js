@@ -85,6 +85,12 @@ export class Balls extends Many {
     this.put(color);
   }
 
+  // The image of the unit ball under a matrix, by rows.
+  addTurned([x, y, z], [a, b, c, d, e, f, g, h, i], color) {
+    this.matrix.set(a, b, c, x, d, e, f, y, g, h, i, z, 0, 0, 0, 1);
+    this.put(color);
+  }
+
   // The image of the unit ball under a lower triangular matrix, see `cholesky`.
   addEllipsoid([x, y, z], [l00, l10, l20, l11, l21, l22], scale, color) {
     this.matrix.set(scale * l00, 0, 0, x, scale * l10, scale * l11, 0, y, scale * l20, scale * l21, scale * l22, z, 0, 0, 0, 1);
