@@ -13,6 +13,7 @@ from panoptic_ros.stage import Progress
 
 ENOUGH_MM, ENOUGH_DEG = 0.70, 0.65  # of the paper's solver on the same capture, where a goal is missed
 POOR = "body-t-pose"  # the scene in which a T-pose, 11 deg off on average, tells the mountings
+WORST_COUNTS = ("standing_drift_m",)
 DRIFT_M = 0.3  # of the root while a foot stands, without cameras
 
 
@@ -114,10 +115,11 @@ def _ratios(rows: dict[str, list[dict[str, Any]]], goal: Goal) -> str:
 
 
 def _verdict(goal: Goal, rows: dict[str, list[dict[str, Any]]]) -> str:
-    """Which goals the means reach, by themselves or as a share of the paper's."""
+    """Which goals the means reach, by themselves or as a share of the paper's; of the drift, the worst."""
     said = []
     for key, most in goal.most.items():
-        mean = float(np.mean([row[key] for row in rows[OURS]]))
+        values = [row[key] for row in rows[OURS]]
+        mean = max(values) if key in WORST_COUNTS else float(np.mean(values))
         enough = {goal.place: ENOUGH_MM, "deg": ENOUGH_DEG}.get(key, 0.0)
         by_share = float(np.mean(_shares(rows, key))) <= enough if enough else False
         state = "met" if mean <= most else f"met as {enough:.2f} of the paper's" if by_share else "MISSED"
