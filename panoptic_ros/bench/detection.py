@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.bench.detection_costs import TABLE, Costs
 from panoptic_ros.bench.stage1.rows import of_poses
 from panoptic_ros.capture import open_capture_folder
 from panoptic_ros.detection.config import DetectionConfig
@@ -87,6 +88,7 @@ def measured(
     taken: Counter[str] = Counter()
     poses: list[Any] = []
     carried = images = 0
+    costs = Costs()
 
     def saw(topic: str, record: Any) -> None:
         nonlocal carried
@@ -100,11 +102,12 @@ def measured(
             taken[stage] += duration_ns
 
     pipeline = Pipeline(
-        configs, StageContext(rig, skeleton, extras), on_record=saw, on_step=stepped,
-        clock=time.process_time_ns,
+        configs, StageContext(rig, skeleton, {**extras, "costs": costs}), on_record=saw, on_step=stepped,
+        clock=time.process_time_ns, table=TABLE,
     )  # fmt: skip
     stamps = []  # of the first camera
     for frame in footage.images():
+        costs.counting = images >= skip * len(rig)
         pipeline.push("image", frame)
         images += 1
         if frame.camera == rig.names[0]:
@@ -115,6 +118,7 @@ def measured(
     return {
         "cpu_ms": 1e-6 * taken["detection"] / counted,
         "after_ms": 1e-6 * (sum(taken.values()) - taken["detection"]) / counted,
+        "beside_ms": costs.beside_ms, "carry_ms": costs.carry_ms,
         "carried": carried / max(images, 1), "instants": instants,
         **_scores(truth, SkeletonSequence(skeleton.joint_names, tuple(map(of_poses, poses))), stamps, skip),
     }  # fmt: skip

@@ -16,8 +16,10 @@ class DetectionConfig(Config):
         when="you have a better network, or need hands and faces.",
     )
     providers: tuple[str, ...] = param(
-        (), doc="Execution providers of onnxruntime in order of preference; empty = the CPU.",
-        when="there is a GPU: CUDAExecutionProvider, CPUExecutionProvider.",
+        (),
+        doc="Execution providers of onnxruntime in order of preference; empty = the CPU. OpenVINO's is run "
+        "by the package openvino where onnxruntime lacks it, in bfloat16 where the CPU has that.",
+        when="`panoptic doctor` finds one that is quicker: CUDAExecutionProvider, CPUExecutionProvider.",
     )
     threads: int = param(
         1, ge=1, le=64, doc="Threads inside one network operator; more than one pays on idle machines only.",

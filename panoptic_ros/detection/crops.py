@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from panoptic_ros.detection.backends.onnx import OnnxNetwork
+from panoptic_ros.detection.backends.choice import open_network
 from panoptic_ros.detection.card import ModelCard
 from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.coordinates import grid_from_net, net_from_model
@@ -45,7 +45,7 @@ class CropNetwork:
     def __init__(self, model: DetectorModel, config: DetectionConfig):
         self.card = model.card
         self.config = with_card_thresholds(config, model.card)
-        self.session = OnnxNetwork(model.card, model.onnx_bytes, config.providers, config.threads)
+        self.session = open_network(model.card, model.onnx_bytes, config.providers, config.threads)
         self.finder = None
         if model.person_detector is not None:
             self.finder = FullImageNetwork(model.person_detector, replace(config, maps=False))

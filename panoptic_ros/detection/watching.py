@@ -74,12 +74,10 @@ class Watch:
 
     def find(self, item: ViewFrame) -> tuple[Finding, Array | None]:
         """The people in an image, and for how long each was carried (P,) s; None: all are seen there."""
-        before, expected, door = self.memories.get(item.camera), Expected.of_nobody(item.image_size), False
+        before = self.memories.get(item.camera)
         with self._learning:
             nobody = self.known.nobody
-            if self.lookout.guided:
-                camera = self._rig.camera(item.camera)
-                expected, door = self.known.seen_by(camera, item.stamp_ns), self.known.is_door(camera)
+            door = self.lookout.guided and self.known.is_door(self._rig.camera(item.camera))
         now = remembered(item.image, item.stamp_ns, WIDTH if self._config.rationed else COARSE)
         if before is not None and is_cut(before, now):
             before = None
@@ -92,8 +90,9 @@ class Watch:
         people = carried(before, now) if look is Look.CARRY and before is not None else None
         if look is Look.CARRY and people is None and self.lookout.allowance is None:
             look = Look.REGIONS
+        expected = self._expected(item) if scan or look is not Look.CARRY else None
         look_ns = item.stamp_ns
-        if look is not Look.CARRY:
+        if look is not Look.CARRY and expected is not None:
             finding = self._look(item, look, expected)
             people = finding.people
         elif people is not None and before is not None:
@@ -101,12 +100,19 @@ class Watch:
         else:  # lost, until it is looked at
             finding = Finding(no_people(self._joint_map.source_count), None, 0.0)
         ages = np.full(len(finding.people), 1e-9 * (item.stamp_ns - look_ns))
-        if self.lookout.guided:
+        if self.lookout.guided and expected is not None:
             finding = self._with_strangers(item, expected, finding, scan, new=look is not Look.CARRY)
         kept = None if people is None else finding.people
         self.memories[item.camera] = replace(now, people=kept, look_ns=look_ns)
         ages = np.pad(ages, (0, len(finding.people) - len(ages)))
         return finding, ages if ages.any() else None
+
+    def _expected(self, item: ViewFrame) -> Expected:
+        """Whom the camera should see."""
+        if not self.lookout.guided:
+            return Expected.of_nobody(item.image_size)
+        with self._learning:
+            return self.known.seen_by(self._rig.camera(item.camera), item.stamp_ns)
 
     def _look(self, item: ViewFrame, look: Look, expected: Expected) -> Finding:
         """At regions if they cost less than all of the image."""

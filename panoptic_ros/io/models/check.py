@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.detection.backends.onnx import OnnxNetwork
+from panoptic_ros.detection.backends.choice import open_network
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.errors import BackendError
 from panoptic_ros.io.models.cards import CardFile
@@ -38,7 +38,7 @@ def check_model(model: DetectorModel, source: CardFile, providers: Sequence[str]
         BackendError: if it fails, gives values that are not finite, or other ones than known.
     """
     card = model.card
-    network = OnnxNetwork(card, model.onnx_bytes, providers)
+    network = open_network(card, model.onnx_bytes, providers)
     height, width = card.input.size or PICTURE_SIZE
     tensor = made_picture(height, width)[None].astype(card.input.dtype)
     if card.input.layout == "NCHW":

@@ -14,7 +14,8 @@ from panoptic_ros.stage import Progress, each, untold
 
 ABOUT = "detection: processor time and accuracy of looks, regions and carrying, beside every image"
 COLUMNS = (
-    ("ms", "cpu_ms", 1), ("1 /", "gain", 2), ("after", "after_ms", 1), ("median mm", "median_mm", 1),
+    ("ms", "cpu_ms", 1), ("1 /", "gain", 2), ("beside net", "beside_ms", 2), ("carrying", "carry_ms", 2),
+    ("after", "after_ms", 1), ("median mm", "median_mm", 1),
     ("PCK 5 cm", "pck_5", 3), ("10 cm", "pck_10", 3), ("found", "found_persons", 0),
     ("of", "truth_persons", 0), ("reported", "result_persons", 0), ("switches", "id_switches", 0),
 )  # fmt: skip
@@ -82,7 +83,8 @@ def lines(result: dict[str, Any]) -> list[str]:
     rows = result["rows"]
     width = max(len(row["setting"]) for row in rows) + 2
     out = [
-        f"{result['capture']}: {rows[0]['instants']} instants; ms of processor time of detection per instant",
+        f"{result['capture']}: {rows[0]['instants']} instants; ms of processor time of detection per "
+        "instant; of a look beside the network; of a view that is carried",
         "", f"{'':<{width}}" + "".join(f"{title:>11}" for title, _, _ in COLUMNS),
     ]  # fmt: skip
     for row in rows:

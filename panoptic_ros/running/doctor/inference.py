@@ -27,9 +27,9 @@ def run_ms(model: DetectorModel, provider: str) -> float:
     Raises:
         BackendError: if the provider cannot run it.
     """
-    from panoptic_ros.detection.backends.onnx import OnnxNetwork
+    from panoptic_ros.detection.backends.choice import open_network
 
-    network = OnnxNetwork(model.card, model.onnx_bytes, (provider,))
+    network = open_network(model.card, model.onnx_bytes, (provider,))
     if network.providers[:1] != (provider,):
         raise BackendError(f"{provider} could not be loaded; onnxruntime fell back to {network.providers[0]}")
     tensor = np.zeros((1, *SIZE, 3), np.uint8)
@@ -43,14 +43,13 @@ def run_ms(model: DetectorModel, provider: str) -> float:
 
 def check_inference() -> Finding:
     """The default network with every provider that is there."""
-    import onnxruntime
-
+    from panoptic_ros.detection.backends.choice import available_providers
     from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, load_detector, read_card
 
     if not is_cached(read_card(DEFAULT_MODEL)):
         return warn(f"{DEFAULT_MODEL} is not there yet, so nothing was measured", "panoptic models fetch")
     model = load_detector(DEFAULT_MODEL)
-    return judged(model.card.name, *measured(model, onnxruntime.get_available_providers(), run_ms))
+    return judged(model.card.name, *measured(model, available_providers(), run_ms))
 
 
 def measured(
@@ -61,7 +60,7 @@ def measured(
     unmeasured: dict[str, str] = {}
     for name, provider in PROVIDERS.items():
         if provider not in available:
-            unmeasured[name] = "not in this onnxruntime"
+            unmeasured[name] = "not installed"
             continue
         try:
             times[name] = timer(model, provider)

@@ -17,7 +17,8 @@ def arguments(*words):
 
 def row(setting, cpu_ms):
     return {
-        "setting": setting, "cpu_ms": cpu_ms, "gain": 400.0 / cpu_ms, "after_ms": 5.0, "median_mm": 20.0,
+        "setting": setting, "cpu_ms": cpu_ms, "gain": 400.0 / cpu_ms, "after_ms": 5.0,
+        "beside_ms": 2.4, "carry_ms": None, "median_mm": 20.0,
         "pck_5": 0.9, "pck_10": None, "found_persons": 9, "truth_persons": 9, "result_persons": 10,
         "id_switches": 0, "instants": 12,
     }  # fmt: skip
@@ -56,7 +57,7 @@ def test_what_makes_no_sense_is_told(words, error, told):
 def test_the_table_and_the_plot(tmp_path):
     rows = [row(FULL, 400.0), row("every 3. image", 90.0)]
     lines = detection_bench.lines({"capture": "here", "rows": rows})
-    assert "12 instants" in lines[0] and lines[-1].split()[3:6] == ["90.0", "4.44", "5.0"]
+    assert "12 instants" in lines[0] and lines[-1].split()[3:6] == ["90.0", "4.44", "2.40"]
     assert " - " in lines[-1]  # a score that is not known
     write_plot(tmp_path / "curve.png", rows, "here")
     assert (tmp_path / "curve.png").read_bytes()[:4] == b"\x89PNG"

@@ -25,7 +25,7 @@ def test_stand_ins_for_what_this_machine_lacks():
 
     times, unmeasured = measured(MODEL, list(PROVIDERS.values())[:3], timer)
     assert times == {"CPU": 24.0, "CUDA": 2.5}
-    assert unmeasured == {"TensorRT": "libnvinfer is missing", "OpenVINO": "not in this onnxruntime"}
+    assert unmeasured == {"TensorRT": "libnvinfer is missing", "OpenVINO": "not installed"}
     finding = judged("net", times, unmeasured)
     assert finding.level == "WARN" and "CUDA 2.5 ms, CPU 24.0 ms" in finding.found
     assert "unmeasured: TensorRT (libnvinfer is missing), OpenVINO" in finding.found

@@ -1,0 +1,93 @@
+"""Running a network with the package openvino, in bfloat16 where the processor computes in it.
+
+For onnxruntimes without OpenVINO's provider, as those of PyPI; the provider that comes as a plugin leaves out
+processors that are not Intel's.
+"""
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import threading
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.detection.backends.onnx import OnnxNetwork
+from panoptic_ros.detection.card import ModelCard
+from panoptic_ros.errors import BackendError
+
+Array = np.ndarray
+NAME = "OpenVINOExecutionProvider"  # as onnxruntime calls it
+
+
+def is_installed() -> bool:
+    """Whether the package is there."""
+    return importlib.util.find_spec("openvino") is not None
+
+
+class OpenVinoNetwork:
+    """As `OnnxNetwork`. Every thread that runs it has a compiled network of its own, on which it computes.
+
+    Raises:
+        BackendError: as `OnnxNetwork`; if the package is missing or cannot compile it.
+    """
+
+    def __init__(self, card: ModelCard, onnx_bytes: bytes, threads: int = 1):
+        self.card = card
+        self.batch_limit = OnnxNetwork(card, onnx_bytes).batch_limit  # and checks the tensors
+        try:
+            openvino: Any = importlib.import_module("openvino")
+        except ImportError as error:
+            raise BackendError(
+                f"{NAME} is not in this onnxruntime, and the package openvino cannot be loaded ({error}): "
+                "python -m pip install openvino"
+            ) from None
+        try:
+            self._core: Any = openvino.Core()
+            self._model = self._core.read_model(onnx_bytes)
+            capable = self._core.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
+        except RuntimeError as error:
+            raise BackendError(f"OpenVINO cannot read model {card.name}: {_first_line(error)}") from None
+        self.precision = "bf16" if "BF16" in capable else "f32"
+        self._threads = threads
+        self._own = threading.local()
+        self._roles = {card.output[role]: role for role in card.output}
+        self._request()  # what cannot be compiled is told now
+
+    @property
+    def providers(self) -> tuple[str, ...]:
+        """What runs it."""
+        return (NAME,)
+
+    def run(self, tensor: Array) -> dict[str, Array]:
+        """Outputs by role for an input tensor.
+
+        Raises:
+            BackendError: if OpenVINO fails.
+        """
+        try:
+            values = self._request().infer({self.card.input.name: tensor})
+        except RuntimeError as error:
+            raise BackendError(f"model {self.card.name} failed: {_first_line(error)}") from None
+        named = {name: value for port, value in values.items() for name in port.names}
+        return {role: np.array(named[name]) for name, role in self._roles.items()}
+
+    def _request(self) -> Any:
+        """The one of this thread."""
+        if not hasattr(self._own, "request"):
+            settings = {
+                "INFERENCE_PRECISION_HINT": self.precision, "INFERENCE_NUM_THREADS": self._threads,
+                "NUM_STREAMS": 1, "ENABLE_CPU_PINNING": False,
+            }  # fmt: skip
+            try:
+                compiled = self._core.compile_model(self._model, "CPU", settings)
+                self._own.request = compiled.create_infer_request()
+            except RuntimeError as error:
+                raise BackendError(
+                    f"OpenVINO cannot compile model {self.card.name}: {_first_line(error)}"
+                ) from None
+        return self._own.request
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or ["no reason given"])[0][:200]
