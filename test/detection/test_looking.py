@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from panoptic_ros.detection.allowance import Allowance
 from panoptic_ros.detection.looking import FIRST_WAIT_NS, WHOLE_IMAGES, Look, Lookout
 
 NAMES = tuple(f"cam{k}" for k in range(6))
@@ -96,3 +97,21 @@ def test_others_are_heard_while_a_poster_is_not():
     assert not lookout.raise_alarm("cam1", BOX, 2 * PERIOD)
     assert lookout.raise_alarm("cam1", BOX + 100.0, 2 * PERIOD)
     assert lookout.raise_alarm("cam2", BOX, 2 * PERIOD)
+
+
+def test_live_an_alarm_is_answered_in_turns_before_the_next_is_heard():
+    lookout = Lookout(NAMES, 8.0, True, Allowance(len(NAMES)))
+
+    def instant(k):
+        wishes = [(name, lookout.look(name, k * PERIOD, False)[0]) for name in NAMES]
+        return [lookout.allowed(name, k * PERIOD, k, wish) for name, wish in wishes]
+
+    for k in range(6):
+        instant(k)
+    assert lookout.raise_alarm("cam1", BOX, 6 * PERIOD)
+    found = np.array([[look.value for look in instant(k)] for k in range(7, 20)])
+    whole = found == "whole"
+    assert (whole.sum(axis=0) == 1).all()  # of every camera one
+    assert (found != "carry").sum(axis=1).max() <= 4  # never of all at a time
+    assert not lookout.raise_alarm("cam2", BOX + 200.0, 20 * PERIOD)
+    assert lookout.raise_alarm("cam2", BOX + 200.0, 40 * PERIOD)
