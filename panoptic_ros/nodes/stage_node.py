@@ -15,21 +15,23 @@ from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import ports_in_use, resolve, rows_in_use
 from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.flow import WINDOW, live_defaults, make_flow
 from panoptic_ros.graph.health import Doing, Health
-from panoptic_ros.graph.host import Host, Key, lanes_of
+from panoptic_ros.graph.host import Host, lanes_of
+from panoptic_ros.graph.lane_groups import Key
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.queue_choice import queue_for
 from panoptic_ros.graph.schedule import Place
-from panoptic_ros.graph.topics import TOPICS, owner_of
+from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.graph.under_way import UnderWay
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.nodes.compilation import Compilation
+from panoptic_ros.nodes.delivery import Arrival, Delivery, LiveDelivery, ReplayDelivery
 from panoptic_ros.nodes.diagnostics import Diagnostics
+from panoptic_ros.nodes.entrance import Entrance
 from panoptic_ros.nodes.facts import Facts
-from panoptic_ros.nodes.inputs import Input, InputChoice, Takers, subscribe
+from panoptic_ros.nodes.inputs import Input, InputChoice, subscribe
 from panoptic_ros.nodes.kept_states import KeptStates
 from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.own_cameras import OwnCameras, OwnInput
@@ -43,7 +45,7 @@ from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.tally import Tally
 from panoptic_ros.nodes.worker import Worker
 from panoptic_ros.params import named_words
-from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.stage import StageContext
 
 Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages need beyond the context
 
@@ -102,8 +104,7 @@ class StageNode(Node):
         self._tally = Tally(self.get_logger(), names)
         self._choice = InputChoice(self, Wiring(names, table=rows_in_use(self._ports_used)).inputs)
         self._pipeline: Pipeline | None = None
-        self._host: Host | None = None
-        self._under_way: UnderWay | None = None
+        self._delivery: Delivery | None = None
         self._companions = Companions((), ())
         self._inputs: dict[str, Input] = {}  # by full name
         self._fault: PanopticError | None = None
@@ -114,7 +115,7 @@ class StageNode(Node):
         self._diagnostics.more = lambda: [
             status for report in self._reports.values() for status in report.statuses()
         ]
-        self._worker = Worker(self._work, self._dropped, lambda: self._reading.fetch(self._host))
+        self._worker = Worker(self._work, self._dropped, self._fetch)
         self._ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._topic_over(topic)))
         self._outputs = Outputs(self, self._flow, (), self._ends, None)
         live = self._flow.name == "live"
@@ -126,6 +127,11 @@ class StageNode(Node):
             lambda rig: self._rig_changes.offer(rig, self._facts.rig),
             needs_cameras=not all(port.optional for stage in names for port in NODES[stage].inputs),
         )  # fmt: skip
+        self._entrance = Entrance(self._facts, self._tally, self._reports, self._wiring)
+
+    def _wiring(self) -> Wiring:
+        assert self._pipeline is not None
+        return self._pipeline.wiring
 
     def _names(self, parameter: str) -> list[str]:
         return list(self.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
@@ -173,6 +179,27 @@ class StageNode(Node):
 
     def _start(self, rig: Rig, skeleton: SkeletonModel, states: Mapping[str, bytes]) -> None:
         used = self._used(rig)
+        self._pipeline = pipeline = self._make_pipeline(used, skeleton)
+        self._take_over(states)
+        owners = self._reading.owners(
+            {port.topic: self._choice.owners(port.topic, used) for port in pipeline.wiring.inputs}
+        )
+        present = [(topic, owner) for topic, found in owners.items() for owner in found]
+        self._outputs = self._open_outputs(pipeline, used)
+        if self._flow.name == "replay":
+            self._delivery = self._in_order(pipeline, rig, owners)
+            self._worker.start(queue_for(pipeline.wiring, self._flow, present))
+        else:
+            under_way = UnderWay(pipeline, self._reading.pool, self._worker.urge)
+            self._delivery = LiveDelivery(under_way)
+            ports = [port for port in pipeline.wiring.inputs if port.patience_ns]
+            self._companions = Companions(ports, present)
+            self._worker.start(queue_for(pipeline.wiring, self._flow, present, lambda: under_way.full))
+        self._subscribe(present)
+        self._reading.start(used, self._take_own, self._fail)
+        self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
+
+    def _make_pipeline(self, used: Rig, skeleton: SkeletonModel) -> Pipeline:
         extras: dict[str, Any] = {}
         for stage, prefix in self.prefixes.items():
             if stage in self._extras:
@@ -180,51 +207,45 @@ class StageNode(Node):
         around = [name for name in NODES if name in {*self._graph, *self.prefixes}]
         reading, context = self._reading, StageContext(used, skeleton, extras)
         reading.open(used, self._configs, context, self._ports_used, self._shifts)
-        self._pipeline = pipeline = Pipeline(
+        return Pipeline(
             self._configs, replace(context, extras={**extras, "looks": reading.looks}), list(self.prefixes),
             on_record=self._gave, on_notice=self._tally.tell, on_refused=self._refused,
             on_end=self._owner_over, on_step=self._stepped, on_cpu=self._tally.used,
             clock=time.monotonic_ns, cpu_clock=time.thread_time_ns, everywhere=around, table=reading.table,
             used=self._ports_used,
         )  # fmt: skip
-        self._take_over(states)
+
+    def _open_outputs(self, pipeline: Pipeline, used: Rig) -> Outputs:
         replay = self._flow.name == "replay"
         progress = ProgressTold(self, self._progress_heard) if replay and self._marked else None
         final = {
             topic for topic in pipeline.wiring.given if TOPICS[topic].latched or not self._is_taken(topic)
         }
-        self._outputs = Outputs(self, self._flow, pipeline.wiring.leaving | final, self._ends, progress)
+        outputs = Outputs(self, self._flow, pipeline.wiring.leaving | final, self._ends, progress)
         for topic in sorted(pipeline.wiring.given):
             for owner in self._choice.owners(topic, used):
-                self._outputs.open(topic, owner)
-        owners = reading.owners(
-            {port.topic: self._choice.owners(port.topic, used) for port in pipeline.wiring.inputs}
-        )
-        present = [(topic, owner) for topic, found in owners.items() for owner in found]
-        if replay:
-            there = [topic for topic in owners if self._is_waited_for(topic)]
-            self._host = Host(
-                pipeline, lanes_of(there, lambda topic: owners[topic], pipeline, rig.clock_of, self._shifts),
-                marked=self._marked, on_marker=self._outputs.mark, on_end=self._outputs.end,
-            )  # fmt: skip
-        else:
-            ports = [port for port in pipeline.wiring.inputs if port.patience_ns]
-            self._companions = Companions(ports, present)
-        for own in reading.inputs(present):
-            self._health.add(own.arrivals, self._taker(own.topic))
-        self._under_way = under_way = UnderWay(pipeline, reading.pool, self._worker.urge)
-        self._worker.start(queue_for(pipeline.wiring, self._flow, present, lambda: under_way.full))
-        takers = Takers(self._receive, self._refuse_input, self._tell_of_input, self._lost)
+                outputs.open(topic, owner)
+        return outputs
+
+    def _in_order(self, pipeline: Pipeline, rig: Rig, owners: Mapping[str, Sequence[str]]) -> ReplayDelivery:
+        waited_for = [topic for topic in owners if self._is_waited_for(topic)]
+        lanes = lanes_of(waited_for, lambda topic: owners[topic], pipeline, rig.clock_of, self._shifts)
+        outputs = self._outputs
+        host = Host(pipeline, lanes, marked=self._marked, on_marker=outputs.mark, on_end=outputs.end)
+        return ReplayDelivery(host, self._over)
+
+    def _subscribe(self, present: Sequence[Key]) -> None:
+        for own in self._reading.inputs(present):
+            self._health.add(own.arrivals, self._entrance.taker(own.topic))
+        takers = self._entrance.takers(self._receive)
         for topic, owner in present:
-            if reading.reads(owner):
+            if self._reading.reads(owner):
                 continue
             for entry in subscribe(self, self._choice, topic, owner, self._flow, takers):
                 self._inputs[entry.name] = entry
-                self._health.add(entry.arrivals, self._taker(topic))
+                self._health.add(entry.arrivals, self._entrance.taker(topic))
                 if self._is_waited_for(topic) and entry.carrier != "audio_common":
                     self._ends.watch(entry.name)
-        self._reading.start(used, self._take_own, self._fail)
-        self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
 
     def _take_over(self, states: Mapping[str, bytes]) -> None:
         """Begin with what stages of this name remembered, each by itself."""
@@ -241,8 +262,8 @@ class StageNode(Node):
         self._worker.note(self._publish_states)
 
     def _publish_states(self) -> None:
-        assert self._pipeline is not None and self._kept is not None and self._under_way is not None
-        self._under_way.wait()
+        assert self._pipeline is not None and self._kept is not None and self._delivery is not None
+        self._delivery.wait()
         self._kept.publish(self._pipeline.state())
 
     def _used(self, rig: Rig) -> Rig:
@@ -278,29 +299,21 @@ class StageNode(Node):
             self._work_on(batch)
 
     def _work_on(self, bundles: Sequence[tuple[Item, ...]]) -> None:
-        assert self._pipeline is not None
-        together = []
+        assert self._delivery is not None
+        arrivals = []
         for item in (item for bundle in bundles for item in bundle):
             entry, data = item.message
-            record = self._record(entry, data)
-            if self._host is not None:
-                self._host.put(entry.topic, entry.owner, item.stamp_ns, record)
-            elif record is not None:
-                together.append((entry.topic, record))
+            record = self._entrance.record(entry, data)
+            arrivals.append(Arrival(entry.topic, entry.owner, item.stamp_ns, record))
             entry.count += 1
             self._ends.taken(entry.name)
-        if self._host is not None:
-            self._host.advance()
-            self._after_host()
-        else:
-            assert self._under_way is not None
-            self._under_way.begin(together)
+        self._delivery.take(arrivals)
 
     def _take_own(self, entry: OwnInput, frame: ViewFrame) -> None:
         """A live camera of this node has given an image; on the camera's thread."""
         overtaken = entry.came(frame, self._age_ns(frame))
         if overtaken:
-            self._lost(entry, "overtaken", overtaken)
+            self._entrance.lost(entry, "overtaken", overtaken)
         self._receive(entry, f"{entry.topic} {entry.owner}", frame.stamp_ns, frame)
 
     def _put_own(self, entry: OwnInput, record: Any) -> None:
@@ -308,42 +321,22 @@ class StageNode(Node):
         self._work_on([(Item(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
 
     def _end_own(self, key: Key) -> None:
-        assert self._host is not None
-        self._host.end(*key)
-        self._advance()
+        self._replay.end(key)
+
+    def _fetch(self) -> bool:
+        """Take what the stages want next of a recording of this node; whether there is more to do."""
+        delivery = self._delivery
+        return isinstance(delivery, ReplayDelivery) and self._reading.fetch(delivery.host)
 
     def _fail(self, error: PanopticError) -> None:
         self._fault = error
 
-    def _record(self, entry: Input, data: Any) -> Any | None:
-        """The record of a message, None if it cannot be used."""
-        try:
-            record = entry.record(data)
-            check_record(record, entry.owner, self._facts.rig, self._facts.skeleton)
-        except DataError as error:
-            self._refuse_input(entry, error)
-            return None
-        entry.missing_before(record)
-        if entry.continuity is not None:
-            entry.continuity.used(record.stamp_ns, time.monotonic_ns())
-        report = self._reports.get(type(record).__name__)
-        if report is not None:
-            report.take(record)
-        return record
-
-    def _taker(self, topic: str) -> str:
-        """The first stage that takes a topic."""
-        assert self._pipeline is not None
-        wiring = self._pipeline.wiring
-        return wiring.specs[wiring.readers[topic][0].stage].name
-
     def _gave(self, topic: str, record: Any) -> None:
-        assert self._pipeline is not None
-        giver = next(spec.name for spec in self._pipeline.wiring.specs if topic in spec.outputs)
+        assert self._delivery is not None
+        giver = next(spec.name for spec in self._wiring().specs if topic in spec.outputs)
         self._tally.gave(giver, self._age_ns(record))
-        if self._outputs.publish(topic, record, self._facts.rig) and self._host is not None:
-            if topic in self._pipeline.wiring.leaving:
-                self._host.gave(topic, owner_of(topic, record))
+        if self._outputs.publish(topic, record, self._facts.rig):
+            self._delivery.gave(topic, record)
 
     def _age_ns(self, record: Any) -> int | None:
         """Since the stamp of a record (live)."""
@@ -357,23 +350,13 @@ class StageNode(Node):
         assert self._pipeline is not None
         self._tally.refuse(stage, error)
         if self._flow.name == "live" and self._tally.refuses_all(stage):
-            assert self._under_way is not None
-            self._under_way.wait()
+            assert self._delivery is not None
+            self._delivery.wait()
             self._pipeline.begin_anew(stage)
             self.get_logger().warning(f"stage {stage} has refused all of late: it forgets what it knew")
 
     def _stepped(self, stage: str, duration_ns: int) -> None:
         self._tally.stepped(stage, self._reading.duration_ns(stage, duration_ns))
-
-    def _refuse_input(self, entry: Input, error: PanopticError) -> None:
-        entry.arrivals.bad += 1
-        self._tally.refuse(self._taker(entry.topic), error)
-
-    def _tell_of_input(self, entry: Input, notice: Notice) -> None:
-        self._tally.tell(self._taker(entry.topic), notice)
-
-    def _lost(self, entry: Input, cause: str, count: int) -> None:
-        self._tally.dropped(self._taker(entry.topic), cause, count)
 
     def _refuse_message(self, error: PanopticError) -> None:
         self._tally.refuse(self._tally.first, error)
@@ -384,39 +367,34 @@ class StageNode(Node):
     # ---------------------------------------------------------------- what changes, and the end
 
     def _change_rig(self, rig: Rig) -> Sequence[str]:
-        assert self._pipeline is not None and self._under_way is not None
-        self._under_way.wait()
+        assert self._pipeline is not None and self._delivery is not None
+        self._delivery.wait()
         self._facts.take_over(rig)
         return self._pipeline.change_rig(self._used(rig))
+
+    @property
+    def _replay(self) -> ReplayDelivery:
+        assert isinstance(self._delivery, ReplayDelivery)
+        return self._delivery
 
     def _progress_heard(self, name: str, place: Place, count: int) -> None:
         """Where a topic has come to; on the executor's thread."""
         entry = self._inputs.get(name)
-        if entry is not None and self._host is not None:
-            host = self._host
-
-            def mark() -> None:
-                host.mark(entry.topic, entry.owner, place, count)
-                self._advance()
-
-            self._worker.note(mark)
+        if entry is not None:
+            key = entry.topic, entry.owner
+            self._worker.note(lambda: self._replay.mark(key, place, count))
 
     def _topic_over(self, name: str) -> None:
         """All messages of a topic have been taken (replay)."""
         entry = self._inputs[name]
-        if self._host is not None:
-            self._host.end(entry.topic, entry.owner)
-            self._advance()
-
-    def _advance(self) -> None:
-        assert self._host is not None
-        self._host.advance()
-        self._after_host()
-
-    def _after_host(self) -> None:
-        if self._host is not None and self._host.over and not self._diagnostics.finished:
-            self._diagnostics.finish()
+        self._replay.end((entry.topic, entry.owner))
 
     def _owner_over(self, topic: str, owner: str) -> None:
-        if self._host is not None:
+        """The stages give no more of a camera or device."""
+        if self._flow.name == "replay":
             self._outputs.end(topic, owner)
+
+    def _over(self) -> None:
+        """All that comes is taken (replay)."""
+        if not self._diagnostics.finished:
+            self._diagnostics.finish()

@@ -15,7 +15,8 @@ from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, switched_on
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.host import Host, Key, lanes_of
+from panoptic_ros.graph.host import Host, lanes_of
+from panoptic_ros.graph.lane_groups import Key
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead

@@ -1,0 +1,87 @@
+"""How records reach the stages of a node: live as they come, in replay in the order of their places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from panoptic_ros.graph.host import Host
+from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.schedule import Place
+from panoptic_ros.graph.topics import owner_of
+from panoptic_ros.graph.under_way import UnderWay
+
+
+class Arrival(NamedTuple):
+    """What has come on a topic of a camera or device; record None: it could not be used."""
+
+    topic: str
+    owner: str
+    stamp_ns: int
+    record: Any | None
+
+
+class Delivery(Protocol):
+    """All methods are called on the node's worker."""
+
+    def take(self, arrivals: Sequence[Arrival]) -> None:
+        """What has come, of one instant where it is known to be."""
+
+    def gave(self, topic: str, record: Any) -> None:
+        """The stages have given a record, which was published."""
+
+    def wait(self) -> None:
+        """Until no stage is at work."""
+
+
+class LiveDelivery:
+    """Stages take records as they come."""
+
+    def __init__(self, under_way: UnderWay):
+        self._under_way = under_way
+
+    def take(self, arrivals: Sequence[Arrival]) -> None:
+        self._under_way.begin([(one.topic, one.record) for one in arrivals if one.record is not None])
+
+    def gave(self, topic: str, record: Any) -> None:
+        """Nobody waits for it."""
+
+    def wait(self) -> None:
+        self._under_way.wait()
+
+
+class ReplayDelivery:
+    """Stages take records in the order of their places, whatever comes first (see `graph.host`).
+
+    Args:
+        on_over: called when all topics have ended and all is taken; may be called again.
+    """
+
+    def __init__(self, host: Host, on_over: Callable[[], None]):
+        self.host, self._on_over = host, on_over
+
+    def take(self, arrivals: Sequence[Arrival]) -> None:
+        for one in arrivals:
+            self.host.put(*one)
+        self._advance()
+
+    def gave(self, topic: str, record: Any) -> None:
+        self.host.gave(topic, owner_of(topic, record))
+
+    def wait(self) -> None:
+        """One record is taken after the other."""
+
+    def end(self, key: Key) -> None:
+        """No more comes on a topic of a camera or device."""
+        self.host.end(*key)
+        self._advance()
+
+    def mark(self, key: Key, place: Place, count: int) -> None:
+        """Another node has told where a topic has come to."""
+        self.host.mark(*key, place, count)
+        self._advance()
+
+    def _advance(self) -> None:
+        self.host.advance()
+        if self.host.over:
+            self._on_over()
