@@ -105,16 +105,23 @@ class Heard:
     """A recording, and the truth about its devices.
 
     Args:
-        recording: with the topic "audio" of each device.
+        recording: with the topic "audio" of each device. lengths: s.
     """
 
     recording: HeldRecording
     recorders: dict[str, Recorder]
+    lengths: dict[str, float]
 
     @property
     def places(self) -> dict[str, Array]:
         """(3,) m of the microphones."""
         return {name: np.array(recorder.place) for name, recorder in self.recorders.items()}
+
+    @property
+    def shared(self) -> tuple[float, float]:
+        """Begin and end, true s, of what all record."""
+        ends = [self.recorders[name].begin_s + self.lengths[name] for name in self.recorders]
+        return max(recorder.begin_s for recorder in self.recorders.values()), min(ends)
 
     def offset(self, name: str, base: str, stamp_ns: int) -> float:
         """s, by which the clock of a base is ahead when the device's shows a stamp."""
@@ -135,6 +142,7 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
                        rng.uniform(1.0, 2.5, microphones)], axis=1)  # fmt: skip
     sounds = case.sounds(np.random.default_rng([seed, 12]), seconds)
     recorders: dict[str, Recorder] = {}
+    lengths: dict[str, float] = {}
     records: dict[str | tuple[str, str], list[AudioBlock]] = {}
     for k in range(microphones):
         x, y, z = np.clip(places[k], 0.1, np.array(SIZE) - 0.1)
@@ -147,9 +155,9 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
             sounds = case.sounds(np.random.default_rng([seed, 12, k]), seconds)
         length = seconds + float(rng.uniform(-3.0, 3.0))
         name = f"mic{k}"
-        recorders[name] = recorder
+        recorders[name], lengths[name] = recorder, length
         records["audio", name] = _blocks(name, recorder, record(room, sounds, recorder, length, (seed, k)))
-    return Heard(HeldRecording(records), recorders)
+    return Heard(HeldRecording(records), recorders, lengths)
 
 
 def _blocks(name: str, recorder: Recorder, samples: Array) -> list[AudioBlock]:

@@ -149,6 +149,20 @@ class CameraClocks:
         deviations: Array = np.sqrt(variances + self.strays**2)
         return deviations
 
+    def stated_at(self, stamps_ns: Array) -> tuple[Array, Array]:
+        """Offsets (C, ...) s of stamps (C, ...) ns of the cameras, and their standard deviations.
+
+        Where clocks show very different times the reference is far from what most of them recorded, and so
+        is what is known of the offset there.
+        """
+        count, axes = len(self.cameras), (-1,) + (1,) * (stamps_ns.ndim - 1)
+        since = 1e-9 * (stamps_ns - self.reference_ns)
+        blocks = self.covariance.reshape(2, count, 2, count)
+        own = np.einsum("pcqc->pqc", blocks).reshape(2, 2, *(count, *axes[1:]))
+        variance = own[0, 0] + 2.0 * own[0, 1] * since + own[1, 1] * since**2
+        offsets = self.offsets.reshape(axes) + self.drifts.reshape(axes) * since
+        return offsets, np.sqrt(np.maximum(variance, 0.0) + self.strays.reshape(axes) ** 2)
+
     @property
     def drift_deviations(self) -> Array:
         """Standard deviations (C,) of the drifts."""

@@ -14,8 +14,9 @@ def sound_lines(found: HeardClocks) -> list[str]:
     clocks = found.clocks
     width = max(len(name) for name in clocks.cameras)
     lines = ["clocks from sound (to be added to the stamps):"]
+    offsets, deviations = clocks.stated_at(found.middles_ns)
     for c, name in enumerate(clocks.cameras):
-        offset, deviation = clocks.offsets[c], 1e3 * clocks.deviations[c]
+        offset, deviation = offsets[c], 1e3 * deviations[c]
         shown = f"{1e3 * offset:+11.2f} ms" if abs(offset) < 1.0 else f"{offset:+11.4f} s "
         if not clocks.known[c]:
             text = f"not known: {found.unknown.get(name, '')}; stamps kept"

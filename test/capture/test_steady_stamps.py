@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.capture.sound.steady import KEPT_S, SteadyStamps
+from panoptic_ros.capture.sound.steady import SteadyStamps
 
 SECOND, RATE, COUNT = 10**9, 48_000, 4800
 
@@ -21,16 +21,17 @@ def test_blocks_that_come_late_are_stamped_when_they_were_heard(drift):
     firsts, true, stamps = told(drift, late)
     steady = SteadyStamps(RATE)
     found = np.array([steady.stamp(f, s) for f, s in zip(firsts, stamps)])
-    assert np.abs(found - true)[20:].max() < 0.001 * SECOND and (np.diff(found) > 0).all()
+    assert np.abs(found - true)[30:].max() < 0.001 * SECOND and (np.diff(found) > 0).all()
 
 
-def test_one_block_that_is_stamped_too_early_is_forgotten():
-    firsts, true, stamps = told(0.0, np.zeros(100))
-    stamps[3] -= SECOND // 20
+def test_a_few_blocks_that_are_stamped_too_early_move_nothing_or_are_forgotten():
+    firsts, true, stamps = told(0.0, np.zeros(150))
+    for k in (3, 40, 70, 100):
+        stamps[k] -= SECOND // 20
     steady = SteadyStamps(RATE)
     beside = np.array([steady.stamp(f, s) for f, s in zip(firsts, stamps)]) - true
     assert (beside[:3] == 0).all() and (beside[3:] >= -SECOND // 20).all()
-    assert (beside[4 + int(KEPT_S * RATE / COUNT) :] == 0).all()
+    assert (beside[20:] == 0).all()
 
 
 def test_after_a_loss_the_count_tells_nothing_of_before():

@@ -30,3 +30,19 @@ def test_one_after_the_other_moves_stamps_as_both_do():
             assert abs(found - moved) < 1e-9
     assert both.known.all() and both.applied.all()
     assert np.allclose(both.deviations, [2e-4, 2e-4, 5e-3])
+
+
+def test_offsets_are_stated_where_a_clock_was_recorded_not_at_a_far_reference():
+    """A clock that shows 50 s less than the reference is known to 1 ms there; its drift to 1e-4."""
+    covariance = np.diag([0.0, 0.0, 0.0, 1e-8])
+    there = 1e-3**2 + 1e-8 * 50.0**2  # at the reference, 50 s on
+    covariance[1, 1], covariance[1, 3], covariance[3, 1] = there, 50.0 * 1e-8, 50.0 * 1e-8
+    clocks = replace(
+        CameraClocks.unknown(("a", "b"), 1_000 * 10**9), offsets=np.array([0.0, 50.0]),
+        drifts=np.array([0.0, 2e-5]), covariance=covariance, known=np.ones(2, bool),
+    )  # fmt: skip
+    stamps = np.array([1_000, 950]) * 10**9
+    offsets, deviations = clocks.stated_at(stamps)
+    assert np.allclose(offsets, [0.0, 49.999]) and np.allclose(deviations, [0.0, 1e-3])
+    both = clocks.stated_at(np.stack([stamps, np.full(2, clocks.reference_ns)], axis=1))[1]
+    assert np.allclose(both[:, 1], clocks.deviations) and both[1, 1] > 5.0 * both[1, 0]

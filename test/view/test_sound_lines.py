@@ -20,7 +20,8 @@ def clocks(offsets, deviation, known=(True, True, True, True)):
 
 def heard(known=(True, True, True, True)):
     pairs = (PairHeard("a", "b", True, 9, 8), PairHeard("a", "d", False, why="it repeats"))
-    return HeardClocks(clocks([0.0, 7.25, 0.002, 0.0], 0.006, known), pairs, {"d": "it repeats"}, 0.017, True)
+    found = clocks([0.0, 7.25, 0.002, 0.0], 0.006, known)
+    return HeardClocks(found, pairs, {"d": "it repeats"}, 0.017, True, np.zeros(4, np.int64))
 
 
 def test_every_camera_has_a_line_that_says_what_is_done():

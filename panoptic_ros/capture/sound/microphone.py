@@ -17,6 +17,7 @@ from panoptic_ros.errors import BackendError, EnvironmentProblem
 Array = np.ndarray
 PATIENCE_S = 0.5
 WAITING_BLOCKS = 100  # that nobody has taken; beyond them the oldest are lost
+SETTLE_S = 1.0
 SILENT_S = 5.0  # without any block: the device is gone
 SECOND = 1_000_000_000
 
@@ -24,8 +25,10 @@ SECOND = 1_000_000_000
 class MicrophoneSource:
     """The sound of a device, from now on, stamped by this machine's clock.
 
-    A block's stamp is when its first sample was at the input, as PortAudio tells of the promptest blocks (see
-    `steady`). What is lost shows in the count of samples.
+    A block's stamp is when its first sample was at the input, as PortAudio tells of the promptest blocks
+    (`steady`) on the stream's own clock, which is held against this machine's: it does not matter when Python
+    gets to a block. In their first second sound servers are up to 0.4 s wrong, so that is left out. What is
+    lost shows in the count of samples.
 
     Args:
         device: name.
@@ -50,7 +53,7 @@ class MicrophoneSource:
         found = self._query(int(address) if address.isdecimal() else address)
         self.sample_rate, self.channels = int(found["default_samplerate"]), self._count(found)
         self._blocks: queue.Queue[AudioBlock] = queue.Queue(WAITING_BLOCKS)
-        self._next = 0
+        self._next, self._unsettled = 0, round(SETTLE_S * self.sample_rate)
         self._stamps = SteadyStamps(self.sample_rate)
         self._closed = False
         try:
@@ -108,12 +111,15 @@ class MicrophoneSource:
 
     def _take(self, samples: Array, count: int, times: Any, status: Any) -> None:
         """Called by PortAudio in a thread of its own."""
+        if self._unsettled > 0:
+            self._unsettled -= count
+            return
+        ago = self._stream.time - times.inputBufferAdcTime
         now = self._clock()
         if status and status.input_overflow:
             self._next += count  # how much was lost is not told; the decoder begins anew
             self._stamps.restart()
-        ago = max(0.0, times.currentTime - times.inputBufferAdcTime)
-        stamp = self._stamps.stamp(self._next, now - round(SECOND * ago))
+        stamp = self._stamps.stamp(self._next, now - round(SECOND * max(0.0, ago)))
         try:
             clean = np.clip(np.nan_to_num(np.array(samples, np.float32)), -1.0, 1.0)
             self._blocks.put_nowait(

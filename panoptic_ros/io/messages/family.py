@@ -7,15 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from panoptic_ros.errors import DataError, EnvironmentProblem
 from panoptic_ros.io.resources import share_folder
+
+if TYPE_CHECKING:  # rosbags takes 8 MB, which most nodes do not need
+    from rosbags.typesys.store import Typestore
 
 Array = np.ndarray
 PACKAGE = "panoptic_msgs"
@@ -69,6 +69,8 @@ def time_ns(stamp: Any) -> int:
 @lru_cache(maxsize=1)
 def bag_typestore() -> Typestore:
     """rosbags' types of ROS 2 Jazzy with those of this project."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
     store = get_typestore(Stores.ROS2_JAZZY)
     types: dict[str, Any] = {}
     for path in sorted(_message_folder().glob("*.msg")):
@@ -89,6 +91,8 @@ def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
     Raises:
         DataError: if the type is not known or the bytes are no message of it.
     """
+    from rosbags.serde import SerdeError
+
     store = types or bag_typestore()
     if kind not in store.types:
         raise DataError(f"messages of type {kind} are not known here")

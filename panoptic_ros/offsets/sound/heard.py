@@ -42,6 +42,8 @@ class HeardClocks:
         pairs: of devices. unknown: {camera: why its clock is not known}.
         apart_s: farthest way of sound between two linked devices, over its speed.
         placed: whether that is from known positions.
+        middles_ns: (C,) what the cameras' own clocks show in the middle of what was heard together, for which
+            offsets are stated; the clocks' reference where one is not known.
     """
 
     clocks: CameraClocks
@@ -49,6 +51,7 @@ class HeardClocks:
     unknown: Mapping[str, str]
     apart_s: float
     placed: bool
+    middles_ns: Array
 
 
 def clocks_of(
@@ -94,6 +97,19 @@ def clocks_of(
         names, int(reference), offsets, drifts, covariance, known, 0.0, zero, windows, 0, True,
         np.zeros(len(names), bool), zero,
     )  # fmt: skip
+
+
+def middles_of(
+    settled: Settled, times: Sequence[DeviceTime], cameras: Mapping[str, int], clocks: CameraClocks
+) -> Array:
+    """(C,) ns, see `HeardClocks.middles_ns`."""
+    lines = settled.lines
+    shown = _shown(lines.heard(np.array([lines.middle]))[:, 0], times, np.isfinite(lines.offsets))
+    own = [
+        shown[device] if known else clocks.reference_ns
+        for device, known in zip(cameras.values(), clocks.known)
+    ]
+    return np.array(own, np.int64)
 
 
 def _shown(heard: Array, times: Sequence[DeviceTime], linked: Array) -> list[int]:

@@ -13,6 +13,7 @@ PLACES = 4.0  # that sound may come from, at most: people stay where they are
 KEPT_S = 10.0  # for which who makes a sound stays where he is
 NOISE_S = 2e-3  # of what one window tells of a device, at least
 STRAY = 4.0  # standard deviations beyond which a window is left out
+LOOP_S = 0.01  # by which the lags of three devices may miss closing, those of one sound by echoes
 FEWEST = 3  # windows that show how much travel varies
 
 
@@ -103,6 +104,21 @@ def arrivals(first: Array, second: Array, lags: Array, weights: Array, count: in
         miss = lag - design @ solved
     found[linked] = solved - solved.mean()
     return found
+
+
+def loops_close(first: Array, second: Array, lags: Array, count: int) -> Array:
+    """Which pairs (P,) of devices are confirmed by a third, with which their lags in one window add up to 0.
+
+    Peaks of chance lie anywhere. Talk and claps of 40 s: of lags in no loop 10 to 60 % are false.
+
+    Args:
+        first, second: (P,) devices, first < second. lags: (P,) s.
+    """
+    table = np.full((count, count), np.nan)
+    table[first, second], table[second, first] = lags, -lags
+    misses = np.abs(table[first] + table[:, second].T - lags[:, None])
+    confirmed: Array = (np.nan_to_num(misses, nan=np.inf) < LOOP_S).any(axis=1)
+    return confirmed
 
 
 def largest_group(count: int, first: Array, second: Array) -> Array:

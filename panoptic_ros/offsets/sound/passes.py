@@ -11,7 +11,7 @@ from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.sound.coarse import Coarse
 from panoptic_ros.offsets.sound.directness import Directness
-from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard, clocks_of
+from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard, clocks_of, middles_of
 from panoptic_ros.offsets.sound.lines import Lines, settle
 from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, coarse_energies
 from panoptic_ros.offsets.sound.matching import LENGTH_S, LEVEL, RATE, RISE_S
@@ -92,8 +92,10 @@ class SoundClocks:
             number = {name: k for k, name in enumerate(devices)}
             cameras = {name: number.get(device, -1) for name, device in self._config.cameras.items()}
             clocks = clocks_of(settled, clocked, cameras, self._config.trusted_camera)
+            middles = middles_of(settled, clocked, cameras, clocks)
         else:
             clocks = CameraClocks.unknown(self._config.cameras, 0)
+            middles = np.zeros(len(clocks.cameras), np.int64)
         members = np.flatnonzero(np.isfinite(lines.offsets))
         evidence = tuple(
             PairHeard(
@@ -108,7 +110,7 @@ class SoundClocks:
             if not known
         }
         progress(1.0, "done")
-        return HeardClocks(clocks, evidence, unknown, apart, self._placed(devices))
+        return HeardClocks(clocks, evidence, unknown, apart, self._placed(devices), middles)
 
     def _listen(
         self, recording: Recording, progress: Progress, refused: dict[str, str]

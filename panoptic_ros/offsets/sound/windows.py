@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from panoptic_ros.offsets.sound.directness import Directness, Phases, directness
-from panoptic_ros.offsets.sound.lines import Lines, arrivals
+from panoptic_ros.offsets.sound.lines import Lines, arrivals, loops_close
 from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, band_energies, cut
 from panoptic_ros.offsets.sound.matching import NORMAL_MEDIAN, vertex
 from panoptic_ros.offsets.sound.onsets import onsets
@@ -95,8 +95,11 @@ def hear_windows(
         beside = (begins[b] - heard[b]) - (begins[a] - heard[a])
         found[p, good], weight[p, good] = (lag + beside)[good], np.sqrt(strength[good])
     first, second = np.array(pairs).T if pairs else (np.empty(0, int), np.empty(0, int))
+    recorded = np.sum([np.abs(spectra[i]).any(axis=(1, 2)) for i in members], axis=0)
     for k in range(len(starts)):
         good = np.isfinite(found[:, k])
+        if recorded[k] > 2:
+            good[good] = loops_close(first[good], second[good], found[good, k], count)
         if good.any():
             arrived[:, k] = arrivals(first[good], second[good], found[good, k], weight[good, k], count)
     direct = np.full((2, len(pairs), len(starts)), np.nan)

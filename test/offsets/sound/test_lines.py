@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 from panoptic_ros.offsets.sound.directness import Directness
-from panoptic_ros.offsets.sound.lines import Lags, Lines, arrivals, fit_lines, largest_group, settle
+from panoptic_ros.offsets.sound.lines import (
+    Lags,
+    Lines,
+    arrivals,
+    fit_lines,
+    largest_group,
+    loops_close,
+    settle,
+)
 from panoptic_ros.offsets.sound.travel import Places
 
 PLACES = np.array([[0.0, 0.0, 1.5], [5.0, 0.5, 1.5], [4.0, 4.5, 2.0], [0.5, 4.0, 1.0]])
@@ -34,6 +42,14 @@ def test_arrivals_of_a_window_close_all_loops_and_leave_out_who_is_not_linked():
     found = arrivals(first, second, true[second] - true[first], np.ones(3), 4)
     assert np.allclose(found[:3], true[:3] - true[:3].mean()) and np.isnan(found[3])
     assert largest_group(5, np.array([0, 3]), np.array([4, 0])).tolist() == [0, 3, 4]
+
+
+def test_lags_of_one_sound_close_loops_and_those_of_chance_do_not():
+    true = np.array([0.0, 0.01, -0.02, 0.005, 0.003])
+    first, second = np.array([(0, 1), (0, 2), (1, 2), (2, 3), (0, 3), (3, 4)]).T
+    lags = true[second] - true[first] + 0.002 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    lags[4] += 0.03
+    assert loops_close(first, second, lags, 5).tolist() == [True, True, True, False, False, False]
 
 
 @pytest.mark.parametrize("places", [1, 2, 3])
