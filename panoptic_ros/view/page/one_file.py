@@ -22,6 +22,7 @@ from panoptic_ros.view.page.peek import detections_head, stamp_of_bytes
 from panoptic_ros.view.page.recorded import BLOCK_NS, RecordedScene
 
 LONGEST_S = 900  # of one file; browsers have trouble with some hundred megabytes
+BODIES = ("bodies",)  # topics of layers that are shown at first
 LEFT_OUT = ("time_shift", "side_votes", "corrections")  # of skeletons: numbers that a page does not show
 
 
@@ -31,7 +32,7 @@ def one_file(
 ) -> bytes:  # fmt: skip
     """The document of a part of a recording.
 
-    It holds skeletons, previews, and the 2D people of the images that are shown, without their score maps.
+    It holds skeletons, bodies, previews, and the 2D people of the images that are shown, without their score maps.
 
     Args:
         begin_s, end_s: from the beginning of the recording; whole seconds are taken. None = its end.
@@ -52,7 +53,8 @@ def one_file(
         )
     facts, blocks, seen = scene.facts(), [], Counter[str]()
     for done, number in enumerate(each(numbers, len(numbers), progress, "seconds")):
-        messages = list(_smaller(scene, facts["topics"], scene.messages(number), seen))
+        there = scene.messages(number, BODIES)
+        messages = list(_smaller(scene, facts["topics"], there, seen))
         packet = pack(Kind.BLOCK, done, messages)
         blocks.append(base64.b64encode(gzip.compress(packet, 6, mtime=0)).decode())
     begin_ns = int(facts["begin_ns"]) + numbers[0] * BLOCK_NS
