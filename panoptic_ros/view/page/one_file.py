@@ -32,7 +32,7 @@ def one_file(
 ) -> bytes:  # fmt: skip
     """The document of a part of a recording.
 
-    It holds skeletons, bodies, previews, and the 2D people of the images that are shown, without their score maps.
+    It holds skeletons, bodies, previews, and the 2D people of the images that are shown, without score maps.
 
     Args:
         begin_s, end_s: from the beginning of the recording; whole seconds are taken. None = its end.
