@@ -14,7 +14,7 @@ import numpy as np
 from panoptic_ros.errors import DataError, EnvironmentProblem
 from panoptic_ros.io.resources import share_folder
 
-if TYPE_CHECKING:  # rosbags takes 8 MB, which most nodes do not need
+if TYPE_CHECKING:  # most nodes have no need of rosbags
     from rosbags.typesys.store import Typestore
 
 Array = np.ndarray
