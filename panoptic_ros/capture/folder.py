@@ -83,6 +83,7 @@ def open_capture_folder(
     frame_rate: float | None = None,
     corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
     hardware: str = "",
+    depth: bool = True,
 ) -> CaptureFolder:
     """Open a capture folder.
 
@@ -98,7 +99,7 @@ def open_capture_folder(
         start_ns, frame_rate: see `VideoSource`; image folders without timestamps need a rate, 30 Hz
             unless given.
         corrections: of stamps by camera, see `CorrectedSource`; sound keeps its own.
-        hardware: that decodes videos, see `Movie`.
+        hardware: that decodes videos, see `Movie`. depth: use maps that are registered to cameras.
 
     Raises:
         DataError: no folder, no rig, cameras without images, two files for one camera.
@@ -140,7 +141,7 @@ def open_capture_folder(
     times = {} if stamps or not table_files(path) else table_times(path, rig)
     opened = open_files(
         rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
-        times=times, corrections=corrections, hardware=hardware,
+        times=times, corrections=corrections, hardware=hardware, depth=depth,
     )  # fmt: skip
     told = tabled_notices(rig) if times else ()
     stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
@@ -170,6 +171,7 @@ def open_files(
     times: Mapping[str, Mapping[int, int]] = NO_TIMES,
     corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
     hardware: str = "",
+    depth: bool = True,
 ) -> CaptureFolder:
     """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
 
@@ -202,7 +204,7 @@ def open_files(
                 sounds += [_sound(images, start_ns, frame_rate, own)] if images.has_sound else []
             own_time = TimedSource(images, times[name]) if name in times else images
             timed = CorrectedSource(own_time, corrections[name]) if name in corrections else own_time
-            depths = depth_files(Path(files[name]).parent, name)
+            depths = depth_files(Path(files[name]).parent, name) if depth else ()
             sources[-1] = DepthSource(timed, depths, images.frame_count) if depths else timed
         fitted, changes = fit_rig(rig, sources, size_policy)
         parent = Path(files[chosen.names[0]]).parent

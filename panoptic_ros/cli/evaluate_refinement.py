@@ -18,7 +18,8 @@ def run_refinement(args: argparse.Namespace) -> int:
         raise UsageError("--study refine needs one --capture DIR, a capture folder with its truth")
     cameras = args.cameras.split(",") if args.cameras else []
     with PassBar(args.study) as bar:
-        result = study_refinement(args.capture[0], cameras, read_parameters(None, args.settings), bar.show)
+        settings = read_parameters(None, args.settings)
+        result = study_refinement(args.capture[0], cameras, settings, args.depth, args.seed, bar.show)
     if args.out is not None:
         write_json(args.out / "refine.json", result)
     print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))

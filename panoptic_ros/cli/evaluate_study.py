@@ -40,6 +40,11 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "--capture", type=Path, metavar="DIR", action="append", default=[],
         help="refine, kinematics: capture folder with its truth; kinematics: repeatable",
     )  # fmt: skip
+    group.add_argument(
+        "--depth", choices=("none", "given", "kinect"), default="given",
+        help="refine: the capture's depth maps besides: not at all, as they are (default), or, for simulated "
+        "ones, with the noise of a sensor",
+    )
     group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
     group.add_argument(
         "--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5; time: 5)"

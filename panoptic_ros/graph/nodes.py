@@ -141,7 +141,9 @@ NODES: dict[str, NodeSpec] = {
             ("bodies",), switch="runs",
         ),
         stage_row(
-            "patches", (Port("patch_tracks", optional=True), Port("skeletons_raw")), ("patches",),
+            "patches",
+            (Port("patch_tracks", optional=True), Port("sensor_depth", optional=True), Port("skeletons_raw")),
+            ("patches",),
             switch="active",
         ),
         stage_row(

@@ -7,6 +7,7 @@ another part or person, hides it: the point then moves with that, and is left ou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,12 @@ def axes(parts: tuple[Part, ...], skeleton: SkeletonModel, positions: Array) -> 
             if len(known):
                 firsts[k], lasts[k] = known.mean(axis=0) + np.array([[0, 0, HEAD_HALF], [0, 0, -HEAD_HALF]])
     return Capsules(firsts, lasts, np.array([part.radius for part in parts]))
+
+
+def joined(bodies: Sequence[Capsules]) -> Capsules:
+    """The capsules of all people."""
+    nothing = Capsules(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    return Capsules(*(np.concatenate(rows) for rows in zip(nothing, *bodies)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

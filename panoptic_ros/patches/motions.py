@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from panoptic_ros.domain.parts import Part
 from panoptic_ros.geometry.rotations import rotation_of
 from panoptic_ros.patches.carried import Carried
 from panoptic_ros.patches.config import PatchesConfig
+from panoptic_ros.patches.depth_buffer import DepthBuffer, SensedMap
 from panoptic_ros.patches.lifting import Capsules, axes, lift
 from panoptic_ros.patches.rigid import Bodies, Solved, Tracks, misses, solved, unsolved
 from panoptic_ros.patches.ties import Ties
@@ -20,6 +21,7 @@ from panoptic_ros.patches.ties import Ties
 Array = np.ndarray
 ODD_INTERVAL = 0.5  # share by which the images of a view may be further apart than the instants
 AGREEING_SHARE = 0.3  # of the tracks of a part, that must agree with its motion
+NEAR_SURFACE = 0.1  # m, by which a measured surface may miss a capsule and still be its part's
 STILL = 0.0005  # m and rad, standard deviation of the best motion
 
 
@@ -41,6 +43,7 @@ class PartTracker:
         self.views = np.array([np.column_stack([pose.rotation, pose.translation]) for pose in poses])
         self.origins = np.array([-pose.rotation.T @ pose.translation for pose in poses]).reshape(-1, 3)
         self._ties = Ties(parts)
+        self._buffers = [DepthBuffer(camera) for camera in rig.cameras] if rig.depth_sensors else []
         turn, move = config.turn_sigma, config.move_sigma
         self._spread = np.array([turn, turn, turn, move, move, move])
 
@@ -50,8 +53,12 @@ class PartTracker:
         dt: float,
         people: Mapping[int, Carried],
         tracks: Mapping[str, PatchTracks],
+        maps: Sequence[SensedMap] = (),
     ) -> Lifted:
-        """The tracks of each camera, on the people of the instant before, dt s ago."""
+        """The tracks of each camera, on the people of the instant before, dt s ago.
+
+        maps: of depth sensors at that instant.
+        """
         ids = [number for number in before.ids.tolist() if number in people]
         bodies = [axes(self._parts, self._skeleton, people[number].positions) for number in ids]
         capsules = Capsules(*(np.concatenate(rows) for rows in zip(*bodies))) if bodies else None
@@ -62,11 +69,11 @@ class PartTracker:
             for view, camera in enumerate(before.sources.cameras):
                 item = tracks.get(camera)
                 if item is not None and item.before_number == int(before.sources.frames[view]):
-                    found += self._of_view(item, dt, before.sources.persons[rows, view], capsules)
+                    found += self._of_view(item, dt, before.sources.persons[rows, view], capsules, maps)
         return self._ordered(found, ids)
 
     def _of_view(
-        self, item: PatchTracks, dt: float, persons: Array, capsules: Capsules
+        self, item: PatchTracks, dt: float, persons: Array, capsules: Capsules, maps: Sequence[SensedMap]
     ) -> Iterator[tuple[Array, ...]]:
         """Tracks of a view that are on people: points, cameras, targets, information, normals, capsules."""
         share = 1e9 * dt / (item.stamp_ns - item.before_ns)
@@ -88,6 +95,9 @@ class PartTracker:
         )
         if len(there):
             lift(self.origins[number], camera.rays(begins), own, capsules, points, normals, seen)
+            if maps:
+                view, origin = self.views[number], self.origins[number]
+                on_surface(self._buffers[number], maps, view, origin, points, seen)
         targets = camera.intrinsics.undistort(ends).reshape(-1, 2)
         seen &= np.isfinite(targets).all(axis=1)
         information = self._on_plane(item.information[there].astype(float), camera)
@@ -181,6 +191,24 @@ class PartTracker:
             people, parts, centres[kept], motions[:, :3], motions[:, 3:], covariances, result.agreeing[kept],
             result.spreads[kept],
         )  # fmt: skip
+
+
+def on_surface(
+    buffer: DepthBuffer, maps: Sequence[SensedMap], view: Array, origin: Array, points: Array, seen: Array
+) -> None:
+    """Put points (N, 3) m on the surface that is measured near them; where that is elsewhere, something hides
+    them or the part is not there, and they are not seen. In place.
+
+    Args:
+        view: (3, 4) cam_from_world, origin: (3,) m of the camera.
+    """
+    ahead = points @ view[:, :3].T + view[:, 3]
+    depths = buffer.depths(buffer.drawn(maps), ahead[:, :2] / np.maximum(ahead[:, 2:], 1e-3))
+    known = seen & np.isfinite(depths)
+    off = np.where(known, depths - ahead[:, 2], 0.0)
+    near = known & (np.abs(off) < NEAR_SURFACE)
+    points[near] = origin + (points[near] - origin) * (depths[near] / ahead[near, 2])[:, None]
+    seen &= ~known | near
 
 
 def expectation(part: Part, before: Array, after: Array) -> Array | None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from panoptic_ros.domain import (
+    DepthFrame,
     JointState,
     PartMotions,
     PatchTracks,
@@ -19,6 +20,10 @@ from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.errors import DataError
 from panoptic_ros.patches.carried import Carried
 from panoptic_ros.patches.config import PatchesConfig
+from panoptic_ros.patches.depth_buffer import ready
+from panoptic_ros.patches.depth_maps import DepthMaps
+from panoptic_ros.patches.free_space import free_joints
+from panoptic_ros.patches.lifting import Capsules, axes, joined
 from panoptic_ros.patches.motions import Lifted, PartTracker, expectation, no_motions
 from panoptic_ros.patches.surface import Surface, moved, no_surface, seeded
 from panoptic_ros.stage import Notice, StageContext, StepResult
@@ -27,19 +32,25 @@ from panoptic_ros.state import Stateful, StateLayout
 Array = np.ndarray
 KEPT = 16  # newest tracks of a camera that wait for their instant
 LONGEST_NS = 500_000_000  # between two instants, over which nothing is followed
+NOTHING_FREE = np.zeros((0, 2), np.int64)
 SILENT = 25  # instants with people but without tracks, after which that is said
 
 
 class PatchesStage(Stateful):
     """Motions of people's parts, and patches of their surface, for each set of skeletons.
 
+    Maps of depth sensors, if any, say where the surface is, what hides it, and which joints are in free
+    space.
+
     Skeletons must name their 2D people (`TrackedPoseSet.sources`): these tie them to 2D tracks.
     """
 
     LAYOUT = StateLayout(
-        "patches", "_tracks _people _before _last _surface _next _silent".split(),
-        (PatchTracks, TrackedPoseSet, ViewSources, Carried, PartMotions, Surface),
-        same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash"},
+        "patches",
+        "_tracks _people _before _last _surface _next _silent _free _depth.maps _depth.shares "
+        "_depth.believed _depth.meets _depth.told".split(),
+        (PatchTracks, TrackedPoseSet, ViewSources, Carried, PartMotions, Surface, DepthFrame),
+        same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash", "sensors": "_sensors"},
     )  # fmt: skip
 
     def __init__(self, config: PatchesConfig, context: StageContext):
@@ -47,6 +58,9 @@ class PatchesStage(Stateful):
         self._names = context.rig.names
         self._parts = rigid_parts(context.skeleton)
         self._tracker = PartTracker(config, context.rig, context.skeleton, self._parts)
+        self._depth = DepthMaps(context.rig)
+        ready()
+        self._sensors = tuple(self._depth.cameras)
         self._most = np.array([config.per_part * (1 + (part.name == "torso")) for part in self._parts])
         self.reset()
         for example in _examples(context):
@@ -61,19 +75,24 @@ class PatchesStage(Stateful):
         self._last = no_motions()
         self._surface = no_surface(len(self._names))
         self._next = 0
-        self._silent = 0
+        self._silent, self._free = 0, NOTHING_FREE
+        self._depth.forget()
 
     def flush(self) -> StepResult[PatchTrajectories]:
         """Nothing is buffered."""
         self.reset()
         return StepResult()
 
-    def step(self, item: PatchTracks | TrackedPoseSet) -> StepResult[PatchTrajectories]:
-        """Patches of a set of skeletons; takes the 2D tracks of its views before it.
+    def step(self, item: PatchTracks | DepthFrame | TrackedPoseSet) -> StepResult[PatchTrajectories]:
+        """Patches of a set of skeletons; takes the 2D tracks of its views, and depth, before it.
 
         Raises:
-            DataError: if the record is of another skeleton, or of a camera that the rig does not have.
+            DataError: if the record is of another skeleton, or of a camera or depth sensor that the rig does
+                not have, or of another size than its.
         """
+        if isinstance(item, DepthFrame):
+            self._depth.take(item)
+            return StepResult()
         if item.skeleton_hash != self._hash:
             what = "2D tracks" if isinstance(item, PatchTracks) else "skeletons"
             raise DataError(f"{what} of skeleton {item.skeleton_hash}, but patches work on {self._hash}")
@@ -87,12 +106,21 @@ class PatchesStage(Stateful):
             text = f"a set of stamp {item.stamp_ns} came after one of {before.stamp_ns}; it was dropped"
             return StepResult(notices=(Notice("patches.old_stamp", "warning", text),))
         tracks = self._tracks_of(item)
+        notices: tuple[Notice, ...] = ()
+        free = NOTHING_FREE
         if before is None or item.stamp_ns - before.stamp_ns > LONGEST_NS:
             self._begin_anew(item)
         else:
-            self._follow(before, item, tracks)
-        self._before = item
-        return StepResult((self._record(before or item, item),), self._silence(item, tracks))
+            notices = self._depth.judge(item.stamp_ns, self._capsules())
+            free = free_joints(self._depth, self._parts, before, item, self._free)
+            self._follow(before, item, tracks, free)
+        self._before, self._free = item, free
+        record = self._record(before or item, item, free)
+        return StepResult((record,), (*notices, *self._silence(item, tracks)))
+
+    def _capsules(self) -> Capsules:
+        """Of everybody, as carried."""
+        return joined([axes(self._parts, self._skeleton, own.positions) for own in self._people.values()])
 
     def _tracks_of(self, item: TrackedPoseSet) -> dict[str, PatchTracks]:
         """The 2D tracks of the views of an instant; these and older ones are taken out."""
@@ -113,11 +141,16 @@ class PatchesStage(Stateful):
         }
         self._last, self._surface = no_motions(), no_surface(len(self._names))
 
-    def _follow(self, before: TrackedPoseSet, item: TrackedPoseSet, tracks: dict[str, PatchTracks]) -> None:
-        """Everybody from the instant before to this one."""
+    def _follow(
+        self, before: TrackedPoseSet, item: TrackedPoseSet, tracks: dict[str, PatchTracks], free: Array
+    ) -> None:
+        """Everybody from the instant before to this one; free: (F, 2) ids and joints that are not there."""
         dt, config = 1e-9 * (item.stamp_ns - before.stamp_ns), self._config
-        lifted = self._tracker.lifted(before, dt, self._people, tracks)
-        measured = dict(zip(item.ids.tolist(), item.positions))
+        maps = [sensed for _, sensed in self._depth.near(before.stamp_ns)]
+        lifted = self._tracker.lifted(before, dt, self._people, tracks, maps)
+        measured = dict(zip(item.ids.tolist(), item.positions.copy()))
+        for person, joint in free.tolist():
+            measured[person][joint] = np.nan
         self._last = self._tracker.motions(
             lifted, self._expected(measured, lifted), self._people, self._last
         )
@@ -158,12 +191,12 @@ class PatchesStage(Stateful):
         for person in measured.keys() - self._people.keys():
             self._people[person] = Carried.measured(measured[person])
 
-    def _record(self, before: TrackedPoseSet, item: TrackedPoseSet) -> PatchTrajectories:
+    def _record(self, before: TrackedPoseSet, item: TrackedPoseSet, free: Array) -> PatchTrajectories:
         own = self._surface
         return PatchTrajectories(
             item.index, item.stamp_ns, before.stamp_ns, self._hash, own.ids, own.ages, own.people, own.parts,
             own.positions, own.normals, own.sigmas, self._names, own.visible, self._last,
-            np.zeros((0, 2), np.int64),
+            free,
         )  # fmt: skip
 
     def _silence(self, item: TrackedPoseSet, tracks: dict[str, PatchTracks]) -> tuple[Notice, ...]:

@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
 from panoptic_ros.domain import (
+    JointState,
     PartMotions,
     PatchTrajectories,
     RefinedPoseSet,
@@ -84,7 +85,10 @@ class RefinementStage(Stateful):
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
             return StepResult(notices=(Notice("refinement.old_stamp", "warning", text),))
-        motions = self._motions_since(self._last_ns, item.stamp_ns)
+        patches, self._patches = self._patches, None
+        if patches is not None and patches.stamp_ns == item.stamp_ns and len(patches.free):
+            item = without(item, patches.free)
+        motions = _motions_since(patches, self._last_ns, item.stamp_ns)
         self._last_ns = item.stamp_ns
         if not self._config.enabled:
             return StepResult((self._passed_through(item),))
@@ -95,13 +99,6 @@ class RefinementStage(Stateful):
         while self._waiting and self._clock.is_due(self._waiting[0]):
             outputs.append(self._emit())
         return StepResult(tuple(outputs))
-
-    def _motions_since(self, before_ns: int | None, stamp_ns: int) -> PartMotions | None:
-        """How parts moved between two sets; None where that was not measured."""
-        patches, self._patches = self._patches, None
-        if patches is None or (patches.before_ns, patches.stamp_ns) != (before_ns, stamp_ns):
-            return None
-        return patches.motions
 
     def _emit(self) -> RefinedPoseSet:
         """The oldest waiting set, smoothed with all that came after it."""
@@ -124,6 +121,29 @@ class RefinementStage(Stateful):
         """The same skeletons under the other name."""
         values = {field.name: getattr(item, field.name) for field in fields(item)}
         return RefinedPoseSet(**{**values, "covariances": item.covariances + self._floor})
+
+
+def _motions_since(
+    patches: PatchTrajectories | None, before_ns: int | None, stamp_ns: int
+) -> PartMotions | None:
+    """How parts moved between two sets; None where that was not measured."""
+    if patches is None or (patches.before_ns, patches.stamp_ns) != (before_ns, stamp_ns):
+        return None
+    return patches.motions
+
+
+def without(item: TrackedPoseSet, free: Array) -> TrackedPoseSet:
+    """A set whose joints in free space are missing; free: (F, 2) ids and joints."""
+    row_of = {number: row for row, number in enumerate(item.ids.tolist())}
+    pairs = [(row_of[person], joint) for person, joint in free.tolist() if person in row_of]
+    gone = np.zeros(item.states.shape, bool)
+    gone[tuple(np.array(pairs, np.int64).reshape(-1, 2).T)] = True
+    return replace(
+        item, positions=np.where(gone[..., None], np.nan, item.positions),
+        covariances=np.where(gone[..., None, None], np.nan, item.covariances),
+        scores=np.where(gone, 0.0, item.scores), views=np.where(gone, 0, item.views),
+        states=np.where(gone, np.uint8(JointState.MISSING), item.states),
+    )  # fmt: skip
 
 
 def _bias_floor(asked: float, skeleton: SkeletonModel) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import captures
 import numpy as np
 
-from panoptic_ros.domain import JointState, PatchTracks, TrackedPoseSet, ViewSources
+from panoptic_ros.domain import DepthFrame, JointState, PatchTracks, TrackedPoseSet, ViewSources
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.patches.lifting import axes, lift
 
@@ -96,3 +96,22 @@ def moved_stamps(items, by_ns):
                 if isinstance(item, PatchTracks) else {"newest_ns": item.newest_ns + by_ns}))
         for item in items
     ]  # fmt: skip
+
+
+def depth_map(sensor, index, joints, wall=4.0):
+    """What a depth sensor measures of capsules round joints (J, 3), and a wall behind them."""
+    width, height = sensor.image_size
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
+    plane = sensor.intrinsics.undistort(np.stack([columns, rows], axis=-1).reshape(-1, 2).astype(float))
+    rays = np.column_stack([plane, np.ones(len(plane))])
+    capsules, depth = axes(PARTS, captures.SKELETON, joints), np.full(len(rays), wall)
+    for first, last, radius in zip(*capsules):
+        for share in np.linspace(0.0, 1.0, 8):  # balls along the axis
+            centre = sensor.cam_from_world.apply(first + share * (last - first))
+            along = rays @ centre / (rays**2).sum(axis=1)
+            aside = ((along[:, None] * rays - centre) ** 2).sum(axis=1)
+            inside = aside < radius**2
+            back = np.sqrt((radius**2 - aside[inside]) / (rays[inside] ** 2).sum(axis=1))
+            depth[inside] = np.minimum(depth[inside], along[inside] - back)
+    shown = depth.reshape(height, width).astype(np.float32)
+    return DepthFrame(sensor.name, SECOND + index * STEP, index, shown)

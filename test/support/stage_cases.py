@@ -18,6 +18,7 @@ from panoptic_ros.domain import (
     Camera,
     ClockModel,
     DepthFrame,
+    DepthSensor,
     EndOfStream,
     ImuSample,
     JointState,
@@ -323,6 +324,20 @@ def detector():
     return StageContext(Rig(captures.RIG.cameras[:1]), SKELETON, extras)
 
 
+SENSOR = captures.look_at("depth0", (1.2, 1.5, 1.4), (-0.85, -0.6, 0.9), focal=50.0, size=(60, 60))
+SENSED = StageContext(replace(captures.RIG, depth_sensors=(DepthSensor(SENSOR),)), captures.SKELETON)
+
+
+def sensed(count, start=0):
+    """Skeletons, 2D tracks, and maps of a depth sensor before them."""
+    found: list[Any] = []
+    for item in patch_scene.recording(count, start=start):
+        if isinstance(item, TrackedPoseSet):
+            found.append(patch_scene.depth_map(SENSOR, item.index, item.positions[0]))
+        found.append(item)
+    return found
+
+
 def with_patches(start):
     """What refinement takes where motion is measured on the surface, too."""
     own = make_stage("patches", configure({"patches": {"active": True}})["patches"], captures.CONTEXT)
@@ -407,6 +422,9 @@ def cases():
             "patches", {"per_part": 4, "life": 4}, patch_scene.recording(8),
             patch_scene.recording(4, start=90),
         ),
+        "patches-depth": Case(
+            "patches", {"per_part": 4, "life": 4}, sensed(8), sensed(4, 90), SENSED
+        ),
         "refinement-patches": Case("refinement", {"lag": 0.08}, with_patches(0), with_patches(90)),
         "refinement-lag": Case(
             "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
@@ -418,7 +436,7 @@ NAMES = (
     "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
     *FUSION, "tracking-subjects", "kinematics", "kinematics-everybody", "refinement-lag",
-    "refinement-patches", "flow", "patches",
+    "refinement-patches", "flow", "patches", "patches-depth",
 )  # fmt: skip
 
 

@@ -46,6 +46,7 @@ def plan_capture(
     size_policy: str = "strict",
     hardware: str = "",
     title: str = "",
+    depth: bool = True,
 ) -> Plan:
     """The plan of a run on a capture folder.
 
@@ -56,11 +57,13 @@ def plan_capture(
         size_policy: for images of another size than calibrated: strict, scale, letterbox or crop.
         hardware: that decodes videos, as FFmpeg calls it; "" = the processor.
         title: how the report calls the capture; its folder unless given.
+        depth: use depth maps that are registered to cameras.
 
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
+    own |= {} if depth else {"depth": False}
     options = replace(
         options, subjects=subject_files(folder, options.subjects), imus=imu_file(folder)
     )  # fmt: skip

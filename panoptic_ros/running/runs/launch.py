@@ -136,6 +136,8 @@ class _Nodes:
             parameters |= {"devices": list(self._plan.devices)}
         if self._plan.shifts:
             parameters |= {"shifts": [f"{owner}={ns}" for owner, ns in self._plan.shifts.items()]}
+        if "patches" in stages:
+            parameters |= _inputs_of_patches(self._plan)
         if "kinematics" in stages:
             parameters |= given_inputs({"imu": self._plan.imu_devices})
         for stage in stages:
@@ -174,6 +176,18 @@ def _inputs_of_detection(plan: Plan, cameras: list[str]) -> dict[str, list[str]]
         "compressed_depth": [c for c in cameras if c in packed],
         "compressed_image": [c for c in cameras if c in compressed],
     })  # fmt: skip
+
+
+def _inputs_of_patches(plan: Plan) -> dict[str, list[str]]:
+    """Which depth sensors of running drivers there are, by parameter of the node."""
+    raw, packed = (plan.topics.get(key, {}) for key in ("sensor_depth", "compressed_sensor_depth"))
+    renamed = [
+        f"{key} {sensor}={name}"
+        for key, names in (("sensor_depth", raw), ("compressed_sensor_depth", packed))
+        for sensor, name in names.items()
+    ]  # fmt: skip
+    own = given_inputs({"sensor_depth": [*raw, *packed], "compressed_sensor_depth": [*packed]})
+    return own | ({"topics": renamed} if renamed else {})
 
 
 def _shares(plan: Plan) -> list[list[str]]:

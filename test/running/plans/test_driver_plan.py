@@ -11,6 +11,7 @@ pytest.importorskip("rclpy")
 from panoptic_ros.domain import DepthSensor
 from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.geometry import Rigid
+from panoptic_ros.graph.build import configure
 from panoptic_ros.io.messages import bag_messages, camera_info_message
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.nodes.drivers import Drivers
@@ -111,12 +112,19 @@ def sensor_info():
     return camera_info_message(SENSOR, 7, bag_messages())
 
 
-def test_depth_sensors_alone_are_those_of_the_rig(plan):
+def test_depth_sensors_alone_are_those_of_the_rig(plan, tmp_path):
     infos = {"/b/camera_info": info_of("cam1"), "/k/depth/camera_info": sensor_info()}
     made = plan(BOTH, TYPES, infos, "kinects.json")
     (sensor,) = made.rig.depth_sensors
     assert sensor.name == "k1" and np.allclose(sensor.camera.centre, SENSOR.centre)
     assert made.topics["sensor_depth"] == {"k1": "/k/depth/image_raw"} and not made.depth_cameras
+    active = {**made.configs, "patches": configure({"patches": {"active": True}})["patches"]}
+    (tmp_path / "launched").mkdir()
+    launch = write_launch_file(replace(made, configs=active), tmp_path / "launched", "live", 64, 0)
+    nodes = [node for nodes in json.loads(launch.read_text())["processes"].values() for node in nodes]
+    (given,) = (node["parameters"] for node in nodes if "patches" in node.get("stages", ()))
+    assert given["inputs.sensor_depth"] == ["k1"]
+    assert given["topics"] == ["sensor_depth k1=/k/depth/image_raw"]
     infos["/k/depth/camera_info"].width = 640
     with pytest.raises(CalibrationError, match="k1 publishes depth maps of 640 x 240, but the rig"):
         plan(BOTH, TYPES, infos, "kinects.json")
