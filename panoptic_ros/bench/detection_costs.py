@@ -52,7 +52,7 @@ class TimedStage(DetectionStage):
         super().__init__(config, context)
         self._costs: Costs = context.extras["costs"]
         self._session = _TimedSession(self.network.session)
-        self.network.session = self._session  # type: ignore[assignment]
+        self.network.session = self._session  # type: ignore[assignment]  # has what detectors use
 
     def step(self, item: ViewFrame | DepthFrame | TrackSet) -> StepResult[ViewDetections]:
         """As the stage."""
