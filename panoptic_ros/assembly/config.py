@@ -76,7 +76,7 @@ class AssemblyConfig(Config):
         0.3, unit="m", ge=0.01, le=10.0, doc="Joints that are less certain than this are missing."
     )
     held_sigma: float = param(
-        0.15, unit="m", ge=0.0, le=1.0,
+        0.2, unit="m", ge=0.0, le=1.0,
         doc="Joints of people whom one or two views show, and who were seen better before, are placed by the "
         "lengths of their bones until they are less certain than this (largest axis); 0 = never.",
     )

@@ -8,7 +8,7 @@ under
 * the prediction of each joint, with the variance of its filter;
 * the predicted vector along each bone, which changes slowly: parts that no view shows move with the rest;
 * the learnt lengths of bones;
-* people move on the ground, and their trunk hardly up or down: with the rays that tells depth;
+* people move on the ground, and their trunk as a whole hardly up or down: with the rays that tells depth;
 * the rays of the joints that are seen, with Cauchy weights;
 * the joints that two views have solved, with their covariances.
 
@@ -17,13 +17,12 @@ nothing but the prediction tells becomes less and less certain, until the joint 
 """
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from panoptic_ros.assembly.body_estimate import Body, Known, Rays, estimate
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.joints import Joints
-from panoptic_ros.domain import Prediction, SkeletonModel
+from panoptic_ros.domain import Prediction
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
@@ -36,55 +35,8 @@ TURNING = 0.9  # m/s, standard deviation by which vectors along bones change tha
 STRAYING, SWINGING = 0.5, 4.0  # m/s, and of others: of a body that stands, and more per m/s of a moving one
 RISING = 0.15  # m/s, standard deviation of the motion of the trunk up and down
 BONE, BONE_MEMORY = 0.015, 0.5  # m, by which bones differ from their learnt length, alike for so many s
-TRUSTED = 2.0  # standard deviations; scale of the Cauchy weights of rays
 WORST_FIT = 4.0  # standard deviations, median of the rays of somebody who is where the prediction says
-STEPS, SMALL = 6, 1e-4  # of Gauss-Newton, at most; m, of a step after which none follows
-GROWTH = 5.0  # of covariances: bones and 2D joints err much the same from frame to frame
 LEVEL = 10.0  # weight of the right axes of cameras against their upper edges
-NEAR = 0.02  # m, in front of a camera
-
-
-class Body(NamedTuple):
-    """bones (B, 2) of the skeleton; trunk (K,): its root and the joints next to it."""
-
-    bones: Array
-    trunk: Array
-
-    @classmethod
-    def of(cls, skeleton: SkeletonModel) -> Body:
-        """That of a skeleton."""
-        bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
-        return cls(bones, np.unique(np.append(bones[bones[:, 0] == skeleton.root, 1], skeleton.root)))
-
-
-class Known(NamedTuple):
-    """What is known of a person besides images.
-
-    places (J, 3) m, NaN = nothing; information (J, 3, 3) 1/m^2 of them; vectors (B, 3) m along bones and
-    their standard deviations slack (B,) m; lengths (B,) m, NaN = not learnt, and bone m, how exact they are;
-    still (J, 3) m where they were a moment ago, and rise m, how far the trunk moves upwards, up (3,).
-    """
-
-    places: Array
-    information: Array
-    vectors: Array
-    slack: Array
-    lengths: Array
-    bone: float
-    still: Array
-    up: Array
-    rise: float
-
-
-class Rays(NamedTuple):
-    """R rays: joints (R,), 2D points (R, 2) on the plane at distance 1, their precisions (R,), rotations
-    (R, 3, 3) and origins (R, 3) m of the views: x_cam = rotation x + origin."""
-
-    joints: Array
-    points: Array
-    precisions: Array
-    rotations: Array
-    origins: Array
 
 
 def hold_people(
@@ -222,73 +174,3 @@ def _known(prediction: Prediction, who: int, own: Joints | None, seen: Array, bo
     bone = BONE * np.sqrt(max(1.0, BONE_MEMORY / max(passed, 1e-3)))
     rise = RISING * max(passed, 1e-3)
     return Known(places, information, vectors, slack, prediction.lengths[who], bone, still, up, rise)
-
-
-def estimate(known: Known, rays: Rays, body: Body) -> tuple[Array, Array, Array]:
-    """Places (J, 3) m, covariances (J, 3, 3) m^2, NaN = not known; residuals (R,) in standard deviations."""
-    count = len(known.places)
-    x = known.places.copy()
-    active = np.isfinite(x[:, 0])
-    used = np.flatnonzero(active[body.bones].all(axis=1))
-    normal = np.zeros((3 * count, 3 * count))
-    residuals = np.zeros(len(rays.joints))
-    for _ in range(STEPS):
-        normal, right, residuals = _normal_equations(known, rays, body, used, x, active)
-        step = np.linalg.solve(normal, right).reshape(count, 3)
-        x[active] += step[active]
-        if np.abs(step).max() < SMALL:
-            break
-    blocks = np.linalg.inv(normal).reshape(count, 3, count, 3)
-    covariances = GROWTH * blocks[np.arange(count), :, np.arange(count)]
-    covariances[~active] = np.nan
-    return x, covariances, residuals
-
-
-def _normal_equations(
-    known: Known, rays: Rays, body: Body, used: Array, x: Array, active: Array
-) -> tuple[Array, Array, Array]:
-    """The matrix (3J, 3J), the right side (3J,), and residuals (R,) of the rays at x (J, 3)."""
-    count, eye = len(x), np.eye(3)
-    blocks, right = np.zeros((count, count, 3, 3)), np.zeros((count, 3))
-    diagonal = np.arange(count)
-    blocks[diagonal, diagonal] = np.where(active[:, None, None], known.information, eye)
-    gaps = np.where(active[:, None], known.places - x, 0.0)
-    right += (blocks[diagonal, diagonal] @ gaps[..., None])[..., 0]
-    (a, b), trunk = body.bones[used].T, body.trunk
-    vectors = x[b] - x[a]
-    stiff = eye / known.slack[used, None, None] ** 2
-    _add_differences(blocks, right, a, b, stiff, known.vectors[used] - vectors)
-    length = np.linalg.norm(vectors, axis=-1)
-    learnt = np.isfinite(known.lengths[used]) & (length > 1e-3)
-    along = vectors[learnt] / length[learnt, None]
-    weights = along[:, :, None] * along[:, None, :] / known.bone**2
-    missing = (known.lengths[used][learnt] - length[learnt])[:, None] * along
-    _add_differences(blocks, right, a[learnt], b[learnt], weights, missing)
-    trunk = trunk[active[trunk]]
-    blocks[trunk, trunk] += np.outer(known.up, known.up) / known.rise**2
-    risen = (x[trunk] - known.still[trunk]) @ known.up
-    right[trunk] -= risen[:, None] * known.up / known.rise**2
-    seen = (rays.rotations @ x[rays.joints][..., None])[..., 0] + rays.origins
-    depth = np.maximum(seen[:, 2], NEAR)
-    plane = seen[:, :2] / depth[:, None]
-    errors = rays.points - plane
-    residuals = np.linalg.norm(errors, axis=-1) * rays.precisions
-    weight = rays.precisions**2 / (1.0 + (residuals / TRUSTED) ** 2) * (seen[:, 2] > NEAR)
-    slopes = (rays.rotations[:, :2] - plane[..., None] * rays.rotations[:, 2:]) / depth[:, None, None]
-    turned = np.swapaxes(slopes, 1, 2) * weight[:, None, None]
-    np.add.at(blocks, (rays.joints, rays.joints), turned @ slopes)
-    np.add.at(right, rays.joints, (turned @ errors[..., None])[..., 0])
-    normal = np.swapaxes(blocks, 1, 2).reshape(3 * count, 3 * count)
-    return normal, right.ravel(), residuals
-
-
-def _add_differences(blocks: Array, right: Array, a: Array, b: Array, weights: Array, missing: Array) -> None:
-    """Add, in place, that x[b] - x[a] should grow by `missing` (B, 3) m, with weights (B, 3, 3) or (3, 3)."""
-    weights = np.broadcast_to(weights, (len(a), 3, 3))
-    pull = (weights @ missing[..., None])[..., 0]
-    np.add.at(blocks, (a, a), weights)
-    np.add.at(blocks, (b, b), weights)
-    np.add.at(blocks, (a, b), -weights)
-    np.add.at(blocks, (b, a), -weights)
-    np.add.at(right, b, pull)
-    np.add.at(right, a, -pull)

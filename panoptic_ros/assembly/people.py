@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.assembly.body_estimate import Body
 from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.disputed import place_disputed
-from panoptic_ros.assembly.held import Body, hold_people
+from panoptic_ros.assembly.held import hold_people
 from panoptic_ros.assembly.joints import Joints
 from panoptic_ros.assembly.judgement import (
     drop_long_bones,

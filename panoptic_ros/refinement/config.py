@@ -31,11 +31,6 @@ class RefinementConfig(Config):
         3.0, unit="sigma", ge=0.5, le=100.0,
         doc="Scale of the Cauchy weight: the larger an innovation is, the less a measurement counts.",
     )
-    few_views_relief: float = param(
-        0.3, ge=0.0, le=10.0,
-        doc="Covariances that come in shrink by 1 + this / (views - 1), by which assembly makes them larger "
-        "for the outliers among few views: here the Cauchy weight deals with those.",
-    )
     start_speed: float = param(
         1.5, unit="m/s", ge=0.01, le=50.0,
         doc="Standard deviation of the velocity of a joint that is new. Where stamps differ, of the fastest; "

@@ -72,7 +72,7 @@ class FilterBank:
             predict_linked(last.motion, dt, now.noise, links, config.cauchy, now.predicted, now.gains)
             linked = np.isfinite(links.displacements[..., 0])
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
-        for name in ("scores", "noises", "person_scores"):
+        for name in ("scores", "noises", "person_scores", "filled"):
             getattr(now.measured, name)[...] = getattr(last.measured, name)
         np.add(last.measured.ages, dt, out=now.measured.ages)
         now.predicted.states[(now.measured.ages > config.max_gap) & ~now.measured.carried] = np.nan
@@ -106,9 +106,9 @@ class FilterBank:
         row_of = {number: row for row, number in enumerate(self.people.ids.tolist())}
         rows = np.array([row_of[number] for number in item.ids.tolist()])
         now.measured.person_scores[rows] = item.person_scores
-        relief, scores, views = config.few_views_relief, item.scores, item.views
-        take_measurements(now.measured, rows, points, item.covariances, relief, scores, views)
-        now.measured.filled[rows] = item.states == FILLED
+        take_measurements(now.measured, rows, points, item.covariances, item.scores, item.views)
+        there = np.isfinite(points[..., 0])
+        now.measured.filled[rows] = np.where(there, item.states == FILLED, now.measured.filled[rows])
         now.measured.points[rows] = points
         innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
         if shift is None:

@@ -23,11 +23,8 @@ class Judged(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def take_measurements(measured, rows, points, covariances, relief, scores, views):
-    """Enter points (R, J, 3) of the people of these rows, NaN = not measured, in place.
-
-    Covariances shrink by 1 + relief / (views - 1).
-    """
+def take_measurements(measured, rows, points, covariances, scores, views):
+    """Enter points (R, J, 3) of the people of these rows, NaN = not measured, in place."""
     for r in range(len(rows)):
         p = rows[r]
         measured.people[p] = True
@@ -36,10 +33,9 @@ def take_measurements(measured, rows, points, covariances, relief, scores, views
                 continue
             measured.joints[p, j], measured.ages[p, j], measured.carried[p, j] = True, 0.0, True
             measured.views[p, j], measured.scores[p, j] = views[r, j], scores[r, j]
-            shrink = 1.0 + relief / max(views[r, j] - 1.0, 1.0)
             for i in range(3):
                 for k in range(3):
-                    measured.noises[p, j, i, k] = covariances[r, j, i, k] / shrink
+                    measured.noises[p, j, i, k] = covariances[r, j, i, k]
 
 
 @njit(cache=True, error_model="numpy")

@@ -31,7 +31,7 @@ class Measured(NamedTuple):
     ages: Array  # (P, J) s since those
     carried: Array  # (P, J) bool, at each instant since those the surface showed how the joint moved
     person_scores: Array  # (P,) of those
-    filled: Array  # (P, J) bool, which of the joints rest on a prediction and the rest of the body too
+    filled: Array  # (P, J) bool, whether the latest rest on a prediction and the rest of the body too
 
 
 class Moment(NamedTuple):

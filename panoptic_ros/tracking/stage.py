@@ -8,13 +8,28 @@ import numpy as np
 from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.assignment import best_pairs
-from panoptic_ros.identity.likeness import NEW, WAIT, bone_evidence, place_evidence, recognised
+from panoptic_ros.identity.likeness import (
+    NEW,
+    UNLIKE,
+    WAIT,
+    Bones,
+    bone_evidence,
+    paired,
+    place_evidence,
+    recognised,
+)
 from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
-from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances, return_costs
+from panoptic_ros.tracking.tracks import (
+    Tracks,
+    bone_lengths,
+    head_distances,
+    joint_distances,
+    return_costs,
+)
 
 Array = np.ndarray
 RETURN_S = 2.0  # of absence, in which somebody who is near and alike has come back at once
@@ -34,6 +49,7 @@ class TrackingStage(Stateful):
         self._hash = context.skeleton.hash  # computed at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
         self._limbs = limbs_of(context.skeleton)
+        self._pairs = paired(self._bones, np.array(context.skeleton.mirror, np.int64))
         self.reset()
         self._compile()
         self.reset()
@@ -122,6 +138,9 @@ class TrackingStage(Stateful):
             distance, difference = return_costs(lost, item.positions[open_rows], self._bones)
             reach = (config.return_distance + config.return_speed * lost.unseen)[:, None]
             allowed = (distance <= reach) & (difference <= config.bone_tolerance)
+            lengths = bone_lengths(item.positions[open_rows], self._bones)
+            once = Bones(lengths, np.ones_like(lengths), np.zeros_like(lengths))
+            allowed &= bone_evidence(lost.bones, once, self._pairs) >= UNLIKE
             score = distance / np.maximum(reach, 1e-9) + difference / config.bone_tolerance
             back = np.full(len(open_rows), -1)
             _take(back, waiting, np.where(allowed, score, np.inf))
@@ -171,7 +190,7 @@ class TrackingStage(Stateful):
         """Log-odds (L, F) that people who were lost are those who have come."""
         away, here = self._tracks.rows(lost), self._tracks.rows(fresh)
         gaps = np.linalg.norm((away.middles[:, None] - here.middles[None])[..., :2], axis=-1)
-        odds = bone_evidence(away.lengths, away.counts, here.lengths, here.counts)
+        odds = bone_evidence(away.bones, here.bones, self._pairs)
         odds += place_evidence(gaps, away.unseen)
         return odds
 

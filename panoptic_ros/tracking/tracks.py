@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import JointState, PoseSet, TrackSet
+from panoptic_ros.identity.likeness import Bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
@@ -18,6 +19,7 @@ MEASURED = int(JointState.MEASURED)
 KNOWN_AFTER = 10  # measurements of a bone, from which on its length counts as known
 LENGTH_MEMORY = 60.0  # frames over which bone lengths are averaged
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
+OUTLIER = 4.0  # standard deviations, at which a length's difference from the mean is cut
 BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
 WORST = 10.0  # sigmas, at which distances of joints are truncated
@@ -26,12 +28,14 @@ WORST = 10.0  # sigmas, at which distances of joints are truncated
 class Bodies(NamedTuple):
     """What is known of T people besides the motion of their joints.
 
-    lengths (T, B) m, mean bone lengths, NaN = unknown, and counts (T, B), measurements of each; middles
+    lengths (T, B) m, mean bone lengths, NaN = unknown, counts (T, B), measurements of each, and squares
+    (T, B) m^2, the mean square of what one differs by; middles
     (T, 3) m of the bodies, and their velocities drifts (T, 3) m/s.
     """
 
     lengths: Array
     counts: Array
+    squares: Array
     middles: Array
     drifts: Array
 
@@ -42,7 +46,8 @@ class Tracks:
 
     Args:
         ids: (T,) identities, -1 = not confirmed yet.
-        states, variances, ages, unagreed: see `JointMotion`. lengths, counts, middles, drifts: see `Bodies`.
+        states, variances, ages, unagreed: see `JointMotion`. lengths, counts, squares, middles, drifts: see
+            `Bodies`.
         heads: (T, 3) m, where the head was seen last, NaN = nowhere.
         unseen: (T,) s since the person was seen; missed: (T,) those of them in which there were sets.
         hits: (T,) how often it was seen; seconds: (T,) since when there is a track.
@@ -56,6 +61,7 @@ class Tracks:
     unagreed: Array
     lengths: Array
     counts: Array
+    squares: Array
     middles: Array
     drifts: Array
     heads: Array
@@ -70,9 +76,9 @@ class Tracks:
         """People before their first measurement."""
         return cls(
             np.full(people, -1), *JointMotion.of_new(people, joints), np.full((people, bones), np.nan),
-            np.zeros((people, bones)), np.full((people, 3), np.nan), np.zeros((people, 3)),
-            np.full((people, 3), np.nan), np.zeros(people), np.zeros(people), np.zeros(people, np.int64),
-            np.zeros(people), np.zeros((people, limbs)),
+            np.zeros((people, bones)), np.zeros((people, bones)), np.full((people, 3), np.nan),
+            np.zeros((people, 3)), np.full((people, 3), np.nan), np.zeros(people), np.zeros(people),
+            np.zeros(people, np.int64), np.zeros(people), np.zeros((people, limbs)),
         )  # fmt: skip
 
     @property
@@ -83,7 +89,12 @@ class Tracks:
     @property
     def bodies(self) -> Bodies:
         """The rest of the bodies."""
-        return Bodies(self.lengths, self.counts, self.middles, self.drifts)
+        return Bodies(self.lengths, self.counts, self.squares, self.middles, self.drifts)
+
+    @property
+    def bones(self) -> Bones:
+        """What is known of the bones."""
+        return Bones(self.lengths, self.counts, self.squares)
 
     def rows(self, which: Array) -> Tracks:
         """Some of the people."""
@@ -113,6 +124,8 @@ class Tracks:
         both = np.nan_to_num(self.lengths[lost]) * self.counts[lost]
         both += np.nan_to_num(self.lengths[fresh]) * self.counts[fresh]
         self.lengths[fresh] = np.where(counts > 0.0, both / np.maximum(counts, 1.0), np.nan)
+        squares = self.squares[lost] * self.counts[lost] + self.squares[fresh] * self.counts[fresh]
+        self.squares[fresh] = squares / np.maximum(counts, 1.0)
         self.counts[fresh] = np.minimum(counts, LENGTH_MEMORY)
 
     def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
@@ -160,7 +173,9 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, states,
         if t < 0:
             continue
         update_joints(motion, t, positions[k], covariances[k], views[k], states[k])
-        _learn_lengths(bodies.lengths[t], bodies.counts[t], positions[k], states[k], bones)
+        _learn_lengths(
+            bodies.lengths[t], bodies.counts[t], bodies.squares[t], positions[k], states[k], bones
+        )
         for axis in range(3):
             count = 0
             for j in range(joints):
@@ -173,8 +188,11 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, states,
 
 
 @njit(cache=True, error_model="numpy")
-def _learn_lengths(lengths, counts, position, states, bones):
-    """Means of the lengths (B,) of bones whose ends (J, 3) are measured, in place."""
+def _learn_lengths(lengths, counts, squares, position, states, bones):
+    """Means of the lengths (B,) of bones whose ends (J, 3) are measured, and what they vary by, in place.
+
+    Where that is known, larger differences are cut: joints are somewhere else now and then.
+    """
     for b in range(len(bones)):
         if states[bones[b, 0]] != MEASURED or states[bones[b, 1]] != MEASURED:
             continue
@@ -182,7 +200,12 @@ def _learn_lengths(lengths, counts, position, states, bones):
         if np.isfinite(length):
             counts[b] = min(counts[b] + 1.0, LENGTH_MEMORY)
             if np.isfinite(lengths[b]):
-                lengths[b] += (length - lengths[b]) / counts[b]
+                gap = length - lengths[b]
+                if counts[b] > KNOWN_AFTER:
+                    limit = OUTLIER * np.sqrt(squares[b])
+                    gap = min(limit, max(-limit, gap))
+                lengths[b] += gap / counts[b]
+                squares[b] += (gap * gap - squares[b]) / (counts[b] - 1.0)
             else:
                 lengths[b] = length
 

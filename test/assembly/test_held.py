@@ -2,7 +2,8 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.assembly.held import GROWTH, Body, Known, Rays, estimate, upwards
+from panoptic_ros.assembly.body_estimate import GROWTH, Body, Known, Rays, estimate
+from panoptic_ros.assembly.held import upwards
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.simulation.rigs import looking_at
 

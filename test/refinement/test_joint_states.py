@@ -15,11 +15,11 @@ def test_measurements_replace_those_before():
     points = np.array([[[1.0, 2.0, 3.0], [np.nan] * 3]])
     covariances = np.tile(np.eye(3), (1, 2, 1, 1))
     scores, views = np.array([[0.9, 0.0]]), np.array([[3, 0]], np.int32)
-    take_measurements(measured, np.array([1]), points, covariances, 0.3, scores, views)
+    take_measurements(measured, np.array([1]), points, covariances, scores, views)
     assert measured.people.tolist() == [False, True, False]
     assert measured.joints.tolist() == [[False, False], [True, False], [False, False]]
     assert measured.scores[1].tolist() == [0.9, 0.3] and measured.ages[1].tolist() == [0.0, 1.0]
-    assert np.allclose(measured.noises[1, 0], np.eye(3) / 1.15) and not measured.noises[1, 1].any()
+    assert np.allclose(measured.noises[1, 0], np.eye(3)) and not measured.noises[1, 1].any()
     assert measured.views[1].tolist() == [3, 0]
 
 

@@ -92,7 +92,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _refinement("lag", "later views are used, too", lag=0.0),
     _refinement("limb-noise", "fast limbs are followed more quickly", limb_noise=0.0),
     _refinement("smoothed-cauchy", "large innovations count less", cauchy=NO_LIMIT),
-    _refinement("few-views-relief", "covariances of few views shrink", few_views_relief=0.0),
     _refinement("predictions", "joints of people who are seen are predicted", max_prediction=0.0),
     _refinement("filled-sigma", "filled joints that are too uncertain are missing", max_sigma=10.0),
     _refinement("bone-lengths", "bones keep their learnt lengths", bone_sigma=0.0),
