@@ -33,7 +33,7 @@ CLASSES = (
     ),
     Fields.named(SeenPerson, "views joints"),
     Fields.named(
-        ImuFitting, "heading offset_ns looking _states _stamps _turns _held _poseless _unseen"
+        ImuFitting, "heading offset_ns looking _clocks _states _stamps _turns _held _poseless _unseen"
     ),
     Fields.named(ImuStreams, "names _stamps _values _force _weight _odd _silent"),
     Fields.named(MeasuredBody, "_lengths"),
@@ -48,8 +48,8 @@ CLASSES = (
     Fields.named(LengthEstimate, "_usual _lengths _information _pull looks scales"),
     Fields.named(
         WornDevices,
-        "_config _subject _chain _devices _mounts segments positions _turn mounting _wearing _since_look "
-        "_notices _told measured _oriented",
+        "_config _subject _chain _devices names mounts segments positions _turn _unseen mounting _wearing "
+        "_since_look _notices _told measured _oriented",
     ),
     Fields.named(Wearing, "_looks _count"),
     Fields.named(
