@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import islice
@@ -121,6 +122,8 @@ class BagWriter:
 class BagReader:
     """Reads a bag: the topics it has, and their messages in the order of recording.
 
+    Iterations that `interleaves` allows side by side may be in threads of their own.
+
     Raises:
         DataError: if it is no bag, was never finished, or is damaged.
     """
@@ -129,6 +132,7 @@ class BagReader:
         self.path = Path(path)
         if not self.path.exists():
             raise DataError(f"there is no bag {self.path}")
+        self._reading = threading.Lock()
         self._reader = self._opened()
         self.topics: dict[str, str] = {c.topic: c.msgtype for c in self._reader.connections}
         self.counts: dict[str, int] = {
@@ -181,13 +185,22 @@ class BagReader:
             return
         up = {c.topic: self._brought_up(c) for c in chosen}
         try:
-            for connection, stamp, data in self._reader.messages(chosen, begin_ns, end_ns):
+            for connection, stamp, data in self._one_by_one(self._reader.messages(chosen, begin_ns, end_ns)):
                 bring = up[connection.topic]
                 yield connection.topic, stamp, bring(data) if bring else data, connection.msgtype
         except DataError:
             raise
         except Exception as error:  # as above
             raise DataError(f"{self.path} is damaged: {_one_line(error)}") from None
+
+    def _one_by_one(self, rows: Iterator[Any]) -> Iterator[Any]:
+        """The rows; where several threads read, one seeks and reads in the file at a time."""
+        while True:
+            with self._reading:
+                row = next(rows, None)
+            if row is None:
+                return
+            yield row
 
     def is_outdated(self, topic: str) -> bool:
         """Whether its messages are of this project, but of another version, as the hash in the bag tells."""

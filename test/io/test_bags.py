@@ -1,12 +1,16 @@
 """Bags appear whole or not at all, and damaged ones are refused in one line."""
+from concurrent.futures import ThreadPoolExecutor
+
 import captures
 import numpy as np
 import pytest
 from recordings import write_bag
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.bags import BagReader, BagWriter
 from panoptic_ros.io.messages import bag_messages, from_message, to_message
+from panoptic_ros.io.messages.family import bag_typestore
 
 
 def test_round_trip_in_the_order_of_stamps(tmp_path):
@@ -68,3 +72,19 @@ def test_damaged_metadata_is_told_in_one_line(tmp_path):
     with pytest.raises(DataError, match="metadata") as told:
         BagReader(path)
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_threads_read_topics_of_one_bag_side_by_side(tmp_path, storage):
+    topics, random = [f"/camera{k}" for k in range(4)], np.random.default_rng(0)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=storage) as bag:
+        kind, store = "sensor_msgs/msg/CompressedImage", bag_typestore()
+        made = [bag.add_connection(topic, kind, typestore=store) for topic in topics]
+        for k in range(80):
+            bag.write(made[k % 4], k, random.bytes(200_000))
+    with BagReader(tmp_path / "bag") as reader, ThreadPoolExecutor(4) as threads:
+
+        def read(topic):
+            return [(stamp, bytes(data)) for _, stamp, data, _ in reader.raw(topic)]
+
+        assert list(threads.map(read, topics)) == [read(topic) for topic in topics]
