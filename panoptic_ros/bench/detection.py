@@ -17,6 +17,7 @@ from panoptic_ros.capture import open_capture_folder
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.evaluation import SkeletonSequence, pair_sequences
+from panoptic_ros.evaluation.newcomers import newcomers_scores
 from panoptic_ros.evaluation.report import report_of
 from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.pipeline import Pipeline
@@ -133,4 +134,4 @@ def _scores(
     frames = tuple(frame for frame, away in zip(truth.frames, near) if away < HALF_A_FRAME_NS)
     within = SkeletonSequence(truth.joint_names, frames)
     pairs = pair_sequences(within, spelt_alike(result, within), skip)
-    return report_of(pairs, within.joint_names).to_mapping()
+    return {**report_of(pairs, within.joint_names).to_mapping(), **newcomers_scores(pairs)}

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.simulation.body import UpperBody
-from panoptic_ros.simulation.smooth import Pulses, Wander
+from panoptic_ros.simulation.smooth import Pulses, Wander, ease
 
 Array = np.ndarray
 HANGING = np.array([0.06, 0.10, -0.95])
 WAVE_HZ = 3.0
+EMBRACE, EMBRACING = (0.9, 2.3), 0.35  # s, from and until; in which arms go up or down
 HandMove = Callable[[Array, Array], Array]  # times (T,), gait cycles (T,) -> change of hands (T, 2, 3)
 
 
@@ -92,8 +93,21 @@ class AtTable:
         return hands
 
 
+@dataclass(frozen=True)
+class Embracing:
+    """Both arms go round somebody who stands before one, and stay there for a while."""
+
+    begin: float  # s
+    end: float
+
+    def __call__(self, t: Array, steps: Array) -> Array:
+        there = ease((t - self.begin) / EMBRACING) * ease((self.end - t) / EMBRACING)
+        hands: Array = there[:, None, None] * (np.array([0.52, -0.22, -0.10]) - HANGING)
+        return np.broadcast_to(hands, (len(t), 2, 3))
+
+
 def draw_gesture(rng: np.random.Generator, kind: str) -> Gesture:
-    """A random gesture: "swing", "talk", "reach", "wave" or "table"."""
+    """A random gesture: "swing", "talk", "reach", "wave", "table" or "embrace"."""
     look = Wander.draw(rng, [0.07, 0.25, 0.085], 0.1, 0.5)
     wander = Wander.draw(rng, [0.014] * 6, 0.2, 0.8)
     hand = int(rng.integers(2))
@@ -106,6 +120,7 @@ def draw_gesture(rng: np.random.Generator, kind: str) -> Gesture:
         "table": lambda: AtTable(
             hand, Wander.draw(rng, [0.07, 0.055, 0.035] * 2, 0.2, 0.9), Pulses.draw(rng, 2.5, 4.5)
         ),
+        "embrace": lambda: Embracing(*EMBRACE),
     }
     return Gesture(look, wander, moves[kind]())
 

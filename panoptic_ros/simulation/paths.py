@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.simulation.smooth import ease
+
 Array = np.ndarray
 Path = Callable[[Array], tuple[Array, Array]]  # cycles (T,) -> positions (T, 2) m, headings (T,) rad
 
@@ -21,6 +23,23 @@ class Straight:
     def __call__(self, cycles: Array) -> tuple[Array, Array]:
         forward = np.array([np.cos(self.heading), np.sin(self.heading)])
         ground = np.array(self.start) + self.stride * cycles[:, None] * forward
+        return ground, np.full(cycles.shape, self.heading)
+
+
+@dataclass(frozen=True)
+class ThereAndBack:
+    """Straight on to a goal, some time there, and backwards the same way; steps go on meanwhile."""
+
+    goal: tuple[float, float]  # m
+    heading: float  # rad
+    length: float  # m, of the way
+    cycles: tuple[float, float, float]  # on the way, at the goal, on the way back
+
+    def __call__(self, cycles: Array) -> tuple[Array, Array]:
+        there, stay, back = self.cycles
+        left = 1.0 - ease(cycles / there) + ease((cycles - there - stay) / back)
+        forward = np.array([np.cos(self.heading), np.sin(self.heading)])
+        ground = np.array(self.goal) - self.length * left[:, None] * forward
         return ground, np.full(cycles.shape, self.heading)
 
 

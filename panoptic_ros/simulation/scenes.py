@@ -167,6 +167,10 @@ SCENES: dict[str, Scene] = {
         "images of two people who meet head-on", ("walk", "walk"), replace(_NEAR_RING, radius=3.9),
         staging="crossing", timing=Timing(rate=25.0), frames=60, rendered=True,
     ),
+    "rendered-embrace-2p8v": Scene(
+        "images of two people who embrace", ("walk", "walk"), replace(_NEAR_RING, radius=3.9),
+        staging="embrace", timing=Timing(rate=25.0), frames=85, rendered=True,
+    ),
     "rendered-enter-4p8v": Scene(
         "images of people who come and go", ("walk", "walk", "walk", "talk"),
         replace(_NEAR_RING, radius=3.9), staging="enter-leave", timing=Timing(rate=25.0), frames=90,

@@ -10,7 +10,7 @@ from panoptic_ros.errors import ContractError
 from panoptic_ros.simulation.body import Body
 from panoptic_ros.simulation.gestures import draw_gesture
 from panoptic_ros.simulation.motions import Motion, Sitting, Standing, Stepping
-from panoptic_ros.simulation.paths import OnTheSpot, Round, Straight
+from panoptic_ros.simulation.paths import OnTheSpot, Round, Straight, ThereAndBack
 from panoptic_ros.simulation.people import ACTIVITIES, Person, draw_group, draw_person, draw_sway, keep_apart
 from panoptic_ros.simulation.smooth import Pulses
 
@@ -69,6 +69,21 @@ def crossing(rng: np.random.Generator, stage: Stage) -> list[Person]:
         body = Body.draw(rng, rng.uniform(1.6, 1.9))
         walk = Stepping(Round(centre, radius, start, turn), cadence)
         people.append(Person(number, body, walk, draw_gesture(rng, "swing")))
+    return people
+
+
+def embrace(rng: np.random.Generator, stage: Stage) -> list[Person]:
+    """Two people who walk up to each other, embrace, and part."""
+    tilt, people = rng.uniform(0.0, 2.0 * np.pi), []
+    for number, side in enumerate((0.0, np.pi)):
+        toward = np.array([np.cos(tilt + side), np.sin(tilt + side)])
+        goal = -0.5 * rng.uniform(0.26, 0.32) * toward
+        way = ThereAndBack(
+            (float(goal[0]), float(goal[1])), tilt + side, rng.uniform(0.6, 0.9), (1.0, 1.1, 1.2)
+        )
+        walk = Stepping(way, 0.9, lift=0.05)
+        body = Body.draw(rng, rng.uniform(1.6, 1.9))
+        people.append(Person(number, body, walk, draw_gesture(rng, "embrace")))
     return people
 
 
@@ -136,6 +151,7 @@ STAGINGS: dict[str, Staging] = {
     "spread": spread,
     "rooms": in_rooms,
     "crossing": crossing,
+    "embrace": embrace,
     "enter-leave": enter_leave,
     "table": round_table,
     "among": among,

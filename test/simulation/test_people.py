@@ -12,6 +12,7 @@ from panoptic_ros.simulation import ACTIVITIES, SKELETON
 from panoptic_ros.simulation.body import reach
 from panoptic_ros.simulation.people import draw_group, draw_person
 from panoptic_ros.simulation.skeleton import J
+from panoptic_ros.simulation.stagings import STAGINGS, Stage
 
 STEP = 1e-3  # s
 
@@ -102,3 +103,19 @@ def test_people_keep_their_distance():
 def test_an_unknown_activity_is_named():
     with pytest.raises(UsageError, match="fly"):
         draw_person(np.random.default_rng(0), 0, "fly", 1.7, 1.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_who_embrace_come_close_with_their_arms_round_each_other_and_part(seed):
+    two = STAGINGS["embrace"](np.random.default_rng(seed), Stage(("walk", "walk"), 2.0, 0.0))
+    joints = np.stack([person.joints(np.arange(0.0, 3.4, 0.02)) for person in two])
+    middles = joints[:, :, J["BodyCenter"]]
+    apart = np.linalg.norm(middles[0] - middles[1], axis=1)
+    assert apart[0] > 1.0 and 0.2 < apart.min() < 0.4 and apart[-1] > 1.0
+    close = 80  # 1.6 s
+    toward = (middles[1, close] - middles[0, close]) / apart[close]
+    for person, sign in enumerate((1.0, -1.0)):
+        hands = joints[person, close][[J["lWrist"], J["rWrist"]]]
+        assert ((hands - middles[person, close]) @ toward * sign > 0.3 * apart[close]).all()
+    ankles = joints[:, :, [J["lAnkle"], J["rAnkle"]], 2]
+    assert ankles.min() > 0.02

@@ -18,6 +18,7 @@ COLUMNS = (
     ("after", "after_ms", 1), ("median mm", "median_mm", 1),
     ("PCK 5 cm", "pck_5", 3), ("10 cm", "pck_10", 3), ("found", "found_persons", 0),
     ("of", "truth_persons", 0), ("reported", "result_persons", 0), ("switches", "id_switches", 0),
+    ("come", "newcomers", 0), ("missed", "newcomers_missed", 0), ("after s", "newcomers_wait_s", 2),
 )  # fmt: skip
 
 
