@@ -1,4 +1,4 @@
-"""`panoptic evaluate --study refine`: smoothing of a capture, with and without the motion of the surface."""
+"""`panoptic evaluate --study refine` and `fill`: what the surface, and what bodies are worth to skeletons."""
 from __future__ import annotations
 
 import argparse
@@ -23,4 +23,19 @@ def run_refinement(args: argparse.Namespace) -> int:
     if args.out is not None:
         write_json(args.out / "refine.json", result)
     print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))
+    return 0
+
+
+def run_fill(args: argparse.Namespace) -> int:
+    """Solve a capture with and without bodies, print a table, write the numbers."""
+    from panoptic_ros.running.studies.fill import fill_lines, study_fill  # numba is slow to load
+
+    if len(args.capture) != 1:
+        raise UsageError("--study fill needs one --capture DIR, a capture folder with its truth")
+    cameras = args.cameras.split(",") if args.cameras else []
+    with PassBar(args.study) as bar:
+        result = study_fill(args.capture[0], cameras, read_parameters(None, args.settings), bar.show)
+    if args.out is not None:
+        write_json(args.out / "fill.json", result)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(fill_lines(result)))
     return 0

@@ -33,7 +33,7 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "paper's solver, -inputs: by cameras and IMUs; terms: each left out; alignment: heading and clock "
         "of IMUs; devices: IMUs that are worn otherwise than said; identity: who stays who, and whom few "
         "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
-        "(--capture)",
+        "(--capture); fill: joints that few views see, with and without bodies (--capture)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument(

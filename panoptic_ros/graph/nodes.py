@@ -149,7 +149,7 @@ NODES: dict[str, NodeSpec] = {
         stage_row(
             "refinement",
             (Port("patches", optional=True, patience_ns=100_000_000, switch="patches.active"),
-             Port("skeletons_raw")),
+             Port("bodies", optional=True, switch="bodies"), Port("skeletons_raw")),
             ("skeletons",),
         ),
     )

@@ -27,7 +27,11 @@ class KinematicsConfig(Config):
         True, doc="Filter over time; without it every instant is solved alone, as in the paper."
     )
     joint_sd: float = param(
-        0.048, unit="m", ge=0.001, le=1.0, doc="Error of a 2D joint of score 1, as a length at its depth."
+        0.048, unit="m", ge=0.001, le=1.0,
+        doc="Error of a 2D joint of score 1, as a length at its depth, at most.",
+    )
+    noise_level: bool = param(
+        True, doc="Learn from a person's residuals how much smaller the error of 2D joints is than assumed."
     )
     score_power: float = param(
         1.0, ge=0.0, le=4.0, doc="The weight of a 2D joint is its score to this power."

@@ -77,11 +77,14 @@ class Weighing:
         """Columns of the detections that are used, their segments and offsets m."""
         return self._columns, self._segments, self._offsets
 
-    def views(self, people: dict[int, tuple[Array, Array]], root: Array) -> ViewTargets:
+    def views(
+        self, people: dict[int, tuple[Array, Array]], root: Array, level: float = 1.0
+    ) -> ViewTargets:
         """Targets of the views of one person.
 
         Args:
             people: points (K, 2) on the plane and scores (K,) by camera. root: (3,) m, about where it is.
+            level: of the errors of joints, a share of what is assumed.
         """
         if not people:
             return NO_VIEWS
@@ -91,7 +94,7 @@ class Weighing:
         if config.paper_weights:
             factors, power = PAPER["position"] * self._paper_focal[cameras] ** 2, 1.0
         else:
-            factors, power = (np.maximum(depth, 0.3) / config.joint_sd) ** 2, config.score_power
+            factors, power = (np.maximum(depth, 0.3) / (level * config.joint_sd)) ** 2, config.score_power
         points = np.array([people[camera][0] for camera in cameras.tolist()])
         scores = np.array([people[camera][1] for camera in cameras.tolist()])
         sites, views, seen, weights = seen_joints(points, scores, self._columns, factors, power)

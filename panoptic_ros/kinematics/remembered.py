@@ -13,6 +13,7 @@ from panoptic_ros.kinematics.imu_streams import ImuStreams
 from panoptic_ros.kinematics.lengths import LengthEstimate
 from panoptic_ros.kinematics.measured_body import MeasuredBody
 from panoptic_ros.kinematics.mounting import MountingEstimate
+from panoptic_ros.kinematics.noise_level import NoiseLevel
 from panoptic_ros.kinematics.person import Behind, Person
 from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPerson, SeenPoints
 from panoptic_ros.kinematics.targets import Floor, PosePrior
@@ -43,8 +44,9 @@ CLASSES = (
     Fields.named(
         SubjectTracker,
         "subject weighing _config _chain _count devices _window _pose _before _stamps _unseen_s iterations "
-        "lengths _next_look _next_update",
+        "lengths _next_look _next_update _noise",
     ),
+    Fields.named(NoiseLevel, "_square _looks _since"),
     Fields.named(LengthEstimate, "_usual _lengths _information _pull looks scales"),
     Fields.named(
         WornDevices,

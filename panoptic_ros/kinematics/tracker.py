@@ -17,6 +17,7 @@ from panoptic_ros.kinematics.devices import WornDevices
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.lengths import LengthEstimate
 from panoptic_ros.kinematics.mounting import MountingEstimate
+from panoptic_ros.kinematics.noise_level import NoiseLevel
 from panoptic_ros.kinematics.sight import distances
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.start import first_pose, middle_of
@@ -62,6 +63,7 @@ class SubjectTracker:
         if config.lengths and not subject.measured and not config.paper_weights:
             self.lengths = LengthEstimate(subject.body.model, subject.body.offsets)
         self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
+        self._noise = NoiseLevel()
         self._count = len(self._chain.parents)
         self.devices = WornDevices(config, subject, self._chain, mounts, heading)
         self._window: PoseWindow | None = None
@@ -138,7 +140,7 @@ class SubjectTracker:
         self._unseen_s = 0.0 if people or joints is not None else self._unseen_s + period
         guess = self.expected()
         assert guess is not None
-        views = self.weighing.views(people, guess.root)
+        views = self.weighing.views(people, guess.root, self._noise.level)
         turns = self.weighing.turns(
             self.devices.segments[which], self.mounting.corrected(goals, which), self.devices.spreads(which)
         )
@@ -152,6 +154,8 @@ class SubjectTracker:
         self.devices.look(instant, self._pose, seen, len(people), (which, goals))
         self.devices.remember(instant, which, goals)
         self._learn_lengths(evidence, len(people))
+        if self._config.noise_level:
+            self._noise.learn(views, self._chain, self._pose, period)
         self._stamps.append(instant.stamp_ns)
         return self._final()
 

@@ -69,3 +69,7 @@ class RefinementConfig(Config):
         doc="Standard deviation added to every joint at the end for constant biases of the detector, which "
         "smoothing does not remove; negative = as its model card says (none without a card).",
     )
+    bodies: bool = param(
+        False, doc="Joints that two views or fewer see are mended by the bodies that kinematics solves with "
+        "IMUs, joints of one view or none by those without; kinematics must run.",
+    )

@@ -16,11 +16,13 @@ from panoptic_ros.domain import (
     TrackedPoseSet,
     ViewSources,
 )
+from panoptic_ros.domain.bodies import BodyStateSet
 from panoptic_ros.errors import DataError
+from panoptic_ros.refinement.bodies import BodyFill, Learnt, Posed
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.filter_bank import FilterBank
 from panoptic_ros.refinement.lag import Clock
-from panoptic_ros.refinement.records import Measured, Moment, Motion, People
+from panoptic_ros.refinement.records import Measured, Moment, Motion, People, selected
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
@@ -35,8 +37,10 @@ class RefinementStage(Stateful):
 
     LAYOUT = StateLayout(
         "refinement",
-        "_waiting _last_ns _clock _patches _bank.moments _bank.people _bank.departed _bank.lasting".split(),
+        "_waiting _last_ns _clock _patches _bodies _bank.moments _bank.people _bank.departed _bank.lasting"
+        .split(),
         (
+            Posed, Learnt, Fields.named(BodyFill, "_kept _learnt"),
             TrackedPoseSet, TimeShift, ViewSources, PatchTrajectories, PartMotions, Moment, Motion, Measured,
             People, Fields.named(Clock, "_lag_ns _period _newest _last"),
         ),
@@ -60,6 +64,7 @@ class RefinementStage(Stateful):
         self._last_ns: int | None = None
         self._clock = Clock(self._config.lag)
         self._patches: PatchTrajectories | None = None  # of the set that comes next
+        self._bodies = BodyFill()
         self._bank = FilterBank(self._config, self._skeleton, self._lasting_share)
 
     def flush(self) -> StepResult[RefinedPoseSet]:
@@ -68,10 +73,11 @@ class RefinementStage(Stateful):
         self.reset()
         return StepResult(outputs)
 
-    def step(self, item: TrackedPoseSet | PatchTrajectories) -> StepResult[RefinedPoseSet]:
+    def step(self, item: TrackedPoseSet | PatchTrajectories | BodyStateSet) -> StepResult[RefinedPoseSet]:
         """The sets that have waited long enough; sets from the past are dropped with a notice.
 
-        Patches of a set come before it; those of no set that follows are not used.
+        Patches of a set come before it; those of no set that follows are not used. Bodies have a rate of
+        their own: between two of them joints are in between.
 
         Raises:
             DataError: if the poses are of another skeleton.
@@ -81,6 +87,9 @@ class RefinementStage(Stateful):
             raise DataError(f"poses of skeleton {item.skeleton_hash}, but refinement works on {own}")
         if isinstance(item, PatchTrajectories):
             self._patches = item
+            return StepResult()
+        if isinstance(item, BodyStateSet):
+            self._bodies.take(item)
             return StepResult()
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
@@ -110,10 +119,14 @@ class RefinementStage(Stateful):
         there = np.flatnonzero(judged.states.any(axis=1))
         rows = there[np.argsort(ids[there])]
         bank.forget(item.stamp_ns)
+        judged = selected(judged, rows)
+        if self._config.bodies:
+            views, noises = measured.views[rows], measured.noises[rows]
+            self._bodies.fill(instant_ns, ids[rows], judged, views, noises, self._config.max_sigma)
         return RefinedPoseSet(
-            item.index, instant_ns, item.skeleton_hash, judged.positions[rows],
-            judged.covariances[rows] + self._floor, judged.scores[rows], measured.views[rows],
-            judged.states[rows], measured.person_scores[rows], max(item.newest_ns, instant_ns),
+            item.index, instant_ns, item.skeleton_hash, judged.positions,
+            judged.covariances + self._floor, judged.scores, measured.views[rows],
+            judged.states, measured.person_scores[rows], max(item.newest_ns, instant_ns),
             sources=_sources_of(item, ids[rows].tolist()), ids=ids[rows],
         )  # fmt: skip
 

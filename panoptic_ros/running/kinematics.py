@@ -25,7 +25,9 @@ from panoptic_ros.params import load
 Array = np.ndarray
 PAPER = "malleson-2020"
 PRESETS: dict[str, dict[str, object]] = {  # 3.2.6 of the paper: every frame alone
-    PAPER: {"window": False, "paper_weights": True, "mounting": False, "iterations": 20},
+    PAPER: {
+        "window": False, "paper_weights": True, "noise_level": False, "mounting": False, "iterations": 20,
+    },
 }
 
 

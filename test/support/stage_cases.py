@@ -15,6 +15,7 @@ from blobs import JOINT_MAP, SKELETON, Blobs
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.domain import (
     AudioBlock,
+    BodyStateSet,
     Camera,
     ClockModel,
     DepthFrame,
@@ -348,6 +349,16 @@ def with_patches(start):
     return found
 
 
+def with_bodies(frames=8, start=0):
+    """What refinement takes where bodies are solved, too."""
+    config = configure({"kinematics": {"rate_hz": 15.0, "lag": 0.0, "everybody": True}})["kinematics"]
+    own, found = make_stage("kinematics", config, wearer()), []
+    for item in chain(frames, start)["refinement"]:
+        found += [*own.step(item).outputs, item]
+    assert any(len(item.ids) for item in found if isinstance(item, BodyStateSet))
+    return found
+
+
 def walked(camera, count=9, start=0):
     """Images of a pattern that moves, with 2D people on it; one image comes twice, one has nobody known."""
     own, model = np.random.default_rng(3), captures.SKELETON
@@ -426,6 +437,7 @@ def cases():
             "patches", {"per_part": 4, "life": 4}, sensed(8), sensed(4, 90), SENSED
         ),
         "refinement-patches": Case("refinement", {"lag": 0.08}, with_patches(0), with_patches(90)),
+        "refinement-bodies": Case("refinement", {"bodies": True}, with_bodies(14), with_bodies(7, 200)),
         "refinement-lag": Case(
             "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
         ),
@@ -436,7 +448,7 @@ NAMES = (
     "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
     *FUSION, "tracking-subjects", "kinematics", "kinematics-everybody", "refinement-lag",
-    "refinement-patches", "flow", "patches", "patches-depth",
+    "refinement-patches", "refinement-bodies", "flow", "patches", "patches-depth",
 )  # fmt: skip
 
 

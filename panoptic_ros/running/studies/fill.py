@@ -1,0 +1,214 @@
+"""`panoptic evaluate --study fill`: what bodies are worth to skeletons, by how many views see a joint."""
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from heapq import merge
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.capture.imus import imu_file, imu_samples
+from panoptic_ros.domain import DetectionSet, RefinedPoseSet
+from panoptic_ros.domain.subjects import Subject
+from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation import FramePair, SkeletonFrame, SkeletonSequence, pair_sequences
+from panoptic_ros.geometry.torso import torso_frames
+from panoptic_ros.graph.build import merged
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.identity.subjects import subject_word
+from panoptic_ros.io.body_context import body_extras
+from panoptic_ros.io.body_files import read_bodies
+from panoptic_ros.io.compared_skeletons import read_sequence
+from panoptic_ros.params import Config
+from panoptic_ros.running.plans.designated import subject_files
+from panoptic_ros.running.plans.options import RunOptions
+from panoptic_ros.running.plans.parameters import Parameters
+from panoptic_ros.running.plans.planning import plan_capture
+from panoptic_ros.running.runs.in_process import run_in_process
+from panoptic_ros.running.solve import read_task
+from panoptic_ros.stage import Progress, StageContext
+
+Array = np.ndarray
+TRUTH, DETECTIONS = "truth.json.gz", "detections.json.gz"
+FEW = 2  # views
+WITHOUT, WITH = "without bodies", "with bodies"
+CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
+
+
+@dataclass(frozen=True)
+class _Capture:
+    """What the stages take, and the truth."""
+
+    context: StageContext
+    configs: Mapping[str, Config]
+    sets: Sequence[DetectionSet]
+    subjects: tuple[Subject, ...]
+    imus: Path | None
+    truth: SkeletonSequence
+
+
+class _Kept:
+    """Detection sets of a run."""
+
+    def __init__(self) -> None:
+        self.sets: list[DetectionSet] = []
+
+    def take(self, key: str, item: Any) -> None:
+        """A record of the run."""
+        if key == "detection_sets":
+            self.sets.append(item)
+
+
+def study_fill(
+    folder: Path, cameras: Sequence[str], settings: Parameters, progress: Progress
+) -> dict[str, Any]:
+    """Errors of `/skeletons` with and without bodies, for JSON.
+
+    Args:
+        folder: a capture with its truth: images, or 2D people in detections.json.gz; with imu.csv and
+            subject*.json, else everybody has a body. cameras: only these; empty = all.
+
+    Raises:
+        UsageError: if there is no truth.
+    """
+    capture = _read(folder, cameras, settings)
+    progress(0.4, "solving without bodies")
+    plain = _solved(capture, False)
+    progress(0.6, "solving with bodies")
+    filled = _solved(capture, True)
+    rows = _scores(capture, plain, filled)
+    progress(1.0, "scoring")
+    return {
+        "study": "fill", "capture": str(folder), "cameras": list(capture.context.rig.names),
+        "imus": sum(len(subject.devices) for subject in capture.subjects), "rows": rows,
+    }  # fmt: skip
+
+
+def fill_lines(result: Mapping[str, Any]) -> Iterator[str]:
+    """The figures as a table."""
+    yield f"{result['capture']}: {len(result['cameras'])} cameras, {result['imus']} IMUs"
+    yield (
+        f"{'joints that':24}{'there':>8}{'only with':>11}{'mm without':>12}{'with':>7}{'less':>7}"
+        f"{'offset-free without':>21}{'with':>7}{'less':>7}"
+    )
+    for row in result["rows"]:
+        plain, free = row["mm"], row["offset_free_mm"]
+        yield (
+            f"{row['joints']:24}{row['count']:8}{row['only_with']:11}{plain[0]:12.1f}{plain[1]:7.1f}"
+            f"{1.0 - plain[1] / plain[0]:7.0%}{free[0]:21.1f}{free[1]:7.1f}{1.0 - free[1] / free[0]:7.0%}"
+        )
+
+
+def _read(folder: Path, cameras: Sequence[str], settings: Parameters) -> _Capture:
+    truth = folder / TRUTH
+    if not truth.is_file():
+        raise UsageError(f"{folder} has no {TRUTH}: name a capture folder with its truth")
+    chosen, paths = list(cameras) or None, subject_files(folder, ())
+    extras = body_extras(paths)
+    subjects: tuple[Subject, ...] = extras["subjects"]
+    known: dict[str, dict[str, Any]] = {
+        "kinematics": {"everybody": not paths, "subjects": [str(path) for path in paths]},
+        "tracking": {"subjects": [subject_word(subject.id, subject.start) for subject in subjects]},
+    }
+    if (folder / DETECTIONS).is_file():
+        task = read_task(
+            folder / "rig.json", folder / DETECTIONS, merged(settings, known), cameras=chosen
+        )  # fmt: skip
+        context, configs, sets = task.context, task.configs, task.sets
+    else:
+        plan = plan_capture(folder, RunOptions(settings), cameras=chosen, depth=False)
+        kept = _Kept()
+        run_in_process(plan, kept, lambda: False)  # type: ignore[arg-type]  # it only takes records
+        context, sets = StageContext(plan.rig, plan.skeleton, plan.extras), kept.sets
+        configs = dict(plan.configs)
+        if not paths:
+            configs["kinematics"] = replace(configs["kinematics"], everybody=True)  # type: ignore[call-arg]
+    context = replace(context, extras={**context.extras, **extras})
+    names = context.skeleton.joint_names
+    joints = _truth_of(truth, subjects, names) if subjects else read_sequence(truth)
+    return _Capture(context, configs, sets, subjects, imu_file(folder) if subjects else None, joints)
+
+
+def _truth_of(path: Path, subjects: Sequence[Subject], names: Sequence[str]) -> SkeletonSequence:
+    """Joints as the detector has them, of true bodies."""
+    _, states = read_bodies(path)
+    keypoints = {subject.id: subject.body.keypoints for subject in subjects}
+    at: dict[int, list[tuple[int, Array]]] = {}
+    for state in states:
+        joints = np.full((len(names), 3), np.nan)
+        for j, name in enumerate(names):
+            if name in keypoints[state.id]:
+                segment, offset = keypoints[state.id][name]
+                joints[j] = state.places[segment] + state.frames[segment] @ offset
+        at.setdefault(state.stamp_ns, []).append((state.id, joints))
+    frames = (
+        SkeletonFrame(stamp, np.array([i for i, _ in found]), np.array([x for _, x in found]))
+        for stamp, found in sorted(at.items())
+    )
+    return SkeletonSequence(tuple(names), tuple(frames))
+
+
+def _solved(capture: _Capture, bodies: bool) -> list[RefinedPoseSet]:
+    """`/skeletons`, by the stages after sync."""
+    found: list[RefinedPoseSet] = []
+    refinement = replace(capture.configs["refinement"], bodies=bodies)  # type: ignore[call-arg]
+    pipeline = Pipeline(
+        {**capture.configs, "refinement": refinement}, capture.context,
+        (*FUSION, "kinematics") if bodies else FUSION,
+        on_record=lambda topic, record: found.append(record) if topic == "skeletons" else None,
+    )  # fmt: skip
+    devices = [device.name for subject in capture.subjects for device in subject.devices]
+    samples = imu_samples(capture.imus, devices) if bodies and capture.imus is not None else ()
+    for item in merge(samples, capture.sets, key=lambda item: item.stamp_ns):
+        pipeline.push("detection_sets" if isinstance(item, DetectionSet) else "imu", item)
+    pipeline.flush()
+    return found
+
+
+def _pairs(capture: _Capture, items: Sequence[RefinedPoseSet]) -> list[FramePair]:
+    frames = tuple(SkeletonFrame(i.stamp_ns, i.ids, i.positions, views=i.views) for i in items)
+    return pair_sequences(capture.truth, SkeletonSequence(capture.context.skeleton.joint_names, frames))
+
+
+def _scores(
+    capture: _Capture, plain: Sequence[RefinedPoseSet], filled: Sequence[RefinedPoseSet]
+) -> list[dict[str, Any]]:
+    """Of joints by the views that measured them without bodies: errors without and with, mm."""
+    names = capture.truth.joint_names
+    corners = [names.index(name) for name in CORNERS]
+    errors: dict[int, list[tuple[Array, Array, Array]]] = {}  # views (J,), of both (J, 3) m, by person
+    for one, other in zip(_pairs(capture, plain), _pairs(capture, filled)):
+        columns = {match: row for match, row in zip(other.match_ids, other.matches[:, 1].tolist())}
+        for match, (t, r) in zip(one.match_ids, one.matches):
+            if match not in columns:
+                continue
+            axes, _ = torso_frames(one.truth[t, corners])
+            views = np.where(np.isfinite(one.result[r, :, 0]), one.views[r], 0)
+            both = one.result[r], other.result[columns[match]]
+            errors.setdefault(match[0], []).append(
+                (views, (both[0] - one.truth[t]) @ axes, (both[1] - one.truth[t]) @ axes)
+            )
+    views = np.concatenate([np.array([v for v, _, _ in own]) for own in errors.values()])
+    ends = [[np.array([row[k] for row in own]) for own in errors.values()] for k in (1, 2)]
+    whole = [np.concatenate(found) for found in ends]
+    free = [np.concatenate([own - np.nanmean(own, axis=0) for own in found]) for found in ends]
+    common = np.isfinite(whole[0][..., 0]) & np.isfinite(whole[1][..., 0])
+    only = np.isfinite(whole[1][..., 0]) & ~np.isfinite(whole[0][..., 0])
+    rows = []
+    for text, mask in (
+        ("3 views and more see", views > FEW), ("2 views see", views == FEW),
+        ("1 view or none sees", views < FEW), ("2 views or fewer see", views <= FEW),
+    ):  # fmt: skip
+        if (mask & common).any():
+            rows.append({
+                "joints": text, "count": int((mask & common).sum()), "only_with": int((mask & only).sum()),
+                "mm": _means(whole, mask & common), "offset_free_mm": _means(free, mask & common),
+            })  # fmt: skip
+    return rows
+
+
+def _means(errors: Sequence[Array], mask: Array) -> list[float]:
+    return [float(1e3 * np.linalg.norm(values[mask], axis=-1).mean()) for values in errors]
