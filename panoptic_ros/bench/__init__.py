@@ -12,6 +12,7 @@ BENCHES: dict[str, str] = {
     "clocks": "stamps corrected by timecode against the truth: an hour of mixed rates, and what clocks do",
     "ltc": "timecode decoding: recall, wrong labels, exactness, latency and speed, beside a user's libltc",
     "offsets": "clocks from motion against the truth: errors, stated deviations, poses before and after",
+    "patches": "the motion of the surface: time of every stage by the number of views",
     "solve": "2D people to skeletons: time of every stage on one thread, and joints that are far off",
     "sound": "clocks from sound in simulated rooms against the truth, controls, and motion after it",
     "stage1": "voting, assembly, tracking and refinement beside named baselines: time, memory, accuracy",

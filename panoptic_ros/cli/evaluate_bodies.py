@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from panoptic_ros.cli.options import seed_range
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_bytes, write_json
 from panoptic_ros.view.progress import PassBar
@@ -30,7 +31,7 @@ def run_bodies(args: argparse.Namespace) -> int:
     cases, number = _cases(args)
     with PassBar(args.study) as bar:
         if args.study == "devices":
-            result = devices.study_devices(_seeds(args), args.settings, bar.show)
+            result = devices.study_devices(seed_range(args), args.settings, bar.show)
             lines = devices.device_lines(result)
         elif args.study == "alignment":
             result = alignment.study_alignment(cases, number, args.settings, bar.show)
@@ -62,21 +63,9 @@ def _cases(args: argparse.Namespace) -> tuple[Iterator[BodyCase], int]:
 
     if args.capture:
         return map(read_case, args.capture), len(args.capture)
-    seeds, scenes = _seeds(args), args.scenes.split(",") if args.scenes else list(BODY_SCENES)
+    seeds, scenes = seed_range(args), args.scenes.split(",") if args.scenes else list(BODY_SCENES)
     unknown = [name for name in scenes if name not in BODY_SCENES]
     if unknown:
         raise UsageError(f"there is no scene {unknown[0]!r}; there are {', '.join(BODY_SCENES)}")
     pairs = [(name, seed) for seed in seeds for name in scenes]
     return (simulated_case(*pair) for pair in pairs), len(pairs)
-
-
-def _seeds(args: argparse.Namespace) -> range:
-    if not args.seeds:
-        return range(args.seed, args.seed + 1)
-    try:
-        first, last = (int(part) for part in args.seeds.split(":"))
-    except ValueError:
-        first, last = 0, 0
-    if first >= last:
-        raise UsageError(f"--seeds {args.seeds}: write FROM:TO, e.g. 400:405")
-    return range(first, last)

@@ -4,25 +4,37 @@ from __future__ import annotations
 import argparse
 import json
 
+from panoptic_ros.cli.options import seed_range
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_json
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.view.progress import PassBar
 
+REFINEMENT_STUDIES = ("refine", "refine-faults")
+
 
 def run_refinement(args: argparse.Namespace) -> int:
     """Run a capture once, smooth it in every way, print a table, write the numbers."""
-    from panoptic_ros.running.studies.refine import study_lines, study_refinement  # numba is slow to load
+    from panoptic_ros.running.studies import refine, refine_faults  # numba is slow to load
 
     if len(args.capture) != 1:
-        raise UsageError("--study refine needs one --capture DIR, a capture folder with its truth")
+        raise UsageError(f"--study {args.study} needs one --capture DIR, a capture folder with its truth")
     cameras = args.cameras.split(",") if args.cameras else []
+    settings = read_parameters(None, args.settings)
     with PassBar(args.study) as bar:
-        settings = read_parameters(None, args.settings)
-        result = study_refinement(args.capture[0], cameras, settings, args.depth, args.seed, bar.show)
+        if args.study == "refine":
+            result = refine.study_refinement(
+                args.capture[0], cameras, settings, args.depth, args.seed, bar.show
+            )
+            lines = refine.study_lines(result)
+        else:
+            result = refine_faults.study_faults(
+                args.capture[0], cameras, settings, args.depth, seed_range(args), bar.show
+            )
+            lines = refine_faults.fault_lines(result)
     if args.out is not None:
-        write_json(args.out / "refine.json", result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(study_lines(result)))
+        write_json(args.out / f"{args.study}.json", result)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(lines))
     return 0
 
 

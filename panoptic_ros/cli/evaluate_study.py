@@ -33,12 +33,13 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "paper's solver, -inputs: by cameras and IMUs; terms: each left out; alignment: heading and clock "
         "of IMUs; devices: IMUs that are worn otherwise than said; identity: who stays who, and whom few "
         "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
-        "(--capture); fill: joints that few views see, with and without bodies (--capture)",
+        "(--capture); refine-faults: the same of true joints with noise, outliers and gaps (--seeds); fill: "
+        "joints that few views see, with and without bodies (--capture)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument(
         "--capture", type=Path, metavar="DIR", action="append", default=[],
-        help="refine, kinematics: capture folder with its truth; kinematics: repeatable",
+        help="refine, refine-faults, kinematics: capture folder with its truth; kinematics: repeatable",
     )  # fmt: skip
     group.add_argument(
         "--depth", choices=("none", "given", "kinect"), default="given",
@@ -57,7 +58,7 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "identity: trials of each kind, default 100"
     )
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
-    group.add_argument("--seeds", default="", metavar="FROM:TO", help="kinematics: several of them")
+    group.add_argument("--seeds", default="", metavar="FROM:TO", help="kinematics, refine-faults: several")
     group.add_argument("--scenes", default="", metavar="NAME,NAME", help="kinematics: default all body-...")
     group.add_argument(
         "--noise", type=float, default=0.012, metavar="SHARE",

@@ -76,3 +76,20 @@ def pairs(texts: list[str], option: str) -> dict[str, str]:
 def names(text: str | None) -> list[str] | None:
     """Names separated by commas; None if none are given."""
     return text.split(",") if text else None
+
+
+def seed_range(args: argparse.Namespace) -> range:
+    """--seeds FROM:TO, or --seed alone.
+
+    Raises:
+        UsageError: if it is no such range.
+    """
+    if not args.seeds:
+        return range(args.seed, args.seed + 1)
+    try:
+        first, last = (int(part) for part in args.seeds.split(":"))
+    except ValueError:
+        first, last = 0, 0
+    if first >= last:
+        raise UsageError(f"--seeds {args.seeds}: write FROM:TO, e.g. 400:405")
+    return range(first, last)

@@ -17,12 +17,8 @@ def savitzky_golay(raw: Sequence[TrackedPoseSet], frames: int = 7, order: int = 
 
     Where a joint is missing it is put in by a line, filtered over, and missing again.
     """
-    people: dict[int, list[tuple[int, Array]]] = {}
-    for k, item in enumerate(raw):
-        for number, points in zip(item.ids.tolist(), item.positions):
-            people.setdefault(number, []).append((k, points))
     found: list[dict[int, Array]] = [{} for _ in raw]
-    for number, rows in people.items():
+    for number, rows in _by_person(raw).items():
         points = np.array([row[1] for row in rows])
         for joint in range(points.shape[1]):
             known = np.flatnonzero(np.isfinite(points[:, joint, 0]))
@@ -33,6 +29,48 @@ def savitzky_golay(raw: Sequence[TrackedPoseSet], frames: int = 7, order: int = 
                 points[known, joint] = smooth[known]
         for (k, _), places in zip(rows, points):
             found[k][number] = places
+    return _frames(raw, found)
+
+
+def one_euro(
+    raw: Sequence[TrackedPoseSet], cutoff: float = 3.0, beta: float = 4.0, speed_cutoff: float = 1.0
+) -> list[SkeletonFrame]:
+    """Every person's joints under the filter of Casiez et al. 2012, which looks at the past only.
+
+    A joint that is missing is held where it was.
+
+    Args:
+        cutoff, speed_cutoff: Hz. beta: Hz per m/s, by which the cutoff grows with the speed.
+    """
+    found: list[dict[int, Array]] = [{} for _ in raw]
+    for number, rows in _by_person(raw).items():
+        place = speed = np.full_like(rows[0][1], np.nan)
+        last = raw[rows[0][0]].stamp_ns
+        for k, points in rows:
+            dt = max(1e-9 * (raw[k].stamp_ns - last), 1e-6)
+            new, there = np.isnan(place[:, :1]), np.isfinite(points[:, :1])
+            slow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * speed_cutoff * dt))
+            now = np.where(new, 0.0, (points - place) / dt)
+            followed = np.where(new, now, slow * now + (1.0 - slow) * np.nan_to_num(speed))
+            speed = np.where(there, followed, speed)
+            fast = cutoff + beta * np.linalg.norm(speed, axis=1, keepdims=True)
+            share = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * fast * dt))
+            blended = np.where(new, points, share * points + (1.0 - share) * place)
+            place, last = np.where(there, blended, place), raw[k].stamp_ns
+            found[k][number] = place
+    return _frames(raw, found)
+
+
+def _by_person(raw: Sequence[TrackedPoseSet]) -> dict[int, list[tuple[int, Array]]]:
+    """Instants and joints (J, 3) m of every person."""
+    people: dict[int, list[tuple[int, Array]]] = {}
+    for k, item in enumerate(raw):
+        for number, points in zip(item.ids.tolist(), item.positions):
+            people.setdefault(number, []).append((k, points))
+    return people
+
+
+def _frames(raw: Sequence[TrackedPoseSet], found: Sequence[dict[int, Array]]) -> list[SkeletonFrame]:
     return [
         SkeletonFrame(
             item.stamp_ns, np.array(list(own), np.int64),

@@ -21,6 +21,8 @@ SECOND = 1_000_000_000
 JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recording's have jumped
 TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
 DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the last is read
+SENSOR_KEYS = ("compressed_sensor_depth", "sensor_depth")  # the same of a depth sensor
+TRACKS_KEY = "patch_tracks"
 SOUND_KEY = "audio"
 IMU_KEY = "imu"
 LOOKED_AT = 20  # messages that tell the rate
@@ -86,7 +88,7 @@ class BagStream:
         return bool(message.first_sample + count <= self.from_sample)
 
     def record(self, message: Any, number: int) -> Any:
-        """The `ViewDetections`, or the `ViewFrame` or `DepthFrame` of that number, in a message.
+        """The `ViewDetections` or `PatchTracks`, or the frame of that number, in a message.
 
         Raises:
             DataError: naming the bag and the topic.
@@ -98,7 +100,9 @@ class BagStream:
                 return read_imu(message, self.camera)
             if self.key == SOUND_KEY:
                 return from_message(message, "AudioBlock")
-            if self.key in DEPTH_KEYS:
+            if self.key == TRACKS_KEY:
+                return from_message(message, "PatchTracks")
+            if self.key in (*DEPTH_KEYS, *SENSOR_KEYS):
                 return depth_frame_from_message(message, self.camera, number)
             return frame_from_message(message, self.camera, number)
         except DataError as error:

@@ -22,12 +22,14 @@ class CollectorNode(Node):
     Args:
         cameras: whose detections are taken. devices: whose sound.
         bodies: whose samples of IMUs are taken beside bodies; None: there are no bodies.
+        more: keys and owners of topics that are taken besides, which end.
         on_record: called with (key of the topic, record), and with ("diagnostics", those of all nodes).
     """
 
     def __init__(
         self, flow: Flow, cameras: Sequence[str], on_record: Callable[[str, Any], None],
         devices: Iterable[str] = (), bodies: Iterable[str] | None = None,
+        more: Iterable[tuple[str, str]] = (),
     ):  # fmt: skip
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
@@ -43,6 +45,7 @@ class CollectorNode(Node):
         if bodies is not None:
             self._kept += [self._subscribe("imu", device) for device in bodies]
             self._kept.append(self._subscribe("bodies", ""))
+        self._kept += [self._subscribe(key, owner) for key, owner in more]
         for subscription in self._kept:
             self._open.add(subscription.topic_name)
             self._ends.watch(subscription.topic_name)

@@ -186,6 +186,8 @@ class StageNode(Node):
         )
         present = [(topic, owner) for topic, found in owners.items() for owner in found]
         self._outputs = self._open_outputs(pipeline, used)
+        for own in self._reading.inputs(present):  # before the worker may fetch their records
+            self._health.add(own.arrivals, self._entrance.taker(own.topic))
         if self._flow.name == "replay":
             self._delivery = self._in_order(pipeline, rig, owners)
             self._worker.start(queue_for(pipeline.wiring, self._flow, present))
@@ -235,8 +237,6 @@ class StageNode(Node):
         return ReplayDelivery(host, self._over)
 
     def _subscribe(self, present: Sequence[Key]) -> None:
-        for own in self._reading.inputs(present):
-            self._health.add(own.arrivals, self._entrance.taker(own.topic))
         takers = self._entrance.takers(self._receive)
         for topic, owner in present:
             if self._reading.reads(owner):

@@ -14,7 +14,6 @@ from panoptic_ros.domain.parts import Part
 from panoptic_ros.geometry.rotations import rotation_of
 
 Array = np.ndarray
-GAIN = 0.3  # of a measurement
 FAR = 0.1  # m, of a measurement from what is carried, from which on it counts less
 LEAST_GAIN = 0.1  # whatever it is, so that what is wrong does not stay
 
@@ -49,17 +48,17 @@ class Carried:
             moved: Array = sums / counts[:, None]
         return moved
 
-    def take(self, moved: Array, measured: Array, dt: float, longest: float) -> None:
+    def take(self, moved: Array, measured: Array, dt: float, longest: float, gain: float) -> None:
         """Go on by dt s: moved (J, 3) m by their parts, measured (J, 3) m, NaN = not.
 
         What is neither measured nor moved stays where it is; after `longest` s without a measurement a joint
-        is not known.
+        is not known. gain: of a measurement that is near; 1 = of every one.
         """
         there, carried = np.isfinite(measured[:, 0]), np.isfinite(moved[:, 0] + self.positions[:, 0])
         expected = np.where(carried[:, None], self.positions + np.nan_to_num(moved), self.positions)
         self.ages = np.where(there, 0.0, self.ages + dt)
         off = np.linalg.norm(measured - expected, axis=1)
-        gain = np.maximum(LEAST_GAIN, GAIN / (1.0 + (off / FAR) ** 2))[:, None]
-        blended = expected + gain * (measured - expected)
+        soft = gain if gain == 1.0 else np.maximum(LEAST_GAIN, gain / (1.0 + (off / FAR) ** 2))[:, None]
+        blended = expected + soft * (measured - expected)
         expected = np.where(there[:, None], np.where(carried[:, None], blended, measured), expected)
         self.positions = np.where((self.ages <= longest)[:, None], expected, np.nan)

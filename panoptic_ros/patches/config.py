@@ -52,6 +52,13 @@ class PatchesConfig(Config):
         le=60.0,
         doc="A joint that no view measures is carried on by its parts for so long, for its part's patches.",
     )
+    carry_gain: float = param(
+        0.3,
+        ge=0.0,
+        le=1.0,
+        doc="Share of the way to a measured joint by which the skeleton that patches are put on follows it; "
+        "less if it is far off. 1 = it is taken as it is.",
+    )
     per_part: int = param(
         15, ge=0, le=1000, doc="Patches that are kept on each part of a person, twice as many on the torso."
     )

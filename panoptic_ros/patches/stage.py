@@ -182,7 +182,8 @@ class PatchesStage(Stateful):
         nothing = np.full((len(self._skeleton), 3), np.nan)
         for person, carried in self._people.items():
             shift = carried.displacements(self._parts, motions.get(person, {}))
-            carried.take(shift, measured.get(person, nothing), dt, self._config.carry)
+            own = measured.get(person, nothing)
+            carried.take(shift, own, dt, self._config.carry, self._config.carry_gain)
         self._people = {
             person: carried
             for person, carried in self._people.items()

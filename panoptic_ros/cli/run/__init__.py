@@ -61,6 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"working skeleton: name or YAML file; default: the preset's, or {DEFAULT_SKELETON}",
     )  # fmt: skip
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
+    parser.add_argument("--offline", action="store_true",
+                        help="recordings: skeletons refined over all of it, in both directions of time (in "
+                        "one process; with --preset patches by the motion of the surface)")  # fmt: skip
     parser.add_argument("--node-per-stage", action="store_true",
                         help="a node and a process for every stage after detection too")  # fmt: skip
     parser.add_argument("--jpeg", type=number(int, 0, 100), default=0, metavar="QUALITY",
@@ -95,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     plan = replace(make_plan(args), publish=words, namespace=args.namespace)
     with Watch(args.live_view) as watch:
         outcome = run_plan(
-            plan, args.out, in_process=args.in_process, jpeg_quality=args.jpeg,
+            plan, args.out, in_process=args.in_process, offline=args.offline, jpeg_quality=args.jpeg,
             node_per_stage=args.node_per_stage, duration_s=args.duration, pictures=not args.no_pictures,
             observer=watch,
         )  # fmt: skip

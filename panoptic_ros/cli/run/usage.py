@@ -19,6 +19,7 @@ _MEANS_SOMETHING_FOR = {
     "jpeg": (*_FILES, "device"),
     "latency_ms": ("device",),
     "microphone": ("device",),
+    "offline": (*_FILES, "bag"),
     "offsets_from_sound": (*_FILES, "bag"),
     "apart": (*_FILES, "bag"),
     "redetect": ("bag",),
@@ -58,6 +59,6 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
     if unknown:
         raise UsageError(f"--publish {unknown[0]}: there is no such thing, only {', '.join(PUBLISHABLE)}")
     for option in ("jpeg", "node_per_stage", "publish"):
-        if getattr(args, option) and args.in_process:
-            name = option.replace("_", "-")
-            raise UsageError(f"--{name} has no meaning with --in-process, where there are no nodes")
+        if getattr(args, option) and (args.in_process or args.offline):
+            name, other = option.replace("_", "-"), "offline" if args.offline else "in-process"
+            raise UsageError(f"--{name} has no meaning with --{other}, where there are no nodes")

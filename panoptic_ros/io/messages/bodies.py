@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -61,9 +62,16 @@ def read_bodies(message: Any) -> BodyStateSet:
         str(message.skeleton_hash), names, shaped(message.parents, "Bodies.parents", len(names)),
         np.array([body.id for body in bodies], np.int64),
         np.array([body.source for body in bodies], np.uint8),
-        np.array([body.views for body in bodies], np.int32),
-        np.array([body.devices for body in bodies], np.int32), **arrays,
+        _counts("views", bodies), _counts("devices", bodies), **arrays,
     )  # fmt: skip
+
+
+def _counts(name: str, bodies: Sequence[Any]) -> Array:
+    """Whole numbers (B,) of a field of all bodies."""
+    values = np.array([getattr(body, name) for body in bodies], np.int64)
+    if (values > np.iinfo(np.int32).max).any():
+        raise DataError(f"Body.{name} is {values.max()}, which is no number of {name}")
+    return values.astype(np.int32)
 
 
 def write_imu(item: ImuSample, family: Messages, frame_id: str) -> Any:

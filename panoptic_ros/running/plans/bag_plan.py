@@ -19,6 +19,7 @@ from panoptic_ros.io.models import read_card
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import load_skeleton, map_joints
 from panoptic_ros.params import config_of
+from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.running.plans.bag_checks import check_contents, check_stamps
 from panoptic_ros.running.plans.bag_topics import (
     BagChoice,
@@ -26,6 +27,7 @@ from panoptic_ros.running.plans.bag_topics import (
     image_streams,
     imu_streams,
     names_of,
+    patch_streams,
 )
 from panoptic_ros.running.plans.imu_plan import imus_in_bags, plan_imu_bags
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
@@ -78,17 +80,21 @@ def plan_bags(
         heard = sound_streams(bags, choice.arrival_stamps)
         recorders = [recorder_of(stream) for stream in heard]
         configs = configure(options.all_parameters())
+        followed = config_of(configs, PatchesConfig).active
+        tracks = patch_streams(choice, bags, found, streams) if followed else ()
         if options.from_sound:
             lines, told = corrections_from_sound(recorders, found, options)
             bag_of = {replace(s, line=lines.get(s.camera)): bag for s, bag in bag_of.items()}
-            depths = tuple(replace(s, line=lines.get(s.camera)) for s in depths)
+            depths, tracks = (
+                tuple(replace(s, line=lines.get(s.camera)) for s in own) for own in (depths, tracks)
+            )
             clocks = ClockPlan(configs, {}, {}, told)
         else:
             stamps = {stream.camera: stream.first_stamps(bag) for stream, bag in bag_of.items()}
             clocks = plan_clocks(found, configs, recorders, stamps)
         rate = check_stamps(bag_of, clocks.shifts)
     sounds = (_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)
-    every = [*bag_of, *depths, *sounds, *worn]
+    every = [*bag_of, *depths, *tracks, *sounds, *worn]
     return options.complete(Plan(
         f"bag {names_of(bags)}", found, skeleton, clocks.configs,
         streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import DEPTH_KEYS, IMU_KEY, BagStream
+from panoptic_ros.io.bag_streams import DEPTH_KEYS, IMU_KEY, SENSOR_KEYS, TRACKS_KEY, BagStream
 from panoptic_ros.io.bags import BagReader
 
 KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
@@ -78,6 +78,20 @@ def depth_streams(
         except DataError as error:
             problems.append(f"camera {stream.camera} goes without its depth maps: {error}")
     return tuple(readable), problems
+
+
+def patch_streams(
+    choice: BagChoice, bags: Sequence[BagReader], rig: Rig, streams: Sequence[BagStream]
+) -> tuple[BagStream, ...]:
+    """What patches take besides: maps of depth sensors, and 2D tracks where detections are used.
+
+    Raises:
+        DataError: if a camera or sensor may be several topics.
+    """
+    sensors = [sensor.name for sensor in rig.depth_sensors]
+    found = {s.camera: s for key in SENSOR_KEYS for s in _of_kind(choice, bags, key, sensors, {})}
+    looked_at = [stream.camera for stream in streams if stream.key == "detections"]
+    return (*found.values(), *_of_kind(choice, bags, TRACKS_KEY, looked_at, {}))
 
 
 def imu_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tuple[BagStream, ...]:

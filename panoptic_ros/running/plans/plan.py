@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.capture import DepthSensorSource
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.graph.nodes import CHAIN, SOUND
@@ -27,6 +28,7 @@ class Plan:
         topics: of running drivers, by key of `graph.topics.TOPICS` and camera.
         encodings: by camera, of raw images whose driver says something else.
         depth_cameras: whose images come with depth maps.
+        maps: of depth sensors that stand for themselves, of a capture folder.
         stage: the first stage that is needed, detection or sync.
         extras: what detection and assembly need besides; empty if nothing.
         frame_count: of all cameras together, None if not known; instants: of the longest camera.
@@ -50,6 +52,7 @@ class Plan:
     topics: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     encodings: Mapping[str, str] = field(default_factory=dict)
     depth_cameras: tuple[str, ...] = ()
+    maps: tuple[DepthSensorSource, ...] = ()
     stage: str = "detection"
     extras: Mapping[str, Any] = field(default_factory=dict)
     frame_count: int | None = None

@@ -22,6 +22,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import config_of, named_words
+from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.running.plans.designated import subject_files
 from panoptic_ros.running.plans.imu_plan import hint_without_images, plan_imu_file
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
@@ -172,9 +173,11 @@ def _recorded(
     skeleton, extras = options.detector()
     counts = [source.frame_count for source in capture.sources]
     instants = None if None in counts else max(count for count in counts if count is not None)
+    configs = configure(options.all_parameters())
+    maps = capture.depth_sensors if config_of(configs, PatchesConfig).active else ()
     plan = options.complete(Plan(
-        title, capture.rig, skeleton, configure(options.all_parameters()), sources, extras=extras,
-        depth_cameras=capture.depth_cameras, frame_count=capture.frame_count, instants=instants,
+        title, capture.rig, skeleton, configs, sources, extras=extras,
+        depth_cameras=capture.depth_cameras, maps=maps, frame_count=capture.frame_count, instants=instants,
         frame_rate=max(source.frame_rate for source in capture.sources), notices=capture.notices,
     ))  # fmt: skip
     return _by_sound(plan, capture, options) if options.from_sound else _with_sound(plan, capture)

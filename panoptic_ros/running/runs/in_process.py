@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from panoptic_ros.capture import open_recording, open_source
 from panoptic_ros.capture.imus import imu_samples
@@ -21,23 +21,32 @@ from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, opened_streams
+from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, TRACKS_KEY, opened_streams
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import TOLD
 from panoptic_ros.running.runs.newest_frames import newest_frames
-from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Notice, StageContext
 
-TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY)  # what results keep of what comes from outside
+# what results keep of what comes from outside
+TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY, "sensor_depth", TRACKS_KEY)
+
+
+class Taker(Protocol):
+    """What takes the records of a run."""
+
+    def take(self, key: str, record: Any) -> None:
+        """A record of the topic of that key."""
+
+
 Records = dict[Key, Iterator[Any]]  # of each topic of each camera
 
 
 class _Counted:
     """What the stages of a run count, and a pipeline that tells it."""
 
-    def __init__(self, plan: Plan, results: Results, looks: SideBySide | None = None):
+    def __init__(self, plan: Plan, results: Taker, looks: SideBySide | None = None):
         names = switched_on(plan.stages, plan.configs)
         self.statistics = {name: StageStatistics() for name in names}
         self._giver = {topic: name for name in names for topic in NODES[name].outputs}
@@ -81,7 +90,9 @@ class _Counted:
         self._results.take("diagnostics", {name: stage.values() for name, stage in self.statistics.items()})
 
 
-def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> dict[str, StageStatistics]:
+def run_in_process(
+    plan: Plan, results: Taker, stop: Callable[[], bool]
+) -> dict[str, StageStatistics]:
     """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
     if plan.live:
         counted = _Counted(plan, results)
@@ -104,6 +115,8 @@ def run_in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> di
         for sound in plan.sounds:
             source = stack.enter_context(open_sound(sound))
             records[SOUND_KEY, source.device] = iter(source)
+        for sensor in plan.maps:
+            records["sensor_depth", sensor.camera] = iter(sensor)
         for device, path in plan.imus.items():
             records[IMU_KEY, device] = imu_samples(path, [device])
         _replay(plan, counted.pipeline, records, results, stop)
@@ -128,7 +141,7 @@ def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide 
 
 
 def _replay(
-    plan: Plan, pipeline: Pipeline, records: Records, results: Results, stop: Callable[[], bool]
+    plan: Plan, pipeline: Pipeline, records: Records, results: Taker, stop: Callable[[], bool]
 ) -> None:
     """Hand over the records of all cameras, always the one that the stages wait for."""
     owners = {topic: [camera for key, camera in records if key == topic] for topic, _ in records}

@@ -21,7 +21,7 @@ from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import Processes, prepare_environment
 from panoptic_ros.running.runs.launch import write_launch_file
-from panoptic_ros.running.runs.results import Results
+from panoptic_ros.running.runs.results import Results, patch_topics
 
 LOOK_S = 0.2  # whether all processes run
 LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
@@ -56,7 +56,7 @@ def _run(
     executor = SingleThreadedExecutor()
     bodies = plan.imu_devices if config_of(plan.configs, KinematicsConfig).runs else None
     flow = make_flow(flow_name, window)
-    collector = CollectorNode(flow, plan.rig.names, results.take, plan.devices, bodies)
+    collector = CollectorNode(flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan))
     statics = StaticsNode(plan.rig, plan.skeleton)
     try:
         require_no_other_graph(collector)

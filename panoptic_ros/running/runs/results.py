@@ -24,10 +24,12 @@ from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.previews import Previews
 from panoptic_ros.io.skeleton_stream import SkeletonStream
 from panoptic_ros.params import config_of, named_numbers, of_name
+from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
+PATCHES = ("patch_tracks", "skeletons_raw", "patches")  # what refinement takes, where patches are on
 KEPT_LIVE = 3600  # instants that the report of a live run, which has no end, is about: two minutes
 
 
@@ -60,6 +62,14 @@ def result_folder(out: Path) -> Iterator[Path]:
         shutil.rmtree(old, ignore_errors=True)
 
 
+def patch_topics(plan: Plan) -> list[tuple[str, str]]:
+    """Keys and owners of what a run keeps of patches; nothing where they are off."""
+    if not config_of(plan.configs, PatchesConfig).active:
+        return []
+    tracks = plan.rig.names if plan.stage == "detection" else ()
+    return [*((PATCHES[0], name) for name in tracks), *((key, "") for key in PATCHES[1:])]
+
+
 class Results:
     """Takes the records of a run as they come: into the bag and skeletons.json.gz at once. What the report
     needs is kept for the end; of a live run, the newest.
@@ -86,6 +96,7 @@ class Results:
         self.drawn: deque[DrawnBody] = deque(maxlen=kept)
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
+        self._with_patches = config_of(plan.configs, PatchesConfig).active
         self._on_record = on_record
         self._bag = BagWriter(folder / "bag")
         self._previews = Previews()
@@ -119,6 +130,11 @@ class Results:
             self._write_markers(record)
             self._skeletons.add(record)
             self.poses.append(record)
+        elif key in PATCHES:
+            if self._with_patches:
+                self._start(record.stamp_ns)
+                owner = record.camera if key == "patch_tracks" else ""
+                self._write(key, record, self._plan.at(owner, record.stamp_ns), owner)
         elif key == IMU_KEY:
             self._start(record.stamp_ns)
             self._write(key, record, record.stamp_ns, record.device)

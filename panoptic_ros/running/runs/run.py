@@ -17,8 +17,10 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import finish
 from panoptic_ros.running.runs.in_process import run_in_process
 from panoptic_ros.running.runs.observer import RunObserver
+from panoptic_ros.running.runs.offline import OfflineResults, without_patch_inputs
 from panoptic_ros.running.runs.results import Results, result_folder
 from panoptic_ros.running.runs.startup_check import StartupCheck
+from panoptic_ros.stage import Notice
 from panoptic_ros.view.report import RunReport
 
 NOBODY = RunObserver()
@@ -44,6 +46,7 @@ def run(
     out: Path,
     *,
     in_process: bool = False,
+    offline: bool = False,
     jpeg_quality: int = 0,
     node_per_stage: bool = False,
     duration_s: float | None = None,
@@ -55,6 +58,7 @@ def run(
     Args:
         out: is made, or replaced if it holds the results of a run.
         in_process: all stages in this process, without ROS; else nodes in processes of their own.
+        offline: the same, and skeletons are refined over the whole recording.
         jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: as they are.
         node_per_stage: a node and a process for every stage after detection, in place of one for all.
         duration_s: stop after so many seconds.
@@ -67,6 +71,10 @@ def run(
     """
     started = time.monotonic()
     fault: PanopticError | None = None
+    told: tuple[Notice, ...] = ()
+    if not (in_process or offline):
+        plan, told = without_patch_inputs(plan)
+        observer.judged(told)
     with first_request_told(plan.live) as asked, result_folder(out) as folder:
         observer.started(plan)
         check = StartupCheck(plan, observer.judged)
@@ -81,7 +89,7 @@ def run(
         with Results(folder, plan, saw) as results:
             try:
                 counted = (
-                    _in_process(plan, results, stop) if in_process
+                    _in_process(plan, results, stop, offline) if in_process or offline
                     else _over_dds(plan, results, stop, jpeg_quality, node_per_stage)
                 )  # fmt: skip
             except PanopticError as error:
@@ -91,7 +99,7 @@ def run(
             if asked() and not results.has_something:
                 raise KeyboardInterrupt
         observer.ended()
-        notices = check.judge()
+        notices = (*told, *check.judge())
         elapsed_s = time.monotonic() - started
         report = finish(
             plan, results, counted, notices, pictures=pictures, elapsed_s=elapsed_s, on_picture=observer.drew
@@ -103,8 +111,12 @@ def run(
 Counted = Mapping[str, Mapping[str, str]]  # what every stage or node counted
 
 
-def _in_process(plan: Plan, results: Results, stop: Callable[[], bool]) -> Counted:
-    return {name: stage.values() for name, stage in run_in_process(plan, results, stop).items()}
+def _in_process(plan: Plan, results: Results, stop: Callable[[], bool], offline: bool) -> Counted:
+    taker = OfflineResults(plan, results) if offline else results
+    counted = {name: stage.values() for name, stage in run_in_process(plan, taker, stop).items()}
+    if isinstance(taker, OfflineResults):
+        taker.flush()
+    return counted
 
 
 def _over_dds(

@@ -22,7 +22,9 @@ from panoptic_ros.identity.subjects import subject_word
 from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.compared_skeletons import read_sequence
-from panoptic_ros.params import Config
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.params import Config, config_of
+from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.designated import subject_files
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.parameters import Parameters
@@ -121,11 +123,11 @@ def _read(folder: Path, cameras: Sequence[str], settings: Parameters) -> _Captur
     else:
         plan = plan_capture(folder, RunOptions(settings), cameras=chosen, depth=False)
         kept = _Kept()
-        run_in_process(plan, kept, lambda: False)  # type: ignore[arg-type]  # it only takes records
+        run_in_process(plan, kept, lambda: False)
         context, sets = StageContext(plan.rig, plan.skeleton, plan.extras), kept.sets
         configs = dict(plan.configs)
         if not paths:
-            configs["kinematics"] = replace(configs["kinematics"], everybody=True)  # type: ignore[call-arg]
+            configs["kinematics"] = replace(config_of(configs, KinematicsConfig), everybody=True)
     context = replace(context, extras={**context.extras, **extras})
     names = context.skeleton.joint_names
     joints = _truth_of(truth, subjects, names) if subjects else read_sequence(truth)
@@ -154,7 +156,7 @@ def _truth_of(path: Path, subjects: Sequence[Subject], names: Sequence[str]) -> 
 def _solved(capture: _Capture, bodies: bool) -> list[RefinedPoseSet]:
     """`/skeletons`, by the stages after sync."""
     found: list[RefinedPoseSet] = []
-    refinement = replace(capture.configs["refinement"], bodies=bodies)  # type: ignore[call-arg]
+    refinement = replace(config_of(capture.configs, RefinementConfig), bodies=bodies)
     pipeline = Pipeline(
         {**capture.configs, "refinement": refinement}, capture.context,
         (*FUSION, "kinematics") if bodies else FUSION,
