@@ -3,11 +3,15 @@ import os
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 sys.path.insert(0, str(Path(__file__).parent / "support"))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_DOMAIN_ID", str(20 + os.getpid() % 80))  # a domain of one's own
+if "PYTEST_XDIST_WORKER" in os.environ:  # gw0, gw1, ...: and one for each of several processes
+    worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+    os.environ["ROS_DOMAIN_ID"] = str((int(os.environ["ROS_DOMAIN_ID"]) + 1 + worker) % 102)
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # Time is not what these tests assert: a kernel's first call compiles it. On a machine that decides about a
@@ -17,3 +21,15 @@ settings.register_profile(
     derandomize=bool(os.environ.get("CI")),
 )  # fmt: skip
 settings.load_profile("panoptic")
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Where several processes test: one of them has all graphs, the others have the rest file by file.
+
+    Two live graphs at once would starve one another, and fixtures of a file are made once.
+    """
+    graphs = [item.get_closest_marker("ros") is not None for item in items]
+    for item, graph in zip(items, graphs, strict=True):
+        item.add_marker(pytest.mark.xdist_group("ros" if graph else item.nodeid.split("::")[0]))
+    items.sort(key=lambda item: item.get_closest_marker("ros") is None)

@@ -16,6 +16,7 @@ from panoptic_ros.running.processes.children import prepare_environment
 
 SERVICE = "record"  # of a recorder's node, as std_srvs/SetBool
 PREFIX = "recorder_"  # of the node's name; the host follows
+ANSWER_S = 10.0  # for hosts that have been asked
 
 
 def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]:
@@ -40,6 +41,9 @@ def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]
                     client = node.create_client(kind, name)
                     if client.service_is_ready():
                         futures[name] = client.call_async(kind.Request(data=start))
+            executor.spin_once(timeout_sec=0.05)
+        deadline += ANSWER_S
+        while time.monotonic() < deadline and not all(future.done() for future in futures.values()):
             executor.spin_once(timeout_sec=0.05)
         if not futures:
             raise EnvironmentProblem(
