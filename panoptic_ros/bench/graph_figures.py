@@ -74,7 +74,7 @@ class Observation:
 
 def figures_of(seen: Observation) -> dict[str, Any]:
     """The numbers of one run, for JSON."""
-    came = _arrivals(seen)
+    came = arrivals(seen.sent, seen.received, seen.period_ns)
     measured = [k for k, (_, published) in enumerate(seen.sent) if published >= seen.measured_ns]
     latencies = np.array([1e-6 * (came[k] - seen.sent[k][1]) for k in measured if k in came])
     duration_s = 1e-9 * (seen.after.at_ns - seen.before.at_ns)
@@ -119,16 +119,19 @@ def _flood_figures(flood: Flooded, seen: Observation, came: Mapping[int, int]) -
     }  # fmt: skip
 
 
-def _arrivals(seen: Observation) -> dict[int, int]:
-    """When skeletons of an instant came first, by its number.
+def arrivals(
+    sent: Sequence[tuple[int, int]], received: Sequence[tuple[int, int]], period_ns: int
+) -> dict[int, int]:
+    """When skeletons of an instant came first, by its number; arguments as in `Observation`.
 
     The stamp of a set is that of one of its views, so it belongs to the nearest instant.
     """
-    stamps = np.array([stamp for stamp, _ in seen.sent])
+    stamps = np.array([stamp for stamp, _ in sent])
+    middles = (stamps[1:] + stamps[:-1]) // 2
     found: dict[int, int] = {}
-    for stamp, when in seen.received:
-        nearest = int(np.abs(stamps - stamp).argmin())
-        if abs(int(stamps[nearest]) - stamp) <= seen.period_ns // 2:
+    for stamp, when in received:
+        nearest = int(np.searchsorted(middles, stamp))
+        if abs(int(stamps[nearest]) - stamp) <= period_ns // 2:
             found.setdefault(nearest, when)
     return found
 

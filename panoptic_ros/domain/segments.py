@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.chain import Chain
 from panoptic_ros.geometry.euler import ORDERS, euler_angles
+from panoptic_ros.geometry.segment_chain import Chain
 
 Array = np.ndarray
 USUAL_ORDER = "yxz"  # flexion, abduction, rotation about an upright bone

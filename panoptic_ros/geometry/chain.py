@@ -7,19 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.geometry.rotations import rotation_of, vector_of
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-
-
-class Chain(NamedTuple):
-    """What compiled code needs of a body: parents (S,), -1 = root, each before its children; offsets (S,
-    3) m."""
-
-    parents: Array
-    offsets: Array
 
 
 class Pose(NamedTuple):

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from panoptic_ros.errors import ContractError
-from panoptic_ros.geometry.chain import Chain, Pose, place_segments
+from panoptic_ros.geometry.chain import Pose, place_segments
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray

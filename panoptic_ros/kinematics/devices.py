@@ -8,8 +8,9 @@ import numpy as np
 
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import Device, Instant, Subject
-from panoptic_ros.geometry.chain import Chain, Pose, place_all
+from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import turn_about_z
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.solve import solve_pose

@@ -10,8 +10,9 @@ import numpy as np
 
 from panoptic_ros.domain.segments import SHORTEST, TALLEST, SegmentModel
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.chain import Chain, Pose, place_all
+from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import turn_about_z, vectors_of
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import (
     NO_FLOOR,

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.geometry.chain import Chain, Pose, place_segments, place_sites
+from panoptic_ros.geometry.chain import Pose, place_segments, place_sites
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.normal_equations import assemble
 from panoptic_ros.kinematics.targets import Evidence, ViewTargets, no_anchor
 

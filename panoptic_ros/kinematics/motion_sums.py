@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.geometry.chain import Chain, Pose, place_segments
+from panoptic_ros.geometry.chain import Pose, place_segments
 from panoptic_ros.geometry.rotations import vector_of
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.segment_sums import add_point, gather, place_site
 from panoptic_ros.kinematics.targets import Accelerations, Standing, Turning

@@ -16,8 +16,9 @@ from collections import deque
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, lapack
 
-from panoptic_ros.geometry.chain import Chain, Pose, turn_slopes
+from panoptic_ros.geometry.chain import Pose, turn_slopes
 from panoptic_ros.geometry.rotations import rotations_of, turn_about_z, vectors_of
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.normal_equations import assemble
 from panoptic_ros.kinematics.targets import Evidence, no_anchor

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.geometry.chain import Chain, Pose, place_segments
+from panoptic_ros.geometry.chain import Pose, place_segments
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.pose_terms import add_anchor, add_prior
 from panoptic_ros.kinematics.segment_sums import gather

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
-from panoptic_ros.geometry.chain import Chain, Pose
+from panoptic_ros.geometry.chain import Pose
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.devices import WornDevices
 from panoptic_ros.kinematics.evidence import Weighing

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.geometry.chain import Chain
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray

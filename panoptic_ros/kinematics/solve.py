@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from panoptic_ros.geometry.chain import Chain, Pose, step_pose
+from panoptic_ros.geometry.chain import Pose, step_pose
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.normal_equations import assemble
 from panoptic_ros.kinematics.targets import Anchor, Evidence

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
-from panoptic_ros.geometry.chain import Chain, Pose, place_all, place_segments
+from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.covariance import segment_covariances
 from panoptic_ros.kinematics.devices import WornDevices

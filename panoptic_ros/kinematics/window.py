@@ -17,7 +17,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from panoptic_ros.errors import ContractError
-from panoptic_ros.geometry.chain import Chain, Pose, step_between, step_pose
+from panoptic_ros.geometry.chain import Pose, step_between, step_pose
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.motion_sums import add_motion, add_second_differences, first_differences
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import NOTHING_BETWEEN, Anchor, Between, Evidence

@@ -1,6 +1,7 @@
 """`param`, `Config` and what can be derived from them."""
 from __future__ import annotations
 
+import csv
 import dataclasses
 import math
 from collections.abc import Mapping
@@ -140,7 +141,8 @@ def diff(config: Config) -> dict[str, Any]:
 
 
 def from_text(cls: type[Config], name: str, text: str) -> Any:
-    """The value of parameter `name` as written on a command line; lists are a,b or [a, b].
+    """The value of parameter `name` as written on a command line; lists are a,b or [a, b], or
+    ["a,b"] where there is a comma in an entry.
 
     Raises:
         ConfigError: if the name is unknown or the text is no value of its type.
@@ -156,12 +158,14 @@ def _parse(item: Param, text: str, owner: str) -> Any:
     try:
         if item.type in _TUPLES:
             kind = _TUPLES[item.type]
-            parts = text.strip().removeprefix("[").removesuffix("]").split(",")
+            inner = text.strip().removeprefix("[").removesuffix("]").strip()
+            quote = "'" if inner.startswith("'") else '"'
+            parts = next(csv.reader([inner], quotechar=quote, skipinitialspace=True, strict=True))
             return tuple(kind(part.strip()) for part in parts if part.strip())
         if item.type is bool:
             return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
         return item.type(text)
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, csv.Error):
         raise ConfigError(
             f"{owner}.{item.name} = {text!r} is not a {_type_name(item.type)}"
         ) from None

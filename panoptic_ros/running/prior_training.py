@@ -12,9 +12,10 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.io.body_files import read_bodies
-from panoptic_ros.io.body_models import PRIOR_KEYS, read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
+from panoptic_ros.io.recorded_motions import PRIOR_KEYS, read_clips
 from panoptic_ros.kinematics.fitting import fit_motion
 from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.stage import Progress

@@ -52,7 +52,7 @@ class Device:
     Args:
         clocks: of its channels, as they are named.
         main: of channels that nobody named, the one whose timecode the device's clock is held against.
-        several: whether timecode was heard on others, too.
+        several: whether another timecode was heard on others, too.
     """
 
     name: str

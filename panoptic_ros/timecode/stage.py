@@ -10,7 +10,7 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder
-from panoptic_ros.timecode.follow.breaks import Heard, find_break
+from panoptic_ros.timecode.follow.breaks import Heard, find_break, is_one_timecode
 from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.kernels import compile_kernels
 from panoptic_ros.timecode.remembered import LAYOUT, Channel, Device
@@ -117,12 +117,16 @@ def _continues(device: Device, block: AudioBlock, clocks: tuple[str, ...]) -> bo
 
 
 def _choose(device: Device, channel: Channel, words: list[Word]) -> list[Notice]:
-    """Of channels that nobody named, the first that is understood counts; told once if there are several."""
+    """Of channels that nobody named, the first that is understood counts; told once if others carry another
+    timecode."""
     if not words or channel.clock is not None:
         return []
     if device.main is None:
         device.main = channel.number
     if device.main == channel.number or device.several:
+        return []
+    counts = next(each for each in device.channels if each.number == device.main)
+    if counts.last is None or channel.last is None or is_one_timecode(counts.last, channel.last):
         return []
     device.several = True
     text = (

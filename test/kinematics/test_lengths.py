@@ -3,7 +3,8 @@
 import numpy as np
 from bodies import BODY, CHAIN, MODEL, D, S, cameras, some_pose
 
-from panoptic_ros.geometry.chain import Chain, place_sites
+from panoptic_ros.geometry.chain import place_sites
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.lengths import LengthEstimate, lengths_of
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import (

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from panoptic_ros.geometry.rotations import from_quaternions, rotations_of, to_quaternions
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.devices import unseen_axes
 from panoptic_ros.kinematics.session import solve_recording

@@ -1,4 +1,7 @@
 """The viewer's node takes what somebody looks at, and previews are made while somebody does."""
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from recorded_scene import SKELETON, START_NS, as_bytes, make_poses, make_preview, make_rig, make_view
@@ -126,3 +129,14 @@ def test_previews_are_published_while_somebody_looks_and_always_in_replay(execut
     stamps = [from_message(message, "Preview").stamp_ns for message in got]
     expected = [START_NS + round(k * 1e9 / 60) for k in wanted]
     assert stamps == expected if flow == "replay" else set(stamps) <= set(expected)
+
+
+def test_what_the_viewer_loads_is_small():
+    """No compiler, no scipy, no reader of bags, no generator of messages: they are half of its memory."""
+    code = (
+        "import panoptic_ros.running.viewer.live as live, sys\n"
+        "live.start_ros([]); live.ViewerNode(live.LiveScene())\n"
+        "print({'numba', 'scipy', 'rosbags', 'lark', 'cv2'} & set(sys.modules))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "set()"

@@ -65,10 +65,16 @@ def test_integers_serve_as_floats():
     [
         ("size_m", "0.5", 0.5), ("on", "false", False), ("names", "a, b", ("a", "b")),
         ("weights", "1,2.5", (1.0, 2.5)), ("names", "[a, b]", ("a", "b")), ("weights", "[]", ()),
+        ("names", '["mic=A,", "line=B,C"]', ("mic=A,", "line=B,C")), ("names", "['a,b']", ("a,b",)),
     ],
 )
 def test_text(name, text, value):
     assert from_text(Sample, name, text) == value
+
+
+def test_a_quotation_without_its_end_is_told():
+    with pytest.raises(ConfigError, match="is not a list of str"):
+        from_text(Sample, "names", '["a, b')
 
 
 def test_field_without_param_is_a_bug():

@@ -7,8 +7,8 @@ import pytest
 from bodies import CHAIN, MODEL, S, placed, some_pose
 
 from panoptic_ros.cli.main import main
-from panoptic_ros.io.body_models import MOTION, read_prior
 from panoptic_ros.io.motion_files import read_bvh, read_sites
+from panoptic_ros.io.recorded_motions import MOTION, read_prior
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.kinematics.fitting import fit_motion
 

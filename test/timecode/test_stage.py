@@ -339,6 +339,15 @@ def test_where_nobody_names_channels_one_counts_and_others_are_told_once() -> No
     assert "channels 1 and 0; that of 1 counts" in told[0].text
 
 
+def test_one_timecode_on_both_channels_is_no_news() -> None:
+    signal = make("25", 40, 48000, lead=9000.0)
+    noisy = replace(signal, samples=signal.samples + 0.01 * np.sin(np.arange(len(signal.samples))))
+    stage = TimecodeStage(TimecodeConfig())
+    results = [stage.step(item) for item in stereo(signal, noisy)]
+    assert not [notice for result in results for notice in result.notices]
+    assert sum(len(result.outputs) for result in results) > 30
+
+
 def test_a_channel_named_as_its_device_tells_of_the_clock_of_the_device() -> None:
     signal = make("25", 40, 48000)
     items = [replace(item, clocks=("mic",)) for item in blocks(signal.samples, 48000)]

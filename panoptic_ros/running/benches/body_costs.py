@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.geometry.chain import Pose
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.solve import solve_pose

@@ -108,9 +108,13 @@ class Player:
             self.spin_until(due_ns + offset)
             if message.header.frame_id not in self.away:
                 last = time.monotonic_ns()
-                self.node.publish(message, self.stamps_from + due_ns + offset, self.number)
+                self.publish(message, self.stamps_from + due_ns + offset)
         self.sent.append((self.stamps_from + due_ns, last))
         self.number += 1
+
+    def publish(self, message: Any, stamp_ns: int) -> None:
+        """Publish a view of this instant."""
+        self.node.publish(message, stamp_ns, self.number)
 
     def play_until(self, moment_ns: int) -> None:
         """Play on until then."""

@@ -42,8 +42,9 @@ def write_body_take(name: str, out: Path, seed: int, bag: bool = False) -> str:
         bag: 2D people of the usual skeleton and samples of IMUs also as a bag.
     """
     from panoptic_ros.io.body_files import write_bodies
-    from panoptic_ros.io.body_models import read_body_model, read_clips
+    from panoptic_ros.io.body_models import read_body_model
     from panoptic_ros.io.kinematic_files import subject_document, write_imus
+    from panoptic_ros.io.recorded_motions import read_clips
     from panoptic_ros.io.rigs import write_rig
     from panoptic_ros.simulation.bodies.capture import simulate_body
 

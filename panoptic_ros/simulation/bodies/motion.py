@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from panoptic_ros.geometry.chain import Chain, place_all
+from panoptic_ros.geometry.chain import place_all
 from panoptic_ros.geometry.rotations import from_quaternions, rotations_of, to_quaternions, vectors_of
+from panoptic_ros.geometry.segment_chain import Chain
 
 Array = np.ndarray
 CLIP_HZ = 30.0

@@ -49,6 +49,16 @@ def find_break(device: str, sample_rate: int, last: Heard, new: Heard) -> tuple[
     return None if uneven else ()
 
 
+def is_one_timecode(one: Heard, other: Heard) -> bool:
+    """Whether words of two channels of a device can be of one timecode, as where a mono input is opened as
+    stereo: their labels tell how far apart they are."""
+    words = (other.word.start - one.word.start) / (WORD_CELLS * other.word.cell)
+    if abs(words) > LONGEST_GAP or other.word.reverse != one.word.reverse:
+        return False
+    in_step = abs(words - round(words)) < SLACK * max(1.0, abs(words))
+    return in_step and not _labels_ahead(one.word, other.word, round(words))
+
+
 def _labels_ahead(last: Word, new: Word, passed: int) -> int:
     """By how many frames the new label is ahead of what it should be after so many words."""
     rate = new.timecode.rate

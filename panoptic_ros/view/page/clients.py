@@ -1,6 +1,7 @@
-"""Clients of a live page without a page: how old what they get is, whatever they do with it.
+"""Clients of a live page without a page: what they get when, whatever they do with it.
 
-`python -m panoptic_ros.view.page.clients ADDRESS SECONDS KIND ...` prints JSON, a row for each client. Kinds:
+`python -m panoptic_ros.view.page.clients ADDRESS SECONDS KIND ...` prints JSON, a row for each client: "came"
+holds of every packet the stamp of its newest skeletons and when it came or was drawn, ns. Kinds:
 fast draws at once, slow takes 20 ms for each packet, frozen never draws, cut does not even read.
 """
 
@@ -12,11 +13,10 @@ import sys
 import time
 from typing import Any
 
-import numpy as np
 from websockets.asyncio.client import connect
 
 from panoptic_ros.view.page.packets import HEAD, MESSAGE
-from panoptic_ros.view.page.peek import skeletons_head
+from panoptic_ros.view.page.peek import stamp_of_bytes
 
 SLOW_S = 0.02  # for one packet
 WARM_S = 1.5  # that do not count
@@ -24,7 +24,7 @@ WARM_S = 1.5  # that do not count
 
 async def _client(address: str, kind: str, seconds: float) -> dict[str, Any]:
     """Look on for so long."""
-    ages: list[float] = []
+    came: list[tuple[int, int]] = []
     size, dropped, until = 0, 0, time.monotonic() + WARM_S + seconds
     async with connect(address, max_size=None, compression=None) as page:
         topics: list[list[str]] = []
@@ -51,23 +51,20 @@ async def _client(address: str, kind: str, seconds: float) -> dict[str, Any]:
             stamp = _newest(data, topics)
             if stamp is not None and until - time.monotonic() < seconds:
                 size += len(data)
-                ages.append(1e-6 * (now_ns - stamp))
+                came.append((stamp, now_ns))
         if kind == "cut":
             page.transport.abort()
-    percentiles = np.percentile(ages, (50, 99)).tolist() if ages else [None, None]
-    return {"kind": kind, "packets": len(ages), "age_p50_ms": percentiles[0], "age_p99_ms": percentiles[1],
-            "age_max_ms": max(ages, default=None), "megabytes_per_s": 1e-6 * size / seconds,
-            "skipped": dropped}  # fmt: skip
+    return {"kind": kind, "came": came, "megabytes_per_s": 1e-6 * size / seconds, "skipped": dropped}
 
 
 def _newest(packet: bytes, topics: list[list[str]]) -> int | None:
-    """When the newest skeletons in a packet were published, ns: the bench writes that into them."""
+    """The stamp of the newest skeletons in a packet, ns."""
     newest, at = None, HEAD.size
     while at < len(packet):
         topic, length, _ = MESSAGE.unpack_from(packet, at)
         begin = at + MESSAGE.size
         if topics[topic][0] == "skeletons":
-            newest = max(newest or 0, skeletons_head(packet[begin : begin + length]).newest_ns)
+            newest = max(newest or 0, stamp_of_bytes(packet[begin : begin + length]))
         at = begin + length + -(MESSAGE.size + length) % 8
     return newest
 

@@ -41,8 +41,7 @@ class PageServer:
     def __init__(self, talk: Talk, host: str = "127.0.0.1", port: int = 0):
         self._talk, self._host, self._port = talk, host, port
         self.token = "" if host in LOOPBACK else secrets.token_urlsafe(9)
-        self._html = page()
-        self._zipped = gzip.compress(self._html, 6, mtime=0)
+        self._zipped = gzip.compress(page(), 6, mtime=0)
 
     @asynccontextmanager
     async def listening(self) -> AsyncIterator[str]:
@@ -85,7 +84,7 @@ class PageServer:
             return _response(404, "Not Found", b"there is one page: /")
         if "gzip" in request.headers.get("Accept-Encoding", ""):
             return _response(200, "OK", self._zipped, "text/html; charset=utf-8", "gzip")
-        return _response(200, "OK", self._html, "text/html; charset=utf-8")
+        return _response(200, "OK", gzip.decompress(self._zipped), "text/html; charset=utf-8")
 
 
 def _response(

@@ -5,43 +5,41 @@ import numpy as np
 import pytest
 from recorded_scene import write_scene
 
-from panoptic_ros.bench.view_feed import PEOPLE, VIEWS, view_load
+from panoptic_ros.bench.view_feed import PEOPLE, VIEWS, moving_previews, view_load
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.benches.view import lines, measure
 
 
 def test_the_load_is_that_of_the_bar():
-    feed, instants = view_load(7)
+    feed = view_load()
     assert len(feed.rig) == VIEWS and feed.rate == 30.0
-    for number, instant in enumerate(instants):
-        assert len(instant.skeletons.ids) == PEOPLE and len(instant.views) == VIEWS
-        assert len(instant.previews) == (VIEWS if number % 3 == 0 else 0)
-        assert {view.frame_number for view in instant.views} == {number}
-        assert instant.skeletons.sources.cameras == feed.rig.names
-    sizes = [len(preview.jpeg) for preview in instants[0].previews]
-    assert 6_000 < np.mean(sizes) < 16_000
+    assert {len(found.views) for found in feed.sets} == {VIEWS} and feed.title.endswith(f"{PEOPLE} people")
+    first, second = moving_previews(feed.rig, 2)
+    assert set(first) == set(feed.rig.names) and all(first[name].jpeg != second[name].jpeg for name in first)
+    assert 6_000 < np.mean([len(preview.jpeg) for preview in first.values()]) < 16_000
 
 
-def test_a_time_that_makes_no_sense_is_told():
+def test_times_and_rounds_that_make_no_sense_are_told():
     with pytest.raises(UsageError, match="--seconds 1: give 2 to 600"):
-        measure(argparse.Namespace(seconds=1.0, recording=None))
+        measure(argparse.Namespace(seconds=1.0, rounds=1, recording=None))
+    with pytest.raises(UsageError, match="--rounds 0: give 1 to 100"):
+        measure(argparse.Namespace(seconds=8.0, rounds=0, recording=None))
 
 
 def test_the_table():
     row = {
-        "audience": "one", "lost": 0, "skeletons_p50_ms": 1.0, "skeletons_p99_ms": 2.0, "publish_p50_ms": 0.1,
+        "audience": "one", "messages": 90, "lost": 0, "skeletons_p50_ms": 1.0, "skeletons_p99_ms": 2.0,
+        "p99_ratio": 1.1, "ratio_low": 0.9, "ratio_high": 1.3, "publish_p50_ms": 0.1,
         "publish_p99_ms": 0.2, "viewer_cpu_percent": 5.0, "viewer_mb": 90.0,
         "clients": [
             {"kind": "fast", "packets": 90, "age_p50_ms": 3.0, "age_p99_ms": 7.0, "age_max_ms": 9.0,
              "megabytes_per_s": 2.0, "skipped": 4},
-            {"kind": "cut", "packets": 0, "age_p50_ms": None, "age_p99_ms": None, "age_max_ms": None,
-             "megabytes_per_s": 0.0, "skipped": 0},
         ],
     }  # fmt: skip
-    about = {"people": 8, "views": 8, "rate_hz": 30.0, "seconds": 5.0, "cores": 2, "load": 1.0}
+    about = {"people": 8, "views": 8, "rate_hz": 30.0, "seconds": 5.0, "rounds": 2, "cores": 2, "load": 1.0}
     told = lines({**about, "rows": [row]})
     assert any(line.startswith("one: fast") and "7.0" in line for line in told)
-    assert not any("cut" in line for line in told)
+    assert any(line.startswith("p99 / that of nobody") and "1.10" in line for line in told)
 
 
 def test_a_recording_is_opened_and_sought_in(tmp_path):

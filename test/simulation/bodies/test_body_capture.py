@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from panoptic_ros.geometry.rotations import from_quaternions, vectors_of
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.simulation.bodies.cameras import JointNoise
 from panoptic_ros.simulation.bodies.capture import FIRST_NS, BodyScene, simulate_body, sparse
 from panoptic_ros.simulation.bodies.imus import ImuNoise, measure

@@ -15,7 +15,8 @@ from panoptic_ros.domain.subjects import BodyState, Subject, ViewPeople, ViewSer
 from panoptic_ros.errors import DataError
 from panoptic_ros.evaluation.kinematic_scores import score_bodies
 from panoptic_ros.io.body_files import read_bodies
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording

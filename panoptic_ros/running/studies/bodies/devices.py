@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from panoptic_ros.geometry.rotations import from_quaternions, rotations_of, to_quaternions, vectors_of
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.tracker import SubjectTracker

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from panoptic_ros.geometry.rotations import from_quaternions, vectors_of
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.running.studies.bodies.devices import device_lines, spoil
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
 

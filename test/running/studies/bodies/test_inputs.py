@@ -2,7 +2,8 @@
 
 import pytest
 
-from panoptic_ros.io.body_models import read_body_model, read_clips
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.running.studies.bodies.cases import OURS, case_of, prior_without
 from panoptic_ros.running.studies.bodies.goals import goal_lines, study_goals
 from panoptic_ros.running.studies.bodies.inputs import input_lines, study_inputs

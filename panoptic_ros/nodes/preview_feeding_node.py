@@ -1,0 +1,53 @@
+"""A node in place of cameras, for who looks on: previews, and when the graph published skeletons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rclpy.node import Node
+
+from panoptic_ros.domain import Preview
+from panoptic_ros.graph.flow import make_flow
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import to_message
+from panoptic_ros.nodes.executor import with_facts
+from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.quality import collecting_quality, data_quality
+from panoptic_ros.view.page.peek import stamp_of_bytes
+
+
+class PreviewFeedingNode(Node):
+    """Publishes previews while somebody subscribes, as stages do.
+
+    Attributes:
+        published: of all /skeletons that came: their stamp, and when they were published, ns.
+    """
+
+    def __init__(self, cameras: Iterable[str]):
+        super().__init__("preview_feeder")
+        live, preview, skeletons = make_flow("live"), TOPICS["preview"], TOPICS["skeletons"]
+        self.published: dict[int, int] = {}
+        self._publishers_by_camera = {
+            name: self.create_publisher(message_class(preview.message), preview.of(name), data_quality(live))
+            for name in cameras
+        }
+
+        def hear(data: bytes, facts: Mapping[str, Any]) -> None:
+            self.published[stamp_of_bytes(data)] = int(facts["source_timestamp"])
+
+        self._heard_by = self.create_subscription(
+            message_class(skeletons.message), skeletons.name, with_facts(hear), collecting_quality(live),
+            raw=True,
+        )  # fmt: skip
+
+    def message_of(self, preview: Preview) -> Any:
+        """The message of a preview, to be published as often as one likes."""
+        return to_message(preview, ros_messages())
+
+    def publish(self, camera: str, message: Any, stamp_ns: int) -> None:
+        """Publish a preview as that of an image of another moment, if somebody wants it."""
+        publisher = self._publishers_by_camera[camera]
+        if publisher.get_subscription_count():
+            message.header.stamp = ros_messages().header(stamp_ns, "").stamp
+            publisher.publish(message)
