@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from panoptic_ros.geometry.chain import Chain, Pose, place_all
+from panoptic_ros.geometry.chain import Pose, place_all
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.targets import ViewTargets
 
 Array = np.ndarray

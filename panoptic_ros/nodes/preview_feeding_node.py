@@ -6,15 +6,15 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 
 from panoptic_ros.domain import Preview
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.messages import to_message
+from panoptic_ros.io.messages import stamp_of, to_message
 from panoptic_ros.nodes.executor import with_facts
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.quality import collecting_quality, data_quality
-from panoptic_ros.view.page.peek import stamp_of_bytes
 
 
 class PreviewFeedingNode(Node):
@@ -33,13 +33,15 @@ class PreviewFeedingNode(Node):
             for name in cameras
         }
 
+        kind = message_class(skeletons.message)
+
         def hear(data: bytes, facts: Mapping[str, Any]) -> None:
-            self.published[stamp_of_bytes(data)] = int(facts["source_timestamp"])
+            stamp = stamp_of(deserialize_message(data, kind).header)
+            self.published[stamp] = int(facts["source_timestamp"])
 
         self._heard_by = self.create_subscription(
-            message_class(skeletons.message), skeletons.name, with_facts(hear), collecting_quality(live),
-            raw=True,
-        )  # fmt: skip
+            kind, skeletons.name, with_facts(hear), collecting_quality(live), raw=True
+        )
 
     def message_of(self, preview: Preview) -> Any:
         """The message of a preview, to be published as often as one likes."""
