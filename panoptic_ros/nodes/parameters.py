@@ -10,9 +10,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from panoptic_ros.errors import ConfigError
+from panoptic_ros.graph.flow import WINDOW, Flow, make_flow
 from panoptic_ros.params import Config, Param, describe, load
 
 _WIDE = 1e18  # stands for a bound that is not there: ROS ranges need both ends
+
+
+def declare_flow(node: Node) -> Flow:
+    """Declare `flow` (live or replay) and `replay_window`, and return what they say (see `graph.flow`)."""
+    name = node.declare_parameter("flow", "live").value
+    return make_flow(name, node.declare_parameter("replay_window", WINDOW).value)
 
 
 def declare_config(node: Node, cls: type[Config], defaults: Mapping[str, Any], prefix: str = "") -> Config:

@@ -24,7 +24,7 @@ class PreviewReports:
 
     def __init__(self, node: Node):
         self._node = node
-        self._flow = make_flow(node.get_parameter("flow").value, node.get_parameter("window").value)
+        self._flow = make_flow(node.get_parameter("flow").value, node.get_parameter("replay_window").value)
         self._previews = Previews()
         self._publishers: dict[str, Any] = {}
 

@@ -14,7 +14,7 @@ from panoptic_ros.capture import DepthSource
 from panoptic_ros.domain import AudioBlock, Camera, ImuSample
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.flow import PATIENT, WINDOW, make_flow
+from panoptic_ros.graph.flow import PATIENT
 from panoptic_ros.graph.health import Health
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import (
@@ -27,6 +27,7 @@ from panoptic_ros.io.messages import (
 from panoptic_ros.nodes.credit import STALL_S, Credit, SoundCredit
 from panoptic_ros.nodes.diagnostics import Diagnostics
 from panoptic_ros.nodes.family import message_class, ros_messages
+from panoptic_ros.nodes.parameters import declare_flow
 from panoptic_ros.nodes.quality import data_quality
 from panoptic_ros.nodes.runtime import quiet_once
 from panoptic_ros.nodes.streams import StreamEnds
@@ -54,8 +55,8 @@ class Outgoing:
 class SourceNode(Node):
     """Publishes what an iterator gives, from a thread of its own.
 
-    Parameters: `flow` and `window` as in `StageNode`; `shift_ns`: what is added to stamps in replay, so that
-    they can be compared with those of skeletons.
+    Parameters: `flow` and `replay_window` as in `StageNode`; `shift_ns`: what is added to stamps in replay,
+    so that they can be compared with those of skeletons.
 
     Args:
         topics: key -> (topic, message type) of the publishers; the first one is the one that counts.
@@ -75,9 +76,7 @@ class SourceNode(Node):
         super().__init__(
             name, parameter_overrides=[Parameter(k, value=value) for k, value in overrides.items()]
         )
-        self._flow = make_flow(
-            self.declare_parameter("flow", "live").value, self.declare_parameter("window", WINDOW).value
-        )
+        self._flow = declare_flow(self)
         self._publishers_by_key = {
             key: self.create_publisher(
                 message_class(kind), topic,

@@ -15,7 +15,7 @@ from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import ports_in_use, resolve, rows_in_use
 from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.flow import WINDOW, live_defaults, make_flow
+from panoptic_ros.graph.flow import live_defaults
 from panoptic_ros.graph.health import Doing, Health
 from panoptic_ros.graph.host import Host, lanes_of
 from panoptic_ros.graph.lane_groups import Key
@@ -36,7 +36,7 @@ from panoptic_ros.nodes.kept_states import KeptStates
 from panoptic_ros.nodes.outputs import Outputs
 from panoptic_ros.nodes.own_cameras import OwnCameras, OwnInput
 from panoptic_ros.nodes.own_reading import OwnReading
-from panoptic_ros.nodes.parameters import declare_config
+from panoptic_ros.nodes.parameters import declare_config, declare_flow
 from panoptic_ros.nodes.pausing import Pausing
 from panoptic_ros.nodes.progress import ProgressTold
 from panoptic_ros.nodes.reports import reports_of
@@ -59,9 +59,9 @@ class StageNode(Node):
     `fault`).
 
     Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
-    replay), `window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all stages
-    that run in the graph (empty: those that this node needs), and the ports that parameters of them switch
-    on; `marked`: whether nodes tell each other places (replay, see `graph.host`);
+    replay), `replay_window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all
+    stages that run in the graph (empty: those that this node needs), and the ports that parameters of them
+    switch on; `marked`: whether nodes tell each other places (replay, see `graph.host`);
     `shifts`: "camera or topic=ns", see `graph.lanes.Lane` (replay);
     inputs as in `nodes.inputs.InputChoice`.
 
@@ -85,9 +85,7 @@ class StageNode(Node):
             parameter_overrides=[Parameter(key, value=value) for key, value in overrides.items()],
         )
         self._extras = extras
-        self._flow = make_flow(
-            self.declare_parameter("flow", "live").value, self.declare_parameter("window", WINDOW).value
-        )
+        self._flow = declare_flow(self)
         self._reading = OwnReading(self, self._flow, own, self._put_own, self._end_own)
         self._cameras = self._names("cameras")
         self._graph = self._names("graph")

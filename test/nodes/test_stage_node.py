@@ -9,6 +9,7 @@ from rclpy.parameter import Parameter  # noqa: E402
 
 from panoptic_ros.errors import ConfigError  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
+from panoptic_ros.graph.nodes import NODES  # noqa: E402
 from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
 from panoptic_ros.io.skeletons import load_skeleton  # noqa: E402
@@ -166,3 +167,11 @@ def test_list_that_is_empty_by_default_can_be_set(ros):
     assert node._configs["detection"].providers == ("CPUExecutionProvider",)
     node.close()
     node.destroy_node()
+
+
+@pytest.mark.parametrize("stage", sorted(NODES))
+def test_every_stage_runs_as_a_node_of_its_own(executor, stage):
+    """No parameter of a stage has the name of one of the node's."""
+    node = StageNode(stage, {"flow": "replay"})
+    executor.add_node(node)
+    assert node.healthy and node.get_parameter("replay_window").value > 0

@@ -107,7 +107,7 @@ def frames(count):
 
 @pytest.mark.parametrize("flow", ["live", "replay"])
 def test_previews_are_published_while_somebody_looks_and_always_in_replay(executor, flow):
-    overrides = [Parameter("flow", value=flow), Parameter("window", value=64)]
+    overrides = [Parameter("flow", value=flow), Parameter("replay_window", value=64)]
     node = rclpy.create_node(
         "detection", parameter_overrides=overrides, automatically_declare_parameters_from_overrides=True
     )

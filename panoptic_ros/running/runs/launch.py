@@ -120,7 +120,7 @@ class _Nodes:
         self.stages = switched_on(plan.stages, plan.configs)
         self._used = ports_in_use({name: plan.configs[name] for name in self.stages})
         self.guided = any(port.startswith("detection.") for port in self._used)
-        self.common = {"flow": flow, "window": window}
+        self.common = {"flow": flow, "replay_window": window}
 
     def source(self, owner: str) -> dict[str, Any]:
         """Parameters of a camera, or of a device by the topic of its sound."""

@@ -1,0 +1,65 @@
+"""How long `panoptic view` takes from the command to people and images in a headless Chromium.
+
+    python test/support/first_picture.py RESULTS|BAG|FOLDER [--live] [--seek 10,1000] [--picture view.png]
+
+The browser runs before the command is given, as it does on a desk.
+"""
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from browser import Browser, find_browser
+
+
+def main() -> int:
+    """Print one line per thing that is waited for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("path", nargs="?")
+    parser.add_argument("--live", action="store_true", help="the graph that runs now")
+    parser.add_argument("--seek", default="", help="seconds to go to, with commas between them")
+    parser.add_argument("--picture", type=Path, help="a PNG of the page at the end")
+    parser.add_argument("--wait", type=float, default=1.0, help="seconds before the picture")
+    args = parser.parse_args()
+    if find_browser() is None:
+        print("NO BROWSER: apt-get install chromium", file=sys.stderr)
+        return 2
+    what = ["--live"] if args.live else [args.path]
+    with tempfile.TemporaryDirectory() as profile, Browser(Path(profile)) as browser:
+        begin = time.monotonic()
+        program = [sys.executable, "-m", "panoptic_ros.cli.main", "view"]
+        command = [*program, *what, "--port", "0", "--no-browser"]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            assert server.stdout is not None
+            address = next(word for word in server.stdout.readline().split() if word.startswith("http"))
+            _tell("the program listens", begin)
+            page = browser.open(address)
+            page.wait("panoptic.ready", 60)
+            _tell("people are drawn", begin)
+            page.wait("panoptic.stats().images > 0", 60)
+            _tell("images are drawn", begin)
+            for second in filter(None, args.seek.split(",")):
+                start = time.monotonic()
+                page.evaluate(f"panoptic.seek({float(second)} * 1e9)")
+                page.wait("panoptic.ready", 60)
+                _tell(f"people at {second} s", start)
+            if args.picture:
+                time.sleep(args.wait)
+                page.screenshot(args.picture)
+            complaints, hosts = page.complaints(), page.hosts()
+            print(f"complaints of the console: {complaints or 'none'}; asked: {', '.join(sorted(hosts))}")
+            return 1 if complaints or hosts - {"127.0.0.1"} else 0
+        finally:
+            server.terminate()
+            server.wait(10)
+
+
+def _tell(what: str, begin: float) -> None:
+    print(f"{what:<24}{time.monotonic() - begin:7.2f} s", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
