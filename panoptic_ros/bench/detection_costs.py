@@ -58,9 +58,9 @@ class TimedStage(DetectionStage):
         """As the stage."""
         if not isinstance(item, ViewFrame) or not self._costs.counting:
             return super().step(item)
-        network, start = self._session.spent_ns, time.process_time_ns()
+        network, start = self._session.spent_ns, time.thread_time_ns()
         result = super().step(item)
-        spent, network = time.process_time_ns() - start, self._session.spent_ns - network
+        spent, network = time.thread_time_ns() - start, self._session.spent_ns - network
         if network:
             self._costs.looked, self._costs.looked_ns = self._costs.looked + 1, self._costs.looked_ns + spent
             self._costs.network_ns += network
@@ -79,7 +79,7 @@ class _TimedSession:
 
     def run(self, tensor: np.ndarray) -> dict[str, np.ndarray]:
         """As the network."""
-        start = time.process_time_ns()
+        start = time.thread_time_ns()
         outputs: dict[str, np.ndarray] = self._session.run(tensor)
-        self.spent_ns += time.process_time_ns() - start
+        self.spent_ns += time.thread_time_ns() - start
         return outputs

@@ -86,7 +86,7 @@ class FullImageNetwork:
         card, parts, maps = self.card, [], []
         for region in regions:
             left, top, right, bottom = region.box
-            outputs, net_from_cut = self._run(image[top:bottom, left:right], region.net_size)
+            outputs, net_from_cut = self._run(image[top:bottom, left:right], region.net_size, quick=True)
             net_from_image = composed(net_from_cut, np.array([[1.0, 0.0, -left], [0.0, 1.0, -top]]))
             people = decode_image(
                 card, outputs, region.net_size, self.config.person_threshold, REGION_VARIANCE
@@ -103,9 +103,11 @@ class FullImageNetwork:
         scale = max([region.net_size[1] / (region.box[2] - region.box[0]) for region in regions], default=0.0)
         return Finding(people, patches, scale)
 
-    def _run(self, image: Array, size: tuple[int, int]) -> tuple[dict[str, Array], Array]:
+    def _run(
+        self, image: Array, size: tuple[int, int], quick: bool = False
+    ) -> tuple[dict[str, Array], Array]:
         """Outputs by role for an image that is fitted into (height, width), and net_from_image."""
-        picture, net_from_image = letterbox(image, size, self.card.input)
+        picture, net_from_image = letterbox(image, size, self.card.input, quick)
         outputs = activated(self.card, self.session.run(input_tensor([picture], self.card.input)))
         return {role: values[0] for role, values in outputs.items()}, net_from_image
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from panoptic_ros.detection.config import DetectionConfig
@@ -66,16 +65,32 @@ def _common(parts: Sequence[RegionMaps], grid: Array, cut: float) -> tuple[Array
     levels = np.zeros((len(parts[0].maps), height, width), np.uint8)
     for part, (low, high) in zip(parts, windows):
         (left, top), (columns, rows) = low - first, high - low
-        theirs = composed(part.grid_from_image, inverted(grid))
-        cells = composed(theirs, np.array([[1.0, 0.0, low[0]], [0.0, 1.0, low[1]]]))
         window = levels[:, top : top + rows, left : left + columns]
+        theirs = composed(part.grid_from_image, inverted(grid))
         used = part.cells
-        moved = np.empty(window.shape, np.float32)
-        for plane, target in zip(part.maps, moved):
-            cv2.warpAffine(
-                plane[: used[1], : used[0]], cells, (int(columns), int(rows)), dst=target,
-                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            )  # fmt: skip
+        across = theirs[0, 0] * np.arange(low[0], high[0]) + theirs[0, 2]
+        down = theirs[1, 1] * np.arange(low[1], high[1]) + theirs[1, 2]
+        moved = _resampled(part.maps[:, : used[1], : used[0]], down, across)
         np.maximum(window, quantised(moved, cut), out=window)
     shift = np.array([[1.0, 0.0, -first[0]], [0.0, 1.0, -first[1]]])
     return levels, composed(shift, grid)
+
+
+def _resampled(maps: Array, down: Array, across: Array) -> Array:
+    """Maps (K, h, w) at rows `down` (H,) and columns `across` (W,), bilinear; 0 beyond the first and last."""
+    rows, row_shares = _neighbours(down, maps.shape[1])
+    columns, column_shares = _neighbours(across, maps.shape[2])
+    padded = np.pad(maps, ((0, 0), (1, 1), (1, 1)))
+    upper = padded[:, rows]
+    upper += row_shares[:, None] * (padded[:, rows + 1] - upper)
+    left = upper[:, :, columns]
+    left += column_shares * (upper[:, :, columns + 1] - left)
+    return left
+
+
+def _neighbours(places: Array, count: int) -> tuple[Array, Array]:
+    """Of places (N,) in a row of so many cells with one more before and behind it: the cell before, and the
+    share (N,) float32 of the next one."""
+    inside = np.clip(places, -1.0, float(count)) + 1.0
+    before = np.minimum(inside.astype(np.int64), count)
+    return before, (inside - before).astype(np.float32)

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,13 +36,18 @@ class JointMap:
             raise DataError(f"{points.shape[1]} joints from a detector of {self.source_count}")
         mapped = np.full((len(points), len(self.sources), 2), np.nan)
         mapped_scores = np.zeros(mapped.shape[:2])
-        alone = [(joint, sources[0]) for joint, sources in enumerate(self.sources) if len(sources) == 1]
-        targets, taken = [joint for joint, _ in alone], [source for _, source in alone]
+        targets, taken, means = _plan(self.sources)
         mapped[:, targets], mapped_scores[:, targets] = points[:, taken], scores[:, taken]
-        for joint, sources in enumerate(self.sources):
-            if len(sources) > 1:
-                columns = list(sources)
-                mapped_scores[:, joint] = scores[:, columns].min(axis=1)
-                mapped[:, joint] = points[:, columns].mean(axis=1)
+        for joint, columns in means:
+            mapped_scores[:, joint] = scores[:, columns].min(axis=1)
+            mapped[:, joint] = points[:, columns].mean(axis=1)
         mapped[mapped_scores <= 0.0] = np.nan
         return mapped, mapped_scores
+
+
+@lru_cache(maxsize=64)
+def _plan(sources: tuple[tuple[int, ...], ...]) -> tuple[Array, Array, list[tuple[int, Array]]]:
+    """Joints that are taken as they are, what they are taken from, and the means with their parts."""
+    alone = [(joint, own[0]) for joint, own in enumerate(sources) if len(own) == 1]
+    means = [(joint, np.array(own)) for joint, own in enumerate(sources) if len(own) > 1]
+    return np.array([a for a, _ in alone], int), np.array([b for _, b in alone], int), means

@@ -103,3 +103,13 @@ def test_shrinking_averages():
     picture, _ = letterbox(stripes, (64, 64), InputCard())
     assert (picture == 100).all()
     assert cv2.resize(stripes, (64, 64), interpolation=cv2.INTER_NEAREST).max() == 200
+
+
+def test_a_quick_shrink_is_bilinear_down_to_a_half_and_an_average_below():
+    image = np.random.default_rng(5).integers(0, 255, (64, 96, 3), np.uint8)
+    card = InputCard(fit="letterbox_topleft")
+    for size, alike in (((48, 72), False), ((16, 24), True)):
+        quick, own = letterbox(image, size, card, quick=True)
+        slow, exact = letterbox(image, size, card)
+        assert np.array_equal(own, exact)
+        assert np.array_equal(quick, slow) == alike

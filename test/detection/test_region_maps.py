@@ -1,10 +1,11 @@
 """Maps of regions are those of the whole image, wherever the regions lie."""
+import cv2
 import numpy as np
 import pytest
 
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.people import no_people
-from panoptic_ros.detection.region_maps import RegionMaps, merged_maps
+from panoptic_ros.detection.region_maps import RegionMaps, _resampled, merged_maps
 
 PEAKS = [(40.0, 30.0), (100.0, 70.0), (200.0, 50.0)]  # px
 
@@ -47,6 +48,15 @@ def test_peaks_are_where_they_were(boxes, cells):
     for x, y in PEAKS:
         assert value_at(found, x, y) > 0.93
     assert value_at(found, 150.0, 20.0) < 0.06
+
+
+def test_resampling_is_that_of_opencv():
+    maps = np.random.default_rng(3).uniform(0.0, 1.0, (2, 9, 7)).astype(np.float32)
+    down, across = 0.83 * np.arange(14) - 1.4, 1.31 * np.arange(9) - 2.2
+    cells = np.array([[1.31, 0.0, -2.2], [0.0, 0.83, -1.4]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    for plane, found in zip(maps, _resampled(maps, down, across)):
+        assert np.allclose(found, cv2.warpAffine(plane, cells, (9, 14), flags=flags), atol=0.04)  # 1/32 cell
 
 
 def test_cells_of_padding_are_not_part_of_the_grid():

@@ -60,9 +60,9 @@ def test_looks_at_people_who_are_known_cost_less(monkeypatch):
     cost = []
     run = FullImageNetwork._run
 
-    def counted(self, picture, size):
+    def counted(self, picture, size, **how):
         cost.append(size[0] * size[1])
-        return run(self, picture, size)
+        return run(self, picture, size, **how)
 
     monkeypatch.setattr(FullImageNetwork, "_run", counted)
     views(stage(regions="on", region_height=64), 8)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.cli.main import main
+from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.plain_formats import read_detections, read_skeletons
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.running.ltc import decode_file
@@ -127,3 +128,11 @@ def test_truth_against_itself(tmp_path, capsys):
     assert main(["evaluate", truth, truth, "--minimum", "idf1=1.1"]) == 2
     assert "idf1 is 1, not at least 1.1" in capsys.readouterr().err
     assert main(["evaluate", truth, truth, "--protocol", "pcp-voxelpose"]) == 2
+
+
+@pytest.mark.parametrize("name", ["clean-4p5v", "unsync-5v", "mixed-rates"])
+def test_2d_people_also_come_as_a_bag(tmp_path, name):
+    """Simulations begin at 0, before which bags have no time."""
+    assert main(["simulate", name, "--frames", "3", "--bag", "--out", str(tmp_path / "take")]) == 0
+    with BagReader(tmp_path / "take" / "bag") as bag:
+        assert "/rig" in bag.topics and sum(topic.endswith("/detections") for topic in bag.topics) > 3

@@ -112,4 +112,8 @@ def _chosen(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
         wanted[text] = {name: value for _, name, value in parts}
     for own in wanted.values():
         load(config_class("detection"), own, where="detection.")
+        if own.get("threads", 1) != 1:
+            raise UsageError(
+                f"detection.threads = {own['threads']}: the processor time of one thread is told; leave it 1"
+            )
     return wanted

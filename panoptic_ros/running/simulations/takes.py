@@ -106,7 +106,7 @@ def _write_heard(folder: Path, take: Simulation) -> None:
 
 def _write_bag(path: Path, take: Simulation) -> None:
     """Rig, skeleton, 2D people and sound, recorded at master times."""
-    family, begin = bag_messages(), take.master_ns(-EARLY_S)
+    family, begin = bag_messages(), max(take.master_ns(-EARLY_S), 0)  # bags have no time before 0
     with BagWriter(path) as bag:
         for key, record in (("rig", take.rig), ("skeleton_model", SKELETON)):
             bag.write("/" + TOPICS[key].name, begin, to_message(record, family))

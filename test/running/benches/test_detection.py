@@ -44,6 +44,7 @@ def test_every_image_is_always_among_the_settings():
         (["--every", "0"], UsageError, "must be positive"),
         (["--apart"], UsageError, "--apart needs --every 2"),
         (["--detection", "regions=perhaps"], ConfigError, "perhaps"),
+        (["--detection", "threads=2"], UsageError, "one thread"),
     ],
 )
 def test_what_makes_no_sense_is_told(words, error, told):
