@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     if args.scene is None or args.out is None:
         raise UsageError("name a scene and a folder: panoptic simulate SCENE --out DIR (see --list)")
     if args.scene in BODY_SCENES:
-        print(f"{args.out}: {write_body_take(args.scene, args.out, args.seed, args.bag)}")
+        print(f"{args.out}: {write_body_take(args.scene, args.out, args.seed, args.bag, args.frames)}")
         return 0
     take = write_take(
         args.scene, args.out, seed=args.seed, frames=args.frames, images=args.images, depth=args.depth,

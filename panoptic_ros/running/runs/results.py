@@ -79,11 +79,13 @@ class Results:
     Args:
         folder: that is there, see `result_folder`.
         on_record: called with every record that is kept, e.g. for progress.
+        pictures: whether pictures follow; without them no body is kept for drawing.
     """
 
     def __init__(
-        self, folder: Path, plan: Plan, on_record: Callable[[str, Any], None] = lambda key, record: None
-    ):
+        self, folder: Path, plan: Plan, on_record: Callable[[str, Any], None] = lambda key, record: None,
+        pictures: bool = True,
+    ):  # fmt: skip
         self.folder = folder
         kept = KEPT_LIVE if plan.live else None
         self.poses: deque[RefinedPoseSet] = deque(maxlen=kept)
@@ -93,7 +95,7 @@ class Results:
         model = plan.extras.get("segments")
         self._bodies = None if model is None else BodyStream(folder / "kinematics.json.gz", model)
         self.bodies = BodyTally()
-        self.drawn: deque[DrawnBody] = deque(maxlen=kept)
+        self.drawn: deque[DrawnBody] = deque(maxlen=kept if pictures else 0)
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
         self._with_patches = config_of(plan.configs, PatchesConfig).active

@@ -86,7 +86,7 @@ def run(
         def stop() -> bool:
             return asked() or (duration_s is not None and time.monotonic() - started > duration_s)
 
-        with Results(folder, plan, saw) as results:
+        with Results(folder, plan, saw, pictures) as results:
             try:
                 counted = (
                     _in_process(plan, results, stop, offline) if in_process or offline

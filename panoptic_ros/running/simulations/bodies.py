@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.folders import staged_folder
 
@@ -35,11 +37,15 @@ def body_scene(name: str) -> BodyScene:
     return BodyScene(_CLIPS[name], seconds=19.0, mounts=not poor, t_pose=4.0 if poor else 2.0)
 
 
-def write_body_take(name: str, out: Path, seed: int, bag: bool = False) -> str:
+def write_body_take(name: str, out: Path, seed: int, bag: bool = False, frames: int | None = None) -> str:
     """Simulate and write rig, 2D people, IMU samples, subject and truth; a line about it.
 
     Args:
         bag: 2D people of the usual skeleton and samples of IMUs also as a bag.
+        frames: at most, of those that the clips give.
+
+    Raises:
+        UsageError: if there are no frames.
     """
     from panoptic_ros.io.body_files import write_bodies
     from panoptic_ros.io.body_models import read_body_model
@@ -48,7 +54,12 @@ def write_body_take(name: str, out: Path, seed: int, bag: bool = False) -> str:
     from panoptic_ros.io.rigs import write_rig
     from panoptic_ros.simulation.bodies.capture import simulate_body
 
-    take = simulate_body(body_scene(name), seed, read_body_model(), read_clips())
+    scene = body_scene(name)
+    if frames is not None:
+        if frames < 1:
+            raise UsageError(f"{frames} frames: a simulation needs one at least")
+        scene = replace(scene, seconds=(frames - 0.5) / scene.rate)
+    take = simulate_body(scene, seed, read_body_model(), read_clips())
     with staged_folder(out) as folder:
         write_rig(folder / "rig.json", take.rig)
         write_json(folder / "detections.json.gz", _detections(take))
