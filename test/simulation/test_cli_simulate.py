@@ -141,5 +141,5 @@ def test_2d_people_also_come_as_a_bag(tmp_path, name):
 def test_a_body_is_as_long_as_asked(tmp_path, capsys):
     assert main(["simulate", "body-shake", "--frames", "7", "--out", str(tmp_path / "body")]) == 0
     assert "7 frames" in capsys.readouterr().out
-    assert main(["simulate", "body-shake", "--frames", "0", "--out", str(tmp_path / "none")]) == 2
-    assert "0 frames" in capsys.readouterr().err and not (tmp_path / "none").exists()
+    assert main(["simulate", "body-shake", "--frames", "1", "--out", str(tmp_path / "none")]) == 2
+    assert "1 frames: a body" in capsys.readouterr().err and not (tmp_path / "none").exists()

@@ -45,7 +45,7 @@ def write_body_take(name: str, out: Path, seed: int, bag: bool = False, frames: 
         frames: at most, of those that the clips give.
 
     Raises:
-        UsageError: if there are no frames.
+        UsageError: if there are fewer than two frames.
     """
     from panoptic_ros.io.body_files import write_bodies
     from panoptic_ros.io.body_models import read_body_model
@@ -56,8 +56,8 @@ def write_body_take(name: str, out: Path, seed: int, bag: bool = False, frames: 
 
     scene = body_scene(name)
     if frames is not None:
-        if frames < 1:
-            raise UsageError(f"{frames} frames: a simulation needs one at least")
+        if frames < 2:
+            raise UsageError(f"{frames} frames: a body that moves needs two at least")
         scene = replace(scene, seconds=(frames - 0.5) / scene.rate)
     take = simulate_body(scene, seed, read_body_model(), read_clips())
     with staged_folder(out) as folder:

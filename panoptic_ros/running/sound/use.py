@@ -214,10 +214,19 @@ def _shifts(
 
 
 def _unused(recorders: Sequence[Recorder], rig: Rig) -> Iterator[str]:
-    """Lines about sound that stamps no camera."""
+    """A line about sound that stamps no camera, and what cameras' own sound is good for."""
+    if not recorders:
+        return
     named = ", ".join(dict.fromkeys(camera.clock for camera in rig.cameras if camera.clock)) or "no clocks"
-    for recorder in recorders:
-        yield f"{recorder.where} is not used: it tells of no clock of the cameras (the rig names {named})"
+    where = ", ".join(recorder.where for recorder in recorders[:3])
+    if len(recorders) > 3:
+        where += f" and {len(recorders) - 3} more"
+    told = "is not used: it tells" if len(recorders) == 1 else "are not used: they tell"
+    of_cameras = sum(recorder.device in rig.names for recorder in recorders)
+    remedy = "; if the cameras' clocks differ, --offsets-from-sound aligns them by it"
+    yield (
+        f"{where} {told} of no clock of the cameras (the rig names {named}){remedy if of_cameras > 1 else ''}"
+    )
 
 
 def _on_no_clock(rig: Rig, clocks: Mapping[str, str]) -> Iterator[str]:

@@ -124,3 +124,8 @@ def test_a_run_on_a_bag_corrects_the_stamps_of_its_messages(capture, tmp_path, c
     assert code == 0 and "its stamps are kept" in text
     _, text, _ = run(capsys, "evaluate", folder / "truth.json.gz", out / "skeletons.json.gz", "--json")
     assert json.loads(text)["mpjpe_mm"] < 6.0
+
+
+def test_a_run_without_offsets_says_what_the_sound_is_good_for(capture):
+    (line,) = [line for line in plan_bags([capture[0] / "bag"]).notices if "audio" in line]
+    assert "and 2 more are not used" in line and "--offsets-from-sound aligns them" in line
