@@ -5,7 +5,8 @@ that follows, and must not get to it.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from typing import Literal
 
 SECOND = 1_000_000_000
@@ -14,6 +15,8 @@ FASTER = 1.5  # stamps may go by this much faster than the clock, e.g. while a b
 GONE_NS = SECOND  # without a good record, and of records that agree: then another time line is right
 SLOWEST_NS = 5 * SECOND  # between stamps that can be of one time line
 SURE = 5  # records in a row that agree with each other make it certain
+LEAD_NS = 10 * SECOND  # for which it is known how far stamps are ahead of the clock: one line may go slower
+WAITING = 256  # records between their arrival and their use, at most
 OLD_NS = 60 * SECOND  # a copy of what came long ago, not a clock that was set back
 
 Verdict = Literal["", "stale", "odd_stamp"]
@@ -23,12 +26,18 @@ Verdict = Literal["", "stale", "odd_stamp"]
 class Continuity:
     """Judges stamps by the newest that was used. Times are of a clock that goes as the stamps' own, ns.
 
+    What is used late, after a stall or while a node starts, is old: records that then come in time are not
+    ahead of their line. They are measured by how far stamps were ahead of the clock when they came.
+
     Where a recording with few sets a second is played faster than that clock, its steps look like jumps at
     first: it is taken as another time line, of which longer steps are known.
     """
 
     _newest: int | None = None  # stamp that was used
-    _used_ns: int = 0  # when
+    _used_ns: int = 0  # when that record came
+    _came: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=WAITING))  # (stamp, when)
+    _leads: tuple[int | None, int | None] = None, None  # most of stamps over the clock: LEAD_NS before, since
+    _lead_since_ns: int = 0
     _other: int = 0  # the newest stamp of what may be another time line
     _agreeing: int = 0
     _longest: int = 0  # step between these
@@ -37,10 +46,18 @@ class Continuity:
 
     def judge(self, stamp_ns: int, now_ns: int) -> Verdict:
         """What is wrong with a stamp; "" if nothing is."""
+        verdict = self._verdict(stamp_ns, now_ns)
+        if not verdict:
+            self._came.append((stamp_ns, now_ns))
+        return verdict
+
+    def _verdict(self, stamp_ns: int, now_ns: int) -> Verdict:
         if self._newest is None:
             return ""
-        step, farthest = stamp_ns - self._newest, self._farthest(now_ns - self._used_ns)
-        if 0 < step <= farthest:
+        step = stamp_ns - self._newest
+        if 0 < step <= self._farthest(now_ns - self._used_ns):
+            return ""
+        if step > 0 and self._is_in_time(stamp_ns, now_ns):
             return ""
         if self._is_other(stamp_ns, now_ns) and now_ns - self._used_ns >= GONE_NS:
             return ""
@@ -48,7 +65,21 @@ class Continuity:
 
     def used(self, stamp_ns: int, now_ns: int) -> None:
         """A record with this stamp was good, and is the newest now."""
-        self._newest, self._used_ns, self._agreeing = stamp_ns, now_ns, 0
+        arrivals = reversed(tuple(self._came))
+        came_ns = next((when for stamp, when in arrivals if stamp == stamp_ns), now_ns)
+        if self._newest is not None and stamp_ns < self._newest:
+            self._leads = None, None  # another line
+        self._newest, self._used_ns, self._agreeing = stamp_ns, came_ns, 0
+        before, since = self._leads
+        if came_ns - self._lead_since_ns > LEAD_NS:
+            before, since, self._lead_since_ns = since, None, came_ns
+        lead = stamp_ns - came_ns
+        self._leads = before, lead if since is None else max(since, lead)
+
+    def _is_in_time(self, stamp_ns: int, now_ns: int) -> bool:
+        """Whether a stamp is ahead of the clock by no more than others were of late."""
+        leads = [lead for lead in self._leads if lead is not None]
+        return bool(leads) and stamp_ns <= now_ns + max(leads) + LEAST_AHEAD_NS
 
     def _is_other(self, stamp_ns: int, now_ns: int) -> bool:
         """Whether enough records one after another, for long enough, are of another time line."""

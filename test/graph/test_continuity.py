@@ -39,6 +39,32 @@ def test_a_pause_is_no_jump():
     assert gate.judge(BEGIN + k * PERIOD + 60 * SECOND, k * PERIOD + 60 * SECOND) == ""
 
 
+def test_what_comes_in_time_after_a_stall_is_not_ahead():
+    """After 3 s in which nothing was read the oldest and the newest come at once; most between are lost."""
+    gate, k = running()
+    now = (k + 90) * PERIOD
+    assert gate.judge(BEGIN + k * PERIOD, now) == ""
+    gate.used(BEGIN + k * PERIOD, now)
+    assert gate.judge(BEGIN + (k + 90) * PERIOD, now + 1) == ""
+    assert gate.judge(BEGIN + (k + 90) * PERIOD + SECOND, now + 1) == "odd_stamp"
+
+
+def test_the_first_record_may_be_used_long_after_it_came():
+    gate = Continuity()
+    assert gate.judge(BEGIN, 0) == ""
+    gate.used(BEGIN, 3 * SECOND)  # stages compiled
+    assert gate.judge(BEGIN + 3 * SECOND, 3 * SECOND) == ""
+    assert gate.judge(BEGIN + 3600 * SECOND, 3 * SECOND) == "odd_stamp"
+
+
+def test_where_stamps_go_slower_than_the_clock_what_is_plausible_stays_bounded():
+    gate = Continuity()
+    for k in range(60 * 30):
+        gate.used(BEGIN + k * PERIOD // 2, k * PERIOD)
+    k += 1
+    assert gate.judge(BEGIN + k * PERIOD // 2 + 30 * SECOND, k * PERIOD) == "odd_stamp"
+
+
 def test_another_time_line_is_taken_when_nothing_of_the_old_one_comes_between():
     gate, k = running()
     verdicts = [gate.judge(5 * SECOND + n * PERIOD, (k + n) * PERIOD) for n in range(60)]
