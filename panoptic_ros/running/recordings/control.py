@@ -17,6 +17,8 @@ from panoptic_ros.running.processes.children import prepare_environment
 SERVICE = "record"  # of a recorder's node, as std_srvs/SetBool
 PREFIX = "recorder_"  # of the node's name; the host follows
 ANSWER_S = 10.0  # for hosts that have been asked
+SETTLE_S = 0.5  # a host that does not know its asker yet answers nobody
+AGAIN_S = 3.0  # without an answer
 
 
 def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]:
@@ -32,18 +34,22 @@ def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]
     executor.add_node(node)
     kind = service_class("std_srvs/srv/SetBool")
     try:
+        clients: dict[str, Any] = {}
         futures: dict[str, Any] = {}
+        due: dict[str, float] = {}  # when a host is asked, for the first time or again
         deadline = time.monotonic() + patience_s
-        while time.monotonic() < deadline:  # hosts that are found late are asked as well
-            for name, kinds in node.get_service_names_and_types():
+        while (now := time.monotonic()) < deadline or (
+            now < deadline + ANSWER_S and not all(future.done() for future in futures.values())
+        ):
+            for name, kinds in node.get_service_names_and_types():  # hosts found late are asked as well
                 ours = name.endswith(f"/{SERVICE}") and name.split("/")[-2].startswith(PREFIX)
-                if ours and kinds == ["std_srvs/srv/SetBool"] and name not in futures:
-                    client = node.create_client(kind, name)
-                    if client.service_is_ready():
+                if ours and kinds == ["std_srvs/srv/SetBool"] and name not in clients:
+                    clients[name] = node.create_client(kind, name)
+            for name, client in clients.items():
+                if client.service_is_ready() and now >= due.setdefault(name, now + SETTLE_S):
+                    if name not in futures or not futures[name].done():
                         futures[name] = client.call_async(kind.Request(data=start))
-            executor.spin_once(timeout_sec=0.05)
-        deadline += ANSWER_S
-        while time.monotonic() < deadline and not all(future.done() for future in futures.values()):
+                        due[name] = now + AGAIN_S
             executor.spin_once(timeout_sec=0.05)
         if not futures:
             raise EnvironmentProblem(
