@@ -108,6 +108,7 @@ class _Recording:
         self._facts = ""
         self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)
         self._wish: Path | None = None  # a bag that is to begin
+        self._unwished = False  # it is to end at once
         self._folder: Path | None = None  # for bags that the service asks for
         self._service: Any = None
         prepare_recording()
@@ -173,17 +174,38 @@ class _Recording:
         while not stop() and (duration_s is None or time.monotonic() < begin + duration_s):
             self._executor.spin_once(timeout_sec=0.1)
             if self._wish is not None:
-                path, self._wish = self._wish, None
-                self.begin(path)
-                self._tell(f"recording {path}")
+                self._begin_wish(self._wish)
             if self._bag is not None and self._bag.fault is not None:
                 if self._folder is None:
                     return
                 self._tell(str(self._bag.fault))
-                self.end()
+                self._end_told()  # the same once more
+
+    def _begin_wish(self, path: Path) -> None:
+        """What the service asked for. It is a wish until the bag stands, so that nobody begins another."""
+        try:
+            self.begin(path)
+            self._tell(f"recording {path}")
+            if self._unwished:
+                self._tell(self._end_told())
+        except PanopticError as error:  # the next wish may go better
+            self._tell(str(error))
+        finally:
+            self._wish = None
+
+    def _end_told(self) -> str:
+        """End the bag; what it came to, or what went wrong, as one line. Standing by goes on."""
+        try:
+            return _stopped(self.end())
+        except PanopticError as error:
+            return str(error)
 
     def end(self) -> Recorded:
-        """Finish the bag, if there is one."""
+        """Finish the bag, if there is one.
+
+        Raises:
+            PanopticError: if it cannot be finished.
+        """
         bag, self._bag = self._bag, None
         if bag is None:
             return Recorded(self._path, {}, {})
@@ -211,12 +233,16 @@ class _Recording:
         recording = self._bag is not None or self._wish is not None
         response.success = recording != request.data
         if request.data and not recording and self._folder is not None:
+            self._unwished = False
             self._wish = self._folder / time.strftime("%Y%m%d-%H%M%S", time.gmtime())
             response.message = f"recording {self._wish.resolve()}"
         elif request.data:
-            response.message = f"recording {self._path} already"
+            response.message = f"recording {self._wish or self._path} already"
+        elif self._bag is None and recording:
+            self._unwished = True
+            response.message = f"{self._wish} ends as soon as it has begun"
         elif recording:
-            response.message = _stopped(self.end())
+            response.message = self._end_told()
             self._tell(response.message)
         else:
             response.message = "was not recording"

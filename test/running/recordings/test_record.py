@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import captures
 import numpy as np
@@ -118,7 +119,54 @@ def test_recorders_start_and_stop_on_demand(graph, tmp_path):
             assert bag.counts["/cam0/detections"] > 10 and bag.counts["/rig"] >= 1
     finally:
         recorder.send_signal(signal.SIGINT)
-        assert recorder.wait(20) == 0
+        told = recorder.communicate(timeout=20)[0]
+        print(told)
+    assert recorder.returncode == 0, told
+
+
+class Started:
+    """A recorder whose bag begins while the service is asked again."""
+
+    def __init__(self, folder, monkeypatch, asked_meanwhile):
+        self.lines, self.asked = [], []
+        monkeypatch.setattr(recording, "recording_facts", self._facts)
+        self._meanwhile = asked_meanwhile
+        self._recording = recording._Recording(recording.RecordOptions(), self.lines.append)
+        self._folder = folder
+
+    def _facts(self, node, executor):
+        self.ask(self._meanwhile)
+        return {}
+
+    def ask(self, start):
+        answer = self._recording._asked(SimpleNamespace(data=start), SimpleNamespace())
+        self.asked.append((answer.success, answer.message))
+
+    def run(self):
+        with self._recording as running:
+            running.serve(self._folder)
+            self.ask(True)
+            running.spin(lambda: False, 0.3)
+            running.end()
+
+
+@pytest.mark.parametrize("start", [True, False])
+def test_a_recorder_that_is_asked_while_it_begins_makes_one_bag(tmp_path, monkeypatch, start):
+    started = Started(tmp_path, monkeypatch, start)
+    started.run()
+    (_, (done, text)) = started.asked
+    assert done is not start and ("already" in text) is start
+    (bag,) = tmp_path.iterdir()
+    with BagReader(bag) as reader:
+        assert reader.counts[FACTS] == 1 and reader.counts[COUNTERS] == 1
+    assert len(started.lines) == (1 if start else 2)
+
+
+def test_a_recorder_stands_by_after_a_bag_that_cannot_begin(tmp_path, monkeypatch):
+    (tmp_path / "takes").write_text("no folder")
+    started = Started(tmp_path / "takes", monkeypatch, True)
+    started.run()
+    assert len(started.lines) == 1 and "takes" in started.lines[0]
 
 
 def test_nothing_to_record_is_told(tmp_path, monkeypatch):
