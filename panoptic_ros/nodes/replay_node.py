@@ -1,9 +1,11 @@
 """A node that publishes CDR bytes of a bag on its topics, and the time of the bag on /clock."""
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
@@ -15,6 +17,7 @@ from panoptic_ros.nodes.family import message_class, ros_messages
 LATCHED_NAMES = tuple("/" + topic.name for topic in TOPICS.values() if topic.latched) + ("/tf_static",)
 DEPTH = 100
 LATCHED_DEPTH = 64
+ARRIVAL_S = 2.0  # for the last messages, all subscribers together
 
 
 class ReplayNode(Node):
@@ -63,6 +66,13 @@ class ReplayNode(Node):
         if self._clock is not None:
             header = ros_messages().header(stamp_ns, "")
             self._clock.publish(ros_messages().make("rosgraph_msgs/msg/Clock", clock=header.stamp))
+
+    def wait_for_arrival(self) -> None:
+        """Until subscribers have what was published: what a program sends as it ends may be lost."""
+        end = time.monotonic() + ARRIVAL_S
+        publishers = [*self._publishers_by_topic.values(), *([self._clock] if self._clock else [])]
+        for publisher in publishers:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
 
 
 def is_latched(connection: Connection) -> bool:

@@ -89,6 +89,7 @@ def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], 
         while not asked() and (not options.loops or loop < options.loops):
             player.play(loop)
             loop += 1
+        node.wait_for_arrival()
         node_topics = node.topics
     if player.behind_s > BEHIND_S:
         tell(f"messages were up to {player.behind_s:.2f} s late: too much for this machine at this rate")
