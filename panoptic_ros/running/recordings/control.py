@@ -22,7 +22,12 @@ AGAIN_S = 3.0  # without an answer
 
 
 def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]:
-    """Ask the recorders of all hosts to start or to stop: (node, whether it did, what it says).
+    """Ask the recorders of all hosts to start or to stop: (node, whether it is as wished, what it says).
+
+    A host that does not answer is asked again: recorders answer the same to a wish that is fulfilled.
+
+    Args:
+        patience_s: how long to look for more hosts. The first one and all answers may take `ANSWER_S` more.
 
     Raises:
         EnvironmentProblem: if there are none.
@@ -39,7 +44,7 @@ def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]
         due: dict[str, float] = {}  # when a host is asked, for the first time or again
         deadline = time.monotonic() + patience_s
         while (now := time.monotonic()) < deadline or (
-            now < deadline + ANSWER_S and not all(future.done() for future in futures.values())
+            now < deadline + ANSWER_S and not (futures and all(f.done() for f in futures.values()))
         ):
             for name, kinds in node.get_service_names_and_types():  # hosts found late are asked as well
                 ours = name.endswith(f"/{SERVICE}") and name.split("/")[-2].startswith(PREFIX)

@@ -109,6 +109,7 @@ class _Recording:
         self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)
         self._wish: Path | None = None  # a bag that is to begin
         self._unwished = False  # it is to end at once
+        self._last = ""  # what the last bag came to
         self._folder: Path | None = None  # for bags that the service asks for
         self._service: Any = None
         prepare_recording()
@@ -196,9 +197,10 @@ class _Recording:
     def _end_told(self) -> str:
         """End the bag; what it came to, or what went wrong, as one line. Standing by goes on."""
         try:
-            return _stopped(self.end())
+            self._last = _stopped(self.end())
         except PanopticError as error:
-            return str(error)
+            self._last = str(error)
+        return self._last
 
     def end(self) -> Recorded:
         """Finish the bag, if there is one.
@@ -230,22 +232,22 @@ class _Recording:
         )
 
     def _asked(self, request: Any, response: Any) -> Any:
-        recording = self._bag is not None or self._wish is not None
-        response.success = recording != request.data
-        if request.data and not recording and self._folder is not None:
+        """Success = it is as wished. Whoever lost an answer may ask again, and is told the same."""
+        response.success = True
+        if request.data and self._bag is None and self._wish is None and self._folder is not None:
             self._unwished = False
-            self._wish = self._folder / time.strftime("%Y%m%d-%H%M%S", time.gmtime())
+            self._wish = _free(self._folder / time.strftime("%Y%m%d-%H%M%S", time.gmtime()))
             response.message = f"recording {self._wish.resolve()}"
         elif request.data:
-            response.message = f"recording {self._wish or self._path} already"
-        elif self._bag is None and recording:
+            response.message = f"recording {(self._wish or self._path).resolve()} already"
+        elif self._wish is not None:
             self._unwished = True
             response.message = f"{self._wish} ends as soon as it has begun"
-        elif recording:
+        elif self._bag is not None:
             response.message = self._end_told()
             self._tell(response.message)
         else:
-            response.message = "was not recording"
+            response.message = self._last or "was not recording"
         return response
 
     # ------------------------------------------------------------- messages
@@ -293,10 +295,20 @@ def _budget(path: Path, rates: Mapping[str, float], options: RecordOptions) -> s
     return f"{line} (most of it {largest}); room for {room / GB:.1f} GB, {seconds / 3600:.1f} h"
 
 
+def _free(path: Path) -> Path:
+    """That path, or one beside it that nobody has: two bags may begin within a second."""
+    found, number = path, 1
+    while found.exists():
+        number += 1
+        found = path.with_name(f"{path.name}-{number}")
+    return found
+
+
 def _stopped(recorded: Recorded) -> str:
     count = sum(c.count for c in recorded.counters.values())
     missing = sum(c.missing for c in recorded.counters.values())
-    return f"{recorded.path}: {count} messages, {missing} did not come"
+    ended_by = f" ({recorded.ended_by})" if recorded.ended_by else ""
+    return f"{recorded.path}: {count} messages, {missing} did not come{ended_by}"
 
 
 def _text_topic(topic: str) -> Connection:

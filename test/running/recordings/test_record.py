@@ -22,6 +22,7 @@ from panoptic_ros.io.messages import bag_messages, image_message, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.salvage import repair
 from panoptic_ros.running.plans.bag_plan import plan_bags
+from panoptic_ros.running.recordings import control
 from panoptic_ros.running.recordings import record as recording
 from panoptic_ros.running.recordings.control import ask_all
 from panoptic_ros.running.recordings.record import COUNTERS, FACTS
@@ -109,11 +110,12 @@ def test_recorders_start_and_stop_on_demand(graph, tmp_path):
     try:
         line_of(recorder, "^waiting")
         (host, done, text), = ask_all(True, 2.0)
-        assert host.startswith("recorder_") and done and text.startswith("recording /")
+        assert host.startswith("recorder_") and done and text.startswith("recording /"), text
         (_, done, text), = ask_all(True, 2.0)
-        assert "already" in text and not done
+        assert done and "already" in text
         (_, done, text), = ask_all(False, 2.0)
-        assert done and re.search(r"\d+ messages, 0 did not", text)
+        assert done and re.search(r"\d+ messages, 0 did not", text), text
+        assert ask_all(False, 2.0) == [(host, True, text)]
         (take,) = (tmp_path / "takes").iterdir()
         with BagReader(take) as bag:
             assert bag.counts["/cam0/detections"] > 10 and bag.counts["/rig"] >= 1
@@ -155,7 +157,7 @@ def test_a_recorder_that_is_asked_while_it_begins_makes_one_bag(tmp_path, monkey
     started = Started(tmp_path, monkeypatch, start)
     started.run()
     (_, (done, text)) = started.asked
-    assert done is not start and ("already" in text) is start
+    assert done and ("already" in text) is start
     (bag,) = tmp_path.iterdir()
     with BagReader(bag) as reader:
         assert reader.counts[FACTS] == 1 and reader.counts[COUNTERS] == 1
@@ -167,6 +169,80 @@ def test_a_recorder_stands_by_after_a_bag_that_cannot_begin(tmp_path, monkeypatc
     started = Started(tmp_path / "takes", monkeypatch, True)
     started.run()
     assert len(started.lines) == 1 and "takes" in started.lines[0]
+
+
+def test_two_bags_that_begin_within_a_second_have_names_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "recording_facts", lambda node, executor: {})
+    monkeypatch.setattr(recording.time, "strftime", lambda *_: "20261124-090000")
+    standing = recording._Recording(recording.RecordOptions(), lambda line: None)
+
+    def ask(start):
+        return standing._asked(SimpleNamespace(data=start), SimpleNamespace()).message
+
+    with standing:
+        standing.serve(tmp_path)
+        assert ask(False) == "was not recording"
+        for _ in range(3):
+            ask(True)
+            standing.spin(lambda: False, 0.1)
+            ask(False)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "20261124-090000", "20261124-090000-2", "20261124-090000-3"
+    ]  # fmt: skip
+
+
+class LateRecorder:
+    """A recorder that appears late, and whose first answer never comes."""
+
+    def __init__(self, after_s):
+        self.after_s, self.began, self.wishes = after_s, time.monotonic(), []
+
+    def get_service_names_and_types(self):
+        found = time.monotonic() > self.began + self.after_s
+        return [("/recorder_a/record", ["std_srvs/srv/SetBool"])] if found else []
+
+    def create_client(self, kind, name):
+        return self
+
+    def service_is_ready(self):
+        return True
+
+    def call_async(self, request):
+        self.wishes.append(request.data)
+        answer = SimpleNamespace(success=True, message=f"answer {len(self.wishes)}")
+        lost = len(self.wishes) == 1
+        return SimpleNamespace(done=lambda: not lost, result=lambda: answer)
+
+    def destroy_node(self):
+        pass
+
+
+def test_a_recorder_that_is_found_late_and_loses_an_answer_is_asked_again(monkeypatch):
+    late = LateRecorder(0.4)
+    monkeypatch.setattr(control, "SETTLE_S", 0.05)
+    monkeypatch.setattr(control, "AGAIN_S", 0.1)
+    monkeypatch.setattr(control.rclpy, "create_node", lambda name: late)
+    monkeypatch.setattr(control, "start_ros", lambda words: None)
+    monkeypatch.setattr(control, "SingleThreadedExecutor", NoExecutor)
+    assert ask_all(True, 0.1) == [("recorder_a", True, "answer 2")]
+    assert late.wishes == [True, True]
+
+
+class NoExecutor:
+    def add_node(self, node):
+        pass
+
+    def spin_once(self, timeout_sec):
+        time.sleep(timeout_sec)
+
+    def shutdown(self):
+        pass
+
+
+def test_no_recorder_is_told(monkeypatch):
+    monkeypatch.setattr(control, "ANSWER_S", 0.2)
+    with pytest.raises(EnvironmentProblem, match="no recorder is standing by"):
+        ask_all(True, 0.1)
 
 
 def test_nothing_to_record_is_told(tmp_path, monkeypatch):
