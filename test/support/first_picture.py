@@ -1,6 +1,7 @@
 """How long `panoptic view` takes from the command to people and images in a headless Chromium.
 
-    python test/support/first_picture.py RESULTS|BAG|FOLDER [--live] [--seek 10,1000] [--picture view.png]
+    python test/support/first_picture.py RESULTS|BAG|FOLDER [--live] [--seek 10,1000]
+        [--layers patches] [--picture view.png]
 
 The browser runs before the command is given, as it does on a desk.
 """
@@ -20,6 +21,7 @@ def main() -> int:
     parser.add_argument("path", nargs="?")
     parser.add_argument("--live", action="store_true", help="the graph that runs now")
     parser.add_argument("--seek", default="", help="seconds to go to, with commas between them")
+    parser.add_argument("--layers", default="", help="to switch, on or off, with commas between them")
     parser.add_argument("--picture", type=Path, help="a PNG of the page at the end")
     parser.add_argument("--wait", type=float, default=1.0, help="seconds before the picture")
     args = parser.parse_args()
@@ -46,6 +48,8 @@ def main() -> int:
                 page.evaluate(f"panoptic.seek({float(second)} * 1e9)")
                 page.wait("panoptic.ready", 60)
                 _tell(f"people at {second} s", start)
+            for layer in filter(None, args.layers.split(",")):
+                page.evaluate(f"panoptic.switchLayer({layer!r})")
             if args.picture:
                 time.sleep(args.wait)
                 page.screenshot(args.picture)

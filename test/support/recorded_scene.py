@@ -9,6 +9,8 @@ import numpy as np
 from panoptic_ros.domain import (
     Camera,
     JointState,
+    PartMotions,
+    PatchTrajectories,
     Preview,
     RefinedPoseSet,
     Rig,
@@ -82,6 +84,25 @@ def make_view(camera: Camera, poses: RefinedPoseSet, stamp_ns: int, shift=(3.0, 
     )  # fmt: skip
 
 
+def make_patches(rig: Rig, index: int, stamp_ns: int) -> PatchTrajectories:
+    """One patch per joint of everybody, of a part of that number, 30 cm in front of it; the last camera sees
+    none."""
+    who = places(index)
+    joints, count = len(BODY), len(BODY) * len(who)
+    positions = np.array([BODY + [x, y - 0.3, 0.0] for x, y in who.values()]).reshape(-1, 3)
+    seen = np.ones((count, len(rig)))
+    seen[:, -1] = 0.1
+    return PatchTrajectories(
+        index, stamp_ns, stamp_ns, SKELETON.hash, np.arange(count), np.zeros(count),
+        np.repeat(list(who), joints), np.tile(np.arange(joints), len(who)), positions,
+        np.tile([0.0, -1.0, 0.0], (count, 1)), np.full(count, 0.001), rig.names, seen,
+        PartMotions(
+            np.zeros(0), np.zeros(0), *np.zeros((3, 0, 3)), np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0)
+        ),
+        np.zeros((0, 2)),
+    )  # fmt: skip
+
+
 def make_preview(camera: str, stamp_ns: int) -> Preview:
     """An even grey image."""
     _, data = cv2.imencode(".jpg", np.full((240, 320, 3), GREY, np.uint8))
@@ -94,7 +115,9 @@ def as_bytes(record: object, little: bool = True) -> bytes:
     return bytes(bag_typestore().serialize_cdr(message, message.__msgtype__, little_endian=little))
 
 
-def write_scene(path: Path, instants: int = 120, rate: float = 30.0, previews: bool = True) -> Rig:
+def write_scene(
+    path: Path, instants: int = 120, rate: float = 30.0, previews: bool = True, patches: bool = False
+) -> Rig:
     """Write the bag; every third image has a preview. Stamps of cameras are 2 ms before those of instants."""
     rig, family = make_rig(), bag_messages()
     with BagWriter(path) as bag:
@@ -111,5 +134,7 @@ def write_scene(path: Path, instants: int = 120, rate: float = 30.0, previews: b
                 write("detections", make_view(camera, poses, stamp - 2_000_000), stamp, camera.name)
                 if previews and index % 3 == 0:
                     write("preview", make_preview(camera.name, stamp - 2_000_000), stamp, camera.name)
+            if patches:
+                write("patches", make_patches(rig, index, stamp), stamp)
             write("skeletons", poses, stamp)
     return rig

@@ -17,7 +17,7 @@ from panoptic_ros.view.page.pairing import Pairing
 from panoptic_ros.view.page.peek import stamp_of_bytes
 
 ALWAYS = ("skeletons", "detections", "preview")
-MORE = ("proposals", "skeletons_raw", "associations", "bodies")  # for layers, while one is shown
+MORE = ("proposals", "skeletons_raw", "associations", "bodies", "patches")  # for layers, while one is shown
 
 
 class Client:

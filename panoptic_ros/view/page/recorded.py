@@ -24,7 +24,9 @@ from panoptic_ros.view.page.presence import Presence, ids_of
 from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
 
 BLOCK_NS = 1_000_000_000
-SHOWN = ("skeletons", "detections", "preview", "proposals", "skeletons_raw", "associations", "bodies")
+SHOWN = (
+    "skeletons", "detections", "preview", "proposals", "skeletons_raw", "associations", "bodies", "patches",
+)  # fmt: skip
 GIVE_WAY_S = 0.002  # of the scan, while somebody waits for a block
 IMAGES = ("compressed_image", "image")  # previews are made of these where there are none
 

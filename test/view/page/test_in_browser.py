@@ -1,11 +1,12 @@
 """The page in a headless browser without a GPU: people at their pixels, images, no word to others."""
 import asyncio
 import threading
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from browser import Browser, find_browser
-from recorded_scene import GREY, SIZE, START_NS, make_poses, make_rig, places
+from recorded_scene import GREY, SIZE, START_NS, make_patches, make_poses, make_rig, places, write_scene
 
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.view.page.one_file import one_file
@@ -25,10 +26,10 @@ def browser(tmp_path_factory):
         yield found
 
 
-@pytest.fixture(scope="module")
-def address(recording):
-    """A server in a thread."""
-    scene, told, over = RecordedScene(recording, "test"), [], threading.Event()
+@contextmanager
+def serving(bag):
+    """The address of a server in a thread."""
+    scene, told, over = RecordedScene(bag, "test"), [], threading.Event()
     ready = threading.Event()
 
     async def serve():
@@ -44,6 +45,12 @@ def address(recording):
     yield told[0]
     over.set()
     thread.join()
+
+
+@pytest.fixture(scope="module")
+def address(recording):
+    with serving(recording) as found:
+        yield found
 
 
 @pytest.fixture
@@ -66,10 +73,14 @@ def picture(page, tmp_path):
 
 def is_colored(image, pixel, identity, away=2):
     """Whether the colour of a person, in any light, is within some px of a place."""
+    return has_color(image, pixel, rgb_of(identity), away)
+
+
+def has_color(image, pixel, rgb, away=2):
     x, y = np.round(pixel).astype(int)
     near = image[max(0, y - away) : y + away + 1, max(0, x - away) : x + away + 1]
     near = near.reshape(-1, 3).astype(float)
-    wanted = np.array(rgb_of(identity)) - np.mean(rgb_of(identity))
+    wanted = np.array(rgb) - np.mean(rgb)
     found = near - near.mean(1, keepdims=True)
     strength = np.linalg.norm(found, axis=1)
     cosine = found @ wanted / np.maximum(strength * np.linalg.norm(wanted), 1e-9)
@@ -141,6 +152,10 @@ def test_a_click_on_a_joint_tells_its_views_and_residuals(page):
     assert "id 7" in text and "head" in text
     assert text.count("5.0 (3, -4)") == 4
     assert "10.0, 20.0, 30.0" in text
+    (xa, ya), (xb, yb) = page.evaluate("panoptic.spacePixels(7).slice(0, 2)")
+    page.click(0.5 * (xa + xb), 0.5 * (ya + yb))
+    text = page.wait(f"{panel}.innerText.includes('rms px') && {panel}.innerText")
+    assert "id 7" in text and text.count("5.0") == 4
     page.press("Escape")
     page.wait("document.getElementById('inspector').hidden")
 
@@ -154,6 +169,38 @@ def test_every_layer_can_be_switched_on(page):
     page.wait("panoptic.ready && panoptic.page.instant.index === 60")
 
 
+def test_patches_lie_where_they_are_projected_to_once_they_are_shown(browser, tmp_path):
+    write_scene(tmp_path / "bag", 10, patches=True)
+    with serving(tmp_path / "bag") as address:
+        page = browser.open(address)
+        page.wait("panoptic.ready")
+        positions = make_patches(RIG, 0, START_NS).positions
+
+        def drawn():
+            page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+            image, found = picture(page, tmp_path), {}
+            for camera in RIG.cameras:
+                pixels, _ = camera.project(positions)
+                box = page.evaluate(f"panoptic.tilePixels('{camera.name}', 2)")["box"]
+                spots = (pixels + 0.5) * (box["width"] / SIZE[0]) + [box["x"], box["y"]]
+                found[camera.name] = [
+                    has_color(image, spot, colors[part], 1)
+                    for part, spot in enumerate(spots) if camera.contains(pixels)[part]
+                ]  # fmt: skip
+            space = page.evaluate(f"panoptic.pixelsOf({positions.tolist()})")
+            found["space"] = [has_color(image, spot, rgb, 1) for spot, rgb in zip(space, colors)]
+            return found
+
+        colors = page.evaluate("Array.from({ length: 6 }, (_, part) => panoptic.rgbOfPart(part))")
+        before = drawn()
+        page.evaluate("panoptic.switchLayer('patches')")
+        page.wait("panoptic.ready && panoptic.page.store.otherAt('patches', 0)")
+        after = drawn()
+        last = RIG.names[-1]
+        assert all(all(found) for name, found in after.items() if name != last) and len(after["cam1"]) == 6
+        assert not any(any(found) for found in before.values()) and after[last] == before[last]
+        assert page.complaints() == [] and page.hosts() <= {"127.0.0.1"}
+        page.call("Page.close")
 
 
 def test_one_file_is_opened_from_a_disk(browser, recording, tmp_path):

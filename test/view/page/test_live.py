@@ -1,10 +1,11 @@
 """Live messages are paired by stamp, not by arrival; what pages do not want is not asked for."""
 import numpy as np
-from recorded_scene import SKELETON, as_bytes, make_poses, make_preview, make_rig, make_view
+from recorded_scene import SKELETON, as_bytes, make_patches, make_poses, make_preview, make_rig, make_view
 
 from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.view.page.live import ALWAYS, LiveScene
 from panoptic_ros.view.page.pairing import PATIENCE_S
+from panoptic_ros.view.page.peek import stamp_of_bytes
 
 RIG = make_rig()
 
@@ -83,6 +84,18 @@ def test_without_a_page_nothing_is_wanted():
     assert fed.scene.wanted() == frozenset((*ALWAYS, "proposals"))
     fed.scene.detach(fed.client)
     assert fed.scene.wanted() == frozenset()
+
+
+def test_a_page_behind_gets_the_newest_patches_beside_the_newest_skeletons():
+    fed = Fed()
+    fed.scene.choose(fed.client, ["patches"])
+    assert "patches" in fed.scene.wanted()
+    for index in range(5):
+        fed.give("patches", make_patches(RIG, index, stamp(index)))
+        fed.give("skeletons", make_poses(RIG, index, stamp(index)))
+    messages = fed.scene.collect(fed.client)
+    assert sorted(fed.topics[message.topic][0] for message in messages) == ["patches", "skeletons"]
+    assert {stamp_of_bytes(message.data) for message in messages} == {stamp(4)}
 
 
 def test_what_cannot_be_read_is_counted():

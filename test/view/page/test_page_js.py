@@ -4,7 +4,17 @@ import base64
 import numpy as np
 from bodies import BODY, MODEL, placed, some_pose
 from node_js import needs_node, run_js
-from recorded_scene import SKELETON, START_NS, as_bytes, make_poses, make_rig, make_view, places, write_scene
+from recorded_scene import (
+    SKELETON,
+    START_NS,
+    as_bytes,
+    make_patches,
+    make_poses,
+    make_rig,
+    make_view,
+    places,
+    write_scene,
+)
 
 from panoptic_ros.domain import Camera
 from panoptic_ros.domain.subjects import BodyState
@@ -204,13 +214,14 @@ def test_evidence_tells_views_and_residuals(recording):
         import { Store } from "#view/store.js";
         import { unpack } from "#view/packets.js";
         import { makeCamera } from "#view/lens.js";
-        import { evidence, principalSpread, spread, cholesky } from "#view/people.js";
+        import { evidence, personEvidence, principalSpread, spread, cholesky } from "#view/people.js";
         const store = new Store(data.facts);
         for (const message of unpack(bytes(data.block).buffer).messages) store.add(message);
         const cameras = new Map(data.facts.cameras.map((c) => [c.name, makeCamera(c)]));
         const instant = store.instantAt(0), person = instant.people[0];
         console.log(JSON.stringify({
-          rows: evidence(store, cameras, instant, person, 1), axes: principalSpread(person, 1),
+          rows: evidence(store, cameras, instant, person, 1),
+          views: personEvidence(store, cameras, instant, person), axes: principalSpread(person, 1),
           spread: spread(person, 1), root: cholesky([4, 2, 0.4, 2, 5, 1, 0.4, 1, 3]) }));
         """,
         {"facts": scene.facts(), "block": text(scene.block(0))},
@@ -218,6 +229,10 @@ def test_evidence_tells_views_and_residuals(recording):
     assert [row["camera"] for row in found["rows"]] == list(RIG.names)
     for row in found["rows"]:
         assert row["state"] == "seen" and np.allclose(row["residual"], [3.0, -4.0]) and row["score"] == 0.8
+    poses = make_poses(RIG, 0, 0)
+    seen = [np.isfinite(make_view(camera, poses, 0).points[0]).all(-1).sum() for camera in RIG.cameras]
+    assert [(row["camera"], row["joints"]) for row in found["views"]] == list(zip(RIG.names, seen))
+    assert np.allclose([row["rms"] for row in found["views"]], 5.0)
     assert np.allclose(found["axes"], [30.0, 20.0, 10.0]) and np.allclose(found["spread"], [10.0, 20.0, 30.0])
     a, b, c, d, e, f = found["root"]
     lower = np.array([[a, 0, 0], [b, d, 0], [c, e, f]])
@@ -328,3 +343,41 @@ def test_balls_of_a_body_lie_where_its_capsules_are():
             assert away[nearest] < 1e-6
             expected = turn @ np.diag([radius, radius * capsule.wide, radius])
             assert (np.abs(axes - expected).max((1, 2)) < 1e-6).any()
+
+
+def test_patches_are_those_of_the_message_and_a_picture_has_those_that_its_camera_sees():
+    patches = make_patches(RIG, 40, START_NS)
+    kind = "panoptic_msgs/msg/PatchTrajectories"
+    everywhere, seen, hidden, nowhere, empty = run_js(
+        BYTES + """
+        import { Decoder } from "#view/cdr.js";
+        import { patchesOf, seenBy } from "#view/patches.js";
+        const message = new Decoder(data.schemas).decode(bytes(data.message), data.kind);
+        const last = data.cameras.at(-1);
+        console.log(JSON.stringify([patchesOf(message), seenBy(message, "cam1"), seenBy(message, last),
+          seenBy(message, "no such camera"), patchesOf(null)]));
+        """,
+        {"schemas": schemas([kind]), "message": text(as_bytes(patches)), "kind": kind, "cameras": RIG.names},
+    )  # fmt: skip
+    assert np.allclose([patch["at"] for patch in everywhere], patches.positions)
+    assert np.allclose([patch["normal"] for patch in everywhere], patches.normals)
+    assert [patch["part"] for patch in everywhere] == patches.parts.tolist()
+    assert seen == everywhere and hidden == nowhere == empty == []
+
+
+def test_a_click_means_the_nearest_joint_else_the_person_whose_bone_is_there():
+    found = run_js(
+        """
+        import { pickPerson } from "#view/people.js";
+        const person = (id, x) => ({ id, states: [1, 1, 1, 0],
+          positions: new Float64Array([x, 0, 9, x, 100, 9, x + 100, 100, 9, x, 50, 9]) });
+        const people = [person(3, 0), person(8, 300)], bones = [[0, 1], [1, 2], [2, 3]];
+        const pixelOf = ([x, y]) => x > 350 ? null : [x, y];
+        console.log(JSON.stringify(data.map((spot) => pickPerson(people, bones, pixelOf, spot, 10))));
+        """,
+        [[3, 5], [3, 40], [4, 92], [50, 109], [50, 111], [309, 50], [350, 100], [150, 50]],
+    )  # fmt: skip
+    bone = {"id": 3, "joint": None}
+    assert found == [
+        {"id": 3, "joint": 0}, bone, {"id": 3, "joint": 1}, bone, None, {"id": 8, "joint": None}, None, None,
+    ]  # fmt: skip

@@ -22,6 +22,22 @@ export function cssOf(id, alpha = 1) {
   return alpha === 1 ? `rgb(${r},${g},${b})` : `rgba(${r},${g},${b},${alpha})`;
 }
 
+// [r, g, b] in 0..1 of a rigid part, paler than ids; neighbours in the list differ most.
+export function rgbOfPart(part) {
+  return rgbOf(2 * part + 1).map((x) => 0.2 + 0.8 * x);
+}
+
+const PARTS = new Map(); // as patches are many and parts are few
+
+export function partColor(part) {
+  if (!PARTS.has(part)) PARTS.set(part, new Color().setRGB(...rgbOfPart(part), SRGBColorSpace));
+  return PARTS.get(part);
+}
+
+export function partCss(part) {
+  return `rgb(${rgbOfPart(part).map((x) => Math.round(255 * x))})`;
+}
+
 // Dark to bright for 0..1, for score maps and depth.
 export function heat(x) {
   const c = Math.min(1, Math.max(0, x));

@@ -1,17 +1,22 @@
 // What is shown, in numbers, for tests in a browser: window.panoptic.
 
+import { rgbOfPart } from "#view/colors.js";
 import { project } from "#view/lens.js";
 import { place } from "#view/people.js";
 
 export function exposeForTests({ page, tiles, stage, select, switchLayer, step, redraw }) {
   window.panoptic = {
-    page, select, switchLayer, step,
+    page, select, switchLayer, step, rgbOfPart,
     get ready() { return page.drawn > 0 && tiles.waiting === 0; },
     seek(t) { page.player.seek(t); page.player.playing = false; redraw(); },
-    // CSS pixels in the window of a person's joints in the 3D scene
+    // CSS pixels in the window of points, and of a person's joints, in the 3D scene
+    pixelsOf(points) {
+      const box = stage.canvas.getBoundingClientRect();
+      return points.map((at) => at && stage.pixelOf(at)).map((p) => p && [p[0] + box.x, p[1] + box.y]);
+    },
     spacePixels(id) {
-      const person = page.instant.people.find((each) => each.id === id), box = stage.canvas.getBoundingClientRect();
-      return Array.from(person.states.keys(), (joint) => place(person, joint)).map((at) => at && stage.pixelOf(at)).map((p) => p && [p[0] + box.x, p[1] + box.y]);
+      const person = page.instant.people.find((each) => each.id === id);
+      return this.pixelsOf(Array.from(person.states.keys(), (joint) => place(person, joint)));
     },
     // pixels of the camera's full image, and whether the tile has one
     tilePixels(name, id) {

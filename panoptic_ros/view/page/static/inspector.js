@@ -1,7 +1,7 @@
-// The panel of a person: joints, and for one of them the views that measured it.
+// The panel of a person: joints, and the views that measured one of them, or all.
 
 import { cssOf } from "#view/colors.js";
-import { STATES, evidence, isThere, place, principalSpread, spread } from "#view/people.js";
+import { STATES, evidence, isThere, personEvidence, place, principalSpread, spread } from "#view/people.js";
 
 export class Inspector {
   constructor(element, choose) {
@@ -38,7 +38,7 @@ export class Inspector {
     });
     const measured = names.filter((_, joint) => person.states[joint] === 1).length;
     return `${head(person.id, `score ${person.score.toFixed(2)} · ${measured} of ${names.length} joints measured`)}
-      ${chosen === null || chosen === undefined ? "" : this._joint(scene, person, chosen)}
+      ${Number.isInteger(chosen) ? this._joint(scene, person, chosen) : views(scene, person)}
       <div class="joints"><table><thead><tr><th>joint</th><th>state</th><th>views</th><th>σ mm</th></tr></thead><tbody>${rows.join("")}</tbody></table></div>`;
   }
 
@@ -58,6 +58,12 @@ export class Inspector {
       <dt>score, views</dt><dd>${person.scores[joint].toFixed(2)}, ${person.views[joint]}</dd></dl>
       <table><thead><tr><th>camera</th><th>2D joint</th><th>score</th><th>residual px</th></tr></thead><tbody>${rows.join("")}</tbody></table>`;
   }
+}
+
+function views(scene, person) {
+  const rows = personEvidence(scene.store, scene.cameras, scene.instant, person).map(({ camera, state, joints, rms }) =>
+    `<tr class="${joints ? "" : "dim"}"><td>${escape(camera)}</td><td>${state}</td><td>${joints || "–"}</td><td>${rms === null ? "–" : rms.toFixed(1)}</td></tr>`);
+  return `<table><thead><tr><th>camera</th><th></th><th>joints</th><th>rms px</th></tr></thead><tbody>${rows.join("")}</tbody></table>`;
 }
 
 function head(id, text) {

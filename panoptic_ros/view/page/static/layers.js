@@ -14,6 +14,7 @@ import { scoreMaps } from "#view/layers/score_maps.js";
 import { depth } from "#view/layers/depth.js";
 import { proposals } from "#view/layers/proposals.js";
 import { bodies } from "#view/layers/bodies.js";
+import { patches } from "#view/layers/patches.js";
 import { truth } from "#view/layers/truth.js";
 
-export const LAYERS = [skeletons, covariance, trails, frusta, detected, scoreMaps, depth, proposals, bodies, truth];
+export const LAYERS = [skeletons, covariance, trails, frusta, detected, scoreMaps, depth, proposals, bodies, patches, truth];

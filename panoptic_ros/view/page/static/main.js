@@ -83,7 +83,7 @@ function begin(facts) {
   page.cameras = new Map(facts.cameras.map((camera) => [camera.name, makeCamera(camera)]));
   page.blocks.clear();
   page.fitted = false;
-  tiles.begin(page.cameras);
+  tiles.begin(page.cameras, facts.skeleton.bones);
   stage.fit(page.cameras, []);
   document.title = `${facts.title} – panoptic`;
   $("title").textContent = facts.title;
@@ -260,7 +260,7 @@ let pressed = null;
 $("stage").addEventListener("pointerdown", (event) => { pressed = [event.offsetX, event.offsetY]; });
 $("stage").addEventListener("pointerup", (event) => {
   const still = pressed && Math.hypot(event.offsetX - pressed[0], event.offsetY - pressed[1]) < 4;
-  if (still) select(stage.pick(event.offsetX, event.offsetY, page.instant?.people ?? []));
+  if (still) select(stage.pick(event.offsetX, event.offsetY, page.instant?.people ?? [], page.facts.skeleton.bones));
 });
 $("divider").onpointerdown = (event) => $("divider").setPointerCapture(event.pointerId);
 $("divider").onpointermove = (event) => {

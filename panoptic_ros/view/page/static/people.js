@@ -67,3 +67,38 @@ export function evidence(store, cameras, instant, person, joint) {
     return row;
   });
 }
+
+// The same of all joints of a person: [{camera, state, joints that it saw, rms of their residuals px or null}].
+export function personEvidence(store, cameras, instant, person) {
+  const rows = new Map();
+  for (let joint = 0; joint < person.states.length; joint++) {
+    for (const { camera, state, residual } of evidence(store, cameras, instant, person, joint)) {
+      const row = rows.get(camera) ?? { camera, state: state === "joint not seen" ? "seen" : state, joints: 0, squares: 0 };
+      rows.set(camera, row);
+      row.joints += residual ? 1 : 0;
+      row.squares += residual ? residual[0] ** 2 + residual[1] ** 2 : 0;
+    }
+  }
+  return [...rows.values()].map(({ squares, ...row }) => ({ ...row, rms: row.joints ? Math.sqrt(squares / row.joints) : null }));
+}
+
+// What a click on a picture means: the nearest joint within `near`, else the person one of whose bones lies
+// there: {id, joint: a number or null}; null if nobody does. pixelOf: of a point of the world, null if not seen.
+export function pickPerson(people, bones, pixelOf, spot, near) {
+  let joints = { least: near, found: null }, limbs = { least: near, found: null };
+  for (const person of people) {
+    const pixels = Array.from(person.states.keys(), (joint) => place(person, joint)).map((at) => at && pixelOf(at));
+    pixels.forEach((pixel, joint) => { joints = closer(joints, pixel, pixel, spot, { id: person.id, joint }); });
+    for (const [a, b] of bones) limbs = closer(limbs, pixels[a], pixels[b], spot, { id: person.id, joint: null });
+  }
+  return joints.found ?? limbs.found;
+}
+
+// Whichever is nearer to a spot: what was best, or something between two pixels.
+function closer(best, a, b, spot, found) {
+  if (!a || !b) return best;
+  const [dx, dy] = [b[0] - a[0], b[1] - a[1]], square = dx * dx + dy * dy;
+  const share = square ? Math.min(1, Math.max(0, ((spot[0] - a[0]) * dx + (spot[1] - a[1]) * dy) / square)) : 0;
+  const away = Math.hypot(a[0] + share * dx - spot[0], a[1] + share * dy - spot[1]);
+  return away < best.least ? { least: away, found } : best;
+}

@@ -75,6 +75,22 @@ export class Rods extends Many {
   }
 }
 
+// Round plates, thin, that face along a normal.
+export class Discs extends Many {
+  constructor(group, material = new MeshLambertMaterial()) {
+    super(group, new CylinderGeometry(1, 1, 1, 10), material);
+    this.at = new Vector3();
+    this.normal = new Vector3();
+    this.turn = new Quaternion();
+  }
+
+  add(at, normal, radius, color) {
+    this.turn.setFromUnitVectors(UP, this.normal.set(...normal));
+    this.matrix.compose(this.at.set(...at), this.turn, new Vector3(radius, 0.15 * radius, radius));
+    this.put(color);
+  }
+}
+
 export class Balls extends Many {
   constructor(group, material = new MeshLambertMaterial()) {
     super(group, new SphereGeometry(1, 12, 8), material);

@@ -1,11 +1,11 @@
-// The 3D scene: floor, light, the eye and its controls, labels, and which joint lies under the pointer.
+// The 3D scene: floor, light, the eye and its controls, labels, and who lies under the pointer.
 
 import { Color, DirectionalLight, GridHelper, Group, HemisphereLight, OrbitControls, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "#view/vendor/three.js";
 import { cssOf } from "#view/colors.js";
-import { isThere, place } from "#view/people.js";
+import { isThere, pickPerson, place } from "#view/people.js";
 
 const BACKGROUND = 0x0e1218;
-const NEAR_PX = 16; // from a click to a joint
+const NEAR_PX = 16; // from a click to a joint or a bone
 const MANY = 40; // cameras: the names of more would cover each other
 
 export class Stage3D {
@@ -70,17 +70,9 @@ export class Stage3D {
     return [(0.5 + 0.5 * v.x) * w, (0.5 - 0.5 * v.y) * h];
   }
 
-  // {id, joint} next to a place on the canvas, null if nobody is near.
-  pick(x, y, people) {
-    let best = null, least = NEAR_PX;
-    for (const person of people) {
-      for (let joint = 0; joint < person.states.length; joint++) {
-        const pixel = isThere(person, joint) && this.pixelOf(place(person, joint));
-        const away = pixel ? Math.hypot(pixel[0] - x, pixel[1] - y) : Infinity;
-        if (away < least) [best, least] = [{ id: person.id, joint }, away];
-      }
-    }
-    return best;
+  // Who is at a place on the canvas, see `pickPerson`.
+  pick(x, y, people, bones) {
+    return pickPerson(people, bones, (point) => this.pixelOf(point), [x, y], NEAR_PX);
   }
 
   draw(scene) {

@@ -57,6 +57,17 @@ export class TileCanvas {
     this.context.fill(path);
   }
 
+  // Many of one colour, in one go.
+  dots(spots, radius, color) {
+    const path = new Path2D();
+    for (const [x, y] of spots) {
+      path.moveTo(x + radius, y);
+      path.arc(x, y, radius, 0, 2 * Math.PI);
+    }
+    this.context.fillStyle = color;
+    this.context.fill(path);
+  }
+
   label(text, spot, color) {
     const size = Math.max(10, 4.5 * this.stroke);
     this.context.font = `600 ${size}px system-ui, sans-serif`;

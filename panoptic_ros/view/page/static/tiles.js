@@ -1,7 +1,7 @@
 // One picture per camera: its newest image with the people of the same stamp.
 
 import { TileCanvas } from "#view/tile_canvas.js";
-import { place, isThere } from "#view/people.js";
+import { pickPerson } from "#view/people.js";
 import { project } from "#view/lens.js";
 
 const KEPT = 240; // decoded images
@@ -17,6 +17,7 @@ export class Tiles {
     this.looked = looked;
     this.tiles = new Map();
     this.decoded = []; // previews whose images are kept
+    this.bones = [];
     this.waiting = 0; // images that are being decoded
     this.visible = new Set();
     this.watcher = new IntersectionObserver((entries) => {
@@ -26,7 +27,8 @@ export class Tiles {
     new ResizeObserver(() => { this.arrange(); changed(); }).observe(element);
   }
 
-  begin(cameras) {
+  begin(cameras, bones) {
+    this.bones = bones;
     this.element.replaceChildren();
     this.watcher.disconnect();
     this.tiles.clear();
@@ -141,7 +143,7 @@ export class Tiles {
     const tile = { camera, element, canvas, pair: null, drawn: "", enlarged: false, facts: element.querySelector("span"),
       dot: element.querySelector(".dot"), empty: element.querySelector(".empty") };
     canvas.onclick = (event) => this.picked(this._pick(tile, event));
-    canvas.title = "click a joint; double click: enlarge; click the name: look from there";
+    canvas.title = "click a joint or a person; double click: enlarge; click the name: look from there";
     canvas.ondblclick = () => { tile.enlarged = !tile.enlarged; this.arrange(); this.changed(); };
     caption.onclick = () => this.looked(camera);
     this.element.append(element);
@@ -152,14 +154,7 @@ export class Tiles {
   _pick(tile, event) {
     const { canvas, camera, pair } = tile;
     const scale = camera.size[0] / canvas.clientWidth;
-    let best = null, least = NEAR_PX;
-    for (const person of pair?.instant?.people ?? []) {
-      for (let joint = 0; joint < person.states.length; joint++) {
-        const pixel = isThere(person, joint) && project(camera, ...place(person, joint));
-        const away = pixel ? Math.hypot((pixel[0] + 0.5) / scale - event.offsetX, (pixel[1] + 0.5) / scale - event.offsetY) : Infinity;
-        if (away < least) [best, least] = [{ id: person.id, joint }, away];
-      }
-    }
-    return best;
+    const pixelOf = (point) => project(camera, ...point)?.map((x) => (x + 0.5) / scale);
+    return pickPerson(pair?.instant?.people ?? [], this.bones, pixelOf, [event.offsetX, event.offsetY], NEAR_PX);
   }
 }
