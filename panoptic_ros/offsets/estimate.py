@@ -9,7 +9,7 @@ import numpy as np
 from panoptic_ros.offsets.association import Observations
 from panoptic_ros.offsets.noise import Noise
 from panoptic_ros.offsets.series import KNOTS, Series, make_series
-from panoptic_ros.offsets.trajectories import fit_series
+from panoptic_ros.offsets.trajectories import Curves, Rays, fit_series
 
 Array = np.ndarray
 CAUCHY = 3.0  # standard deviations
@@ -65,10 +65,9 @@ class _Problem:
         times = seen.stamp + state[seen.camera] + state[self.cameras + seen.camera] * seen.stamp
         scale = 1.0 / (self._noise.sigmas() * seen.depth)
         weights = 1.0 / (1.0 + (self._ratio / CAUCHY) ** 2)
-        fit = fit_series(
-            series.starts, series.origins, series.counts, KNOTS, self._stiffness, times, seen.camera,
-            seen.stamp, seen.rows * scale[:, None, None], seen.rights * scale[:, None], weights, self.cameras,
-        )  # fmt: skip
+        curves = Curves(series.starts, series.origins, series.counts, KNOTS, self._stiffness)
+        rows, rights = seen.rows * scale[:, None, None], seen.rights * scale[:, None]
+        fit = fit_series(curves, Rays(times, seen.camera, seen.stamp, rows, rights, weights), self.cameras)
         self.misses = np.einsum("nij,nj->ni", seen.rows, fit.positions) - seen.rights
         self.across = np.einsum("nij,nj->ni", seen.rows, fit.velocities)
         self.precision = weights * scale**2

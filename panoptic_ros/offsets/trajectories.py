@@ -34,6 +34,62 @@ class SeriesFit(NamedTuple):
     rough: np.ndarray
 
 
+class Rays(NamedTuple):
+    """N observations.
+
+    times: (N,) s, corrected. cameras: (N,). since: (N,) s from the reference instant of the clocks.
+    rows: (N, 2, 3), rights: (N, 2), in units of the noise. weights: (N,).
+    """
+
+    times: np.ndarray
+    cameras: np.ndarray
+    since: np.ndarray
+    rows: np.ndarray
+    rights: np.ndarray
+    weights: np.ndarray
+
+
+class Curves(NamedTuple):
+    """S series.
+
+    starts: (S + 1,) first observation of each. origins: (S,) s. counts: (S,) control points.
+    step: s between knots. stiffness: (S,) penalty on squared second differences.
+    """
+
+    starts: np.ndarray
+    origins: np.ndarray
+    counts: np.ndarray
+    step: float
+    stiffness: np.ndarray
+
+
+class _Knots(NamedTuple):
+    """Of one series: observations first..last, instant of the first knot (s), number of knots, step (s)."""
+
+    first: int
+    last: int
+    origin: float
+    number: int
+    step: float
+
+
+class _Clocks(NamedTuple):
+    """What is added up for C clocks: information (2C, 2C) and right side (2C,); cross (n, 2C) with the
+    n coordinates of a trajectory."""
+
+    own: np.ndarray
+    right: np.ndarray
+    cross: np.ndarray
+
+
+class _Followed(NamedTuple):
+    """Per observation: positions and velocities (N, 3) of its trajectory, and leverage (N,)."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    leverage: np.ndarray
+
+
 @njit(cache=True, error_model="numpy")
 def basis_at(place, count, basis, slope):
     """Weights (4,) of control points at `place` (in knots) and their derivatives; the first one's index."""
@@ -52,29 +108,22 @@ def basis_at(place, count, basis, slope):
 
 
 @njit(cache=True, error_model="numpy")
-def fit_series(starts, origins, counts, step, stiffness, times, cameras, since, rows, rights, weights,
-               cameras_count):  # fmt: skip
-    """Fit all trajectories.
-
-    Args:
-        starts: (S + 1,) first observation of each series. origins: (S,) s. counts: (S,) control points.
-        step: s between knots. stiffness: (S,) penalty on squared second differences.
-        times: (N,) s, corrected. cameras: (N,). since: (N,) s from the reference instant of the clocks.
-        rows: (N, 2, 3), rights: (N, 2), in units of the noise. weights: (N,).
-    """
-    series = len(counts)
-    unknowns = 2 * cameras_count
+def fit_series(curves, rays, clocks):
+    """Fit all trajectories. curves: `Curves`; rays: `Rays`; clocks: number of cameras."""
+    series = len(curves.counts)
+    unknowns = 2 * clocks
     information, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
-    total = len(times)
-    positions, velocities = np.zeros((total, 3)), np.zeros((total, 3))
-    leverage, rough = np.zeros(total), np.zeros((series, 2))
-    own = np.empty((unknowns, unknowns))
+    total = len(rays.times)
+    followed = _Followed(np.zeros((total, 3)), np.zeros((total, 3)), np.zeros(total))
+    rough, own = np.zeros((series, 2)), np.empty((unknowns, unknowns))
     for s in range(series):
-        n = 3 * counts[s]
+        knots = _Knots(
+            curves.starts[s], curves.starts[s + 1], curves.origins[s], curves.counts[s], curves.step
+        )
+        n = 3 * knots.number
         band, z = np.zeros((n, WIDTH)), np.zeros(n)
-        add_penalty(band, stiffness[s])
-        add_observations(band, z, starts[s], starts[s + 1], origins[s], counts[s], step, times, rows, rights,
-                         weights)  # fmt: skip
+        add_penalty(band, curves.stiffness[s])
+        add_observations(band, z, knots, rays)
         if not factor(band):
             continue
         column = z.reshape(n, 1)
@@ -84,11 +133,10 @@ def fit_series(starts, origins, counts, step, stiffness, times, cameras, since, 
         penalty_moments(z, inverse, rough[s])
         cross = np.zeros((n, unknowns))
         own[:] = 0.0
-        add_clocks(own, right, cross, z, inverse, starts[s], starts[s + 1], origins[s], counts[s], step,
-                   times, cameras, since, rows, rights, weights, positions, velocities, leverage)  # fmt: skip
+        add_clocks(_Clocks(own, right, cross), z, inverse, knots, rays, followed)
         forward(band, cross)
         information += own - cross.T @ cross
-    return SeriesFit(information, right, positions, velocities, leverage, rough)
+    return SeriesFit(information, right, followed.positions, followed.velocities, followed.leverage, rough)
 
 
 @njit(cache=True, error_model="numpy")
@@ -107,9 +155,10 @@ def add_penalty(band, stiffness):
 
 
 @njit(cache=True, error_model="numpy")
-def add_observations(band, z, first, last, origin, count, step, times, rows, rights,
-                     weights):  # fmt: skip
-    """Normal equations of the observations first..last."""
+def add_observations(band, z, knots, rays):
+    """Normal equations of the observations of one series."""
+    first, last, origin, count, step = knots
+    times, _, _, rows, rights, weights = rays
     basis, slope = np.empty(SPAN), np.empty(SPAN)
     normal, side = np.empty((3, 3)), np.empty(3)
     for i in range(first, last):
@@ -142,13 +191,16 @@ def penalty_moments(z, inverse, out):
 
 
 @njit(cache=True, error_model="numpy")
-def add_clocks(own, own_right, cross, z, inverse, first, last, origin, count, step, times, cameras, since,
-               rows, rights, weights, positions, velocities, leverage):  # fmt: skip
-    """What the observations say about the clocks, given the trajectory.
+def add_clocks(sums, z, inverse, knots, rays, followed):
+    """What the observations say about the clocks, given the trajectory z and its inverse in the band.
 
     The right-hand side carries, besides the residuals, the derivative of the trajectory's own evidence
     -1/2 log |H|: without it noise in the velocities pulls the clocks.
     """
+    own, own_right, cross = sums
+    first, last, origin, count, step = knots
+    times, cameras, since, rows, rights, weights = rays
+    positions, velocities, leverage = followed
     clocks = cross.shape[1] // 2
     basis, slope = np.empty(SPAN), np.empty(SPAN)
     spread, tilt = np.empty((3, 3)), np.empty((3, 3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])  # where
 AMBIENT = 0.45  # share of light from everywhere
 FAR = 1e5  # px; triangles that reach farther are not drawn
 BITS = 4  # of pixels' fractions
+NEAR_NS = 50_000_000  # a body is drawn into an image that is at most so far from it in time
 LENGTH_M = 0.002  # by which lengths may differ from those of a surface that is there
 
 
@@ -89,10 +91,27 @@ def shades(normals: Array, triangles: Array) -> Array:
     return found
 
 
+class ShapedBodies(NamedTuple):
+    """Bodies of one instant or of a recording, by time, and their surfaces."""
+
+    bodies: Sequence[DrawnBody]
+    surfaces: BodySurfaces
+
+    def near(self, stamp_ns: int) -> ShapedBodies:
+        """Of each person the body nearest to an instant, at most `NEAR_NS` from it."""
+        stamps = [body.stamp_ns for body in self.bodies]
+        begin, end = bisect_left(stamps, stamp_ns - NEAR_NS), bisect_left(stamps, stamp_ns + NEAR_NS)
+        found: dict[int, DrawnBody] = {}
+        for body in self.bodies[begin:end]:
+            other = found.get(body.id)
+            if other is None or abs(body.stamp_ns - stamp_ns) < abs(other.stamp_ns - stamp_ns):
+                found[body.id] = body
+        return ShapedBodies(list(found.values()), self.surfaces)
+
+
 def draw_bodies(
-    canvas: Array, camera: Camera, bodies: Sequence[DrawnBody], surfaces: BodySurfaces,
-    colors: Sequence[Sequence[int]], scale: float,
-) -> None:  # fmt: skip
+    canvas: Array, camera: Camera, shaped: ShapedBodies, colors: Sequence[Sequence[int]], scale: float
+) -> None:
     """Draw bodies over a picture, what is behind first.
 
     Args:
@@ -100,8 +119,8 @@ def draw_bodies(
         colors: blue, green, red of each body.
     """
     rows: list[tuple[Array, Array, Array]] = []
-    for body, color in zip(bodies, colors):
-        points, normals, triangles = surfaces.place(body)
+    for body, color in zip(shaped.bodies, colors):
+        points, normals, triangles = shaped.surfaces.place(body)
         pixels, seen = camera.project(points)
         depths = camera.cam_from_world.apply(points)[:, 2]
         shown = ((pixels + 0.5) * scale - 0.5)[triangles]

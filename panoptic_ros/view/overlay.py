@@ -9,7 +9,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, JointState, SkeletonModel, TrackedPoseSet, ViewDetections
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.colors import bgr_of
-from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody, draw_bodies
+from panoptic_ros.view.body_drawing import ShapedBodies, draw_bodies
 
 Array = np.ndarray
 BONE_PIECES = 8  # a bone is drawn as so many pieces, since lenses bend lines and a part may be behind us
@@ -28,8 +28,7 @@ def draw_view(
     detections: ViewDetections | None = None,
     *,
     scale: float = 1.0,
-    bodies: Sequence[DrawnBody] = (),
-    surfaces: BodySurfaces | None = None,
+    bodies: ShapedBodies | None = None,
 ) -> Array:
     """Skeletons reprojected into one view with the lens's distortion, over a copy of its image.
 
@@ -40,7 +39,7 @@ def draw_view(
     Args:
         image: (H, W, 3) uint8, BGR, of the camera's size.
         poses: None or empty draws the detections only.
-        bodies: of this instant. surfaces: of theirs; None: bodies are not drawn.
+        bodies: of this instant.
         scale: size of the result relative to the image; drawing after resizing keeps lines sharp.
 
     Returns:
@@ -60,9 +59,9 @@ def draw_view(
     canvas = _resized(image, scale)
     if detections is not None:
         _draw_detections(canvas, detections, skeleton, scale)
-    there = {body.id for body in bodies} if surfaces is not None else set()
-    if surfaces is not None:
-        draw_bodies(canvas, camera, bodies, surfaces, [bgr_of(body.id) for body in bodies], scale)
+    there = [] if bodies is None else [body.id for body in bodies.bodies]
+    if bodies is not None:
+        draw_bodies(canvas, camera, bodies, [bgr_of(number) for number in there], scale)
     if poses is not None:
         pieces = _bone_pieces(camera, poses, skeleton)
         pixels, _ = camera.project(poses.positions)

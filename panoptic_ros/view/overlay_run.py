@@ -10,96 +10,95 @@ import numpy as np
 
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, TrackedPoseSet, ViewFrame
-from panoptic_ros.domain.body_shape import BodyShape
-from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody
+from panoptic_ros.view.body_drawing import ShapedBodies
 from panoptic_ros.view.mosaic import Mosaic
 from panoptic_ros.view.overlay import draw_view
 from panoptic_ros.view.pictures import Stills
 from panoptic_ros.view.video_file import VideoFile
 
 Array = np.ndarray
-NEAR_NS = 50_000_000  # a body is drawn into an image that is at most so far from it in time
+LARGEST = (1920, 1080)  # px, of a picture
 VIDEO_RATE_LIMIT = 60.0  # Hz; players have trouble beyond
 
 
-def write_overlays(
-    folder: Path,
-    rig: Rig,
-    skeleton: SkeletonModel,
-    sources: Sequence[FrameSource],
-    detections: Sequence[DetectionSet],
-    poses: Sequence[TrackedPoseSet],
-    *,
-    stills: int = 4,
-    max_size: tuple[int, int] = (1920, 1080),
-    show_detections: bool = True,
-    bodies: Sequence[DrawnBody] = (),
-    shape: BodyShape | None = None,
-    on_frame: Callable[[int], None] | None = None,
-) -> list[Path]:
-    """Write overlay.mp4 and some stills: all views side by side, with the skeletons of each instant.
+class OverlayRun:
+    """Overlay video and stills of a recorded run: all views side by side, with each instant's skeletons."""
 
-    The recorded sources are read a second time; every view of a detection set names its frame, and
-    poses belong to the detection set of the same index (their stamp can lie a little later). One picture
-    is in memory at a time.
+    def __init__(self, rig: Rig, skeleton: SkeletonModel, bodies: ShapedBodies | None = None):
+        """bodies: by time, of all instants; the nearest to each image is drawn."""
+        self._rig, self._skeleton, self._bodies = rig, skeleton, bodies
 
-    Args:
-        folder: made if it is not there.
-        sources: recorded ones, of any of the rig's cameras.
-        detections: in the order of time; one picture each.
-        stills: how many pictures besides the video, evenly spread over it.
-        bodies: by time, of all instants, with the shape that they have; the nearest in time is drawn.
-        on_frame: called with the number of pictures done, for a progress bar.
+    def write(
+        self,
+        folder: Path,
+        sources: Sequence[FrameSource],
+        detections: Sequence[DetectionSet],
+        poses: Sequence[TrackedPoseSet],
+        *,
+        stills: int = 4,
+        on_frame: Callable[[int], None] | None = None,
+    ) -> list[Path]:
+        """Write overlay.mp4 and some stills.
 
-    Returns:
-        the files written; none without detections.
+        The recorded sources are read a second time; every view of a detection set names its frame, and
+        poses belong to the detection set of the same index (their stamp can lie a little later). One picture
+        is in memory at a time.
 
-    Raises:
-        DataError: if a source and the rig do not fit, or a source cannot be read.
-        EnvironmentProblem: if files cannot be written.
-    """
-    if not detections or not sources:
-        return []
-    mosaic = Mosaic({source.camera: source.image_size for source in sources}, max_size)
-    by_index = {pose.index: pose for pose in poses}
-    nearest = _Nearest(bodies, None if shape is None else BodySurfaces(shape))
-    first, last = detections[0].stamp_ns, detections[-1].stamp_ns
-    instants = tuple((last - first) * (i + 0.5) / stills / 1e9 for i in range(stills))
-    gallery = Stills(Path(folder), instants, ".jpg")
-    with ExitStack() as stack:
-        readers = {source.camera: _Reader(source) for source in sources}
-        for reader in readers.values():
-            stack.callback(reader.close)
-        path = Path(folder) / "overlay.mp4"
-        video = stack.enter_context(VideoFile(path, mosaic.size, _rate(detections)))
-        for done, found in enumerate(detections, start=1):
-            images = _views(rig, skeleton, mosaic, readers, found, by_index, show_detections, nearest)
-            picture = mosaic.compose(images, f"{(found.stamp_ns - first) / 1e9:.2f} s")
-            video.write(picture)
-            gallery.offer(found.stamp_ns, picture)
-            if on_frame is not None:
-                on_frame(done)
-        gallery.close()
-    return [video.path, *gallery.written]
+        Args:
+            folder: made if it is not there.
+            sources: recorded ones, of any of the rig's cameras.
+            detections: in the order of time; one picture each.
+            stills: how many pictures besides the video, evenly spread over it.
+            on_frame: called with the number of pictures done, for a progress bar.
 
+        Returns:
+            the files written; none without detections.
 
-class _Nearest:
-    """The bodies nearest to an instant."""
+        Raises:
+            DataError: if a source and the rig do not fit, or a source cannot be read.
+            EnvironmentProblem: if files cannot be written.
+        """
+        if not detections or not sources:
+            return []
+        mosaic = Mosaic({source.camera: source.image_size for source in sources}, LARGEST)
+        by_index = {pose.index: pose for pose in poses}
+        first, last = detections[0].stamp_ns, detections[-1].stamp_ns
+        instants = tuple((last - first) * (i + 0.5) / stills / 1e9 for i in range(stills))
+        gallery = Stills(Path(folder), instants, ".jpg")
+        with ExitStack() as stack:
+            readers = {source.camera: _Reader(source) for source in sources}
+            for reader in readers.values():
+                stack.callback(reader.close)
+            path = Path(folder) / "overlay.mp4"
+            video = stack.enter_context(VideoFile(path, mosaic.size, _rate(detections)))
+            for done, found in enumerate(detections, start=1):
+                images = self._views(found, by_index.get(found.index), readers, mosaic.scales)
+                picture = mosaic.compose(images, f"{(found.stamp_ns - first) / 1e9:.2f} s")
+                video.write(picture)
+                gallery.offer(found.stamp_ns, picture)
+                if on_frame is not None:
+                    on_frame(done)
+            gallery.close()
+        return [video.path, *gallery.written]
 
-    def __init__(self, bodies: Sequence[DrawnBody], surfaces: BodySurfaces | None):
-        self.surfaces = surfaces
-        self._bodies = list(bodies)
-        self._stamps = np.array([body.stamp_ns for body in bodies], np.int64)
-
-    def at(self, stamp_ns: int) -> list[DrawnBody]:
-        """Of each person at most one."""
-        begin, end = np.searchsorted(self._stamps, [stamp_ns - NEAR_NS, stamp_ns + NEAR_NS])
-        found: dict[int, DrawnBody] = {}
-        for body in self._bodies[begin:end]:
-            other = found.get(body.id)
-            if other is None or abs(body.stamp_ns - stamp_ns) < abs(other.stamp_ns - stamp_ns):
-                found[body.id] = body
-        return list(found.values())
+    def _views(
+        self,
+        found: DetectionSet,
+        poses: TrackedPoseSet | None,
+        readers: Mapping[str, _Reader],
+        scales: Mapping[str, float],
+    ) -> dict[str, Array]:
+        """The drawn image of each camera that has one."""
+        images = {}
+        for view in found.views:
+            frame = readers[view.camera].frame(view.frame_number) if view.camera in readers else None
+            if frame is not None:
+                images[view.camera] = draw_view(
+                    frame.image, self._rig.camera(view.camera), poses, self._skeleton, view,
+                    scale=scales[view.camera],
+                    bodies=None if self._bodies is None else self._bodies.near(view.stamp_ns),
+                )  # fmt: skip
+        return images
 
 
 class _Reader:
@@ -120,33 +119,6 @@ class _Reader:
 
     def close(self) -> None:
         self._source.close()
-
-
-def _views(
-    rig: Rig,
-    skeleton: SkeletonModel,
-    mosaic: Mosaic,
-    readers: Mapping[str, _Reader],
-    found: DetectionSet,
-    by_index: Mapping[int, TrackedPoseSet],
-    show_detections: bool,
-    nearest: _Nearest,
-) -> dict[str, Array]:
-    images = {}
-    for view in found.views:
-        frame = readers[view.camera].frame(view.frame_number) if view.camera in readers else None
-        if frame is not None:
-            images[view.camera] = draw_view(
-                frame.image,
-                rig.camera(view.camera),
-                by_index.get(found.index),
-                skeleton,
-                view if show_detections else None,
-                scale=mosaic.scales[view.camera],
-                bodies=nearest.at(view.stamp_ns),
-                surfaces=nearest.surfaces,
-            )
-    return images
 
 
 def _rate(detections: Sequence[DetectionSet]) -> float:

@@ -14,11 +14,10 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel, TrackedPoseSet
-from panoptic_ros.domain.body_shape import BodyShape
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.files import write_bytes
-from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody, shades
+from panoptic_ros.view.body_drawing import DrawnBody, ShapedBodies, shades
 
 Array = np.ndarray
 CAMERA_GREY = (0.45, 0.45, 0.45)
@@ -34,8 +33,7 @@ def plot_capture(
     *,
     instants: Sequence[int] | None = None,
     title: str = "",
-    bodies: Sequence[DrawnBody] = (),
-    shape: BodyShape | None = None,
+    bodies: ShapedBodies | None = None,
 ) -> None:
     """Write a PNG: on the left skeletons and cameras in 3D, on the right everything from above.
 
@@ -45,7 +43,7 @@ def plot_capture(
     Args:
         poses: in the order of time; may be empty.
         instants: indices into `poses` of the skeletons drawn; None takes a few, evenly spread.
-        bodies: by time; those nearest to the instants drawn stand in place of bones. shape: that they have.
+        bodies: by time; those nearest to the instants drawn stand in place of bones.
 
     Raises:
         DataError: for poses of another skeleton.
@@ -61,11 +59,10 @@ def plot_capture(
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.2, 1.0), wspace=0.06)[0]
     scene: Axes3D = left.add_subplot(projection="3d")
     plan = right.add_subplot()
-    surfaces = None if shape is None else BodySurfaces(shape)
-    there = {body.id for body in bodies} if surfaces is not None else set()
+    there = set() if bodies is None else {body.id for body in bodies.bodies}
     _draw_scene(scene, rig, skeleton, chosen, paths, there)
-    if surfaces is not None:
-        _draw_bodies(scene, surfaces, _chosen_bodies(bodies, chosen))
+    if bodies is not None:
+        _draw_bodies(scene, bodies._replace(bodies=_chosen_bodies(bodies.bodies, chosen)))
     _draw_plan(plan, rig, skeleton, chosen, paths)
     if title:
         figure.suptitle(title)
@@ -86,10 +83,10 @@ def _chosen_bodies(bodies: Sequence[DrawnBody], poses: Sequence[TrackedPoseSet])
     return found
 
 
-def _draw_bodies(axes: Axes3D, surfaces: BodySurfaces, bodies: Sequence[DrawnBody]) -> None:
-    stamps = sorted({body.stamp_ns for body in bodies})
-    for body in bodies:
-        points, normals, triangles = surfaces.place(body)
+def _draw_bodies(axes: Axes3D, shaped: ShapedBodies) -> None:
+    stamps = sorted({body.stamp_ns for body in shaped.bodies})
+    for body in shaped.bodies:
+        points, normals, triangles = shaped.surfaces.place(body)
         opacity = 0.25 + 0.75 * (stamps.index(body.stamp_ns) + 1) / len(stamps)
         tints = shades(normals, triangles)[:, None] * np.array(rgb_of(body.id))
         colors = np.concatenate([tints, np.full((len(tints), 1), opacity)], axis=1)

@@ -2,7 +2,7 @@
 import numpy as np
 from scipy.interpolate import BSpline
 
-from panoptic_ros.offsets.trajectories import fit_series
+from panoptic_ros.offsets.trajectories import Curves, Rays, fit_series
 
 STEP = 0.1
 
@@ -44,10 +44,8 @@ def test_kernel_agrees_with_dense_algebra_over_two_series():
     rows, rights = rng.normal(size=(2 * n, 2, 3)), rng.normal(size=(2 * n, 2))
     weights = rng.uniform(0.2, 1.0, 2 * n)
     stiffness, origins = np.array([3.0, 40.0]), np.array([0.0, 2.0])
-    fit = fit_series(
-        np.array([0, n, 2 * n]), origins, np.array([count, count]), STEP, stiffness, times, cameras, since,
-        rows, rights, weights, clocks,
-    )  # fmt: skip
+    curves = Curves(np.array([0, n, 2 * n]), origins, np.array([count, count]), STEP, stiffness)
+    fit = fit_series(curves, Rays(times, cameras, since, rows, rights, weights), clocks)
     parts = [
         dense(times[p], cameras[p], since[p], rows[p], rights[p], weights[p], o, count, s, clocks)
         for p, o, s in ((slice(0, n), 0.0, 3.0), (slice(n, 2 * n), 2.0, 40.0))

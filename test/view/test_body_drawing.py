@@ -6,7 +6,7 @@ import pytest
 from bodies import BODY, MODEL
 
 from panoptic_ros.io.body_models import read_body_shape
-from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody, draw_bodies
+from panoptic_ros.view.body_drawing import BodySurfaces, DrawnBody, ShapedBodies, draw_bodies
 from panoptic_ros.view.overlay import draw_view
 
 SHAPE = read_body_shape(MODEL)
@@ -33,7 +33,7 @@ def test_it_covers_where_the_body_is_in_the_image():
     width, height = camera.image_size
     canvas = np.zeros((height, width, 3), np.uint8)
     body = standing(at=captures.people(0.0)[0].mean(axis=0))
-    draw_bodies(canvas, camera, [body], BodySurfaces(SHAPE), [(255, 255, 255)], 1.0)
+    draw_bodies(canvas, camera, ShapedBodies([body], BodySurfaces(SHAPE)), [(255, 255, 255)], 1.0)
     drawn = canvas.max(axis=2) > 0
     middle = camera.project(0.5 * (body.places + body.places[MODEL.parents]))[0][1:]
     inside = np.round(middle[camera.contains(middle)]).astype(int)
@@ -53,7 +53,7 @@ def test_the_nearer_of_two_is_in_front():
     for order in ((near, far), (far, near)):
         canvas = np.zeros((*camera.image_size[::-1], 3), np.uint8)
         colors = [(0, 0, 255) if body.id == 1 else (0, 255, 0) for body in order]
-        draw_bodies(canvas, camera, order, BodySurfaces(SHAPE), colors, 1.0)
+        draw_bodies(canvas, camera, ShapedBodies(order, BodySurfaces(SHAPE)), colors, 1.0)
         pictures.append(canvas)
     assert (pictures[0] == pictures[1]).all()
     x, y = np.round(camera.project(near.places[1])[0]).astype(int)
@@ -64,4 +64,5 @@ def test_without_bodies_pictures_are_as_before():
     camera = captures.RIG.cameras[0]
     image = np.full((*camera.image_size[::-1], 3), 90, np.uint8)
     plain = draw_view(image, camera, None, captures.SKELETON)
-    assert (draw_view(image, camera, None, captures.SKELETON, surfaces=BodySurfaces(SHAPE)) == plain).all()
+    nobody = ShapedBodies([], BodySurfaces(SHAPE))
+    assert (draw_view(image, camera, None, captures.SKELETON, bodies=nobody) == plain).all()

@@ -7,7 +7,7 @@ from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.colors import bgr_of
-from panoptic_ros.view.overlay_run import write_overlays
+from panoptic_ros.view.overlay_run import OverlayRun
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def test_pictures_show_the_frames_of_their_sets(tmp_path, rig, skeleton, run):
     sources, sets, poses = run
     done = []
     out = tmp_path / "out"
-    files = write_overlays(out, rig, skeleton, sources, sets, poses, stills=3, on_frame=done.append)
+    files = OverlayRun(rig, skeleton).write(out, sources, sets, poses, stills=3, on_frame=done.append)
     assert [path.name for path in files] == ["overlay.mp4", *(path.name for path in files[1:])]
     assert len(files) == 4 and done == [1, 2, 3, 4, 5, 6]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(path.name for path in files)
@@ -52,8 +52,8 @@ def test_pictures_show_the_frames_of_their_sets(tmp_path, rig, skeleton, run):
 
 def test_nothing_to_draw_and_nothing_left_behind(tmp_path, rig, skeleton, run):
     sources, sets, poses = run
-    assert write_overlays(tmp_path / "out", rig, skeleton, sources, [], poses) == []
+    assert OverlayRun(rig, skeleton).write(tmp_path / "out", sources, [], poses) == []
     (sources[0].files[3]).write_bytes(b"broken")
     with pytest.raises(DataError, match=r"3\.png"):
-        write_overlays(tmp_path / "out", rig, skeleton, sources, sets, poses, stills=0)
+        OverlayRun(rig, skeleton).write(tmp_path / "out", sources, sets, poses, stills=0)
     assert list((tmp_path / "out").iterdir()) == []

@@ -3,7 +3,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from typing import Any
 
 from panoptic_ros.capture import open_source
 from panoptic_ros.domain import DetectionSet
@@ -18,7 +17,8 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.regrouping import regrouped
 from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Notice
-from panoptic_ros.view.overlay_run import write_overlays
+from panoptic_ros.view.body_drawing import BodySurfaces, ShapedBodies
+from panoptic_ros.view.overlay_run import OverlayRun
 from panoptic_ros.view.report import Latency, RunReport
 
 LATEST = "latest."
@@ -71,18 +71,19 @@ def _pictures(
     from panoptic_ros.view.plot3d import plot_capture  # matplotlib takes half a second to load
 
     model = plan.extras.get("segments")
-    drawn: dict[str, Any] = {"bodies": list(results.drawn)}
-    drawn["shape"] = read_body_shape(model) if model is not None and _has_shape(model) else None
-    plot_capture(path, plan.rig, plan.skeleton, list(results.poses), title=plan.title, **drawn)
+    bodies = None
+    if model is not None and _has_shape(model):
+        bodies = ShapedBodies(list(results.drawn), BodySurfaces(read_body_shape(model)))
+    plot_capture(path, plan.rig, plan.skeleton, list(results.poses), title=plan.title, bodies=bodies)
     if plan.live or plan.streams:
         return
     with ExitStack() as stack:
         sources = [
             stack.enter_context(open_source(name, plan.rig, plan.sources[name])[0]) for name in plan.rig.names
         ]
-        write_overlays(
-            results.folder, plan.rig, plan.skeleton, sources, sets, list(results.poses),
-            on_frame=lambda done: on_picture(done, len(sets)), **drawn,
+        OverlayRun(plan.rig, plan.skeleton, bodies).write(
+            results.folder, sources, sets, list(results.poses),
+            on_frame=lambda done: on_picture(done, len(sets)),
         )  # fmt: skip
 
 
