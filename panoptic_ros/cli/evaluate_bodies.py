@@ -58,7 +58,7 @@ def run_bodies(args: argparse.Namespace) -> int:
 
 def _cases(args: argparse.Namespace) -> tuple[Iterator[BodyCase], int]:
     """Captures one by one, and how many: those in folders, or simulated ones of all scenes and seeds."""
-    from panoptic_ros.running.simulations.bodies import BODY_SCENES
+    from panoptic_ros.running.simulations.body_scenes import BODY_SCENES
     from panoptic_ros.running.studies.bodies.cases import read_case, simulated_case
 
     if args.capture:

@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.running.simulations.bodies import BODY_SCENES, write_body_take
+from panoptic_ros.running.simulations.bodies import write_body_take
+from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY_SCENES
 from panoptic_ros.running.simulations.takes import scene_lines, write_take
 
 
@@ -28,12 +29,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write a take of a scene, whole or not at all."""
+    bodies = BODY_SCENES | OTHER_BODY_SCENES
     if args.list:
-        print("\n".join(f"{name:<20}{line}" for name, line in (scene_lines() | BODY_SCENES).items()))
+        print("\n".join(f"{name:<20}{line}" for name, line in (scene_lines() | bodies).items()))
         return 0
     if args.scene is None or args.out is None:
         raise UsageError("name a scene and a folder: panoptic simulate SCENE --out DIR (see --list)")
-    if args.scene in BODY_SCENES:
+    if args.scene in bodies:
         print(f"{args.out}: {write_body_take(args.scene, args.out, args.seed, args.bag, args.frames)}")
         return 0
     take = write_take(

@@ -109,11 +109,11 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
         raise DataError(f"{path}: not as the format says: {error!r}") from None
 
 
-def subject_document(subject: Subject, stature: float) -> dict[str, Any]:
+def subject_document(subject: Subject) -> dict[str, Any]:
     """The `panoptic-subject-1` document of a person, with lengths, keypoints and devices."""
     names = subject.body.model.names
     found: dict[str, Any] = {
-        "format": SUBJECT, "id": subject.id, "height_m": round(stature, 4),
+        "format": SUBJECT, "id": subject.id, "height_m": round(subject.stature, 4),
         "inertial_frame": "world" if subject.heading_known else "unknown heading",
         "segments": {name: _rounded(o) for name, o in zip(names, subject.body.offsets)},
         "keypoints": {

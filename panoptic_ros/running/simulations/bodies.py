@@ -11,30 +11,12 @@ import numpy as np
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.folders import staged_folder
+from panoptic_ros.running.simulations.body_scenes import body_scene
 
 if TYPE_CHECKING:
-    from panoptic_ros.simulation.bodies.capture import BodyCapture, BodyScene
+    from panoptic_ros.simulation.bodies.group import BodyGroup
 
-BODY_SCENES = {  # {name: what it is}
-    "body-punch": "a body with 8 cameras and 13 IMUs: punches and kicks",
-    "body-wash": "the same: standing gestures",
-    "body-walk": "the same: walking on uneven ground",
-    "body-shake": "the same: walking and shaking hands",
-    "body-jog": "the same: walking, jogging, jumping",
-    "body-t-pose": "the same as body-punch; a T-pose, 4 degrees off per joint and axis, tells the mounting",
-}
-_CLIPS = {
-    "body-punch": ("02_05",), "body-wash": ("02_10",), "body-walk": ("03_01", "03_02"),
-    "body-shake": ("18_01",), "body-jog": ("02_01", "02_03", "02_04", "02_02"), "body-t-pose": ("02_05",),
-}  # fmt: skip
-
-
-def body_scene(name: str) -> BodyScene:
-    """The scene of one of the names of `BODY_SCENES`."""
-    from panoptic_ros.simulation.bodies.capture import BodyScene  # numba is slow to load
-
-    poor = name == "body-t-pose"
-    return BodyScene(_CLIPS[name], seconds=19.0, mounts=not poor, t_pose=4.0 if poor else 2.0)
+Array = np.ndarray
 
 
 def write_body_take(name: str, out: Path, seed: int, bag: bool = False, frames: int | None = None) -> str:
@@ -52,40 +34,49 @@ def write_body_take(name: str, out: Path, seed: int, bag: bool = False, frames: 
     from panoptic_ros.io.kinematic_files import subject_document, write_imus
     from panoptic_ros.io.recorded_motions import read_clips
     from panoptic_ros.io.rigs import write_rig
-    from panoptic_ros.simulation.bodies.capture import simulate_body
+    from panoptic_ros.simulation.bodies.group import simulate_group
 
     scene = body_scene(name)
     if frames is not None:
         if frames < 2:
             raise UsageError(f"{frames} frames: a body that moves needs two at least")
         scene = replace(scene, seconds=(frames - 0.5) / scene.rate)
-    take = simulate_body(scene, seed, read_body_model(), read_clips())
+    model = read_body_model()
+    take = simulate_group(scene, seed, model, read_clips())
     with staged_folder(out) as folder:
         write_rig(folder / "rig.json", take.rig)
         write_json(folder / "detections.json.gz", _detections(take))
         write_imus(folder / "imu.csv.gz", take.devices)
-        write_json(folder / "subject.json", subject_document(take.subject, take.stature), indent=1)
-        write_bodies(folder / "truth.json.gz", take.subject.body.model, take.truth())
+        for k, subject in enumerate(take.subjects):
+            number = k if len(take.subjects) > 1 else ""
+            write_json(folder / f"subject{number}.json", subject_document(subject), indent=1)
+        write_bodies(folder / "truth.json.gz", model, take.truth)
+        if take.strangers:
+            write_bodies(folder / "strangers.json.gz", model, take.strangers)
         if bag:
             _write_bag(folder / "bag", take)
     return f"{name}, {len(take.stamps)} frames, {len(take.rig)} cameras, {len(take.devices)} IMUs"
 
 
-def _detections(take: BodyCapture) -> dict[str, Any]:
+def _detections(take: BodyGroup) -> dict[str, Any]:
     frames = []
     for t, stamp in enumerate(take.stamps.tolist()):
-        views = {}
-        for c, camera in enumerate(take.rig.cameras):
-            rows = [
-                [round(float(x), 1), round(float(y), 1), round(float(s), 2)] if s > 0.0 else None
-                for (x, y), s in zip(take.pixels[c, t], take.scores[c, t])
-            ]
-            views[camera.name] = {"stamp_ns": stamp, "persons": [rows]}
+        views = {
+            camera.name: {"stamp_ns": stamp, "persons": [_rows(*one) for one in zip(*take.views[c][t])]}
+            for c, camera in enumerate(take.rig.cameras)
+        }
         frames.append({"index": t, "stamp_ns": stamp, "views": views})
     return {"format": "panoptic-detections-1", "joint_names": list(take.joint_names), "frames": frames}
 
 
-def _write_bag(path: Path, take: BodyCapture) -> None:
+def _rows(points: Array, scores: Array) -> list[list[float] | None]:
+    return [
+        [round(float(x), 1), round(float(y), 1), round(float(s), 2)] if s > 0.0 else None
+        for (x, y), s in zip(points, scores)
+    ]
+
+
+def _write_bag(path: Path, take: BodyGroup) -> None:
     """Rig, skeleton, 2D people and samples, by their stamps."""
     from panoptic_ros.domain import ImuSample, ViewDetections
     from panoptic_ros.graph.topics import TOPICS
@@ -97,8 +88,8 @@ def _write_bag(path: Path, take: BodyCapture) -> None:
     rows: list[tuple[int, str, Any]] = []
     for t, stamp in enumerate(take.stamps.tolist()):
         for c, camera in enumerate(take.rig.cameras):
-            scores = take.scores[c, t, columns][None]
-            points = np.where(scores[..., None] > 0.0, take.pixels[c, t, columns][None], np.nan)
+            points, scores = (part[:, columns] for part in take.views[c][t])
+            points = np.where(scores[..., None] > 0.0, points, np.nan)
             view = ViewDetections(
                 camera.name, stamp, t, camera.image_size, SKELETON.hash, points, scores, scores.mean(1)
             )

@@ -36,14 +36,14 @@ class JointNoise:
 
 
 def detect_joints(
-    rng: np.random.Generator, rig: Rig, points: Array, trunk: Array, names: tuple[str, ...],
+    rng: np.random.Generator, rig: Rig, points: Array, trunks: Array, names: tuple[str, ...],
     noise: JointNoise, rate: float,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Pixels (C, T, K, 2), NaN = missing, and scores (C, T, K).
 
     Args:
-        points: (T, K, 3) m, true places of the detector's joints. trunk: (T, 2, 3) m, its lower and upper
-        end.
+        points: (T, K, 3) m, true places of the detector's joints. trunks: (P, T, 2, 3) m, lower and upper
+            ends of everybody's.
         rate: Hz, of the points.
     """
     shape = (len(rig.cameras), *points.shape[:2])
@@ -57,7 +57,7 @@ def detect_joints(
         scale = camera.intrinsics.matrix[0, 0] / noise.focal
         found, seen = camera.project(points)
         seen &= camera.contains(found)
-        hidden = _behind(points, trunk, camera.centre)
+        hidden = np.any([_behind(points, trunk, camera.centre) for trunk in trunks], axis=0)
         factor = np.where(hidden, noise.hidden, 1.0)[..., None]
         error = noise.white * rng.normal(size=found.shape)
         error += noise.correlated * _wandering(rng, found.shape, noise.correlation * rate)

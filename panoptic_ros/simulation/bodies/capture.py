@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +13,10 @@ from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.segments import Body, SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject, TPose
 from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.geometry.rotations import turn_about_z
 from panoptic_ros.simulation.bodies.cameras import JointNoise, detect_joints
-from panoptic_ros.simulation.bodies.imus import ImuNoise, measure, mistaken, random_mount
-from panoptic_ros.simulation.bodies.motion import T_POSE_S, BodyMotion, Clip, make_motion
+from panoptic_ros.simulation.bodies.imus import ImuNoise, measure, mistaken, random_mount, unknown_heading
+from panoptic_ros.simulation.bodies.motion import T_POSE_S, BodyMotion, Clip, laid_out, make_motion, moved
 
 Array = np.ndarray
 FIRST_NS = 1_000_000_000
@@ -43,20 +46,33 @@ class BodyScene:
     """What is simulated.
 
     Args:
-        clips: names of recorded motions, one after another, of one body.
+        clips: names of recorded motions, one after another, of one body. path: degrees, which way each goes
+            on from where the one before ended; () = each about the same place, facing x.
+        at: (2,) m, where the first begins or all are. facing: degrees, of all of it.
         t_pose: degrees per joint and axis, off a T; mounts: whether the file states mountings, in place of
-        the
-            T-pose. rate: Hz, of cameras and IMUs.
+            the T-pose. rate: Hz, of cameras and IMUs. focal: px.
+        heading: degrees, the IMUs' inertial frame is turned by at most; the file calls it unknown then.
+        clock: s, their clock is off by at most.
+        designated: whether the person is solved for. others: further people, of whom `clips` to `facing`,
+            `t_pose`, `mounts`, `heading`, `clock` and `designated` count.
     """
 
     clips: tuple[str, ...] = ("02_05",)
+    path: tuple[float, ...] = ()
+    at: tuple[float, float] = (0.0, 0.0)
+    facing: float = 0.0
     cameras: int = 8
+    focal: float = FOCAL
     t_pose: float = 2.0
     mounts: bool = True
     rate: float = 60.0
     seconds: float = 1e3
     joints: JointNoise = USUAL_JOINTS
     imus: ImuNoise = USUAL_IMUS
+    heading: float = 0.0
+    clock: float = 0.0
+    designated: bool = True
+    others: tuple[BodyScene, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,43 +93,103 @@ class BodyCapture:
 
     def truth(self) -> list[BodyState]:
         """True bodies at all stamps."""
-        return [
-            BodyState(int(stamp), self.subject.id, self.motion.places[t], self.motion.frames[t])
-            for t, stamp in enumerate(self.stamps)
-        ]
+        return states_of(self.subject.id, self.stamps, self.motion)
+
+
+def states_of(number: int, stamps: Array, motion: BodyMotion) -> list[BodyState]:
+    """True bodies of somebody at all stamps."""
+    return [
+        BodyState(int(stamp), number, motion.places[t], motion.frames[t]) for t, stamp in enumerate(stamps)
+    ]
 
 
 def simulate_body(scene: BodyScene, seed: int, model: SegmentModel, clips: Mapping[str, Clip]) -> BodyCapture:
-    """One capture; the same scene and seed always give the same."""
+    """One capture of the first person alone; the same scene and seed always give the same."""
     rng = np.random.default_rng([seed, 23])
+    body, motion = moving_body(rng, scene, model, clips)
+    rig = ring(rng, scene.cameras, scene.focal)
+    known, points = detected_body(rng, body, motion, {})
+    names = tuple(known.keypoints)
+    pixels, scores = detect_joints(
+        rng, rig, points, trunk_of(model, motion)[None], names, scene.joints, scene.rate
+    )
+    worn = wear(rng, scene, model, motion)
+    subject = Subject(
+        0, known, worn.devices, worn.t_pose, motion.roots[0].round(2), heading_known=not scene.heading,
+        stature=clips[scene.clips[0]].stature,
+    )  # fmt: skip
+    stamps = FIRST_NS + np.round(motion.times * 1e9).astype(np.int64)
+    return BodyCapture(
+        rig, names, stamps, pixels, scores, worn.samples, subject, subject.stature, motion, worn.mounts
+    )
+
+
+def moving_body(
+    rng: np.random.Generator, scene: BodyScene, model: SegmentModel, clips: Mapping[str, Clip]
+) -> tuple[Body, BodyMotion]:
+    """The body of a scene's first person, and how it moves."""
     chosen = [clips[name] for name in scene.clips]
-    stature = chosen[0].stature
-    body = model.body(stature).with_offsets(dict(zip(model.names, chosen[0].offsets)))
+    body = model.body(chosen[0].stature).with_offsets(dict(zip(model.names, chosen[0].offsets)))
+    chosen = laid_out(chosen, scene.path)
     motion = make_motion(rng, model.names, chosen, scene.rate, scene.t_pose, body.chain)
     kept = motion.times <= scene.seconds
     motion = BodyMotion(*(part[kept] for part in vars(motion).values()))
-    rig = _ring(rng, scene.cameras)
-    known, true_points = _keypoints(rng, body)
-    names = tuple(known.keypoints)
-    at = [true_points[name] for name in names]
+    if any(scene.at) or scene.facing:
+        motion = moved(motion, math.radians(scene.facing), scene.at)
+    return body, motion
+
+
+def detected_body(
+    rng: np.random.Generator, body: Body, motion: BodyMotion, detector: dict[str, Array]
+) -> tuple[Body, Array]:
+    """The body with the detector's offsets as they are known, and true places (T, K, 3) m of its joints.
+
+    Args:
+        detector: how far the detector's joints lie off, m; drawn and kept here if they are not in it.
+    """
+    known, true_points = _keypoints(rng, body, detector)
+    at = [true_points[name] for name in known.keypoints]
     segments, offsets = np.array([s for s, _ in at]), np.array([o for _, o in at])
     points = motion.places[:, segments] + (motion.frames[:, segments] @ offsets[..., None])[..., 0]
-    trunk = motion.places[:, [0, model.index("neck")]]
-    pixels, scores = detect_joints(rng, rig, points, trunk, names, scene.joints, scene.rate)
+    return known, points
+
+
+def trunk_of(model: SegmentModel, motion: BodyMotion) -> Array:
+    """Lower and upper end (T, 2, 3) m of the trunk."""
+    return motion.places[:, [0, model.index("neck")]]
+
+
+class Worn(NamedTuple):
+    """Devices as stated, the T-pose, samples, and true mountings (3, 3), segment from device."""
+
+    devices: tuple[Device, ...]
+    t_pose: TPose
+    samples: dict[str, ImuSeries]
+    mounts: dict[str, Array]
+
+
+def wear(
+    rng: np.random.Generator, scene: BodyScene, model: SegmentModel, motion: BodyMotion, first: int = 1
+) -> Worn:
+    """13 IMUs on a body, in an inertial frame and on a clock of their own.
+
+    Args:
+        first: number of the first device.
+    """
     worn, samples, mounts = [], {}, {}
     for k, (segment, position) in enumerate(DEVICES):
-        name, mount, place = f"imu{k + 1:02d}", random_mount(rng), np.array(position)
+        name, mount, place = f"imu{k + first:02d}", random_mount(rng), np.array(position)
         index, mounts[name] = model.index(segment), mount
         samples[name] = measure(rng, motion, index, place, mount, scene.imus, FIRST_NS)
         stated = mistaken(rng, mount, scene.imus.mounting) if scene.mounts else None
         worn.append(Device(name, index, place, stated))
+    if scene.heading or scene.clock:
+        angle = math.radians(scene.heading) * rng.uniform(-1.0, 1.0)
+        late = round(1e9 * scene.clock * rng.uniform(-1.0, 1.0))
+        samples = {name: unknown_heading(s, angle).shifted(late) for name, s in samples.items()}
     end = FIRST_NS + int(1e9 * (T_POSE_S - 0.2))
-    subject = Subject(
-        0, known, tuple(worn), TPose(FIRST_NS, end, np.array([1.0, 0.0, 0.0])), motion.roots[0].round(2),
-        stature=stature,
-    )  # fmt: skip
-    stamps = FIRST_NS + np.round(motion.times * 1e9).astype(np.int64)
-    return BodyCapture(rig, names, stamps, pixels, scores, samples, subject, stature, motion, mounts)
+    faces = turn_about_z(math.radians(scene.facing)) @ np.array([1.0, 0.0, 0.0])
+    return Worn(tuple(worn), TPose(FIRST_NS, end, faces), samples, mounts)
 
 
 def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCapture:
@@ -129,7 +205,8 @@ def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCaptu
     )  # fmt: skip
 
 
-def _ring(rng: np.random.Generator, count: int) -> Rig:
+def ring(rng: np.random.Generator, count: int, focal: float) -> Rig:
+    """Cameras round the room that look at its middle."""
     cameras = []
     for k in range(count):
         angle = 2.0 * np.pi * (k + rng.uniform(-0.1, 0.1)) / count
@@ -139,20 +216,24 @@ def _ring(rng: np.random.Generator, count: int) -> Rig:
         right = np.cross(forward, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
-        matrix = np.array([[FOCAL, 0, SIZE[0] / 2 - 0.5], [0, FOCAL, SIZE[1] / 2 - 0.5], [0, 0, 1.0]])
+        matrix = np.array([[focal, 0, SIZE[0] / 2 - 0.5], [0, focal, SIZE[1] / 2 - 0.5], [0, 0, 1.0]])
         pose = Rigid(rotation, -rotation @ centre)
         cameras.append(Camera(f"cam{k:02d}", SIZE, Intrinsics(matrix, np.zeros(5)), pose))
     return Rig(tuple(cameras))
 
 
-def _keypoints(rng: np.random.Generator, body: Body) -> tuple[Body, dict[str, tuple[int, Array]]]:
+def _keypoints(
+    rng: np.random.Generator, body: Body, detector: dict[str, Array]
+) -> tuple[Body, dict[str, tuple[int, Array]]]:
     """The body with the detector's offsets as they are known, and where its joints truly are on this
     person."""
     names = body.model.names
     known, true = {}, {}
     for name, (segment, offset) in body.keypoints.items():
         spread = TRUNK_KEYPOINT_SD if name in TRUNK_KEYPOINTS else KEYPOINT_SD
-        place = offset + spread * rng.normal(size=3)
+        if name not in detector:
+            detector[name] = spread * rng.normal(size=3)
+        place = offset + detector[name]
         known[name] = (names[segment], place)
         true[name] = (segment, place + OWN_KEYPOINT_SD * rng.normal(size=3))
     return body.with_keypoints(known), true

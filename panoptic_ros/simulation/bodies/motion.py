@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from panoptic_ros.geometry.chain import place_all
-from panoptic_ros.geometry.rotations import from_quaternions, rotations_of, to_quaternions, vectors_of
+from panoptic_ros.geometry.rotations import (
+    from_quaternions,
+    rotations_of,
+    to_quaternions,
+    turn_about_z,
+    vectors_of,
+)
 from panoptic_ros.geometry.segment_chain import Chain
 
 Array = np.ndarray
@@ -55,6 +61,39 @@ def clips_of(arrays: Mapping[str, Array]) -> dict[str, Clip]:
     }  # fmt: skip
 
 
+def laid_out(clips: Sequence[Clip], path: Sequence[float]) -> list[Clip]:
+    """The clips about the same place, or each turned by so many degrees and begun where the one before ended.
+
+    Args:
+        path: a direction for each clip, or none at all.
+    """
+    if not path:
+        return [replace(clip, roots=clip.roots - np.append(clip.roots[:, :2].mean(0), 0.0)) for clip in clips]
+    found, begin = [], np.zeros(2)
+    for clip, degrees in zip(clips, path):
+        turn, vectors = turn_about_z(np.radians(degrees)), clip.vectors.copy()
+        vectors[:, 0] = vectors_of(np.ascontiguousarray(turn @ rotations_of(clip.vectors[:, 0])))
+        roots = clip.roots @ turn.T
+        roots[:, :2] += begin - roots[0, :2]
+        begin = roots[-1, :2].copy()
+        found.append(replace(clip, roots=roots, vectors=vectors))
+    return found
+
+
+def moved(motion: BodyMotion, angle: float, at: Sequence[float]) -> BodyMotion:
+    """The motion turned about the vertical, rad, and carried to a place (2,) m."""
+    turn, shift = turn_about_z(angle), np.append(at, 0.0)
+    turns = motion.turns.copy()
+    turns[:, 0] = turn @ turns[:, 0]
+    return BodyMotion(
+        motion.times,
+        motion.roots @ turn.T + shift,
+        turns,
+        motion.places @ turn.T + shift,
+        turn @ motion.frames,
+    )
+
+
 def make_motion(
     rng: np.random.Generator, names: Sequence[str], clips: Sequence[Clip], rate: float, t_pose_deg: float,
     chain: Chain,
@@ -64,7 +103,7 @@ def make_motion(
     for clip in clips:
         turns = rotations_of(clip.vectors.reshape(-1, 3)).reshape(*clip.vectors.shape, 3)
         quaternions.append(to_quaternions(turns))
-        roots.append(clip.roots - np.append(clip.roots[:, :2].mean(0), 0.0))
+        roots.append(clip.roots)
     off = np.radians(t_pose_deg) * rng.normal(size=(len(names), 3))
     stand = rotations_of(off)
     first = roots[0][0].copy()

@@ -21,7 +21,7 @@ from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
 from panoptic_ros.running.kinematics import PAPER, body_config, read_body_task
-from panoptic_ros.running.simulations.bodies import body_scene
+from panoptic_ros.running.simulations.body_scenes import body_scene
 from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture, simulate_body
 from panoptic_ros.simulation.bodies.motion import Clip
 

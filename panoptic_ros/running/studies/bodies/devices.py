@@ -19,7 +19,7 @@ from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.tracker import SubjectTracker
 from panoptic_ros.running.kinematics import body_config
-from panoptic_ros.running.simulations.bodies import body_scene
+from panoptic_ros.running.simulations.body_scenes import body_scene
 from panoptic_ros.running.studies.bodies.cases import prior_without
 from panoptic_ros.running.studies.bodies.following import follow, tracker_of
 from panoptic_ros.simulation.bodies.capture import BodyCapture, simulate_body
