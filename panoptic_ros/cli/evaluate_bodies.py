@@ -15,13 +15,14 @@ from panoptic_ros.view.progress import PassBar
 if TYPE_CHECKING:
     from panoptic_ros.running.studies.bodies.cases import BodyCase
 
-BODY_STUDIES = ("kinematics", "kinematics-inputs", "terms", "alignment", "devices")
+BODY_STUDIES = ("kinematics", "kinematics-inputs", "terms", "alignment", "devices", "captures")
 
 
 def run_bodies(args: argparse.Namespace) -> int:
     """Solve captures in several ways, print a table, write the numbers and the plot."""
     from panoptic_ros.running.studies.bodies import (  # numba is slow to load
         alignment,
+        captures,
         devices,
         goals,
         inputs,
@@ -33,6 +34,9 @@ def run_bodies(args: argparse.Namespace) -> int:
         if args.study == "devices":
             result = devices.study_devices(seed_range(args), args.settings, bar.show)
             lines = devices.device_lines(result)
+        elif args.study == "captures":
+            result = captures.study_captures(cases, number, args.settings, bar.show)
+            lines = captures.capture_lines(result)
         elif args.study == "alignment":
             result = alignment.study_alignment(cases, number, args.settings, bar.show)
             lines = alignment.alignment_lines(result)
@@ -58,14 +62,16 @@ def run_bodies(args: argparse.Namespace) -> int:
 
 def _cases(args: argparse.Namespace) -> tuple[Iterator[BodyCase], int]:
     """Captures one by one, and how many: those in folders, or simulated ones of all scenes and seeds."""
-    from panoptic_ros.running.simulations.body_scenes import BODY_SCENES
+    from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY_SCENES
     from panoptic_ros.running.studies.bodies.cases import read_case, simulated_case
 
     if args.capture:
         return map(read_case, args.capture), len(args.capture)
-    seeds, scenes = seed_range(args), args.scenes.split(",") if args.scenes else list(BODY_SCENES)
-    unknown = [name for name in scenes if name not in BODY_SCENES]
+    known = BODY_SCENES | OTHER_BODY_SCENES
+    usual = OTHER_BODY_SCENES if args.study == "captures" else BODY_SCENES
+    seeds, scenes = seed_range(args), args.scenes.split(",") if args.scenes else list(usual)
+    unknown = [name for name in scenes if name not in known]
     if unknown:
-        raise UsageError(f"there is no scene {unknown[0]!r}; there are {', '.join(BODY_SCENES)}")
+        raise UsageError(f"there is no scene {unknown[0]!r}; there are {', '.join(known)}")
     pairs = [(name, seed) for seed in seeds for name in scenes]
     return (simulated_case(*pair) for pair in pairs), len(pairs)

@@ -31,7 +31,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
         "VGA and QVGA images; time for a minute of capture. Without --rig: kinematics: bodies beside the "
         "paper's solver, -inputs: by cameras and IMUs; terms: each left out; alignment: heading and clock "
-        "of IMUs; devices: IMUs that are worn otherwise than said; identity: who stays who, and whom few "
+        "of IMUs; devices: IMUs that are worn otherwise than said; captures: unknown headings and clocks, "
+        "bystanders, people who leave; identity: who stays who, and whom few "
         "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
         "(--capture); refine-faults: the same of true joints with noise, outliers and gaps (--seeds); fill: "
         "joints that few views see, with and without bodies (--capture)",

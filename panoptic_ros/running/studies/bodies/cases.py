@@ -22,7 +22,8 @@ from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_pri
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
 from panoptic_ros.running.kinematics import PAPER, body_config, read_body_task
 from panoptic_ros.running.simulations.body_scenes import body_scene
-from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture, simulate_body
+from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture
+from panoptic_ros.simulation.bodies.group import BodyGroup, group_of, simulate_group
 from panoptic_ros.simulation.bodies.motion import Clip
 
 SKIPPED_S = 3.0  # not scored: the T-pose and the way out of it
@@ -36,6 +37,7 @@ class BodyCase:
 
     Args:
         statistics: of poses, without the motions of the capture if it is simulated.
+        strangers: the truth of others who are seen.
     """
 
     name: str
@@ -44,6 +46,7 @@ class BodyCase:
     subjects: tuple[Subject, ...]
     truth: tuple[BodyState, ...]
     statistics: PoseStatistics
+    strangers: tuple[BodyState, ...] = ()
 
     @property
     def model(self) -> SegmentModel:
@@ -97,18 +100,23 @@ class BodyCase:
 def simulated_case(name: str, seed: int) -> BodyCase:
     """The capture of `panoptic simulate NAME --seed N`, with a prior of all other motions."""
     model, clips, scene = read_body_model(), read_clips(), body_scene(name)
-    capture = simulate_body(scene, seed, model, clips)
-    return case_of(capture, prior_without(scene.clips, clips, model), name, seed)
+    capture = simulate_group(scene, seed, model, clips)
+    used = [clip for person in (scene, *scene.others) for clip in person.clips]
+    return case_of(capture, prior_without(used, clips, model), name, seed)
 
 
-def case_of(capture: BodyCapture, statistics: PoseStatistics, name: str = "", seed: int = 0) -> BodyCase:
+def case_of(
+    capture: BodyCapture | BodyGroup, statistics: PoseStatistics, name: str = "", seed: int = 0
+) -> BodyCase:
     """A simulated capture as a case."""
-    return BodyCase(name, seed, recording_of(capture), (capture.subject,), tuple(capture.truth()), statistics)
+    group = capture if isinstance(capture, BodyGroup) else group_of(capture)
+    truth, strangers = tuple(group.truth), tuple(group.strangers)
+    return BodyCase(name, seed, recording_of(group), group.subjects, truth, statistics, strangers)
 
 
 def read_case(folder: Path) -> BodyCase:
-    """A capture in a folder: rig.json, detections.json.gz, imu.csv or imu.csv.gz, subject*.json and
-    truth.json.gz, with the installed prior.
+    """A capture in a folder: rig.json, detections.json.gz, imu.csv or imu.csv.gz, subject*.json,
+    truth.json.gz and strangers.json.gz, with the installed prior.
 
     Raises:
         UserError: if one is missing or cannot be used.
@@ -123,22 +131,28 @@ def read_case(folder: Path) -> BodyCase:
     names, truth = read_bodies(folder / "truth.json.gz")
     if names != task.model.names:
         raise DataError(f"{folder / 'truth.json.gz'} is of another skeleton: {', '.join(names[:4])}, ...")
-    return BodyCase(folder.name, 0, task.recording, task.subjects, tuple(truth), task.statistics)
+    others = folder / "strangers.json.gz"
+    strangers = read_bodies(others)[1] if others.exists() else []
+    return BodyCase(
+        folder.name, 0, task.recording, task.subjects, tuple(truth), task.statistics, tuple(strangers)
+    )
 
 
-def recording_of(capture: BodyCapture) -> Recording:
+def recording_of(capture: BodyCapture | BodyGroup) -> Recording:
     """What the solver gets of a simulated capture."""
-    if not len(capture.pixels):
-        return Recording(None, capture.joint_names, {}, capture.devices)
+    group = capture if isinstance(capture, BodyGroup) else group_of(capture)
+    if not len(group.views):
+        return Recording(None, group.joint_names, {}, group.devices)
     views = {}
-    for c, camera in enumerate(capture.rig.cameras):
-        pixels = capture.pixels[c]
-        plane = np.full(pixels.shape, np.nan)
-        there = np.isfinite(pixels).all(-1)
-        plane[there] = camera.intrinsics.undistort(pixels[there])
-        people = tuple(ViewPeople(plane[t][None], capture.scores[c, t][None]) for t in range(len(plane)))
-        views[c] = ViewSeries(capture.stamps, people)
-    return Recording(capture.rig, capture.joint_names, views, capture.devices)
+    for c, (camera, seen) in enumerate(zip(group.rig.cameras, group.views)):
+        people = []
+        for pixels, scores in seen:
+            plane, there = np.full(pixels.shape, np.nan), np.isfinite(pixels).all(-1)
+            if there.any():
+                plane[there] = camera.intrinsics.undistort(pixels[there])
+            people.append(ViewPeople(plane, scores))
+        views[c] = ViewSeries(group.stamps, tuple(people))
+    return Recording(group.rig, group.joint_names, views, group.devices)
 
 
 def prior_without(left_out: Sequence[str], clips: Mapping[str, Clip], model: SegmentModel) -> PoseStatistics:

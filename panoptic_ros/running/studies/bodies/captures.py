@@ -1,0 +1,84 @@
+"""Captures in which less is known: headings, clocks, mountings, who of several people is asked for, and where
+somebody is who walks out of the cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain.subjects import BodyState
+from panoptic_ros.evaluation.kinematic_scores import score_bodies
+from panoptic_ros.running.kinematics import PAPER, body_config
+from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SKIPPED_S, BodyCase
+from panoptic_ros.stage import Progress
+
+ELLIPSOID_95 = 7.815  # squared Mahalanobis distance in space that 95 % stay within
+
+
+def study_captures(
+    cases: Iterable[BodyCase], number: int, settings: Sequence[str], progress: Progress
+) -> dict[str, Any]:
+    """A row for each capture, subject and solver.
+
+    Args:
+        settings: NAME=VALUE of the kinematics, for ours.
+    """
+    configs = {OURS: body_config(settings=settings), PAPER: body_config(PAPER)}
+    rows = []
+    for n, case in enumerate(cases):
+        everybody: dict[int, list[BodyState]] = {}
+        for state in (*case.truth, *case.strangers):
+            everybody.setdefault(state.stamp_ns, []).append(state)
+        for k, method in enumerate(METHODS):
+            progress((n + k / len(METHODS)) / number, f"{case.name}, seed {case.seed}: {method}")
+            solved = case.solve(configs[method])
+            for subject in case.subjects:
+                truth, mine = (
+                    [s for s in both if s.id == subject.id] for both in (case.truth, solved.states)
+                )
+                scores = score_bodies(truth, mine, case.model.parents, SKIPPED_S)
+                rows.append(
+                    {"scene": case.name, "seed": case.seed, "subject": subject.id, "method": method}
+                    | {key: scores.get(key, float("nan")) for key in ("coverage", "mm", "deg", "acc")}
+                    | {"taken": taken(mine, everybody), "inside": inside(mine, truth)}
+                )
+    return {"study": "captures", "rows": rows}
+
+
+def taken(found: Sequence[BodyState], everybody: dict[int, list[BodyState]]) -> int:
+    """Instants in which a body is nearer to somebody else than to its own subject."""
+    count = 0
+    for state in found:
+        far = {o.id: np.linalg.norm(o.places - state.places) for o in everybody.get(state.stamp_ns, ())}
+        count += bool(far) and min(far, key=lambda number: far[number]) != state.id
+    return count
+
+
+def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
+    """Share of true joints that lie in the ellipsoids that are to hold 95 % of them; NaN without any."""
+    true, shares = {state.stamp_ns: state for state in truth}, []
+    for state in found:
+        if state.covariances is not None and state.stamp_ns in true:
+            off = state.places - true[state.stamp_ns].places
+            square = (off * np.linalg.solve(state.covariances[:, :3, :3], off[..., None])[..., 0]).sum(-1)
+            shares.append(float((square < ELLIPSOID_95).mean()))
+    return float(np.mean(shares)) if shares else float("nan")
+
+
+def capture_lines(result: dict[str, Any]) -> Iterator[str]:
+    """The table, a line for each subject: ours, the paper's, and ours as a share of it."""
+    yield "simulated captures: no reproduction of Total Capture; after the first 3 s"
+    yield (
+        f"{'capture':<16}{'seed':>6}{'subject':>9}{'there':>7}{'mm':>8}{'deg':>7}{'m/s^2':>7}{'taken':>7}"
+        f"{'in 95 %':>9}   paper: mm, deg, taken   ours / paper: mm, deg"
+    )
+    rows = {method: [row for row in result["rows"] if row["method"] == method] for method in METHODS}
+    for ours, paper in zip(rows[OURS], rows[PAPER]):
+        shares = ", ".join(f"{ours[key] / paper[key]:.2f}" for key in ("mm", "deg"))
+        yield (
+            f"{ours['scene']:<16}{ours['seed']:>6}{ours['subject']:>9}{ours['coverage']:>7.2f}{ours['mm']:>8.1f}"
+            f"{ours['deg']:>7.1f}{ours['acc']:>7.1f}{ours['taken']:>7}{ours['inside']:>9.3f}   "
+            f"{paper['mm']:.1f}, {paper['deg']:.1f}, {paper['taken']}   {shares}"
+        )
