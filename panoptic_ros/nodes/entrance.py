@@ -30,9 +30,11 @@ class Entrance:
     ):  # fmt: skip
         self._facts, self._tally, self._reports, self._wiring = facts, tally, reports, wiring
 
-    def takers(self, receive: Callable[[Input, str, int, Any], None]) -> Takers:
+    def takers(
+        self, receive: Callable[[Input, str, int, Any], None], on_record: Callable[[Any, Any], None]
+    ) -> Takers:
         """Who takes what comes of an input."""
-        return Takers(receive, self.refuse, self._tell, self.lost)
+        return Takers(receive, self.refuse, self._tell, self.lost, on_record)
 
     def record(self, entry: Input, data: Any) -> Any | None:
         """The record of a message, None if it cannot be used."""

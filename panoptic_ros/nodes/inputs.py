@@ -39,12 +39,14 @@ class Takers(NamedTuple):
         refuse: told of messages without a stamp that could be one.
         tell: about publishers that do not fit, and topics that are left alone for a while.
         lost: told how many messages are gone, and why.
+        on_record: told each record with its message.
     """
 
     receive: Callable[[Input, str, int, bytes], None]
     refuse: Callable[[Input, DataError], None]
     tell: Callable[[Input, Notice], None]
     lost: Callable[[Input, str, int], None]
+    on_record: Callable[[Any, Any], None]
 
 
 @dataclass
@@ -55,6 +57,7 @@ class Input:
         topic: key of the port's topic. carrier: of the one that is subscribed to, a variant or the same.
         owner: camera, sensor or device; "" for topics of the graph.
         name: full name. kind: class of its messages. decode: makes records of them.
+        on_record: told each record with its message.
     """
 
     topic: str
@@ -66,6 +69,7 @@ class Input:
     arrivals: Arrivals
     continuity: Continuity | None = None
     count: int = 0
+    on_record: Callable[[Any, Any], None] = lambda record, message: None
 
     def record(self, data: bytes) -> Any:
         """The record of a message.
@@ -73,7 +77,10 @@ class Input:
         Raises:
             DataError: if it is none.
         """
-        return self.decode(unpacked(data, self.kind), self.count)
+        message = unpacked(data, self.kind)
+        record = self.decode(message, self.count)
+        self.on_record(record, message)
+        return record
 
     def missing_before(self, record: Any) -> int:
         """How many records did not come before this one though nothing was lost on the way."""
@@ -214,7 +221,7 @@ def _subscribe(
     in_order = live and row.scope == "graph" and not row.latched
     found = Input(
         topic, carrier, owner, name, message_class(row.message), decoder, arrivals,
-        Continuity() if in_order else None,
+        Continuity() if in_order else None, on_record=takers.on_record,
     )  # fmt: skip
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import Any
 
 from rclpy.node import Node
@@ -12,6 +13,7 @@ from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.schedule import Place
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.io.messages import to_message
+from panoptic_ros.io.messages.origins import Origins
 from panoptic_ros.nodes.family import message_class, ros_messages
 from panoptic_ros.nodes.progress import ProgressTold
 from panoptic_ros.nodes.quality import CLOCKS, data_quality
@@ -24,6 +26,9 @@ class Outputs:
     Args:
         leaving: keys of topics that are always published; others only while somebody subscribes.
         ends: tells the ends of topics (replay). progress: tells how far they have come.
+
+    Attributes:
+        origins: of records that go on inside of messages that leave the process.
     """
 
     def __init__(
@@ -36,6 +41,8 @@ class Outputs:
     ):
         self._node, self._flow, self._leaving = node, flow, frozenset(leaving)
         self._ends, self._progress = ends, progress
+        self.origins = Origins(TOPICS[topic].record for topic in leaving)
+        self._messages = replace(ros_messages(), origin=self.origins.of)
         self._publishers: dict[tuple[str, str], Any] = {}
         self._sent: dict[tuple[str, str], int] = {}
 
@@ -56,7 +63,7 @@ class Outputs:
         publisher = self._publishers[key]
         if topic not in self._leaving and not publisher.get_subscription_count():
             return False
-        publisher.publish(to_message(record, ros_messages(), rig.frame_id))
+        publisher.publish(to_message(record, self._messages, rig.frame_id))
         self._sent[key] = self._sent.get(key, 0) + 1
         return True
 

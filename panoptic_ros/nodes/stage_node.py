@@ -235,7 +235,7 @@ class StageNode(Node):
         return ReplayDelivery(host, self._over)
 
     def _subscribe(self, present: Sequence[Key]) -> None:
-        takers = self._entrance.takers(self._receive)
+        takers = self._entrance.takers(self._receive, self._outputs.origins.keep)
         for topic, owner in present:
             if self._reading.reads(owner):
                 continue
@@ -332,9 +332,9 @@ class StageNode(Node):
     def _gave(self, topic: str, record: Any) -> None:
         assert self._delivery is not None
         giver = next(spec.name for spec in self._wiring().specs if topic in spec.outputs)
-        self._tally.gave(giver, self._age_ns(record))
         if self._outputs.publish(topic, record, self._facts.rig):
             self._delivery.gave(topic, record)
+        self._tally.gave(giver, self._age_ns(record))
 
     def _age_ns(self, record: Any) -> int | None:
         """Since the stamp of a record (live)."""

@@ -28,7 +28,7 @@ def write(item: AssociationSet, family: Messages, frame_id: str) -> Any:
     return family.make(
         "AssociationSet",
         header=family.header(item.stamp_ns, frame_id),
-        detections=write_set(item.detections, family, frame_id),
+        detections=family.origin(item.detections) or write_set(item.detections, family, frame_id),
         joint_count=evidence.scores.shape[1],
         cameras=flat(family, evidence.cameras, np.int32),
         slots=flat(family, evidence.slots, np.int32),

@@ -95,7 +95,7 @@ def write_set(item: DetectionSet, family: Messages, frame_id: str) -> Any:
         header=family.header(item.stamp_ns, frame_id),
         index=item.index,
         skeleton_hash=item.skeleton_hash,
-        views=[write_view(view, family, frame_id) for view in item.views],
+        views=[family.origin(view) or write_view(view, family, frame_id) for view in item.views],
     )
 
 

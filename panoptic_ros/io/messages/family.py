@@ -29,10 +29,13 @@ class Messages:
     Args:
         type_of: "package/msg/Name" -> class, whose constructor takes the fields by keyword.
         sequence: makes what a field of unbounded length takes from a flat array.
+        origin: the message of this family that a record came as, which is not written anew inside of another
+            one; None: it came as none.
     """
 
     type_of: Callable[[str], Any]
     sequence: Callable[[Array], Any]
+    origin: Callable[[Any], Any | None] = lambda record: None
 
     def make(self, name: str, /, **fields: Any) -> Any:
         """A message; short names are those of this project's package."""

@@ -71,7 +71,7 @@ def _write_proposals(item: ProposalSet, family: Messages, frame_id: str) -> Any:
     return family.make(
         "ProposalSet",
         header=family.header(item.stamp_ns, frame_id),
-        association=associations.write(item.association, family, frame_id),
+        association=family.origin(item.association) or associations.write(item.association, family, frame_id),
         nodes=flat(family, item.nodes, np.float64),
         node_joints=flat(family, item.node_joints, np.int32),
         node_scores=flat(family, item.node_scores, np.float64),

@@ -15,7 +15,8 @@ from panoptic_ros.io.resources import share_folder
 from panoptic_ros.running.processes.successors import Child, ForkServer
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # the variable that names it
-SENDER, LISTENER = "fastdds.xml", "fastdds_listener.xml"
+SENDER, LOCAL, LISTENER = "fastdds.xml", "fastdds_local.xml", "fastdds_listener.xml"
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 MOST_REVIVALS = 5  # of one process in a minute
 
 
@@ -142,15 +143,17 @@ class Processes:
         self.stop(8.0 if exception[0] is None else 3.0)
 
 
-def prepare_environment(profile: str = SENDER) -> None:
+def prepare_environment(profile: str = "") -> None:
     """Settings for this process's own part in the graph; what the user has set stays.
 
     A replay is nobody else's business: discovery stays on this machine.
 
     Args:
-        profile: of the middleware, `SENDER`, or `LISTENER` where nothing large is sent.
+        profile: of the middleware, `LISTENER` where nothing large is sent; "" = `LOCAL` where all nodes are
+            on this machine, else `SENDER`.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    reach = os.environ.setdefault(RANGE, "LOCALHOST")
+    profile = profile or (SENDER if reach.upper() in ("SUBNET", "SYSTEM_DEFAULT") else LOCAL)
     if profile_path(profile).is_file():
         os.environ.setdefault(PROFILE, str(profile_path(profile)))
 

@@ -68,11 +68,26 @@ def test_what_the_user_can_mend_is_not_started_anew(launched):
             until(lambda: running.revive() != [])
 
 
-def test_the_profile_of_listeners_differs_in_what_they_reserve_alone():
-    full, small = (
-        ElementTree.canonicalize(module.profile_path(name).read_text(), strip_text=True)
-        for name in (module.SENDER, module.LISTENER)
+@pytest.mark.parametrize(
+    ("name", "field", "larger"),
+    [(module.LISTENER, "segment_size", False), (module.LOCAL, "maxMessageSize", True)],
+)
+def test_profiles_differ_in_one_thing_alone(name, field, larger):
+    full, other = (
+        ElementTree.canonicalize(module.profile_path(each).read_text(), strip_text=True)
+        for each in (module.SENDER, name)
     )
-    reserved = re.compile("<segment_size>([0-9]+)</segment_size>")
-    assert reserved.sub("", full) == reserved.sub("", small) != full
-    assert int(reserved.search(small)[1]) < int(reserved.search(full)[1])
+    held = re.compile(f"<{field}>([0-9]+)</{field}>")
+    assert held.sub("", full) == held.sub("", other) != full
+    before, after = (sum(map(int, held.findall(text))) for text in (full, other))
+    assert (after > before) == larger
+
+
+@pytest.mark.parametrize(
+    ("reach", "name"),
+    [(None, module.LOCAL), ("LOCALHOST", module.LOCAL), ("SUBNET", module.SENDER)],
+)
+def test_messages_are_cut_into_datagrams_only_where_a_network_may_lose_them(monkeypatch, reach, name):
+    monkeypatch.setattr(module.os, "environ", {} if reach is None else {module.RANGE: reach})
+    module.prepare_environment()
+    assert module.os.environ[module.PROFILE].endswith(f"/{name}")
