@@ -50,10 +50,6 @@ class AssemblyConfig(Config):
         4.0, unit="sigma^2", ge=0.0, le=100.0,
         doc="Cost of taking a joint from another 2D person of the view (merged people).",
     )
-    swap_gain: float = param(
-        10.0, unit="sigma^2", ge=0.0, le=1000.0,
-        doc="How much cheaper a limb must be with left and right exchanged.",
-    )
     max_pairs: int = param(
         45, ge=1, le=1000, doc="Pairs of views whose intersection is tried as the start of a joint."
     )

@@ -6,21 +6,18 @@ import numpy as np
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.agreement import limb_costs
 from panoptic_ros.solving.gauss_newton import SolverRules
 from panoptic_ros.solving.joint_records import Claims, Guides, SolvedJoints
 from panoptic_ros.solving.joints import solve_again, solve_joints
-from panoptic_ros.solving.limbs import Limbs
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 
 
 class Solver:
-    """Solves joints, exchanges limbs, and assigns each 2D joint to one skeleton."""
+    """Solves joints, and assigns each 2D joint to one skeleton."""
 
-    def __init__(self, config: AssemblyConfig, limbs: Limbs):
-        self._config, self._limbs = config, limbs
+    def __init__(self, config: AssemblyConfig):
         self._rules = SolverRules(
             config.truncation, config.cauchy, config.gate, config.foreign_penalty, config.max_pairs
         )
@@ -29,40 +26,15 @@ class Solver:
         """Positions of associated people.
 
         Args:
-            source: (P, V, J) which joint of the 2D person stands for joint j; changed in place where
-                a limb turns out to be exchanged.
+            source: (P, V, J) which joint of the 2D person stands for joint j.
         """
         claims = Claims(groups.member, source, np.full(scene.precision.shape, -1, np.int64))
         seen = scene.observations
         solved = solve_joints(guides, claims, seen, self._rules)
-        changed = self._exchange(scene, claims, guides, solved)
-        if changed.any():
-            solve_again(changed, guides, claims, seen, self._rules, solved)
-        losers = settle(solved, claims, self._config.foreign_penalty)
+        losers = settle(solved, claims, self._rules.foreign_penalty)
         if losers.any():
             solve_again(losers, guides, claims, seen, self._rules, solved)
         return solved
-
-    def _exchange(self, scene: Scene, claims: Claims, guides: Guides, solved: SolvedJoints) -> Array:
-        """Exchange left and right of whole limbs where that is clearly cheaper.
-
-        Returns:
-            (P, J) whether a joint must be solved again.
-        """
-        if not self._limbs.number:
-            return np.zeros(guides.spreads.shape, bool)
-        costs = limb_costs(
-            solved.positions, guides.shifts, claims, scene.observations, self._limbs,
-            self._config.truncation**2,
-        )  # fmt: skip
-        kept, swapped = costs[..., 0], costs[..., 1]
-        better = (swapped + self._config.swap_gain < kept) & (swapped < 0.5 * kept)  # (P, V, G)
-        if not better.any():
-            return np.zeros(guides.spreads.shape, bool)
-        groups = self._limbs.groups
-        touched = better[..., np.maximum(groups, 0)] & (groups >= 0)  # (P, V, J)
-        claims.source[:] = np.where(touched, scene.mirror[claims.source], claims.source)
-        return np.ascontiguousarray(touched.any(axis=1))
 
 
 def observed_views(scene: Scene, grouping: Groups, source: Array) -> Array:

@@ -58,7 +58,7 @@ class AssemblyStage(Stateful):
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._limbs = limbs_of(context.skeleton)
         self._needed_views = needed_views(config.capture_views, context.rig.cameras)
-        self._solver = Solver(config, self._limbs)
+        self._solver = Solver(config)
         self._finisher = Finisher(config, self._skeleton)
         self._sides = Sides(context.skeleton, self._limbs.groups)
         self._bones = body_bones(context.skeleton, self._sides.torso)

@@ -49,7 +49,6 @@ def _refinement(name: str, about: str, **off: Any) -> Mechanism:
     return Mechanism("refinement", name, about, {"refinement": off})
 
 
-NEVER = 1000.0  # a cost that nothing reaches
 NO_LIMIT = 100.0  # standard deviations
 
 MECHANISMS: tuple[Mechanism, ...] = (
@@ -70,7 +69,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
               truncation=NO_LIMIT, gate=NO_LIMIT, cauchy=NO_LIMIT),
     _assembly("starts", "a joint is begun from many pairs of views", max_pairs=1),
     _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
-    _assembly("swapped-limbs", "left and right of a limb are exchanged in a view", swap_gain=NEVER),
     _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
     _assembly("fewest-joints", "a person has five joints", min_person_joints=1),
     _assembly("map-votes", "joints go to the soft votes of the maps", True, vote_distance=0.0),
