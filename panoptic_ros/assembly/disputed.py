@@ -42,7 +42,10 @@ def place_disputed(scene: Scene, found: Candidates, joints: Joints, skeleton: Sk
     """Fill missing joints of people of few views, in place, with what belongs to them."""
     member, expected = found.grouping.member, found.guide.positions
     supporting = (member >= 0).sum(axis=1)
-    few = np.flatnonzero((supporting >= 1) & (supporting <= FEW_VIEWS))
+    lacking = np.isnan(joints.positions[..., 0]).any(axis=1)
+    few = np.flatnonzero(lacking & (supporting >= 1) & (supporting <= FEW_VIEWS))
+    if not len(few):
+        return
     few = few[seeing_views(scene, joints.positions[few]).sum(axis=1) <= FEW_SEEING]
     for p in few:
         positions = joints.positions[p]

@@ -62,6 +62,8 @@ def hold_people(
     rows, more, placed = [], [], np.zeros((count, nodes), bool)
     for k in np.flatnonzero(wanted).tolist():
         row = row_of.get(k)
+        if row is not None and np.isfinite(joints.positions[row, :, 0]).all():
+            continue
         own = None if row is None else joints.rows(np.array([row]))
         held = _hold(scene, found, prediction, k, own, body, worst)
         if held is None or (row is None and _is_there(held.positions[0], fresh)):

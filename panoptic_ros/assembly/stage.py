@@ -110,7 +110,8 @@ class AssemblyStage(Stateful):
         people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), motion)
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
-        people = people.rows(inside)
+        if not inside.all():
+            people = people.rows(inside)
         if self._config.learn_noise:
             seen = ages == 0.0
             self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept, seen)
