@@ -9,6 +9,7 @@ SECOND = 1_000_000_000
 SILENT_PERIODS = 3  # without a message, after which a topic is silent
 LEAST_SILENCE_NS = SECOND  # but not before so long
 RECENT = 64  # messages, from which rate and latency are told
+FEW = 3  # messages, from which a share is told
 MOST_PUBLISHERS = 4  # of one topic
 MOST_LOST = 3600  # messages at once: more is a publisher that began anew, or an odd number
 
@@ -38,6 +39,7 @@ class Arrivals:
         self._lost_before = 0  # messages lost since the newest record that has a number
         self._intervals: deque[int] = deque(maxlen=RECENT)
         self._latencies: deque[int] = deque(maxlen=RECENT)
+        self._missing: deque[int] = deque(maxlen=RECENT)
 
     @property
     def title(self) -> str:
@@ -59,8 +61,14 @@ class Arrivals:
             missing = self._publishers.missing_before(sequence)
             self.lost += missing
             self._lost_before += missing
+            self._missing.append(missing)
         if latency_ns is not None:
             self._latencies.append(latency_ns)
+
+    def lost_share(self) -> float:
+        """How much of what was sent of late was lost; 0 while that is not known."""
+        lost = sum(self._missing)
+        return lost / (lost + len(self._missing)) if len(self._missing) >= FEW else 0.0
 
     def numbered(self, number: int) -> int:
         """A record with this number has come; how many before it nobody sent, as far as numbers tell."""

@@ -18,6 +18,7 @@ from panoptic_ros.graph.floods import MOST_BYTES, MOST_MESSAGES, FloodGuard
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.nodes import Port
 from panoptic_ros.graph.topics import TOPICS, variants
+from panoptic_ros.io.resources import share_folder
 from panoptic_ros.nodes.audio_common import audio_common_class
 from panoptic_ros.nodes.decoding import Decoder, decoder_of
 from panoptic_ros.nodes.family import message_class
@@ -28,6 +29,7 @@ from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice
 
 ALL = "*"
+LOSSY = 0.2  # of best-effort messages lost: more is told
 FLOODED = 128  # messages that wait in the middleware while bad ones are sorted out from among them
 
 
@@ -198,6 +200,8 @@ def _subscribe(
             takers.receive(found, queue, stamp_ns, data)
         if arrivals.lost > lost:
             takers.lost(found, "lost", arrivals.lost - lost)
+            if not subscription.is_reliable and arrivals.lost_share() > LOSSY:
+                takers.tell(found, _lossy(arrivals, len(data)))
         if flood:
             leave_alone(flood, now_ns)
 
@@ -224,6 +228,16 @@ def _subscribe(
         Continuity() if in_order else None, on_record=takers.on_record,
     )  # fmt: skip
     return found
+
+
+def _lossy(arrivals: Arrivals, size: int) -> Notice:
+    """A driver that offers best effort loses much: its own middleware has room for little."""
+    text = (
+        f"{100 * arrivals.lost_share():.0f} % of {arrivals.name} ({size / 1e6:.2g} MB each) is lost on the "
+        "way, as its driver offers best effort: start the driver with FASTRTPS_DEFAULT_PROFILES_FILE="
+        f"{share_folder() / 'config' / 'fastdds.xml'}, or let it offer reliable, or smaller or fewer images"
+    )
+    return Notice("graph.lossy", "warning", text, {"camera": arrivals.owner})
 
 
 def _is_regular(topic: str, carrier: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -197,6 +198,7 @@ class StageNode(Node):
             self._worker.start(queue_for(pipeline.wiring, self._flow, present, lambda: under_way.full))
         self._subscribe(present)
         self._reading.start(used, self._take_own, self._fail)
+        gc.freeze()  # what is there by now stays; to look through it takes longer than a period
         self.get_logger().info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
 
     def _make_pipeline(self, used: Rig, skeleton: SkeletonModel) -> Pipeline:

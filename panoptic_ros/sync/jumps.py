@@ -64,7 +64,7 @@ class JumpGuard:
         if self._live and self._steps_ahead(camera, view):
             return self._wait(camera, view, arrived)
         self._accept(camera, view.stamp_ns)
-        return [view], self._expose(camera) if self._anybody_early else []
+        return self._compare(camera, view) if self._anybody_early else ([view], [])
 
     def _accept(self, camera: GuardedCamera, stamp_ns: int) -> None:
         if camera.newest is not None and stamp_ns > camera.newest:
@@ -113,17 +113,24 @@ class JumpGuard:
             self._accept(self._cameras[released.camera], released.stamp_ns)
         return views, []
 
-    def _expose(self, going_on: GuardedCamera) -> list[Notice]:
-        """Report cameras that are ahead: another one goes on as before, so their clocks have jumped."""
-        notices: list[Notice] = []
-        for camera in self._cameras.values():
-            if camera is not going_on and camera.early:
-                camera.ahead = True
-                for view in camera.early:
-                    notices += self._tell(camera, view, "ahead of the other cameras")
-                camera.early, camera.waits = [], 0
+    def _compare(
+        self, going_on: GuardedCamera, view: ViewDetections
+    ) -> tuple[list[ViewDetections], list[Notice]]:
+        """Another camera goes on as before: clocks that are ahead of its frame have jumped. Where it is there
+        as well, frames in between were lost.
+        """
+        views, notices = [view], []
+        for camera in (c for c in self._cameras.values() if c is not going_on and c.early):
+            camera.ahead = camera.early[0].stamp_ns - view.stamp_ns > AHEAD_NS
+            for early in camera.early:
+                if camera.ahead:
+                    notices += self._tell(camera, early, "ahead of the other cameras")
+                else:
+                    self._accept(camera, early.stamp_ns)
+                    views.append(early)
+            camera.early, camera.waits = [], 0
         self._anybody_early = False
-        return notices
+        return sorted(views, key=lambda v: v.stamp_ns), notices
 
     # ------------------------------------------------------------------ back
 

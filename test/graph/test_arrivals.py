@@ -44,6 +44,16 @@ def test_what_is_no_stream_may_be_silent():
     assert not arrivals.trouble(100 * SECOND)
 
 
+def test_how_much_is_lost_of_late():
+    arrivals = Arrivals("image", "left", "/left/image_raw", True, 0)
+    shares = []
+    for k in range(200):
+        arrivals.came(k * PERIOD, 1 + 4 * k if k < 100 else 301 + k)
+        shares.append(arrivals.lost_share())
+    assert shares[:2] == [0.0] * 2 and shares[99] == pytest.approx(0.75, abs=0.01)
+    assert shares[199] == 0.0
+
+
 def test_lost_on_the_way_is_told_apart_from_never_sent():
     arrivals = played(10)
     for number in range(10):

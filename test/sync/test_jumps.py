@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.domain import ClockModel
+from panoptic_ros.sync.jumps import JumpGuard
 
 SECOND = 10**9
 RATE = 30.0
@@ -56,6 +57,20 @@ def test_a_single_camera_that_jumps_without_a_clock_model_is_left_out_live(bench
     assert len(frames) == 240
     assert sum("b" in f for f in frames) >= 240 - 95 and frames[-1].keys() == {"a", "b", "c"}
     assert warnings.count("sync.clock_jump") == 1
+
+
+@pytest.mark.parametrize(("other", "jumped"), [(2.6, False), (1.9, False), (1.5, True)])
+def test_a_camera_that_gives_frames_again_with_another_one_has_not_jumped(bench, other, jumped):
+    """An overloaded detector: one camera's frame came late, then it gave none for seconds."""
+    guard = JumpGuard("abc", live=True)
+    order = [("a", 0.0), ("b", 0.0), ("c", 0.0), ("c", 0.7), ("c", 1.4), ("b", 0.2), ("b", 2.6), ("c", other)]
+    taken, told = [], []
+    for k, (camera, t) in enumerate(order):
+        views, notices = guard.take(bench.view(camera, 7200 * SECOND + round(SECOND * t), k))
+        taken += [view.frame_number for view in views]
+        told += [notice.code for notice in notices]
+    assert told == ["sync.clock_jump"] * jumped
+    assert taken[:6] == list(range(6)) and sorted(taken[6:]) == ([7] if jumped else [6, 7])
 
 
 def models_of(offset_of, until_ns, seconds=0.25):

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import dropped_in_all, warnings_of
 from panoptic_ros.running.runs.observer import RunObserver
@@ -16,6 +17,7 @@ from panoptic_ros.view.progress import ProgressBar
 
 EACH = ("kinematics.imu_", "kinematics.never_", "kinematics.mounting", "kinematics.strap")
 PATIENCE_S = 10.0  # without a result after the first detections
+START_S = 20.0  # live, without a result since the start
 
 
 class Watch(RunObserver):
@@ -31,6 +33,7 @@ class Watch(RunObserver):
         self._bar: ProgressBar | None = None
         self._live, self._has_cameras = False, True
         self._instants = 0
+        self._counted: Mapping[str, Mapping[str, str]] = {}
         self._waiting: threading.Timer | None = None
         self._told: set[str] = set()
 
@@ -43,13 +46,13 @@ class Watch(RunObserver):
             self._bar = ProgressBar(
                 None if plan.live else plan.instants, "skeletons" if plan.rig.cameras else "bodies"
             )
+        if plan.live and plan.rig.cameras:
+            self._explain_after(START_S)
 
     def saw(self, key: str, record: Any) -> None:
         """See `RunObserver`."""
         if key == "detections" and self._waiting is None:
-            self._waiting = threading.Timer(PATIENCE_S, _explain)
-            self._waiting.daemon = True
-            self._waiting.start()
+            self._explain_after(PATIENCE_S)
         if key == "detections" and self._table is not None:
             self._table.saw_view(record.camera, len(record.person_scores))
         if key == "skeletons":
@@ -64,6 +67,7 @@ class Watch(RunObserver):
             if self._bar is not None:
                 self._bar.update(self._instants)
         if key == "diagnostics":
+            self._counted = dict(record)
             self._tell_of(record)
             if self._table is not None:
                 self._table.set_dropped(dropped_in_all(record))
@@ -100,6 +104,14 @@ class Watch(RunObserver):
         """Since exposure; recordings have stamps of their own, which say nothing about it."""
         return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
 
+    def _explain_after(self, seconds: float) -> None:
+        """Tell a person who sees nothing happen why."""
+        self._waiting = threading.Timer(
+            seconds, lambda: print(f"\n{why_waiting(self._counted)}", file=sys.stderr, flush=True)
+        )
+        self._waiting.daemon = True
+        self._waiting.start()
+
     def _stop_waiting(self) -> None:
         if self._waiting is not None:
             self._waiting.cancel()
@@ -111,9 +123,22 @@ class Watch(RunObserver):
         self.ended()
 
 
-def _explain() -> None:
-    """Tell a person who sees nothing happen why."""
-    print(
-        "\nwaiting for the first skeletons: kernels are compiled once after an installation, "
-        "which takes about a minute", file=sys.stderr, flush=True,
-    )  # fmt: skip
+def why_waiting(counted: Mapping[str, Mapping[str, str]]) -> str:
+    """What the first skeletons wait for, as nodes tell on /diagnostics: the first stage that waits."""
+    waits = [name for name, values in counted.items() if values.get("waiting_for")]
+    if waits and not any(values.get("compiling") for values in counted.values()):
+        first = min(waits, key=_order)
+        return (
+            f"waiting for the first skeletons: {first} waits for {counted[first]['waiting_for']}; "
+            "`panoptic watch` shows more"
+        )
+    return (
+        "waiting for the first skeletons: kernels are compiled once after an installation, which takes about "
+        "a minute"
+    )
+
+
+def _order(name: str) -> int:
+    """Of a stage in the graph; of its nodes where there are several, detection_0, detection_1, ..."""
+    stage = name if name in NODES else name.rsplit("_", 1)[0]
+    return list(NODES).index(stage) if stage in NODES else len(NODES)

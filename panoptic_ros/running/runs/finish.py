@@ -22,7 +22,8 @@ from panoptic_ros.view.overlay_run import OverlayRun
 from panoptic_ros.view.report import Latency, RunReport
 
 LATEST = "latest."
-TOLD = ("timecode.", "clocks.", "sync.clock_", "kinematics.")  # notices of which report and console tell
+# notices of which report and console tell
+TOLD = ("timecode.", "clocks.", "sync.clock_", "kinematics.", "graph.lossy", "graph.incompatible_qos")
 
 
 def finish(
@@ -115,7 +116,7 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
 
 
 def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
-    """The newest warning of each kind about sound, clocks and bodies, as stages and nodes count them."""
+    """The newest warning of each kind about drivers, sound, clocks and bodies, as nodes count them."""
     found = [
         (name, key.removeprefix(LATEST), text)
         for name, values in counted.items() for key, text in values.items() if key.startswith(LATEST)
