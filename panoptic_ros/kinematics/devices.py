@@ -96,6 +96,10 @@ class WornDevices:
             relative,
         )  # fmt: skip
 
+    def shaken(self) -> dict[int, float]:
+        """Accelerations, m/s^2, of the instant before by segment."""
+        return {int(self.segments[k]): float(np.linalg.norm(a)) for k, a in self.measured.items()}
+
     def remember(self, instant: Instant, which: Array, goals: Array) -> None:
         """What the next instant needs of this one."""
         self.measured = self._world_forces(instant)

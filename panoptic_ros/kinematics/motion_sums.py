@@ -109,7 +109,7 @@ def first_differences(
         place_site(frames[s], places[s], standing.offsets[n], arm)
         place_site(later[s], there[s], standing.offsets[n], moved)
         for j in range(3):
-            moved[j] = weight * (moved[j] - arm[j])
+            moved[j] = weight * (moved[j] - arm[j] - standing.moves[n, j])
             arm[j] -= places[0, j]
             information[j, j] = weight
         add_point(matrices[s], vectors[s], arm, information, moved)

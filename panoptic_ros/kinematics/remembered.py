@@ -7,6 +7,7 @@ from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.contact import Contact
 from panoptic_ros.kinematics.devices import WornDevices
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.imu_fitting import ImuFitting
@@ -45,8 +46,9 @@ CLASSES = (
     Fields.named(
         SubjectTracker,
         "subject weighing _config _chain _count devices _window _pose _before _stamps _unseen_s iterations "
-        "lengths _next_look _next_update _noise",
+        "lengths _next_look _next_update _noise _contact",
     ),
+    Fields.named(Contact, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),
     Fields.named(NoiseLevel, "_square _looks _since"),
     Fields.named(LengthEstimate, "_usual _lengths _information _pull looks scales"),
     Fields.named(

@@ -151,17 +151,18 @@ class Turning(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """Sites that stand still between the last two instants: segments (N,), offsets (N, 3) m, weights
-    (N,) 1/m^2."""
+    """Sites whose motion between the last two instants is known, as of a foot that stands: segments (N,),
+    offsets (N, 3) m, moves (N, 3) m, weights (N,) 1/m^2."""
 
     segments: Array
     offsets: Array
+    moves: Array
     weights: Array
 
 
 NO_ACCELERATIONS = Accelerations(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), 0.0)
 NOTHING_TURNS = Turning(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0))
-NOTHING_STANDS = Standing(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros(0))
+NOTHING_STANDS = Standing(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
 class Between(NamedTuple):

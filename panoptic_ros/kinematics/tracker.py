@@ -13,6 +13,7 @@ from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.contact import Contact
 from panoptic_ros.kinematics.covariance import segment_covariances
 from panoptic_ros.kinematics.devices import WornDevices
 from panoptic_ros.kinematics.evidence import Weighing
@@ -39,7 +40,6 @@ Array = np.ndarray
 UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
 SAME_LENGTHS = 0.002  # m, of a change that is not worth another
-STANDING_RATE, STANDING_SD = 2.0, 0.002  # rad/s of a foot that stands; m between two instants
 
 
 class SubjectTracker:
@@ -67,6 +67,7 @@ class SubjectTracker:
         self._noise = NoiseLevel()
         self._count = len(self._chain.parents)
         self.devices = WornDevices(config, subject, self._chain, mounts, heading)
+        self._contact = Contact(self._chain.parents, weighing.floor.segments, config.rate_hz)
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
@@ -239,19 +240,14 @@ class SubjectTracker:
         return PointTargets(segments, offsets, goals, information, 1.0)
 
     def _standing(self, turning: Turning) -> Standing:
-        """The lowest point of a foot that hardly turns, while no camera sees the person."""
-        ground = self.weighing.floor.segments
-        if self._unseen_s <= UNSEEN_S or self._pose is None or not len(ground):
+        """What carries the body, while no camera sees it."""
+        if self._unseen_s <= UNSEEN_S or self._pose is None:
+            self._contact.forget()
             return NOTHING_STANDS
-        frames, places = np.empty((self._count, 3, 3)), np.empty((self._count, 3))
-        place_segments(self._chain, self._pose, frames, places)
+        rate = self._config.rate_hz
         angles = np.linalg.norm(vectors_of(np.ascontiguousarray(turning.changes)), axis=-1)
-        rates = dict(zip(turning.segments.tolist(), angles * self._config.rate_hz))
-        lowest = min(ground.tolist(), key=lambda s: places[s, 2])
-        worn = lowest if lowest in rates else int(self._chain.parents[lowest])
-        turns = rates.get(worn, 0.0) / STANDING_RATE
-        spread = STANDING_SD * (1.0 + turns**4)
-        return Standing(np.array([lowest]), np.zeros((1, 3)), np.array([spread**-2]))
+        rates = dict(zip(turning.segments.tolist(), (rate * angles).tolist()))
+        return self._contact.step(self._chain, self._pose, rates, self.devices.shaken())
 
     def _final(self) -> list[BodyState]:
         assert self._pose is not None
