@@ -105,6 +105,7 @@ class Health:
         self._stages = {name: _StageHealth(own) for name, own in statistics.items()}
         self._inputs: list[tuple[Arrivals, str]] = []
         self.awaited: Sequence[str] = ()  # latched facts that have not come
+        self.unfit: Sequence[str] = ()  # why the newest latched facts are not worked with
         self.doing = Doing()
         self.finished = False
 
@@ -134,7 +135,7 @@ class Health:
         drops = own.drops.recent(own.statistics.dropped.copy(), now_ns)
         warned = own.warnings.recent(own.statistics.warned, now_ns)
         told = [f"{count} {cause}" for cause, count in drops.items()]
-        reasons = [trouble] if trouble else []
+        reasons = [*([trouble] if trouble else []), *self.unfit]
         reasons += [f"dropped of late: {', '.join(told)}"] if told else []
         reasons += [own.statistics.latest(code) for code in warned]
         title = self._node if len(self._stages) == 1 else name

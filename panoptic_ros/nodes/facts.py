@@ -38,6 +38,7 @@ class Facts:
         self._needs_cameras = needs_cameras
         self._node, self._on_ready, self._on_bad, self._on_rig = node, on_ready, on_bad, on_rig
         self._taken: dict[str, tuple[Any, Any]] = {}  # message and record
+        self._unfit: dict[str, str] = {}  # why the newest of a topic is not worked with
         self._ready = False
         self._kept = [
             node.create_subscription(
@@ -63,6 +64,11 @@ class Facts:
         """Those that have not come."""
         return [TOPICS[key].name for key in ("rig", "skeleton_model") if key not in self._taken]
 
+    @property
+    def unfit(self) -> list[str]:
+        """Why the newest that came is not worked with."""
+        return list(self._unfit.values())
+
     def take_over(self, rig: Rig) -> None:
         """Work with another rig from now on."""
         self._taken["rig"] = self._taken["rig"][0], rig
@@ -85,10 +91,18 @@ class Facts:
             self._change(key, record)
 
     def _change(self, key: str, record: Any) -> None:
+        self._unfit.pop(key, None)
+        if self._is_in_use(key, record):
+            return
         try:
             if key != "rig":
                 name = self._node.get_name()
                 raise ConfigError(f"another /{key} has come: restart node {name} to work with it")
             self._on_rig(record)
         except ConfigError as error:
+            self._unfit[key] = str(error)
             self._node.get_logger().warning(str(error), throttle_duration_sec=5.0)
+
+    def _is_in_use(self, key: str, record: Any) -> bool:
+        """Whether a skeleton is the one that is worked with; a rig that fits is taken over in any case."""
+        return key != "rig" and bool(record.hash == self.skeleton.hash)

@@ -160,7 +160,7 @@ class StageNode(Node):
         """What the stages are at, for /diagnostics."""
         stage, since_ns = self._pipeline.stepping if self._pipeline is not None else ("", 0)
         self._health.doing = Doing(stage, since_ns, self._compilation.kernel)
-        self._health.awaited = self._facts.missing
+        self._health.awaited, self._health.unfit = self._facts.missing, self._facts.unfit
 
     # -------------------------------------------------------------- start
 

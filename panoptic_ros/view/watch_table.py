@@ -29,6 +29,8 @@ def _graph_lines(namespace: str, told: Sequence[Told], now_s: float) -> list[str
     nodes = {item.values["node"] for item in told if "node" in item.values}
     count = len(warned) + len(gone)
     how = "all is well" if not count else "1 warning" if count == 1 else f"{count} warnings"
+    if not nodes:
+        return [f"graph /{namespace}: no stage has told of itself yet, or its run is over"]
     lines = [f"graph /{namespace}: {len(nodes)} node{'s' * (len(nodes) != 1)}, {how}"]
     lines += [f"  WARN  node {name} has not been heard for {STALE_S:g} s and more" for name in gone]
     lines += [f"  WARN  {item.name}: {item.trouble}" for item in warned]

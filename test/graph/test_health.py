@@ -73,6 +73,14 @@ def test_a_node_without_rig_says_what_it_waits_for():
     assert found.values["state"] == "starting" and found.trouble == "waits for rig"
 
 
+def test_another_rig_that_is_not_worked_with_warns_as_long_as_it_is_there():
+    health, _, _ = node()
+    health.unfit = ["another /rig has other cameras"]
+    assert "another /rig has other cameras" in by_name(health, 60 * SECOND)["voting"].trouble
+    health.unfit = []
+    assert "rig" not in by_name(health, 60 * SECOND)["voting"].trouble
+
+
 def test_the_graph_names_a_node_that_is_not_heard_until_it_is_again():
     graph = GraphHealth()
 

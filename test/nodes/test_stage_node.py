@@ -1,5 +1,7 @@
 """A stage's node on the live graph: bad messages are counted and dropped, and the node lives."""
 
+import time
+
 import captures
 import pytest
 from spinning import spin_until
@@ -119,7 +121,17 @@ def test_facts_that_come_later_do_not_end_the_node(sync_node, key):
             executor.spin_once(timeout_sec=0.05)
     spin_until(executor, lambda: len(sets) >= 4)
     assert node.healthy and node._facts.rig.names == captures.RIG.names
+    assert f"another /{key} has" in trouble(node) and "restart node sync" in trouble(node)
+    ours = {"rig": captures.RIG, "skeleton_model": captures.SKELETON}[key]
+    publisher.publish(to_message(ours, ros_messages()))
+    spin_until(executor, lambda: "another" not in trouble(node))
     sender.destroy_node()
+
+
+def trouble(node):
+    """What the node of sync says is wrong with it."""
+    node._look()
+    return next(s.trouble for s in node._health.statuses(time.monotonic_ns()) if s.name == "sync")
 
 
 def test_missing_camera_is_waited_for_until_the_deadline_only(sync_node):
