@@ -38,6 +38,8 @@ VERBS: dict[str, str] = {
     "doctor": "what works on this machine, and what to do about what does not",
 }
 
+SMALL_MATRICES = frozenset(("kinematics", "evaluate", "prior"))  # threads of BLAS only wait for each other
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit code: 0, 2 for what the user can mend, 1 for our faults."""
@@ -93,6 +95,9 @@ def program() -> None:
     interpreter would otherwise forget our exit code and kill itself with the signal.
     """
     listen_to_signals()
+    if not SMALL_MATRICES.isdisjoint(sys.argv[1:2]):
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            os.environ.setdefault(name, "1")
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

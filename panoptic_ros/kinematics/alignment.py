@@ -1,140 +1,245 @@
-"""Heading and clock of IMUs from motion: the angular velocity of a bone is the same, however a device sits
-on it.
+"""Heading and clock of IMUs from motion: how a segment turns over a quarter of a second is the same however a
+device sits on it, and so is, in the world, the acceleration of the place where it sits.
 
-Cameras see how a bone turns but for the turn about itself, so only what is perpendicular to the bone is
-compared.
+Cameras know some turns better than others, as the covariances of their poses say: those of limbs about
+themselves hardly at all. How large the errors of turns and of accelerations are is not known beforehand; each
+kind is weighed by what is left of it (the likelihood with its variance taken out).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import BodyState, Subject, TPose
+from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject, TPose
 from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z, vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.resampling import resample
 
 Array = np.ndarray
-SMOOTHING_S = 0.06  # of angular velocities, about 3 Hz
+TURN_S = 0.25  # over which turns are compared
+SMOOTHING_S = 0.06  # of accelerations, about 3 Hz
+COMPARED_S = 0.05  # between instants that are compared
+TISSUE = math.radians(3.0)  # how an IMU turns on its segment
 OFFSETS_S = np.arange(-0.15, 0.1501, 0.005)
-LEAST_MOTION = 0.3  # rad/s, root mean square of what is compared: less tells nothing
 HEADINGS = 720
+LEAST_SURE = math.radians(6.0)  # of a heading; the motion tells too little, if it is less sure
 ALIGNED_LAG_S = 0.2  # of the poses that are compared: with less, they follow late and look like a late clock
 LEAST_OFFSET_S, SURE = 0.012, 3.0  # s, standard deviations: less is within the error of finding it
-SAME_S = 1.0  # for which errors of angular velocities stay the same
+SAME_S = 0.3  # for which errors stay the same
+CLOCK_SD, HEADING_SD = 0.004, math.radians(1.0)  # s and rad, of what stays the same in a capture
+ENOUGH_S, ENOUGH = 0.008, math.radians(2.5)  # standard deviations at which no more motion is needed
+GRAVITY = np.array([0.0, 0.0, 9.81])
 
 
-_Pair = tuple[Array, Array, Array, Array]  # see `align`
+class Felt(NamedTuple):
+    """What a device felt at instants of a fixed rate: stamps (N,) ns, orientations (N, 3, 3), inertial frame
+    from device, and specific forces (N, 3) m/s^2 in the device's frame; NaN = not there."""
+
+    stamps: Array
+    turns: Array
+    forces: Array
 
 
 class Alignment(NamedTuple):
-    """Heading, rad, world from inertial frame; offset, s, that is added to the stamps of the IMUs, and its
-    standard deviation; root mean square, rad/s, of what is compared, and of what is left of it."""
+    """Heading, rad, world from inertial frame; offset, s, that is added to the stamps of the IMUs; standard
+    deviations of both."""
 
     heading: float
     offset: float
+    heading_unsure: float
     unsure: float
-    motion: float
-    residual: float
 
     @property
     def late(self) -> bool:
         """Whether the clock is off by more than the error of finding it."""
         return abs(self.offset) >= max(LEAST_OFFSET_S, SURE * self.unsure)
 
+    @property
+    def enough(self) -> bool:
+        """Whether both are known so well that more motion is not worth waiting for."""
+        return self.heading_unsure < ENOUGH and self.unsure < ENOUGH_S
 
-def align(
-    subject: Subject, states: Sequence[BodyState], orientations: dict[str, tuple[Array, Array]]
-) -> Alignment | None:
-    """How the IMUs of a subject lie in the world and in time; None if the body hardly moves.
+
+class _Pair(NamedTuple):
+    """Vectors in the inertial frame (N, 3) at stamps (N,) ns, and the same in the world (T, 3) at stamps
+    (T,), with their information (T, 3, 3) but for a factor."""
+
+    when: Array
+    felt: Array
+    stamps: Array
+    seen: Array
+    information: Array
+
+
+class _Seen(NamedTuple):
+    """Bodies at instants of a fixed rate: stamps (T,) ns, places (T, S, 3), frames (T, S, 3, 3), covariances
+    of small rotations (T, S, 3, 3) rad^2; NaN = not there. step: s."""
+
+    stamps: Array
+    places: Array
+    frames: Array
+    covariances: Array
+    step: float
+
+
+def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt]) -> Alignment | None:
+    """How the IMUs of a subject lie in the world and in time; None if motion does not tell.
 
     Args:
-        states: solved from cameras alone, at a fixed rate.
-        orientations: stamps (N,) ns and rotations (N, 3, 3), inertial frame from device, by device.
+        states: solved from cameras alone in the window, at a fixed rate; without covariances they are exact.
+        felt: by device.
     """
-    if len(states) < 10:
+    worn = [device for device in subject.devices if device.name in felt]
+    if len(states) < 10 or not worn:
         return None
+    seen = _regular(states)
+    kinds = [
+        [_turns(seen, device, felt[device.name]) for device in worn],
+        [_accelerations(seen, device, felt[device.name]) for device in worn],
+    ]
+    headings = np.zeros(1) if subject.heading_known else 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS - np.pi
+    surface = sum(_unlikeliness(pairs, headings) for pairs in kinds)
+    assert isinstance(surface, np.ndarray)
+    best, turned = np.unravel_index(int(np.argmin(surface)), surface.shape)
+    offset, unsure = _vertex(OFFSETS_S, surface.min(axis=1), int(best))
+    heading, heading_unsure = float(headings[turned]), 0.0
+    if not subject.heading_known:
+        near = np.array([-4, 0, 4])
+        values = surface[best, (turned + near) % HEADINGS]
+        apart, heading_unsure = _vertex(2.0 * np.pi / HEADINGS * near, values, 1)
+        heading += apart
+        heading_unsure = math.hypot(heading_unsure, HEADING_SD)
+    if not heading_unsure < LEAST_SURE:
+        return None
+    return Alignment(heading, offset, heading_unsure, math.hypot(unsure, CLOCK_SD))
+
+
+def _regular(states: Sequence[BodyState]) -> _Seen:
+    """The bodies on a grid of stamps without gaps."""
     stamps = np.array([state.stamp_ns for state in states])
-    frames = np.array([state.frames for state in states])
-    step = float(np.median(np.diff(stamps))) * 1e-9
-    pairs: list[_Pair] = []  # stamps, felt (N, 3); seen (T, 3), and what is across the bone (T, 3, 3)
-    for device in subject.devices:
-        bone = _bone(subject.body.model, device.segment)
-        if device.name not in orientations or bone is None:
-            continue
-        seen = _velocities(frames[:, device.segment], step)
-        when, turned = orientations[device.name]
-        felt = _velocities(turned, float(np.median(np.diff(when))) * 1e-9)
-        axis = frames[:, device.segment] @ (
-            subject.body.offsets[bone] / np.linalg.norm(subject.body.offsets[bone])
-        )
-        across = np.eye(3) - axis[:, :, None] * axis[:, None, :]
-        pairs.append((when, felt, (across @ seen[..., None])[..., 0], across))
-    if not pairs:
-        return None
-    motion = math.sqrt(float(np.mean([(p[2] ** 2).sum(-1).mean() for p in pairs])))
-    if motion < LEAST_MOTION:
-        return None
-    found = [_fit(stamps, pairs, offset, subject.heading_known) for offset in OFFSETS_S]
-    costs = np.array([cost for cost, _ in found])
-    k = int(np.argmin(costs))
-    offset, heading, left, unsure = float(OFFSETS_S[k]), found[k][1], max(float(costs[k]), 0.0), math.inf
-    if 0 < k < len(costs) - 1:
-        spacing = float(OFFSETS_S[1] - OFFSETS_S[0])
-        bend = float(costs[k - 1] - 2 * costs[k] + costs[k + 1]) / spacing**2
-        offset += float(0.5 * (costs[k - 1] - costs[k + 1])) / (bend * spacing)
-        independent = max(len(pairs) * len(states) * step / SAME_S, 1.0)
-        unsure = math.sqrt(2.0 * left / (bend * independent))
-    return Alignment(heading, offset, unsure, motion, math.sqrt(left))
+    step = float(np.median(np.diff(stamps)))
+    rows = np.round((stamps - stamps[0]) / step).astype(int)
+    count, segments = int(rows[-1]) + 1, len(states[0].places)
+    places, frames = np.full((count, segments, 3), np.nan), np.full((count, segments, 3, 3), np.nan)
+    covariances = np.full((count, segments, 3, 3), np.nan)
+    places[rows], frames[rows] = [s.places for s in states], [s.frames for s in states]
+    exact = np.zeros((segments, 3, 3))
+    covariances[rows] = [exact if s.covariances is None else s.covariances[:, 3:, 3:] for s in states]
+    grid = stamps[0] + np.round(step * np.arange(count)).astype(np.int64)
+    return _Seen(grid, places, frames, covariances, 1e-9 * step)
 
 
-def _fit(
-    stamps: Array, pairs: list[_Pair], offset: float, known: bool
-) -> tuple[float, float]:
-    """Mean square that is left, and the heading, for an offset of the clock."""
-    matrix, vector, constant, count = np.zeros((2, 2)), np.zeros(2), 0.0, 0
-    for when, felt, seen, across in pairs:
-        at = stamps - offset * 1e9
-        inside = (at > when[0]) & (at < when[-1])
-        there = np.stack([np.interp(at[inside], when, felt[:, j]) for j in range(3)], axis=-1)
-        level = np.column_stack([there[:, :2], np.zeros(len(there))])
-        turned = np.column_stack([-there[:, 1], there[:, 0], np.zeros(len(there))])
-        upright = np.column_stack([np.zeros((len(there), 2)), there[:, 2]])
-        p = across[inside]
-        a, b = (p @ level[..., None])[..., 0], (p @ turned[..., None])[..., 0]
-        rest = seen[inside] - (p @ upright[..., None])[..., 0]
-        matrix += np.array([[(a * a).sum(), (a * b).sum()], [(a * b).sum(), (b * b).sum()]])
-        vector += np.array([(a * rest).sum(), (b * rest).sum()])
-        constant += float((rest**2).sum())
-        count += len(there)
-    angles = np.zeros(1) if known else 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS - np.pi
-    turns = np.stack([np.cos(angles), np.sin(angles)])
-    costs = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
-    k = int(np.argmin(costs))
-    return float(costs[k]) / max(count, 1), float(angles[k])
+def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
+    """How the segment and the device turned over a while, at the middle of it."""
+    frames, spread = seen.frames[:, device.segment], seen.covariances[:, device.segment]
+    back = max(round(TURN_S / seen.step), 1)
+    information = np.full((len(frames) - back, 3, 3), np.nan)
+    both = spread[back:] + spread[:-back] + TISSUE**2 * np.eye(3)
+    known = np.isfinite(both).all((1, 2))
+    information[known] = np.linalg.inv(both[known])
+    own = max(round(TURN_S / (1e-9 * float(np.median(np.diff(felt.stamps))))), 1)
+    return _thinned(_Pair(
+        (felt.stamps[own:] + felt.stamps[:-own]) // 2, _between(felt.turns, own),
+        (seen.stamps[back:] + seen.stamps[:-back]) // 2, _between(frames, back), information,
+    ), seen.step)  # fmt: skip
 
 
-def _velocities(rotations: Array, step: float) -> Array:
-    """Angular velocity (T, 3) rad/s in the world of rotations (T, 3, 3), smoothed."""
-    turned = vectors_of(np.ascontiguousarray(rotations[2:] @ rotations[:-2].swapaxes(1, 2))) / (2.0 * step)
-    padded = np.concatenate([turned[:1], turned, turned[-1:]])
-    found: Array = gaussian_filter1d(padded, SMOOTHING_S / step, axis=0)
+def _accelerations(seen: _Seen, device: Device, felt: Felt) -> _Pair:
+    """How the place of the device was accelerated, less than 3 Hz."""
+    site = seen.places[:, device.segment] + seen.frames[:, device.segment] @ device.position
+    own = 1e-9 * float(np.median(np.diff(felt.stamps)))
+    forces = (felt.turns @ felt.forces[..., None])[..., 0] - GRAVITY
+    pushed = np.gradient(np.gradient(site, seen.step, axis=0), seen.step, axis=0)
+    return _thinned(_Pair(
+        felt.stamps, gaussian_filter1d(forces, SMOOTHING_S / own, axis=0),
+        seen.stamps, gaussian_filter1d(pushed, SMOOTHING_S / seen.step, axis=0),
+        np.tile(np.eye(3), (len(site), 1, 1)),
+    ), seen.step)  # fmt: skip
+
+
+def _between(frames: Array, steps: int) -> Array:
+    """Rotation vectors (T - steps, 3) from each of (T, 3, 3) to the one so many steps later, in the world."""
+    turned = frames[steps:] @ frames[:-steps].swapaxes(1, 2)
+    known = np.isfinite(turned).all((1, 2))
+    found = np.full((len(turned), 3), np.nan)
+    found[known] = vectors_of(np.ascontiguousarray(turned[known]))
     return found
 
 
-def _bone(model: SegmentModel, segment: int) -> int | None:
-    """The segment at the end of the bone of a limb's segment; None for the trunk, head, hands and feet."""
-    children = np.flatnonzero(model.parents == segment)
-    name = model.names[segment]
-    if len(children) != 1 or name[:1] not in "lr" or model.parents[segment] < 0:
-        return None
-    return int(children[0])
+def _thinned(pair: _Pair, step: float) -> _Pair:
+    every = max(round(COMPARED_S / step), 1)
+    return pair._replace(
+        stamps=pair.stamps[::every], seen=pair.seen[::every], information=pair.information[::every]
+    )
+
+
+def _unlikeliness(pairs: Sequence[_Pair], headings: Array) -> Array:
+    """Minus the logarithm of the likelihood, by offsets and headings (O, H), of one kind of data whose
+    variance is the one that fits best."""
+    turns = np.stack([np.cos(headings), np.sin(headings)])
+    pairs = [_covered(pair) for pair in pairs]
+    found = np.empty((len(OFFSETS_S), len(headings)))
+    for o, offset in enumerate(OFFSETS_S):
+        matrix, vector, constant, count = np.zeros((2, 2)), np.zeros(2), 0.0, 0
+        for pair in pairs:
+            there = np.stack(
+                [np.interp(pair.stamps - offset * 1e9, pair.when, pair.felt[:, j], np.nan, np.nan)
+                 for j in range(3)], axis=-1,
+            )  # fmt: skip
+            known = np.isfinite(there).all(-1)
+            there, weight = there[known], pair.information[known]
+            level = np.stack([there, np.column_stack([-there[:, 1], there[:, 0], there[:, 2]])], axis=-1)
+            level[:, 2] = 0.0
+            rest = pair.seen[known] - there * [0.0, 0.0, 1.0]
+            weighed = weight @ level
+            matrix += np.einsum("tij,tik->jk", level, weighed)
+            vector += np.einsum("tik,ti->k", weighed, rest)
+            constant += float(np.einsum("ti,tij,tj->", rest, weight, rest))
+            count += len(there)
+        left = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
+        independent = count * COMPARED_S / SAME_S
+        found[o] = 1.5 * independent * np.log(np.maximum(left, 1e-12) / max(count, 1))
+    return found
+
+
+def _covered(pair: _Pair) -> _Pair:
+    """What was seen while there are samples whatever the offset is."""
+    most = 1e9 * float(np.abs(OFFSETS_S).max())
+    there = (pair.stamps >= pair.when[0] + most) & (pair.stamps <= pair.when[-1] - most)
+    there &= np.isfinite(pair.seen).all(-1) & np.isfinite(pair.information).all((1, 2))
+    return pair._replace(
+        stamps=pair.stamps[there], seen=pair.seen[there], information=pair.information[there]
+    )
+
+
+def _vertex(grid: Array, values: Array, k: int) -> tuple[float, float]:
+    """Where a parabola through a value and its neighbours is least, and the standard deviation there of
+    what has these values as minus the logarithm of its likelihood; infinite at the ends."""
+    if not 0 < k < len(values) - 1:
+        return float(grid[k]), math.inf
+    spacing = float(grid[1] - grid[0])
+    bend = float(values[k - 1] - 2.0 * values[k] + values[k + 1]) / spacing**2
+    if bend <= 0.0:
+        return float(grid[k]), math.inf
+    slope = float(values[k + 1] - values[k - 1]) / (2.0 * spacing)
+    return float(grid[k]) - slope / bend, 1.0 / math.sqrt(bend)
+
+
+def felt_of(series: ImuSeries, rate_hz: float) -> Felt:
+    """A device at instants of a fixed rate."""
+    count = int((series.stamps[-1] - series.stamps[0]) * 1e-9 * rate_hz) + 1
+    stamps = series.stamps[0] + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
+    turns, forces = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
+    for k, reading in enumerate(resample(series, stamps)):
+        if reading is not None:
+            turns[k], forces[k] = reading.orientation, reading.force
+    return Felt(stamps, turns, forces)
 
 
 def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
-from panoptic_ros.kinematics.alignment import align, t_pose_mount, taken_over
+from panoptic_ros.kinematics.alignment import Felt, align, t_pose_mount, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
-LOOK_S, LONGEST_S = 5.0, 15.0  # of motion after which heading and clock are looked for, and given up
+LOOK_S, LONGEST_S = 5.0, 15.0  # between looks at heading and clock, and after which there are no more
 UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
 
 
@@ -31,7 +31,8 @@ class ImuFitting:
         self.looking = worn and config.window and (config.clocks or not subject.heading_known)
         self._states: list[BodyState] = []
         self._stamps: list[int] = []
-        self._turns: dict[str, list[Array]] = {}
+        self._turns: dict[str, list[Array]] = {}  # orientations, and forces, at all stamps
+        self._forces: dict[str, list[Array]] = {}
         self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
         self._poseless: list[str] = []  # devices that had no samples in it
         self._unseen = 0
@@ -49,6 +50,8 @@ class ImuFitting:
                 found = readings.get(device.name)
                 turn = np.full((3, 3), np.nan) if found is None else found.orientation
                 self._turns.setdefault(device.name, []).append(turn)
+                force = np.full(3, np.nan) if found is None else found.force
+                self._forces.setdefault(device.name, []).append(force)
         return self._missing(stamp_ns, subject)
 
     def mounts(self, stamp_ns: int, subject: Subject) -> dict[str, Array]:
@@ -74,16 +77,15 @@ class ImuFitting:
         if lasted < LOOK_S or len(self._states) % round(LOOK_S * rate_hz) or not states:
             return []
         stamps = np.array(self._stamps)
-        orientations = {}
-        for name, turns in self._turns.items():
-            rows = np.array(turns)
-            there = np.isfinite(rows).all((1, 2))
-            if there.sum() > 10:
-                orientations[name] = stamps[there], rows[there]
-        found = align(subject, self._states, orientations)
+        felt = {
+            name: Felt(stamps, np.array(turns), np.array(self._forces[name]))
+            for name, turns in self._turns.items()
+        }
+        found = align(subject, self._states, felt)
+        if lasted < LONGEST_S and (found is None or not found.enough):
+            return []
         if found is None:
-            more = lasted < LONGEST_S
-            return [] if more else self._give_up(subject, "the person hardly moves")
+            return self._give_up(subject, "the person hardly moves")
         self._done()
         self.heading, self.offset_ns, lines = taken_over(subject, found, self._clocks)
         return [_notice("imu_aligned", "info", subject, line) for line in lines]
@@ -98,7 +100,7 @@ class ImuFitting:
 
     def _done(self) -> None:
         self.looking = False
-        self._states, self._stamps, self._turns = [], [], {}
+        self._states, self._stamps, self._turns, self._forces = [], [], {}, {}
 
     def _missing(self, stamp_ns: int, subject: Subject) -> list[Notice]:
         """Devices whose mounting nothing tells, each once."""

@@ -36,7 +36,8 @@ CLASSES = (
     ),
     Fields.named(SeenPerson, "views joints"),
     Fields.named(
-        ImuFitting, "heading offset_ns looking _clocks _states _stamps _turns _held _poseless _unseen"
+        ImuFitting,
+        "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _unseen",
     ),
     Fields.named(ImuStreams, "names _stamps _values _force _weight _odd _silent"),
     Fields.named(MeasuredBody, "_lengths"),

@@ -11,8 +11,7 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.rotations import from_quaternions
-from panoptic_ros.kinematics.alignment import align, cameras_alone, t_pose_mount, taken_over
+from panoptic_ros.kinematics.alignment import align, cameras_alone, felt_of, t_pose_mount, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.prior import PoseStatistics
@@ -54,14 +53,13 @@ def solve_recording(
     """
     notices: list[str] = []
     headings: dict[int, float] = {}
-    aligns = config.window and config.clocks and recording.views
-    for subject in subjects:
-        if (
-            subject.devices
-            and recording.devices
-            and (aligns or (recording.views and not subject.heading_known))
-        ):
-            recording = _aligned(recording, subject, subjects, config, statistics, headings, notices)
+    wearers = [
+        subject for subject in subjects
+        if any(device.name in recording.devices for device in subject.devices)
+        and ((config.window and config.clocks) or not subject.heading_known)
+    ]  # fmt: skip
+    if wearers and recording.views:
+        recording, headings = _aligned(recording, wearers, subjects, config, statistics, notices)
     instants = instants_of(recording.views, recording.devices, config.rate_hz)
     trackers = []
     for subject in subjects:
@@ -87,10 +85,10 @@ def solve_recording(
 
 
 def _aligned(
-    recording: Recording, subject: Subject, subjects: Sequence[Subject], config: KinematicsConfig,
-    statistics: PoseStatistics, headings: dict[int, float], notices: list[str],
-) -> Recording:  # fmt: skip
-    """The recording with the subject's IMUs on the clock of the cameras; its heading into `headings`."""
+    recording: Recording, wearers: Sequence[Subject], subjects: Sequence[Subject], config: KinematicsConfig,
+    statistics: PoseStatistics, notices: list[str],
+) -> tuple[Recording, dict[int, float]]:  # fmt: skip
+    """The recording with the IMUs of the wearers on the clock of the cameras; headings of theirs, rad."""
     first = min(int(view.stamps[0]) for view in recording.views.values() if len(view.stamps))
     until = first + round(ALIGNED_S * 1e9)
     views = {
@@ -100,29 +98,24 @@ def _aligned(
     alone = [replace(other, devices=()) for other in subjects]
     cameras = Recording(recording.rig, recording.joint_names, views, {})
     seen = solve_recording(cameras, alone, cameras_alone(config), statistics)
-    states = [state for state in seen.states if state.id == subject.id]
-    orientations = {}
-    for device in subject.devices:
-        series = recording.devices.get(device.name)
-        if series is not None:
-            there = np.isfinite(series.quaternions).all(-1)
-            if there.sum() > 10:
-                orientations[device.name] = (
-                    series.stamps[there],
-                    from_quaternions(series.quaternions[there]),
-                )
-    found = align(subject, states, orientations)
-    if found is None:
-        if not subject.heading_known:
-            notices.append(f"subject {subject.id}: hardly moves, so the heading of its IMUs is taken as 0")
-        return recording
-    headings[subject.id], shift, lines = taken_over(subject, found, config.clocks)
-    notices += [f"subject {subject.id}: {line}" for line in lines]
-    if not shift:
-        return recording
-    worn = {device.name for device in subject.devices}
-    moved = {name: s.shifted(shift) if name in worn else s for name, s in recording.devices.items()}
-    return replace(recording, devices=moved)
+    headings, devices = {}, dict(recording.devices)
+    for subject in wearers:
+        states = [state for state in seen.states if state.id == subject.id]
+        worn = {d.name: devices[d.name] for d in subject.devices if d.name in devices}
+        felt = {
+            name: felt_of(series, config.rate_hz) for name, series in worn.items() if len(series.stamps) > 1
+        }
+        found = align(subject, states, felt)
+        if found is None:
+            if not subject.heading_known:
+                text = "hardly moves, so the heading of its IMUs is taken as 0"
+                notices.append(f"subject {subject.id}: {text}")
+            continue
+        headings[subject.id], shift, lines = taken_over(subject, found, config.clocks)
+        notices += [f"subject {subject.id}: {line}" for line in lines]
+        if shift:
+            devices |= {name: series.shifted(shift) for name, series in worn.items()}
+    return replace(recording, devices=devices), headings
 
 
 def t_pose_mounts(

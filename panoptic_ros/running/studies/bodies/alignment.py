@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain.subjects import ImuSeries
-from panoptic_ros.geometry.rotations import from_quaternions
-from panoptic_ros.kinematics.alignment import align, cameras_alone
+from panoptic_ros.kinematics.alignment import Felt, align, cameras_alone, felt_of
 from panoptic_ros.running.kinematics import body_config
 from panoptic_ros.running.studies.bodies.cases import SKIPPED_S, BodyCase
 from panoptic_ros.simulation.bodies.imus import unknown_heading
@@ -20,6 +19,7 @@ Array = np.ndarray
 INPUTS = ((8, 13), (4, 6))  # cameras, IMUs
 WINDOWS_S = (5.0, 9.0)
 LONGEST_OFFSET_S = 0.1
+RATE_HZ = 60.0
 
 
 def study_alignment(
@@ -54,38 +54,39 @@ def _found(case: BodyCase, states: list[Any], rng: np.random.Generator) -> dict[
     """What is found of a heading and an offset that are drawn."""
     heading, late = rng.uniform(-np.pi, np.pi), rng.uniform(-LONGEST_OFFSET_S, LONGEST_OFFSET_S)
     subject = replace(case.subjects[0], heading_known=False)
-    orientations = {}
+    felt = {}
     for device in subject.devices:
         series = unknown_heading(case.recording.devices[device.name], heading).shifted(round(1e9 * late))
-        orientations[device.name] = _during(series, states)
-    found = align(subject, states, orientations)
+        felt[device.name] = _during(series, states)
+    found = align(subject, states, felt)
     if found is None:
         return {"found": False, "deg": float("nan"), "ms": float("nan")}
     off = (found.heading - heading + np.pi) % (2.0 * np.pi) - np.pi
     return {
         "found": True, "deg": float(np.degrees(off)), "ms": 1e3 * (found.offset + late),
-        "unsure_ms": 1e3 * found.unsure,
+        "unsure_deg": float(np.degrees(found.heading_unsure)), "unsure_ms": 1e3 * found.unsure,
     }  # fmt: skip
 
 
-def _during(series: ImuSeries, states: list[Any]) -> tuple[Array, Array]:
-    """Stamps and rotations of the time of these bodies."""
+def _during(series: ImuSeries, states: list[Any]) -> Felt:
+    """What was felt in the time of these bodies."""
     there = (series.stamps >= states[0].stamp_ns) & (series.stamps <= states[-1].stamp_ns)
-    return series.stamps[there], from_quaternions(series.quaternions[there])
+    parts = (series.stamps, series.quaternions, series.rates, series.forces)
+    return felt_of(ImuSeries(*(part[there] for part in parts)), RATE_HZ)
 
 
 def alignment_lines(result: dict[str, Any]) -> Iterator[str]:
-    """The table: root mean square (most) over all stretches in which the person moves."""
+    """The table: root mean square (most) over all stretches in which motion tells."""
     yield "simulated captures; heading and clock from stretches of motion, root mean square (most)"
     yield (
-        "cameras IMUs  seconds  stretches  moving     heading, deg         clock, ms   clock, in its sd"
+        "cameras IMUs  seconds  stretches   found     heading, deg         clock, ms   both, in their sd"
     )
     rows = result["rows"]
     for kind in dict.fromkeys((row["cameras"], row["imus"], row["seconds"]) for row in rows):
         mine = [row for row in rows if (row["cameras"], row["imus"], row["seconds"]) == kind]
         found = [row for row in mine if row["found"]]
         cells = [_cell([row[key] for row in found]) for key in ("deg", "ms")]
-        ratio = _cell([row["ms"] / row["unsure_ms"] for row in found])
+        ratio = ", ".join(_cell([row[key] / row[f"unsure_{key}"] for row in found]) for key in ("deg", "ms"))
         text = f"{kind[0]:7} {kind[1]:4}  {kind[2]:7g}  {len(mine):9}  {len(found):6}"
         yield f"{text}  {cells[0]:>15}   {cells[1]:>15}   {ratio}"
 
