@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import zlib
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,26 +21,34 @@ from panoptic_ros.io.files import read_bytes, read_json, write_bytes
 
 Array = np.ndarray
 SUBJECT = "panoptic-subject-1"
+INERTIAL_FRAMES = ("world", "unknown heading")
 COLUMNS = ("device", "stamp_ns", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 
 
-def read_imus(path: Path) -> dict[str, ImuSeries]:
+def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeries]:
     """Samples of all devices of an `imu.csv`, gzipped or not.
 
     Samples whose stamp is not later than the one before, of the same device, are left out.
+
+    Args:
+        notices: a line goes into it for each device of which samples are left out.
 
     Raises:
         DataError: naming the file, the line and what is wrong.
     """
     data = read_bytes(path)
     if data[:2] == b"\x1f\x8b":
-        data = gzip.decompress(data)
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise DataError(f"{path} begins as a gzip file and is none: {error}") from None
     rows = csv.reader(io.StringIO(data.decode("utf-8", "replace")))
     header = next(rows, [])
     if tuple(header) != COLUMNS:
         raise DataError(f"{path}: the header is {','.join(header)[:80]!r}, expected {','.join(COLUMNS)}")
     stamps: dict[str, list[int]] = {}
     values: dict[str, list[list[float]]] = {}
+    late: Counter[str] = Counter()
     for number, row in enumerate(rows, start=2):
         if not row:
             continue
@@ -52,6 +62,13 @@ def read_imus(path: Path) -> dict[str, ImuSeries]:
         if stamp > stamps.setdefault(name, [-1])[-1]:
             stamps[name].append(stamp)
             values.setdefault(name, []).append(numbers)
+        else:
+            late[name] += 1
+    if notices is not None:
+        notices += [
+            f"{name}: {count} samples are left out, whose stamps stand twice or go back"
+            for name, count in late.items()
+        ]
     found = {}
     for name, rows_of in values.items():
         table = np.array(rows_of)
@@ -88,7 +105,7 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
         stature = float(document["height_m"])
         body = model.body(stature)
         body = body.with_offsets(
-            {name: _vector(v, 3, name) for name, v in (document.get("segments") or {}).items()}
+            {name: _bone(v, name, stature) for name, v in (document.get("segments") or {}).items()}
         )
         keypoints = document.get("keypoints") or {}
         body = body.with_keypoints(
@@ -97,10 +114,10 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
         devices = tuple(_device(row, model) for row in document.get("devices") or ())
         start, facing = document.get("start"), document.get("facing")
         return Subject(
-            int(document["id"]), body, devices, _t_pose(document.get("t_pose")),
+            _id(document["id"]), body, _distinct(devices), _t_pose(document.get("t_pose")),
             None if start is None else _vector(start, 3, "start"),
             None if facing is None else _vector(facing, 3, "facing"),
-            document.get("inertial_frame", "world") == "world", bool(document.get("segments")),
+            _heading_known(document.get("inertial_frame", "world")), bool(document.get("segments")),
             stature,
         )  # fmt: skip
     except DataError as error:
@@ -135,6 +152,26 @@ def subject_document(subject: Subject) -> dict[str, Any]:
     return found
 
 
+def _id(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise DataError(f"id = {value!r}; ids of subjects are whole numbers and count from 0")
+    return value
+
+
+def _distinct(devices: tuple[Device, ...]) -> tuple[Device, ...]:
+    names = [device.name for device in devices]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise DataError(f"device {twice} stands twice; each is on one segment")
+    return devices
+
+
+def _heading_known(frame: Any) -> bool:
+    if frame not in INERTIAL_FRAMES:
+        raise DataError(f"inertial_frame = {frame!r} is neither of {', '.join(INERTIAL_FRAMES)}")
+    return bool(frame == "world")
+
+
 def _device(row: Mapping[str, Any], model: SegmentModel) -> Device:
     name, mount = str(row["device"]), row.get("mount")
     return Device(
@@ -146,10 +183,20 @@ def _device(row: Mapping[str, Any], model: SegmentModel) -> Device:
 def _t_pose(row: Mapping[str, Any] | None) -> TPose | None:
     if row is None:
         return None
-    facing = row.get("facing")
-    return TPose(
-        int(row["from_ns"]), int(row["to_ns"]), None if facing is None else _vector(facing, 3, "facing")
-    )
+    facing, begin, end = row.get("facing"), int(row["from_ns"]), int(row["to_ns"])
+    if begin >= end:
+        raise DataError(f"t_pose: from_ns {begin} is not before to_ns {end}")
+    found = None if facing is None else _vector(facing, 3, "facing")
+    if found is not None and not found[:2].any():
+        raise DataError(f"t_pose: facing = {facing!r} has no direction on the floor")
+    return TPose(begin, end, found)
+
+
+def _bone(values: Any, name: str, stature: float) -> Array:
+    found = _vector(values, 3, name)
+    if np.linalg.norm(found) > 0.5 * stature:
+        raise DataError(f"segments: {name} = {values!r} m is more than half of the stature")
+    return found
 
 
 def _vector(values: Any, count: int, where: str) -> Array:

@@ -32,7 +32,8 @@ LEAST_SURE = math.radians(6.0)  # of a heading; the motion tells too little, if 
 ALIGNED_LAG_S = 0.2  # of the poses that are compared: with less, they follow late and look like a late clock
 LEAST_OFFSET_S, SURE = 0.012, 3.0  # s, standard deviations: less is within the error of finding it
 SAME_S = 0.3  # for which errors stay the same
-CLOCK_SD, HEADING_SD = 0.004, math.radians(1.0)  # s and rad, of what stays the same in a capture
+CLOCK_SD = 0.004  # s, of what stays the same in a capture: poses that follow late, soft tissue
+OWN_HEADING = math.radians(2.0)  # of each device, about the common one
 ENOUGH_S, ENOUGH = 0.008, math.radians(2.5)  # standard deviations at which no more motion is needed
 GRAVITY = np.array([0.0, 0.0, 9.81])
 
@@ -104,17 +105,19 @@ def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt
         [_accelerations(seen, device, felt[device.name]) for device in worn],
     ]
     headings = np.zeros(1) if subject.heading_known else 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS - np.pi
-    surface = sum(_unlikeliness(pairs, headings) for pairs in kinds)
+    fits = [_fit(pairs, headings) for pairs in kinds]
+    surface = sum(1.5 * fit.counts.sum() * COMPARED_S / SAME_S * np.log(fit.variances) for fit in fits)
     assert isinstance(surface, np.ndarray)
-    best, turned = np.unravel_index(int(np.argmin(surface)), surface.shape)
-    offset, unsure = _vertex(OFFSETS_S, surface.min(axis=1), int(best))
-    heading, heading_unsure = float(headings[turned]), 0.0
+    best, turned = map(int, np.unravel_index(int(np.argmin(surface)), surface.shape))
+    offset, unsure = _vertex(OFFSETS_S, surface.min(axis=1), best)
+    heading, heading_unsure = 0.0, 0.0
     if not subject.heading_known:
-        near = np.array([-4, 0, 4])
-        values = surface[best, (turned + near) % HEADINGS]
-        apart, heading_unsure = _vertex(2.0 * np.pi / HEADINGS * near, values, 1)
-        heading += apart
-        heading_unsure = math.hypot(heading_unsure, HEADING_SD)
+        alike = _of_devices(fits, best, turned)
+        turned, near = int(np.argmin(alike)), np.array([-4, 0, 4])
+        apart, heading_unsure = _vertex(
+            2.0 * np.pi / HEADINGS * near, alike[(turned + near) % HEADINGS], 1
+        )
+        heading = float(headings[turned]) + apart
     if not heading_unsure < LEAST_SURE:
         return None
     return Alignment(heading, offset, heading_unsure, math.hypot(unsure, CLOCK_SD))
@@ -179,32 +182,54 @@ def _thinned(pair: _Pair, step: float) -> _Pair:
     )
 
 
-def _unlikeliness(pairs: Sequence[_Pair], headings: Array) -> Array:
-    """Minus the logarithm of the likelihood, by offsets and headings (O, H), of one kind of data whose
-    variance is the one that fits best."""
+class _Fit(NamedTuple):
+    """What is left of one kind of data, (O, D, H) sums of weighed squares by offsets, devices and headings,
+    and counts (D,) of instants."""
+
+    left: Array
+    counts: Array
+
+    @property
+    def variances(self) -> Array:
+        """That fit best (O, H)."""
+        found: Array = np.maximum(self.left.sum(1), 1e-12) / max(int(self.counts.sum()), 1)
+        return found
+
+
+def _fit(pairs: Sequence[_Pair], headings: Array) -> _Fit:
+    """Compare one kind of data of all devices."""
     turns = np.stack([np.cos(headings), np.sin(headings)])
-    pairs = [_covered(pair) for pair in pairs]
-    found = np.empty((len(OFFSETS_S), len(headings)))
-    for o, offset in enumerate(OFFSETS_S):
-        matrix, vector, constant, count = np.zeros((2, 2)), np.zeros(2), 0.0, 0
-        for pair in pairs:
-            there = np.stack(
-                [np.interp(pair.stamps - offset * 1e9, pair.when, pair.felt[:, j], np.nan, np.nan)
-                 for j in range(3)], axis=-1,
-            )  # fmt: skip
+    left, counts = np.zeros((len(OFFSETS_S), len(pairs), len(headings))), np.zeros(len(pairs), int)
+    for d, pair in enumerate(map(_covered, pairs)):
+        counts[d] = len(pair.stamps)
+        for o, offset in enumerate(OFFSETS_S):
+            when = pair.stamps - offset * 1e9
+            there = np.stack([np.interp(when, pair.when, pair.felt[:, j]) for j in range(3)], axis=-1)
             known = np.isfinite(there).all(-1)
             there, weight = there[known], pair.information[known]
             level = np.stack([there, np.column_stack([-there[:, 1], there[:, 0], there[:, 2]])], axis=-1)
             level[:, 2] = 0.0
             rest = pair.seen[known] - there * [0.0, 0.0, 1.0]
             weighed = weight @ level
-            matrix += np.einsum("tij,tik->jk", level, weighed)
-            vector += np.einsum("tik,ti->k", weighed, rest)
-            constant += float(np.einsum("ti,tij,tj->", rest, weight, rest))
-            count += len(there)
-        left = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
-        independent = count * COMPARED_S / SAME_S
-        found[o] = 1.5 * independent * np.log(np.maximum(left, 1e-12) / max(count, 1))
+            matrix = np.einsum("tij,tik->jk", level, weighed)
+            vector = np.einsum("tik,ti->k", weighed, rest)
+            constant = float(np.einsum("ti,tij,tj->", rest, weight, rest))
+            sums = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
+            left[o, d] = sums * (len(pair.stamps) / max(len(there), 1))
+    return _Fit(left, counts)
+
+
+def _of_devices(fits: Sequence[_Fit], offset: int, heading: int) -> Array:
+    """Minus the logarithm of the likelihood of headings (H,), where each device has one of its own."""
+    own = sum(
+        0.5 * COMPARED_S / SAME_S * fit.left[offset] / fit.variances[offset, heading] * 3.0 for fit in fits
+    )
+    apart = np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS
+    apart = np.minimum(apart, 2.0 * np.pi - apart)
+    spread = np.exp(-0.5 * (apart / OWN_HEADING) ** 2)
+    likely = np.exp(own.min(1, keepdims=True) - own)
+    blurred = np.fft.irfft(np.fft.rfft(likely, axis=1) * np.fft.rfft(spread), HEADINGS, axis=1)
+    found: Array = -np.log(np.maximum(blurred, 1e-12)).sum(0)
     return found
 
 

@@ -15,6 +15,7 @@ from panoptic_ros.kinematics.alignment import align, cameras_alone, felt_of, t_p
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.recorded_imus import looked_through
 from panoptic_ros.kinematics.resampling import instants_of
 from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
 
@@ -51,7 +52,7 @@ def solve_recording(
     Raises:
         DataError: if nothing tells how a subject's IMUs are mounted, or where one of several people starts.
     """
-    notices: list[str] = []
+    recording, notices = _without_odd_devices(recording, subjects)
     headings: dict[int, float] = {}
     wearers = [
         subject for subject in subjects
@@ -66,7 +67,8 @@ def solve_recording(
         weighing = Weighing(config, subject, statistics, recording.rig, recording.joint_names)
         worn = {d.name for d in subject.devices if d.name in recording.devices}
         heading = headings.get(subject.id, 0.0)
-        mounts = t_pose_mounts(subject, instants, worn, heading)
+        mounts, lines = t_pose_mounts(subject, instants, worn, heading)
+        notices += lines
         trackers.append(SubjectTracker(config, subject, weighing, mounts, heading))
     weighing = trackers[0].weighing
     states: list[BodyState] = []
@@ -81,7 +83,24 @@ def solve_recording(
             notices += [notice.text for notice in tracker.devices.take_notices()]
     for tracker in trackers:
         states += tracker.flush()
+        if not tracker.started:
+            notices.append(
+                f"subject {tracker.subject.id} has not come: no camera sees anybody near where it starts, "
+                "and no IMU that is mounted tells of it; look at `start` and the devices of its file"
+            )
     return Solved(states, trackers, notices)
+
+
+def _without_odd_devices(
+    recording: Recording, subjects: Sequence[Subject]
+) -> tuple[Recording, list[str]]:
+    """The recording with what can be used of the devices that are worn, and a line for all that is odd."""
+    worn = [device.name for subject in subjects for device in subject.devices]
+    seen = [view.stamps for view in recording.views.values() if len(view.stamps)]
+    time = (min(int(s[0]) for s in seen), max(int(s[-1]) for s in seen)) if seen else None
+    used = {name: series for name, series in recording.devices.items() if name in worn}
+    devices, notices = looked_through(used, time)
+    return replace(recording, devices=devices), notices
 
 
 def _aligned(
@@ -102,9 +121,7 @@ def _aligned(
     for subject in wearers:
         states = [state for state in seen.states if state.id == subject.id]
         worn = {d.name: devices[d.name] for d in subject.devices if d.name in devices}
-        felt = {
-            name: felt_of(series, config.rate_hz) for name, series in worn.items() if len(series.stamps) > 1
-        }
+        felt = {name: felt_of(series, config.rate_hz) for name, series in worn.items()}
         found = align(subject, states, felt)
         if found is None:
             if not subject.heading_known:
@@ -120,8 +137,9 @@ def _aligned(
 
 def t_pose_mounts(
     subject: Subject, instants: Sequence[Instant], worn: set[str], heading: float
-) -> dict[str, Array]:
-    """Mounting (3, 3), segment from device, of every device worn: as stated, or as the T-pose tells it.
+) -> tuple[dict[str, Array], list[str]]:
+    """Mounting (3, 3), segment from device, of every device worn, as stated or as the T-pose tells it; and a
+    line for each that has no samples in it.
 
     Args:
         heading: rad, world from the IMUs' inertial frame.
@@ -129,7 +147,7 @@ def t_pose_mounts(
     Raises:
         DataError: if neither is there.
     """
-    mounts = {}
+    mounts, lines = {}, []
     for device in subject.devices:
         if device.name not in worn:
             continue
@@ -148,10 +166,12 @@ def t_pose_mounts(
             if pose.from_ns <= instant.stamp_ns <= pose.to_ns and device.name in instant.readings
         ]
         held = [r for r in held if np.isfinite(r).all()]
-        if not held:
-            raise DataError(f"subject {subject.id}: device {device.name} has no samples in the T-pose")
-        mounts[device.name] = t_pose_mount(pose, heading, held)
-    return mounts
+        if held:
+            mounts[device.name] = t_pose_mount(pose, heading, held)
+        else:
+            text = f"device {device.name} has no samples in the T-pose; it is left out"
+            lines.append(f"subject {subject.id}: {text}")
+    return mounts, lines
 
 
 def _first_people(

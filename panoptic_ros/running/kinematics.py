@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,12 +34,13 @@ PRESETS: dict[str, dict[str, object]] = {  # 3.2.6 of the paper: every frame alo
 
 @dataclass(frozen=True, eq=False)
 class BodyTask:
-    """What is to be solved."""
+    """What is to be solved, and lines about what was odd in the files."""
 
     config: KinematicsConfig
     recording: Recording
     subjects: tuple[Subject, ...]
     statistics: PoseStatistics
+    notices: tuple[str, ...] = ()
 
     @property
     def model(self) -> SegmentModel:
@@ -65,10 +66,14 @@ def read_body_task(
     ids = [subject.id for subject in people]
     if len(set(ids)) != len(ids):
         raise UsageError(f"two subjects have the same id: {', '.join(map(str, ids))}; change `id` in a file")
-    devices = read_imus(imu) if imu is not None else {}
-    missing = [d.name for s in people for d in s.devices if devices and d.name not in devices]
-    if missing:
+    notices: list[str] = []
+    devices = read_imus(imu, notices) if imu is not None else {}
+    worn = [d.name for s in people for d in s.devices]
+    missing = [name for name in worn if imu is not None and name not in devices]
+    if missing and (rig is None or len(missing) == len(worn)):
         raise UsageError(f"{imu} has no samples of {', '.join(missing)}, which a subject wears")
+    if missing:
+        notices.append(f"{imu} has no samples of {', '.join(missing)}; bodies go on without")
     views: dict[int, ViewSeries] = {}
     used: Rig | None = None
     names: tuple[str, ...] = ()
@@ -76,12 +81,13 @@ def read_body_task(
         used, found = read_rig(rig), read_detections(detections)
         views, names = view_series(used, found), found.joint_names
     recording = Recording(used, names, views, devices)
-    return BodyTask(config, recording, people, read_prior(prior))
+    return BodyTask(config, recording, people, read_prior(prior), tuple(notices))
 
 
 def solve_bodies(task: BodyTask) -> Solved:
     """Solve a recording for its subjects."""
-    return solve_recording(task.recording, task.subjects, task.config, task.statistics)
+    solved = solve_recording(task.recording, task.subjects, task.config, task.statistics)
+    return replace(solved, notices=[*task.notices, *solved.notices])
 
 
 def body_config(

@@ -1,5 +1,6 @@
 """From a simulated capture in files to bodies in a file."""
 
+import gzip
 import json
 import subprocess
 import sys
@@ -82,6 +83,13 @@ def test_files_are_read_as_they_were_written(capture, tmp_path):
         ({"format": "other"}, "no panoptic-subject-1"),
         ({"devices": [{"device": "imu01", "segment": "tail"}]}, "no segment 'tail'"),
         ({"segments": {"hips": [0, 0]}}, "is not 3 numbers"),
+        ({"segments": {"lShin": [0, 0, -40]}}, "more than half of the stature"),
+        ({"id": -3}, "id = -3"),
+        ({"id": True}, "id = True"),
+        ({"devices": 2 * [{"device": "imu01", "segment": "hips"}]}, "imu01 stands twice"),
+        ({"inertial_frame": "mars"}, "neither of world, unknown heading"),
+        ({"t_pose": {"from_ns": 5, "to_ns": 1}}, "is not before to_ns"),
+        ({"t_pose": {"from_ns": 0, "to_ns": 1, "facing": [0, 0, 1]}}, "no direction on the floor"),
     ],
 )
 def test_wrong_subjects_are_told_in_one_line(capture, tmp_path, change, told, capsys):
@@ -98,6 +106,32 @@ def test_wrong_subjects_are_told_in_one_line(capture, tmp_path, change, told, ca
     assert main(["kinematics", *map(str, words)]) == 2
     error = capsys.readouterr().err
     assert told in error and error.count("\n") == 1
+
+
+def test_a_broken_gzip_of_imus_is_told(capture, tmp_path, capsys):
+    (tmp_path / "imu.csv").write_bytes(b"\x1f\x8b\x00no gzip")
+    words = ["--imu", tmp_path / "imu.csv", "--subject", capture / "subject.json", "--out", tmp_path / "k"]
+    assert main(["kinematics", *map(str, words)]) == 2
+    assert "begins as a gzip file" in capsys.readouterr().err
+
+
+def test_devices_that_repeat_stamps_or_have_none_are_told_and_somebody_who_never_comes(
+    capture, tmp_path, capsys
+):
+    lines = gzip.decompress((capture / "imu.csv.gz").read_bytes()).decode().splitlines()
+    lines = [line for line in lines[:800] if not line.startswith("imu05")]
+    lines += [line for line in lines if line.startswith("imu06")]
+    (tmp_path / "imu.csv").write_text("\n".join(lines))
+    document = json.loads((capture / "subject.json").read_text()) | {"start": [40.0, 40.0, 1.0]}
+    (tmp_path / "subject.json").write_text(json.dumps(document))
+    words = ["--rig", capture / "rig.json", "--detections", capture / "detections.json.gz",
+             "--imu", tmp_path / "imu.csv", "--subject", tmp_path / "subject.json",
+             "--out", tmp_path / "k.json"]  # fmt: skip
+    assert main(["kinematics", *map(str, words), "--quiet", "--set", "clocks=false"]) == 0
+    told = capsys.readouterr().err
+    assert "no samples of imu05; bodies go on without" in told
+    assert "imu06: 62 samples are left out" in told
+    assert "subject 0 has not come" in told
 
 
 def test_nothing_to_solve_from_is_told(capture, tmp_path, capsys):

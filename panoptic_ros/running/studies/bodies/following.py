@@ -24,7 +24,7 @@ def tracker_of(
     recording = recording_of(capture)
     weighing = Weighing(config, capture.subject, statistics, recording.rig, recording.joint_names)
     instants = instants_of(recording.views, recording.devices, config.rate_hz)
-    mounts = t_pose_mounts(capture.subject, instants, set(recording.devices), 0.0)
+    mounts, _ = t_pose_mounts(capture.subject, instants, set(recording.devices), 0.0)
     return kind(config, capture.subject, weighing, mounts, 0.0), instants
 
 

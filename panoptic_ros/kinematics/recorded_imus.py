@@ -1,0 +1,98 @@
+"""Recorded samples of IMUs, looked through before a recording is solved: what is odd about a device is told
+once, and nobody else suffers from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from panoptic_ros.domain.subjects import ImuSeries
+from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.imu_streams import GRAVITY, NEAREST_NS, SILENT_NS, UPRIGHT, UPRIGHT_S
+
+Array = np.ndarray
+FEWEST = 10  # samples, of a device that is any use
+
+
+def looked_through(
+    devices: Mapping[str, ImuSeries], time: tuple[int, int] | None = None
+) -> tuple[dict[str, ImuSeries], list[str]]:
+    """Devices that can be used, with what of their samples can be, and a line about each thing that is odd.
+
+    Args:
+        time: of the cameras, from and to in ns; None without cameras.
+    """
+    found, lines = {}, []
+    end = max((int(s.stamps[-1]) for s in devices.values() if len(s.stamps)), default=0)
+    end = min(end, time[1]) if time is not None else end
+    for name, series in devices.items():
+        kept, odd = _usable(series, end)
+        useless = _useless(kept, time)
+        if useless:
+            odd = [f"{useless}; it is left out"]
+        else:
+            found[name] = kept
+        lines += [f"{name} {text}" for text in odd]
+    return found, lines
+
+
+def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
+    """Samples at most 500 times a second, impossible quaternions taken out; and what is odd about them."""
+    lines = []
+    kept = _spaced(series.stamps)
+    if len(kept) < len(series.stamps):
+        dropped = len(series.stamps) - len(kept)
+        lines.append(f"sends more than {1e9 / NEAREST_NS:.0f} samples/s; {dropped} are left out")
+    quaternions, rates, forces = (
+        part[kept].copy() for part in (series.quaternions, series.rates, series.forces)
+    )
+    with np.errstate(invalid="ignore"):
+        known = np.linalg.norm(quaternions, axis=-1) > 1e-3
+    quaternions[~known] = np.nan
+    if not known.all():
+        lines.append(f"tells no orientation in {int((~known).sum())} of {len(known)} samples")
+    found = ImuSeries(series.stamps[kept], quaternions, rates, forces)
+    told = found.stamps[known]
+    gaps = np.diff(np.append(told, max(end_ns, int(told[-1])))) if len(told) else np.zeros(0)
+    if len(gaps) and gaps.max() > SILENT_NS:
+        k = int(np.argmax(gaps))
+        since = 1e-9 * (int(told[k]) - int(told[0]))
+        lines.append(
+            f"is silent for {1e-9 * gaps[k]:.1f} s, {since:.1f} s after its first sample; bodies go on "
+            "without it"
+        )
+    return found, lines
+
+
+def _spaced(stamps: Array) -> Array:
+    """Rows of samples that are not too near to the one before that is taken."""
+    if not len(stamps) or (np.diff(stamps) >= NEAREST_NS).all():
+        return np.arange(len(stamps))
+    kept, last = [0], int(stamps[0])
+    for k, stamp in enumerate(stamps.tolist()):
+        if stamp - last >= NEAREST_NS:
+            kept.append(k)
+            last = stamp
+    return np.array(kept)
+
+
+def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
+    """Why a device cannot be used; "" if it can."""
+    if len(series.stamps) < FEWEST:
+        return f"has {len(series.stamps)} samples that can be used"
+    if time is not None and (series.stamps[-1] < time[0] or series.stamps[0] > time[1]):
+        return "has no samples in the time of the cameras"
+    known = np.isfinite(series.quaternions).all(-1) & np.isfinite(series.forces).all(-1)
+    lasted = 1e-9 * (int(series.stamps[-1]) - int(series.stamps[0]))
+    if known.sum() < FEWEST or lasted < UPRIGHT_S:
+        return ""
+    turned = from_quaternions(series.quaternions[known])
+    force = (turned @ series.forces[known][..., None])[..., 0].mean(0)
+    if np.linalg.norm(force - GRAVITY) <= UPRIGHT:
+        return ""
+    mean = np.array2string(force, precision=1)
+    return (
+        f"measures a mean force of {mean} m/s^2 in its inertial frame, where (0, 0, 9.81) is asked for: "
+        "z up, quaternions that turn device vectors into it, m/s^2, gravity not taken off"
+    )
