@@ -92,7 +92,7 @@ def start_graph(context):
         if name == "detection":
             images = {"compressed_image": list(sources), "depth": depths}
             own |= {"model": given["model"], **given_inputs(images)}
-        if name == "flow":
+        if name in ("flow", "appearance"):
             own |= given_inputs({"compressed_image": list(sources)})
         actions.append(start(name, name, own))
     if together:

@@ -2,26 +2,28 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from panoptic_ros.domain import DetectionSet, ViewAppearance
 from panoptic_ros.evaluation.pairing import match_people
 from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.simulation import Absence, Scene, simulate
+from panoptic_ros.simulation import Absence, Scene, Simulation, simulate
 from panoptic_ros.simulation.degradation import MILD
 from panoptic_ros.simulation.rigs import Ring
 from panoptic_ros.simulation.scenes import scene
 from panoptic_ros.simulation.skeleton import SKELETON
 from panoptic_ros.simulation.timing import Timing
-from panoptic_ros.stage import Progress, StageContext, part_of, untold
+from panoptic_ros.stage import Progress, StageContext, untold
 
 Array = np.ndarray
 Settings = Mapping[str, Mapping[str, Any]]
+Looks = Callable[[Simulation, Sequence[DetectionSet]], Mapping[int, Sequence[ViewAppearance]]]
 NO_SETTINGS: Settings = {}
 ELLIPSOID = 7.815  # squared Mahalanobis distance within which 95 % of 3D errors lie
 SETTLED = 1.0  # s after an event, within which people must have their ids again
@@ -46,15 +48,21 @@ class Instant:
     found: Mapping[int, Match]
 
 
-def follow(what: Scene, seed: int, settings: Settings = NO_SETTINGS) -> list[Instant]:
-    """Solve a take of a scene, and find its people among the results."""
+def follow(
+    what: Scene, seed: int, settings: Settings = NO_SETTINGS, looks: Looks | None = None
+) -> list[Instant]:
+    """Solve a take of a scene, and find its people among the results; looks: colours of clothes, if any."""
     take = simulate(what, seed)
     results: list[Any] = []
     pipeline = Pipeline(
         configure(settings), StageContext(take.rig, SKELETON), FUSION,
         on_record=lambda topic, record: results.append(record) if topic == "skeletons" else None,
     )  # fmt: skip
-    for item in take.detection_sets():
+    sets = list(take.detection_sets())
+    seen = {} if looks is None else looks(take, sets)
+    for number, item in enumerate(sets):
+        for look in seen.get(number, ()):
+            pipeline.push("appearance", look)
         pipeline.push("detection_sets", item)
     pipeline.flush()
     ticks = take.schedule.ticks
@@ -232,19 +240,3 @@ def visits(seed: int, settings: Settings = NO_SETTINGS, seconds: float = VISITS_
     """Ids of five people who come and go for ten minutes, and are remembered for as long as they are away."""
     settings = merged({"tracking": {"memory": AWAY[1]}}, settings)
     return {"seconds": seconds, **visit_figures(follow(visits_scene(seed, seconds), seed, settings))}
-
-
-TRIALS_PER_TAKE = 10  # of the other scenes, which are longer
-
-
-def study_identity(
-    count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
-) -> dict[str, Any]:
-    """All figures: `count` trials of each kind, a tenth of it of few views, visits of 6 s for each trial."""
-    takes = max(1, count // TRIALS_PER_TAKE)
-    return {
-        "study": "identity", "seed": seed,
-        "trials": trials(count, seed, settings, part_of(progress, 0.0, 0.5)),
-        "few_views": few_views(takes, seed, settings, part_of(progress, 0.5, 0.7)),
-        "visits": visits(seed, settings, VISITS_S * count / 100),
-    }  # fmt: skip

@@ -13,7 +13,7 @@ from panoptic_ros.view.progress import PassBar
 
 def _run_identity(args: argparse.Namespace) -> int:
     """Who stays who."""
-    from panoptic_ros.bench.identity import study_identity
+    from panoptic_ros.bench.identity_study import study_identity
     from panoptic_ros.view.identity_table import identity_lines
 
     settings = read_parameters(None, args.settings)

@@ -1,7 +1,10 @@
 """Which 2D people of which images the people of an instant were made of."""
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -9,6 +12,17 @@ from panoptic_ros.domain.checks import Shapes
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
+
+
+class OfFrame(Protocol):
+    """What belongs to one image of a camera."""
+
+    @property
+    def frame_number(self) -> int:
+        """That of the image."""
+
+
+Record = TypeVar("Record", bound=OfFrame)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +55,17 @@ class ViewSources:
             raise DataError(f"ViewSources.frames has the frame number {frames.min()}; they count from 0")
         if persons.size and persons.min() < -1:
             raise DataError(f"ViewSources.persons has the index {persons.min()}; -1 = no 2D person")
+
+    def taken_from(self, waiting: Mapping[str, deque[Record]]) -> dict[str, Record]:
+        """What waits, by camera, of these views, also by camera; it and older ones are taken out."""
+        found: dict[str, Record] = {}
+        for camera, frame in zip(self.cameras, self.frames.tolist()):
+            own = waiting.get(camera, deque())
+            while own and own[0].frame_number <= frame:
+                oldest = own.popleft()
+                if oldest.frame_number == frame:
+                    found[camera] = oldest
+        return found
 
     def rows(self, which: Array | list[int]) -> ViewSources:
         """Some of the people, by index; -1 = somebody whom no view shows."""

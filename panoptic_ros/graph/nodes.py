@@ -115,6 +115,10 @@ NODES: dict[str, NodeSpec] = {
             switch="patches.active",
         ),
         stage_row(
+            "appearance", (Port("image"), Port("detections")), ("appearance",), apart=True, queue="instant",
+            switch="tracking.appearance",
+        ),
+        stage_row(
             "sync",
             (Port("clock_models", optional=True, feedback=True), Port("detections", tells_end=True)),
             ("detection_sets",),
@@ -126,7 +130,12 @@ NODES: dict[str, NodeSpec] = {
         stage_row("voting", (Port("associations"),), ("proposals",)),
         stage_row("assembly", (Port("proposals"),), ("poses",)),
         stage_row(
-            "tracking", (Port("subjects", optional=True), Port("poses")), ("skeletons_raw", "tracks")
+            "tracking",
+            (
+                Port("subjects", optional=True),
+                Port("appearance", optional=True, switch="appearance"), Port("poses"),
+            ),
+            ("skeletons_raw", "tracks"),
         ),
         stage_row(
             "offsets", (Port("detections", first=True), Port("skeletons_raw")), ("clock_models",),
@@ -156,7 +165,7 @@ NODES: dict[str, NodeSpec] = {
 }  # fmt: skip
 
 FUSION = ("association", "voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
-BESIDE_IMAGES = ("detection", "flow")  # what looks at images: in the processes that have them
+BESIDE_IMAGES = ("detection", "flow", "appearance")  # what looks at images: in the processes that have them
 AFTER_DETECTION = (
     "sync", "association", "voting", "assembly", "tracking", "offsets", "kinematics", "patches",
     "refinement",

@@ -59,9 +59,12 @@ TOPICS: dict[str, Topic] = {
         Topic("compressed_sensor_depth", "{owner}/depth/image_raw/compressedDepth", "DepthFrame",
               "sensor_msgs/msg/CompressedImage", "sensor", by_stamp=True, variant_of="sensor_depth"),
         Topic("sensor_info", "{owner}/depth/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "sensor"),
-        # before detections of the same image, so that an instant has all of its tracks (see `graph.lanes`)
+        # before detections of the same image, so that an instant has all of its tracks and colours (see
+        # `graph.lanes`)
         Topic("patch_tracks", "{owner}/patch_tracks", "PatchTracks",
               "panoptic_msgs/msg/PatchTracks", "camera", by_stamp=True),
+        Topic("appearance", "{owner}/appearance", "ViewAppearance", "sensor_msgs/msg/PointCloud2", "camera",
+              by_stamp=True),
         Topic("detections", "{owner}/detections", "ViewDetections",
               "panoptic_msgs/msg/ViewDetections", "camera", by_stamp=True),
         Topic("audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device",

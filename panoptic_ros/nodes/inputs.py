@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from panoptic_ros.graph.arrivals import Arrivals
 from panoptic_ros.graph.continuity import Continuity
 from panoptic_ros.graph.floods import MOST_BYTES, MOST_MESSAGES, FloodGuard
 from panoptic_ros.graph.flow import Flow
-from panoptic_ros.graph.nodes import Port
+from panoptic_ros.graph.nodes import NODES, Port
 from panoptic_ros.graph.topics import TOPICS, variants
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.nodes.audio_common import audio_common_class
@@ -94,20 +94,23 @@ class InputChoice:
     """Which inputs a node has, by its parameters.
 
     Parameters, each a list of names: `inputs.<topic>` for every port of cameras or devices that is
-    optional: who has it; `inputs.<variant>` for every other message that a port can take: whose records
-    come so ("*": all). `topics`: "<topic> <owner>=<name>" where a driver calls it otherwise. `encodings`:
-    "<camera>=<encoding>" of raw images whose driver says something else. `devices`: audio devices.
-    `audio_rate` and `audio_channels`: of audio_common_msgs, which do not tell.
+    optional, and that no stage of the graph gives: who has it; `inputs.<variant>` for every other message
+    that a port can take: whose records come so ("*": all). `topics`: "<topic> <owner>=<name>" where a
+    driver calls it otherwise. `encodings`: "<camera>=<encoding>" of raw images whose driver says something
+    else. `devices`: audio devices. `audio_rate` and `audio_channels`: of audio_common_msgs, which do not
+    tell.
     """
 
-    def __init__(self, node: Node, ports: Sequence[Port]):
+    def __init__(self, node: Node, ports: Sequence[Port], graph: Collection[str]):
+        """graph: stages that run in the graph; what they give of a camera they give of all."""
+        given = {topic for name in graph if name in NODES for topic in NODES[name].outputs}
         self._node, self._ports = node, ports
         self._devices = self._names("devices")
         self._renamed = named_words("topics", self._names("topics"))
         self._encodings = named_words("encodings", self._names("encodings"))
         self._optional = {
             port.topic: self._names(f"inputs.{port.topic}") for port in ports
-            if port.optional and TOPICS[port.topic].scope != "graph"
+            if port.optional and TOPICS[port.topic].scope != "graph" and port.topic not in given
         }  # fmt: skip
         self._variants = {
             key: self._names(f"inputs.{key}") for port in ports for key in variants(port.topic)
@@ -173,7 +176,7 @@ def _subscribe(
 ) -> Input:
     row, live = TOPICS[carrier], flow.name == "live"
     frequent = row.scope in ("device", "imu")
-    images, sound = row.message.startswith("sensor_msgs") and not frequent, row.scope == "device"
+    images, sound = row.record in ("ViewFrame", "DepthFrame"), row.scope == "device"
     quality = CLOCKS if row.latched else data_quality(flow, images=images, sound=frequent)
     if live and row.scope == "graph" and not row.latched:
         quality.depth = FLOODED

@@ -21,7 +21,7 @@ PERIOD_S = 0.5
 MOST_TRIALS = 2
 EMPTY = 16  # bytes of a message without a state: its beginner tries the kept one
 WAITING_S = 0.3  # for states, if somebody keeps any: they come with the rig
-SEVERAL = ("detection", "flow")  # stages that several nodes of a graph may have, and that remember little
+SEVERAL = ("detection", "flow", "appearance")  # stages that several nodes may have, and that remember little
 KIND = "std_msgs/msg/UInt8MultiArray"
 
 

@@ -101,7 +101,8 @@ class StageNode(Node):
         }
         self._ports_used = {*self._graph, *ports_in_use(self._configs)}
         self._tally = Tally(self.get_logger(), names)
-        self._choice = InputChoice(self, Wiring(names, table=rows_in_use(self._ports_used)).inputs)
+        ports = Wiring(names, table=rows_in_use(self._ports_used)).inputs
+        self._choice = InputChoice(self, ports, self._graph)
         self._pipeline: Pipeline | None = None
         self._delivery: Delivery | None = None
         self._companions = Companions((), ())

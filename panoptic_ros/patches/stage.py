@@ -105,7 +105,7 @@ class PatchesStage(Stateful):
         if before is not None and item.stamp_ns <= before.stamp_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {before.stamp_ns}; it was dropped"
             return StepResult(notices=(Notice("patches.old_stamp", "warning", text),))
-        tracks = self._tracks_of(item)
+        tracks = {} if item.sources is None else item.sources.taken_from(self._tracks)
         notices: tuple[Notice, ...] = ()
         free = NOTHING_FREE
         if before is None or item.stamp_ns - before.stamp_ns > LONGEST_NS:
@@ -121,19 +121,6 @@ class PatchesStage(Stateful):
     def _capsules(self) -> Capsules:
         """Of everybody, as carried."""
         return joined([axes(self._parts, self._skeleton, own.positions) for own in self._people.values()])
-
-    def _tracks_of(self, item: TrackedPoseSet) -> dict[str, PatchTracks]:
-        """The 2D tracks of the views of an instant; these and older ones are taken out."""
-        found = {}
-        sources = item.sources
-        views = () if sources is None else zip(sources.cameras, sources.frames.tolist())
-        for camera, frame in views:
-            waiting = self._tracks.get(camera, deque())
-            while waiting and waiting[0].frame_number <= frame:
-                oldest = waiting.popleft()
-                if oldest.frame_number == frame:
-                    found[camera] = oldest
-        return found
 
     def _begin_anew(self, item: TrackedPoseSet) -> None:
         self._people = {

@@ -8,8 +8,9 @@ body and the lengths of the bones decide,
 after longer ones `identity.likeness`; and a skeleton of few views must be seen repeatedly
 before it gets an identity. `tracking.method=head` is the paper's way.
 
-In: `PoseSet`. Out: one `TrackedPoseSet` for each, measured skeletons only, ids counting from 0 in
-the order of appearance and never used twice; and one `TrackSet`, all who are followed with the motion of
-their joints as images show them, which goes back to association. Limits: no appearance, so people who
-change places unseen may change ids when their bodies have the same size.
+In: `PoseSet`, and `ViewAppearance` with `tracking.appearance`. Out: one `TrackedPoseSet` for each,
+measured skeletons only, ids counting from 0 in the order of appearance and never used twice; and one
+`TrackSet`, all who are followed with the motion of their joints as images show them, which goes back to
+association. Limits: without appearance, people who change places unseen may change ids when their
+bodies have the same size.
 """

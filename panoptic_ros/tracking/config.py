@@ -45,6 +45,10 @@ class TrackingConfig(Config):
         0.08, ge=0.005, le=10.0,
         doc="Relative difference of bone lengths (median) that speaks against a return.",
     )
+    appearance: bool = param(
+        False, doc="Recognise those who come back by the colours of their clothes, too, where images are at "
+        "hand. With a long memory.",
+    )
     subjects: tuple[str, ...] = param(
         (), doc='Designated people, as "ID" or, where the pelvis is when people are first seen, "ID=X Y Z" '
         "in metres. All others are bystanders. The topic /subjects says it anew.",

@@ -1,12 +1,14 @@
 """The tracking stage."""
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet
+from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet, ViewAppearance
 from panoptic_ros.errors import DataError
+from panoptic_ros.identity.appearance import Colours, colour_evidence, looks_at
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.identity.likeness import (
     NEW,
@@ -23,6 +25,7 @@ from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
+from panoptic_ros.tracking.records import as_images_show, tracked
 from panoptic_ros.tracking.tracks import (
     Tracks,
     bone_lengths,
@@ -34,13 +37,15 @@ from panoptic_ros.tracking.tracks import (
 Array = np.ndarray
 RETURN_S = 2.0  # of absence, in which somebody who is near and alike has come back at once
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
+KEPT = 16  # newest colours of a camera that wait for their instant
 
 
 class TrackingStage(Stateful):
     """Identities for the skeletons of a `PoseSet`; what is known of everybody goes back to association."""
 
     LAYOUT = StateLayout(
-        "tracking", ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns"), (Tracks, SubjectSet),
+        "tracking", ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns", "_clothes"),
+        (Tracks, SubjectSet, ViewAppearance),
         lasting=("_next", "_subjects"), same={"configuration": "_config", "skeleton": "_hash"},
     )  # fmt: skip
 
@@ -60,6 +65,7 @@ class TrackingStage(Stateful):
         self._next = 0
         self._last_ns: int | None = None
         self._begun_ns: int | None = None
+        self._clothes: dict[str, deque[ViewAppearance]] = {}
         self._say_subjects(subjects_of(self._config.subjects))
 
     def flush(self) -> StepResult[TrackedPoseSet | TrackSet]:
@@ -67,16 +73,20 @@ class TrackingStage(Stateful):
         self.reset()
         return StepResult()
 
-    def step(self, item: PoseSet | SubjectSet) -> StepResult[TrackedPoseSet | TrackSet]:
+    def step(self, item: PoseSet | SubjectSet | ViewAppearance) -> StepResult[TrackedPoseSet | TrackSet]:
         """The skeletons that have an identity, and all tracks; sets from the past are dropped with a notice.
 
-        A `SubjectSet` says anew who is designated.
+        A `SubjectSet` says anew who is designated. What the people of an image wear comes before the
+        skeletons that rest on that image.
 
         Raises:
             DataError: if the poses are of another skeleton.
         """
         if isinstance(item, SubjectSet):
             self._say_subjects(item)
+            return StepResult()
+        if isinstance(item, ViewAppearance):
+            self._clothes.setdefault(item.camera, deque(maxlen=KEPT)).append(item)
             return StepResult()
         if item.skeleton_hash != self._hash:
             raise DataError(
@@ -92,15 +102,20 @@ class TrackingStage(Stateful):
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
             return StepResult(notices=(Notice("tracking.old_stamp", "warning", text),))
         self._advance(item.stamp_ns)
-        shown = _as_images_show(item)
-        owners = self._with_new(shown, self._assign(shown))
+        shown = as_images_show(item)
+        seen = {} if item.sources is None else item.sources.taken_from(self._clothes)
+        looks = looks_at(item.sources, seen, len(item.positions))
+        owners = self._with_new(shown, self._assign(shown, looks))
         self._tracks.update(owners, shown, self._bones, self._skeleton.head)
+        if self._clothes:
+            own = np.flatnonzero(owners >= 0)
+            self._tracks.clothes.learn(owners[own], looks[own])
         notices = self._confirm(shown, owners) + self._find_subjects(item.stamp_ns)
         ids = np.where(owners >= 0, self._tracks.ids[owners], -1) if len(owners) else owners
         self._tracks.exchange_sides(self._limbs)
         rows = np.flatnonzero((ids >= 0) & self._is_reported(ids))
         rows = rows[np.argsort(ids[rows])]
-        return StepResult((_tracked(item, rows, ids[rows]), self._tracks.record(item)), notices)
+        return StepResult((tracked(item, rows, ids[rows]), self._tracks.record(item)), notices)
 
     def _new(self, people: int) -> Tracks:
         """Tracks before their first measurement."""
@@ -120,8 +135,12 @@ class TrackingStage(Stateful):
         if not kept.all():
             self._tracks = tracks.rows(kept)
 
-    def _assign(self, item: PoseSet) -> Array:
-        """The track (P,) of each skeleton, -1 = none: first by joints, then of people who come back."""
+    def _assign(self, item: PoseSet, looks: Array) -> Array:
+        """The track (P,) of each skeleton, -1 = none: first by joints, then of people who come back.
+
+        Args:
+            looks: (P, 2, 3) colours of clothes, NaN = not seen.
+        """
         config, tracks = self._config, self._tracks
         owners, everybody = np.full(len(item.positions), -1), np.arange(len(tracks.ids))
         if config.method == "head":
@@ -140,7 +159,9 @@ class TrackingStage(Stateful):
             allowed = (distance <= reach) & (difference <= config.bone_tolerance)
             lengths = bone_lengths(item.positions[open_rows], self._bones)
             once = Bones(lengths, np.ones_like(lengths), np.zeros_like(lengths))
-            allowed &= bone_evidence(lost.bones, once, self._pairs) >= UNLIKE
+            odds = bone_evidence(lost.bones, once, self._pairs)
+            odds += colour_evidence(lost.clothes, Colours.of_looks(looks[open_rows]))
+            allowed &= odds >= UNLIKE
             score = distance / np.maximum(reach, 1e-9) + difference / config.bone_tolerance
             back = np.full(len(open_rows), -1)
             _take(back, waiting, np.where(allowed, score, np.inf))
@@ -191,7 +212,7 @@ class TrackingStage(Stateful):
         away, here = self._tracks.rows(lost), self._tracks.rows(fresh)
         gaps = np.linalg.norm((away.middles[:, None] - here.middles[None])[..., :2], axis=-1)
         odds = bone_evidence(away.bones, here.bones, self._pairs)
-        odds += place_evidence(gaps, away.unseen)
+        odds += place_evidence(gaps, away.unseen) + colour_evidence(away.clothes, here.clothes)
         return odds
 
     def _new_id(self) -> int:
@@ -264,25 +285,3 @@ def _take(owners: Array, rows: Array, cost: Array) -> None:
     """Fill `owners` (P,) with those of the rows (N,) that the best pairs of a cost (N, P) give."""
     for i, k in best_pairs(cost):
         owners[k] = rows[i]
-
-
-def _as_images_show(item: PoseSet) -> PoseSet:
-    """The skeletons with known biases of the detector: predictions are compared with images."""
-    if item.corrections is None:
-        return item
-    return replace(item, positions=item.positions - item.corrections)
-
-
-def _tracked(item: PoseSet, rows: Array, ids: Array) -> TrackedPoseSet:
-    """The chosen skeletons with their ids."""
-    everybody = np.array_equal(rows, np.arange(len(item.positions)))  # no need to copy then
-    names = ("positions", "covariances", "scores", "views", "states", "person_scores")
-    arrays = {name: getattr(item, name) if everybody else getattr(item, name)[rows] for name in names}
-    shift, sources = item.time_shift, item.sources
-    if not everybody:
-        shift = None if shift is None else shift.rows(rows)
-        sources = None if sources is None else sources.rows(rows)
-    return TrackedPoseSet(
-        item.index, item.stamp_ns, item.skeleton_hash, **arrays, newest_ns=item.newest_ns, time_shift=shift,
-        sources=sources, ids=ids,
-    )  # fmt: skip

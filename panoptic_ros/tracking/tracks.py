@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import JointState, PoseSet, TrackSet
+from panoptic_ros.identity.appearance import Colours
 from panoptic_ros.identity.likeness import Bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
@@ -52,6 +53,7 @@ class Tracks:
         unseen: (T,) s since the person was seen; missed: (T,) those of them in which there were sets.
         hits: (T,) how often it was seen; seconds: (T,) since when there is a track.
         balance: (T, G) exchanged minus straight views of each limb, with forgetting.
+        colours, looks, colour_squares: see `identity.appearance.Colours`.
     """
 
     ids: Array
@@ -70,6 +72,9 @@ class Tracks:
     hits: Array
     seconds: Array
     balance: Array
+    colours: Array
+    looks: Array
+    colour_squares: Array
 
     @classmethod
     def of_new(cls, people: int, joints: int, bones: int, limbs: int) -> Tracks:
@@ -79,6 +84,7 @@ class Tracks:
             np.zeros((people, bones)), np.zeros((people, bones)), np.full((people, 3), np.nan),
             np.zeros((people, 3)), np.full((people, 3), np.nan), np.zeros(people), np.zeros(people),
             np.zeros(people, np.int64), np.zeros(people), np.zeros((people, limbs)),
+            *Colours.of_new(people),
         )  # fmt: skip
 
     @property
@@ -95,6 +101,11 @@ class Tracks:
     def bones(self) -> Bones:
         """What is known of the bones."""
         return Bones(self.lengths, self.counts, self.squares)
+
+    @property
+    def clothes(self) -> Colours:
+        """What is known of the clothes."""
+        return Colours(self.colours, self.looks, self.colour_squares)
 
     def rows(self, which: Array) -> Tracks:
         """Some of the people."""
@@ -127,6 +138,7 @@ class Tracks:
         squares = self.squares[lost] * self.counts[lost] + self.squares[fresh] * self.counts[fresh]
         self.squares[fresh] = squares / np.maximum(counts, 1.0)
         self.counts[fresh] = np.minimum(counts, LENGTH_MEMORY)
+        self.clothes.take_over(lost, fresh)
 
     def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
         """Update in place with skeletons, of which each has the row `owners` (P,) here, -1 = none."""
@@ -217,10 +229,11 @@ def _distance(a, b):
 
 @njit(cache=True, error_model="numpy")
 def joint_distances(states, variances, positions, covariances):
-    """Mean distances (T, P) m of predicted and measured joints, and truncated Mahalanobis distances (T, P).
+    """Mean distances (T, P) m of predicted and measured joints, and costs (T, P) of the assignment.
 
-    Both are means over the joints, inf without common ones. The first is for gating, the second is the cost
-    of the assignment.
+    Both are means over the joints, inf without common ones. The first is for gating. A cost is the negative
+    logarithm of a density that falls off with the Mahalanobis distance, which is truncated, up to a constant:
+    somebody who has not been seen for a while may be anywhere, and so is the less likely to be here.
 
     Args:
         states (T, J, 6), variances (T, J, 3): of the tracks. positions (P, J, 3), covariances (P, J, 3, 3).
@@ -238,7 +251,8 @@ def joint_distances(states, variances, positions, covariances):
                     noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
                     count += 1
                     gaps += gap
-                    scaled += min(gap / np.sqrt(variances[t, j, 0] + noise + FLOOR**2), WORST)
+                    sigma = np.sqrt(variances[t, j, 0] + noise + FLOOR**2)
+                    scaled += min(gap / sigma, WORST) + 3.0 * np.log(sigma / FLOOR)
             if count:
                 distance[t, p], cost[t, p] = gaps / count, scaled / count
     return distance, cost

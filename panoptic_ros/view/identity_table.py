@@ -20,8 +20,10 @@ def identity_lines(result: Mapping[str, Any]) -> Iterator[str]:
         f"child among adults   lost for {child['lost_s']:.2f} s (at most {child['most_lost_s']:.2f}), "
         f"id kept in {child['kept']:.0%} of {few['takes']} takes"
     )
-    row = result["visits"]
-    yield (
-        f"come and go          {row['changes']} ids changed while there; {row['same']} of {row['returns']} "
-        f"returned under their own, {row['foreign']} under somebody else's"
-    )
+    rows = {"come and go": result["visits"]}
+    rows |= {f"dressed, {name}": result["dressed"][name] for name in ("bones", "appearance")}
+    for name, row in rows.items():
+        yield (
+            f"{name:20} {row['changes']} ids changed while there; {row['same']} of {row['returns']} "
+            f"returned under their own, {row['foreign']} under somebody else's"
+        )

@@ -2,10 +2,13 @@
 import numpy as np
 
 from panoptic_ros.bench import identity
+from panoptic_ros.bench.dressed import dressed_scene, looks_of
 from panoptic_ros.bench.identity import Instant, Match, few_views, kept_ids, visit_figures
+from panoptic_ros.simulation import simulate
 from panoptic_ros.view.identity_table import identity_lines
 
 NOWHERE = np.full(19, np.nan)
+WAYS = ("bones", "appearance")
 
 
 def instants(*rows):
@@ -34,10 +37,12 @@ def test_one_view_holds_somebody_who_was_seen_well():
     one, two = found["phases"]["one view"], found["phases"]["two views"]
     assert two["mean_mm"] < 40.0 and one["mean_mm"] < 150.0 and one["joints_given"] > 0.4
     assert found["child"]["lost_s"] <= 0.2 and found["child"]["kept"] == 1.0
-    rows = {"trials": {"trials": 1, "kept": {"hidden": 1.0}}, "few_views": found,
+    dressed = {way: {"changes": 0, "returns": 7, "same": 6, "foreign": 1} for way in WAYS}
+    rows = {"trials": {"trials": 1, "kept": {"hidden": 1.0}}, "few_views": found, "dressed": dressed,
             "visits": {"changes": 0, "returns": 3, "same": 2, "foreign": 0}}  # fmt: skip
     text = "\n".join(identity_lines(rows))
     assert "2 of 3 returned under their own, 0 under somebody else's" in text and "one view" in text
+    assert "dressed, appearance  0 ids changed while there; 6 of 7 returned" in text
 
 
 def test_visits_are_drawn_from_the_seed():
@@ -46,3 +51,11 @@ def test_visits_are_drawn_from_the_seed():
     for absence in one.absences:
         assert identity.AWAY[0] <= absence.end - absence.start <= identity.AWAY[1]
     assert {a.person for a in one.absences} == set(range(identity.VISITORS))
+
+
+def test_cameras_see_the_same_colours_of_somebody_from_all_sides():
+    take = simulate(dressed_scene(3, 0.4), 3)
+    looks = looks_of(take, list(take.detection_sets()))
+    assert set(looks) == {0, 3}
+    assert {look.camera for look in looks[0]} == set(take.rig.names)
+    assert sum(np.isfinite(look.colours).any() for look in looks[0]) >= 4

@@ -103,7 +103,7 @@ ANOTHER = {
     "offsets": {"memory_s": 30.0}, "sync": {"queue_limit": 99}, "voting": {"explain_away": False},
     "association": {"track_memory": 0.7},
     "assembly": {"noise_memory": 1000.0}, "tracking": {"memory": 1.0}, "refinement": {"process_noise": 3.0},
-    "flow": {"width": 320}, "patches": {"life": 5},
+    "flow": {"width": 320}, "patches": {"life": 5}, "appearance": {"fewest": 3},
 }  # fmt: skip
 
 

@@ -187,3 +187,14 @@ def test_every_stage_runs_as_a_node_of_its_own(executor, stage):
     node = StageNode(stage, {"flow": "replay"})
     executor.add_node(node)
     assert node.healthy and node.get_parameter("replay_window").value > 0
+
+
+def test_what_another_stage_of_the_graph_gives_is_taken_of_every_camera(executor):
+    values = {"flow": "live", "graph": ["appearance", "tracking"], "appearance": True}
+    node, statics = StageNode("tracking", values), StaticsNode(captures.RIG, captures.SKELETON)
+    for item in (node, statics):
+        executor.add_node(item)
+    spin_until(
+        executor, lambda: all(node.count_subscribers(f"{name}/appearance") for name in captures.RIG.names)
+    )
+    node.close()

@@ -86,7 +86,7 @@ def test_it_imports_nothing_that_a_jazzy_workspace_lacks() -> None:
     assert modules <= {"functools", "pathlib", "launch", "launch_ros", "panoptic_ros", "yaml"}
 
 
-OFF = {"offsets", "kinematics", "flow", "patches"}  # unless parameters say otherwise
+OFF = {"offsets", "kinematics", "flow", "patches", "appearance"}  # unless parameters say otherwise
 
 
 def test_devices_start_every_stage_and_one_node_per_camera(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 STAGES = (
     "detection", "timecode", "clocks", "sync", "offsets", "association", "voting", "assembly", "tracking",
-    "patches", "refinement", "kinematics", "simulation", "evaluation",
+    "appearance", "patches", "refinement", "kinematics", "simulation", "evaluation",
 )  # fmt: skip
 RANKS: dict[str, int] = {
     "errors": 0, "kernels": 0, "geometry": 1, "params": 1, "state": 1,

@@ -29,6 +29,7 @@ from panoptic_ros.domain import (
     TimecodeReading,
     TrackedPoseSet,
     TrackSet,
+    ViewAppearance,
     ViewDetections,
     ViewFrame,
     VisibilityLimit,
@@ -379,6 +380,18 @@ def walked(camera, count=9, start=0):
     return found
 
 
+def dressed(poses):
+    """Skeletons, and before each what the people of its views wear, all but some."""
+    found: list[Any] = []
+    for k, item in enumerate(poses):
+        for c, (camera, number) in enumerate(zip(item.sources.cameras, item.sources.frames.tolist())):
+            if (k + c) % 4:
+                colours = RNG.normal(0.3, 0.05, (2, 2, 3))
+                found.append(ViewAppearance(camera, item.stamp_ns, number, colours))
+        found.append(item)
+    return found
+
+
 def small_images():
     """Cameras of the size of those images."""
     rig = watching_rig((320, 240), captures.RIG.names)
@@ -430,6 +443,12 @@ def cases():
         "flow": Case(
             "flow", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30), small_images()
         ),
+        "appearance": Case(
+            "appearance", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30), small_images()
+        ),
+        "tracking-appearance": Case(
+            "tracking", {"appearance": True}, dressed(chain()["tracking"]), dressed(chain(7, 200)["tracking"])
+        ),
         "patches": Case(
             "patches", {"per_part": 4, "life": 4}, patch_scene.recording(8),
             patch_scene.recording(4, start=90),
@@ -448,8 +467,9 @@ def cases():
 NAMES = (
     "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
     "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
-    *FUSION, "tracking-subjects", "kinematics", "kinematics-everybody", "refinement-lag",
-    "refinement-patches", "refinement-bodies", "flow", "patches", "patches-depth",
+    *FUSION, "tracking-subjects", "tracking-appearance", "appearance", "kinematics",
+    "kinematics-everybody", "refinement-lag", "refinement-patches", "refinement-bodies", "flow", "patches",
+    "patches-depth",
 )  # fmt: skip
 
 

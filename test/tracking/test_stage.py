@@ -4,7 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.domain import JointState, PoseSet, SkeletonModel, SubjectSet
+from panoptic_ros.domain import (
+    JointState,
+    PoseSet,
+    SkeletonModel,
+    SubjectSet,
+    TrackedPoseSet,
+    ViewAppearance,
+    ViewSources,
+)
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import StageContext
 from panoptic_ros.tracking.config import TrackingConfig
@@ -242,3 +250,43 @@ def test_ids_are_not_given_twice_by_a_stage_that_forgot():
     assert later.ids.tolist() == [7]  # the first who is seen: that name was taken
     stage.step(SubjectSet.of_nobody())
     assert min(stage.step(poses(3, [body(0.0), body(2.0)])).outputs[0].ids) >= 2
+
+
+COLOURS = np.array([[[4.5, 0.5, -0.3], [4.0, 0.0, 0.1]], [[4.4, -0.5, 0.4], [3.7, 0.1, -0.1]]])
+
+
+def dressed(sets, wearers):
+    """Sets whose people are 2D people of one camera, and what each wears (row of COLOURS) before them."""
+    found = []
+    for item, worn in zip(sets, wearers, strict=True):
+        persons = np.arange(len(worn))[:, None]
+        found.append(ViewAppearance("cam", item.stamp_ns, item.index, COLOURS[list(worn)]))
+        found.append(replace(item, sources=ViewSources(("cam",), [item.index], persons)))
+    return found
+
+
+def returned(worn, **settings):
+    """The id of somebody who comes 5 s after two of one size have left, in the clothes of one of them."""
+    both, size = [body(-1.0), body(1.0)], SHAPE.shape
+    rng = np.random.default_rng(5)
+    sets = [poses(i, [one + rng.normal(0.0, 0.004, size) for one in both]) for i in range(40)]
+    sets += [poses(i, []) for i in range(40, 190)]
+    sets += [poses(i, [body(0.0, 0.3) + rng.normal(0.0, 0.004, size)]) for i in range(190, 230)]
+    stage = TrackingStage(TrackingConfig(memory=30.0, **settings), StageContext(None, MODEL))
+    outputs = []
+    for item in dressed(sets, [(0, 1)] * 40 + [()] * 150 + [(worn,)] * 40):
+        outputs += [out for out in stage.step(item).outputs if isinstance(out, TrackedPoseSet)]
+    return outputs[-1].ids.tolist()
+
+
+def test_people_of_one_size_are_recognised_by_their_clothes():
+    assert returned(0, appearance=True) == [0] and returned(1, appearance=True) == [1]
+
+
+def test_somebody_who_has_just_gone_takes_nobody_who_is_there():
+    """Two stand near each other, one goes, the other jerks that way: who was lost could be anywhere."""
+    sets = []
+    for i in range(50):
+        people = [body(0.0, 0.15 if i >= 38 else 0.0)] + ([body(0.0, 0.4)] if i < 30 else [])
+        sets.append(poses(i, people, sigma=0.02))
+    assert all(output.ids.tolist() == [0] for output in run(sets)[30:])

@@ -42,8 +42,8 @@ def test_distances_are_means_over_the_joints_that_both_have(seed):
         for p in range(4):
             known = np.isfinite(gaps[t, p])
             assert distance[t, p] == pytest.approx(gaps[t, p][known].mean() if known.any() else np.inf)
-            worst = np.minimum(gaps[t, p] / sigmas[t, p], WORST)
-            assert cost[t, p] == pytest.approx(worst[known].mean() if known.any() else np.inf)
+            costs = np.minimum(gaps[t, p] / sigmas[t, p], WORST) + 3.0 * np.log(sigmas[t, p] / FLOOR)
+            assert cost[t, p] == pytest.approx(costs[known].mean() if known.any() else np.inf)
 
 
 def test_bones_are_averaged_and_the_middle_is_the_median():

@@ -25,12 +25,13 @@ from panoptic_ros.domain import (
     TimeShift,
     TrackedPoseSet,
     TrackSet,
+    ViewAppearance,
     ViewDetections,
     ViewSources,
 )
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.errors import CalibrationError, ClockError, ContractError, DataError
-from panoptic_ros.io.messages import associations, bodies, detections, images, patches, statics
+from panoptic_ros.io.messages import appearance, associations, bodies, detections, images, patches, statics
 from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
@@ -211,6 +212,7 @@ _WRITERS: dict[type, Callable[[Any, Messages, str], Any]] = {
     SubjectSet: associations.write_subjects,
     ProposalSet: _write_proposals,
     PatchTracks: patches.write_tracks,
+    ViewAppearance: appearance.write_appearance,
     PatchTrajectories: patches.write_trajectories,
     PoseSet: _write_poses,
     SkeletonModel: statics.write_skeleton_model,
@@ -231,6 +233,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "SubjectSet": associations.read_subjects,
     "ProposalSet": _read_proposals,
     "PatchTracks": patches.read_tracks,
+    "ViewAppearance": appearance.read_appearance,
     "PatchTrajectories": patches.read_trajectories,
     "PoseSet": _read_poses(PoseSet),
     "TrackedPoseSet": _read_poses(TrackedPoseSet),

@@ -37,6 +37,7 @@ from panoptic_ros.domain import (
     TimeShift,
     TrackedPoseSet,
     TrackSet,
+    ViewAppearance,
     ViewDetections,
     ViewFrame,
     ViewSources,
@@ -161,6 +162,7 @@ PATCHES = PatchTrajectories(
 )  # fmt: skip
 
 RECORDS = [
+    ViewAppearance("cam0", 99, 8, np.where(rng.uniform(size=(4, 2, 3)) < 0.2, np.nan, 0.7)),
     PATCH_TRACKS, PATCHES,
     Rig((STATED, FISHEYE), depth_sensors=SENSORS),
     view(), view(people=0), SET,

@@ -1,0 +1,15 @@
+"""Parameters of appearance."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from panoptic_ros.params import Config, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class AppearanceConfig(Config):
+    """How colours are read off images."""
+
+    fewest: int = param(
+        6, ge=1, le=30, doc="Points of torso or legs that must be seen for their colour to be known."
+    )

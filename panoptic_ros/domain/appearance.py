@@ -1,0 +1,43 @@
+"""What the people of an image wear."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain.checks import Shapes, check_magnitude, check_stamp
+from panoptic_ros.errors import DataError
+
+Array = np.ndarray
+REGIONS = ("torso", "legs")
+CHANNELS = 3  # of a colour: see `ViewAppearance`
+LARGEST = 10.0  # of a colour
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewAppearance:
+    """Colours of the clothes of the P people of an image.
+
+    Args:
+        camera, stamp_ns, frame_number: those of the image.
+        colours: (P, 2, 3) of torso and legs (`REGIONS`): logarithm of green, and of red and of blue
+            against green, as the image has them, so light changes the first alone; NaN = not seen. P are the
+            people of the image's `ViewDetections`.
+
+    Raises:
+        DataError: on shapes that do not fit, and colours that no image has.
+    """
+
+    camera: str
+    stamp_ns: int
+    frame_number: int
+    colours: Array
+
+    def __post_init__(self) -> None:
+        if not self.camera:
+            raise DataError("ViewAppearance without the name of its camera")
+        object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
+        colours = Shapes(self).store("colours", np.float32, f"P {len(REGIONS)} {CHANNELS}")
+        if np.isinf(colours).any():
+            raise DataError(f"ViewAppearance.colours of camera {self.camera} are infinite")
+        check_magnitude(f"ViewAppearance.colours of camera {self.camera}", colours, LARGEST)

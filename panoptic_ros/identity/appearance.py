@@ -1,0 +1,113 @@
+"""How likely two people are one, by the colours of their clothes.
+
+The median over the views of an instant is one look at somebody. Looks at one person differ by the light,
+which no mean removes; strangers also by what they wear, or by nothing at all: some wear the same. So the same
+colours tell no more than how rare they are, other colours nearly all.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import ViewAppearance, ViewSources
+from panoptic_ros.domain.appearance import CHANNELS, REGIONS
+
+Array = np.ndarray
+MEMORY = 200.0  # looks over which colours are averaged
+LASTING = np.array([0.12, 0.03, 0.03])  # standard deviation of means at other times, by the light
+LOOK, LOOKS = np.array([0.1, 0.04, 0.04]), 5.0  # of one look, before as many have told it
+CORRELATED = 10.0  # looks that err alike
+PEOPLE = np.array([[0.4, 0.4, 0.4], [0.3, 0.15, 0.15]])  # by which clothes of people differ: torso, legs
+ALIKE = np.array([0.1, 0.25])  # share of strangers who wear the same there
+MISTAKEN = 0.03  # share of colours that are not the person's, or are other ones than before
+OUTLIER, KNOWN = 3.0, 10.0  # standard deviations at which a look is cut, from so many looks on
+
+
+class Colours(NamedTuple):
+    """Clothes of P people: mean colours (P, 2, 3), NaN = not seen, of how many looks counts (P, 2), and the
+    mean squares (P, 2, 3) of what one differs by. See `domain.ViewAppearance`."""
+
+    means: Array
+    counts: Array
+    squares: Array
+
+    @classmethod
+    def of_new(cls, people: int) -> Colours:
+        """Of people who were not seen yet."""
+        shape = people, len(REGIONS), CHANNELS
+        return cls(np.full(shape, np.nan), np.zeros(shape[:2]), np.zeros(shape))
+
+    @classmethod
+    def of_looks(cls, looks: Array) -> Colours:
+        """Of one look (P, 2, 3) at each."""
+        return cls(looks, np.isfinite(looks[..., 0]).astype(float), np.zeros_like(looks))
+
+    def noises(self) -> Array:
+        """Variances (P, 2, 3) of the means."""
+        counts = self.counts[..., None]
+        look = (LOOKS * LOOK**2 + counts * self.squares) / (LOOKS + counts)
+        variances: Array = LASTING**2 + look * np.minimum(CORRELATED / np.maximum(counts, 1.0), 1.0)
+        return variances
+
+    def learn(self, rows: Array, looks: Array) -> None:
+        """Take looks (R, 2, 3), NaN = none, at the people of these rows (R,), in place."""
+        person, region = np.nonzero(np.isfinite(looks[..., 0]))
+        rows, seen = rows[person], looks[person, region]
+        counts = self.counts[rows, region] = np.minimum(self.counts[rows, region] + 1.0, MEMORY)
+        means, squares = self.means[rows, region], self.squares[rows, region]
+        first = np.isnan(means[:, :1])
+        gaps = np.where(first, 0.0, seen - means)
+        limits = np.where(counts[:, None] > KNOWN, OUTLIER * np.sqrt(squares) + LASTING, np.inf)
+        gaps = np.clip(gaps, -limits, limits)
+        self.means[rows, region] = np.where(first, seen, means + gaps / counts[:, None])
+        self.squares[rows, region] += (gaps**2 - squares) / np.maximum(counts - 1.0, 1.0)[:, None]
+
+    def take_over(self, lost: int, fresh: int) -> None:
+        """Let a fresh row know, in place, of the clothes of a lost one that is the same person."""
+        counts = self.counts[lost] + self.counts[fresh]
+        shares = (self.counts[lost] / np.maximum(counts, 1.0))[:, None]
+        means = shares * np.nan_to_num(self.means[lost]) + (1.0 - shares) * np.nan_to_num(self.means[fresh])
+        self.means[fresh] = np.where(counts[:, None] > 0.0, means, np.nan)
+        self.squares[fresh] = shares * self.squares[lost] + (1.0 - shares) * self.squares[fresh]
+        self.counts[fresh] = np.minimum(counts, MEMORY)
+
+
+def looks_at(sources: ViewSources | None, views: dict[str, ViewAppearance], people: int) -> Array:
+    """Colours (P, 2, 3) of the people of an instant, the median over its views, NaN = not seen.
+
+    Args:
+        views: by camera, of the frames of the sources.
+    """
+    nothing = np.full((people, len(REGIONS), CHANNELS), np.nan)
+    if sources is None or not views:
+        return nothing
+    seen = []
+    for k, camera in enumerate(sources.cameras):
+        if camera in views:
+            colours, persons = views[camera].colours, sources.persons[:, k]
+            known = (persons >= 0) & (persons < len(colours))
+            seen.append(nothing.copy())
+            seen[-1][known] = colours[persons[known]]
+    stacked = np.stack(seen) if seen else nothing[None]
+    there = np.isfinite(stacked[..., 0]).any(axis=0)
+    nothing[there] = np.nanmedian(stacked[:, there], axis=0)
+    return nothing
+
+
+def colour_evidence(people: Colours, others: Colours) -> Array:
+    """Log-odds (T, P) that T people and P others are the same, by their clothes; 0 = these are not known."""
+    gaps = people.means[:, None] - others.means[None]  # (T, P, 2, 3)
+    known = np.isfinite(gaps[..., 0])
+    gaps, noise = np.nan_to_num(gaps), people.noises()[:, None] + others.noises()[None]
+    same, other = _normal(gaps, noise), _normal(gaps, noise + 2.0 * PEOPLE**2)
+    one = np.logaddexp(np.log1p(-MISTAKEN) + same, np.log(MISTAKEN) + other)
+    two = np.logaddexp(np.log1p(-ALIKE) + other, np.log(ALIKE) + same)
+    odds: Array = np.where(known, one - two, 0.0).sum(axis=-1)
+    return odds
+
+
+def _normal(gaps: Array, variances: Array) -> Array:
+    """Logarithms (...,) of the densities of vectors (..., 3) of independent normal variables."""
+    densities: Array = -0.5 * (gaps**2 / variances + np.log(2.0 * np.pi * variances)).sum(axis=-1)
+    return densities
