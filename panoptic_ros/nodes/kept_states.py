@@ -15,6 +15,7 @@ from typing import Any
 from rclpy.node import Node
 
 from panoptic_ros.nodes.family import message_class
+from panoptic_ros.nodes.one_shot import OneShot
 from panoptic_ros.nodes.quality import LATCHED, NEWEST
 
 PERIOD_S = 0.5
@@ -85,14 +86,14 @@ class KeptStates:
         }
         self._begin: Callable[[Mapping[str, bytes]], None] | None = None
         self._on_trial: set[str] = set()  # not told yet
+        self._waiting: OneShot | None = None
         self._timer: Any = None
 
     def _take(self, stage: str, message: Any) -> None:
         if len(message.data):
             self._kept[stage] = bytes(message.data)
         if self._begin is not None and self._kept.keys() == self._listening.keys():
-            self._node.destroy_timer(self._timer)  # not now, within a subscription's callback
-            self._timer = self._node.create_timer(0.0, self._end_waiting)
+            self._wait(0.0)  # not now, within a subscription's callback
 
     def when_known(self, begin: Callable[[Mapping[str, bytes]], None]) -> None:
         """Call `begin` with the states that were kept, when they have come; with none if nobody keeps any."""
@@ -100,31 +101,34 @@ class KeptStates:
         if not any(self._node.count_publishers(kept_topic(stage)) for stage in self._listening):
             self._end_waiting()
             return
-        self._timer = self._node.create_timer(
-            0.0 if self._kept.keys() == self._listening.keys() else WAITING_S, self._end_waiting
-        )
+        self._wait(0.0 if self._kept.keys() == self._listening.keys() else WAITING_S)
+
+    def _wait(self, seconds: float) -> None:
+        if self._waiting is not None:
+            self._waiting.cancel()
+        self._waiting = OneShot(self._node, seconds, self._end_waiting)
 
     def _end_waiting(self) -> None:
         begin, self._begin = self._begin, None
         assert begin is not None
-        if self._timer is not None:
-            self._node.destroy_timer(self._timer)
         kept, self._kept = self._kept, {}
         for subscription in self._listening.values():
             self._node.destroy_subscription(subscription)
         self._on_trial = set(kept)
-        self._tell_of_trials()  # before it can do harm
         begin(kept)
         self._timer = self._node.create_timer(PERIOD_S, self._ask_for)
 
-    def _tell_of_trials(self) -> None:
+    def tried(self) -> None:
+        """The stages are about to take a record: told before it can do harm, and not before, as a node may
+        be killed while it waits for one.
+        """
         for stage in sorted(self._on_trial):
-            if self._publishers[stage].get_subscription_count():
-                self._publishers[stage].publish(self._kind())
+            if self._proven(stage) or self._publishers[stage].get_subscription_count():
                 self._on_trial.discard(stage)
+                if not self._proven(stage):
+                    self._publishers[stage].publish(self._kind())
 
     def _ask_for(self) -> None:
-        self._tell_of_trials()
         if any(publisher.get_subscription_count() for publisher in self._publishers.values()):
             self._ask()
 

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 
 from panoptic_ros.nodes.executor import with_facts
+from panoptic_ros.nodes.one_shot import OneShot
 from panoptic_ros.stage import Notice
 
 CLOSE_S = 0.003  # between messages: more of them wait
@@ -38,8 +39,8 @@ class Negotiated:
     ):  # fmt: skip
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._quality, self._gives_way, self._tell = quality, gives_way, tell
-        self._again: Any = None  # a timer
-        self._pause: Any = None  # a timer
+        self._again: OneShot | None = None
+        self._pause: OneShot | None = None
         self._newest_s = 0.0  # when a message came
         self._subscription = self._subscribe()
         self._name = str(self._subscription.topic_name)
@@ -84,23 +85,21 @@ class Negotiated:
         """Take nothing for so long; publishers do not even send."""
 
         def begin() -> None:  # not within a callback of the subscription itself
-            self._node.destroy_timer(self._pause)
             self._node.destroy_subscription(self._subscription)
-            self._pause = self._node.create_timer(seconds, end)
+            self._pause = OneShot(self._node, seconds, end)
 
         def end() -> None:
-            self._node.destroy_timer(self._pause)
             self._pause = None
             self._subscription = self._subscribe()
             resumed()
 
-        self._pause = self._node.create_timer(0.0, begin)
+        self._pause = OneShot(self._node, 0.0, begin)
 
     def _does_not_fit(self, info: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = QoSPolicyKind(info.last_policy_kind)
         if policy == QoSPolicyKind.RELIABILITY and self._gives_way and self.is_reliable:
             if self._again is None:  # not within a callback of the subscription itself
-                self._again = self._node.create_timer(0.0, self._give_way)
+                self._again = OneShot(self._node, 0.0, self._give_way)
             return
         name = qos_policy_name_from_kind(policy).lower()
         text = (
@@ -110,7 +109,6 @@ class Negotiated:
         self._tell(Notice("graph.incompatible_qos", "warning", text, {"device": self._topic}))
 
     def _give_way(self) -> None:
-        self._node.destroy_timer(self._again)
         self._again = None
         if self._pause is None:
             self._node.destroy_subscription(self._subscription)

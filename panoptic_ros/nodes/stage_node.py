@@ -301,6 +301,8 @@ class StageNode(Node):
 
     def _work_on(self, bundles: Sequence[tuple[Item, ...]]) -> None:
         assert self._delivery is not None
+        if self._kept is not None:
+            self._kept.tried()
         arrivals = []
         for item in (item for bundle in bundles for item in bundle):
             entry, data = item.message

@@ -4,6 +4,7 @@ from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 from panoptic_ros.nodes.kept_states import KeptStates, StateKeeper  # noqa: E402
+from panoptic_ros.nodes.one_shot import OneShot  # noqa: E402
 
 pytestmark = pytest.mark.ros
 STAGE = "tracking"
@@ -16,8 +17,10 @@ def lab(executor):
     return executor, StateKeeper(keeping, [STAGE])
 
 
-def begun(executor, number, state=b"", proven=True):
-    """A node that is started, gives what it remembers, if it gets to, and dies: what it began with."""
+def begun(executor, number, state=b"", proven=True, tried=True):
+    """A node that is started, takes a record if it is tried, gives what it remembers if it gets to, and
+    dies: what it began with.
+    """
     node, found = rclpy.create_node(f"node_{number}"), []
     executor.add_node(node)
     kept = KeptStates(node, [STAGE], lambda: kept.publish({STAGE: state}), lambda stage: proven)
@@ -26,6 +29,8 @@ def begun(executor, number, state=b"", proven=True):
         executor.spin_once(timeout_sec=0.1)
     kept.when_known(found.append)
     spin_until(executor, lambda: bool(found))
+    if tried:
+        kept.tried()
     for _ in range(12):
         executor.spin_once(timeout_sec=0.1)
     executor.remove_node(node)
@@ -47,3 +52,21 @@ def test_a_state_that_fails_twice_is_not_handed_out_again(lab):
     assert begun(executor, 3, b"poison", proven=False) == b"poison"
     assert begun(executor, 4, b"good") is None
     assert begun(executor, 5, b"good") == b"good"
+
+
+def test_a_node_that_is_killed_before_it_takes_anything_says_nothing_about_its_state(lab):
+    executor, _ = lab
+    assert begun(executor, 1, b"good") is None
+    for number in (2, 3, 4):
+        assert begun(executor, number, b"good", proven=False, tried=False) == b"good"
+
+
+def test_a_timer_fires_once_even_if_its_executor_calls_it_again(executor):
+    node, fired = rclpy.create_node("waiting"), []
+    executor.add_node(node)
+    first, second = (OneShot(node, 0.0, lambda k=k: fired.append(k)) for k in (1, 2))
+    second.cancel()
+    spin_until(executor, lambda: bool(fired))
+    first._fire()
+    second._fire()
+    assert fired == [1]
