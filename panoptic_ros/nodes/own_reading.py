@@ -86,19 +86,19 @@ class OwnReading:
         """Who gives each topic to the stages: of cameras that are read here, what their recordings hold."""
         if self._recordings is None:
             return dict(owners)
-        keys, names = self._recordings.keys, self._own.sources
+        keys = self._recordings.keys
         return {
-            topic: [owner for owner in found if owner not in names or (topic, owner) in keys]
+            topic: [owner for owner in found if not self.reads(topic, owner) or (topic, owner) in keys]
             for topic, found in owners.items()
         }
 
-    def reads(self, owner: str) -> bool:
-        """Whether all that a camera gives is read here."""
-        return owner in self._own.sources
+    def reads(self, topic: str, owner: str) -> bool:
+        """Whether what a camera gives on a topic is read here; a device of its name may hear or move."""
+        return TOPICS[topic].scope == "camera" and owner in self._own.sources
 
     def inputs(self, present: Sequence[Key]) -> list[OwnInput]:
         """The inputs of those of the topics and owners that are read here."""
-        self._inputs = {key: own_input(self._node, *key) for key in present if self.reads(key[1])}
+        self._inputs = {key: own_input(self._node, *key) for key in present if self.reads(*key)}
         return list(self._inputs.values())
 
     def start(

@@ -240,7 +240,7 @@ class StageNode(Node):
     def _subscribe(self, present: Sequence[Key]) -> None:
         takers = self._entrance.takers(self._receive, self._outputs.origins.keep)
         for topic, owner in present:
-            if self._reading.reads(owner):
+            if self._reading.reads(topic, owner):
                 continue
             for entry in subscribe(self, self._choice, topic, owner, self._flow, takers):
                 self._inputs[entry.name] = entry

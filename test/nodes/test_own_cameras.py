@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from blobs import SKELETON, Blobs
 from spinning import spin_until
@@ -15,6 +16,7 @@ rclpy = pytest.importorskip("rclpy")
 from panoptic_ros.capture import open_recording  # noqa: E402
 from panoptic_ros.detection.config import DetectionConfig  # noqa: E402
 from panoptic_ros.detection.stage import DetectionStage  # noqa: E402
+from panoptic_ros.domain import AudioBlock  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
@@ -77,6 +79,26 @@ def test_recordings_give_what_the_stage_gives_and_nobody_is_sent_images(executor
     assert len(found["preview", "left"]) == 2  # ten a second, of 25
     assert node.count_publishers("/left/image_raw") == 1 and node.healthy
     spin_until(executor, lambda: node.statistics["detection"].taken == 3 * COUNT)
+
+
+def test_the_sound_of_a_device_that_is_named_as_a_camera_comes_as_a_message(executor, folders):
+    stages = ["detection", "timecode", "clocks", "sync"]
+    sizes = {f"detection.{name}": value for name, value in SIZES.items()}
+    node = StageNode(
+        stages, {"flow": "replay", "devices": ["left"], **sizes},
+        extras={"detection": lambda node, prefix, skeleton: watcher().extras}, own=OwnCameras(folders),
+    )  # fmt: skip
+    tester = rclpy.create_node("tester")
+    quality = data_quality(make_flow("replay"), sound=True)
+    sound = tester.create_publisher(message_class("panoptic_msgs/msg/AudioBlock"), "left/audio", quality)
+    for item in (tester, node, StaticsNode(watching_rig(), SKELETON)):
+        executor.add_node(item)
+    spin_until(executor, lambda: sound.get_subscription_count() == 1)
+    for k in range(4):
+        block = AudioBlock("left", k * 10**8, 1600 * k, 16_000, np.zeros(1600, np.float32))
+        sound.publish(to_message(block, ros_messages()))
+    spin_until(executor, lambda: node.statistics["timecode"].taken >= 3)
+    assert node.healthy
 
 
 def test_live_cameras_are_taken_as_they_come_and_images_sent_to_who_asks(executor, folders):
