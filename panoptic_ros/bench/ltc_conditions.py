@@ -88,7 +88,7 @@ def _table() -> tuple[Condition, ...]:
 
 
 def _fluttering() -> Iterator[Condition]:
-    """Speeds that swing by 0.5 %, at one rate and at two."""
+    """Speeds that swing by 0.5 %, at one rate and at two, and slightly: words are then nearly on a line."""
     for rate in (48000, 16000):
         for swings in FLUTTERS:
             changes = {"snr_db": FLUTTER_DB, "flutter": FLUTTER, "flutter_hz": swings[-1]}
@@ -96,9 +96,12 @@ def _fluttering() -> Iterator[Condition]:
                 changes |= {"wow": FLUTTER, "wow_hz": swings[0]}
             name = f"{rate // 1000} kHz, flutter {' + '.join(f'{hz:g}' for hz in swings)} Hz"
             yield Condition(name, rate, changes, FLUTTER_RATES)
+        for hz in (0.5, 1.0, 3.0):
+            changes = {"snr_db": FLUTTER_DB, "flutter": SLIGHT, "flutter_hz": hz}
+            yield Condition(f"{rate // 1000} kHz, slight flutter {hz:g} Hz", rate, changes, FLUTTER_RATES)
 
 
-FLUTTER, FLUTTER_DB = 0.005, 18.0
+FLUTTER, SLIGHT, FLUTTER_DB = 0.005, 0.0002, 18.0
 FLUTTERS = (
     (0.5,), (1.0,), (3.0,), (9.0,), (15.0,), (30.0,),
     (0.5, 9.0), (0.5, 30.0), (1.0, 15.0), (3.0, 9.0), (3.0, 30.0), (9.0, 30.0),

@@ -10,6 +10,7 @@ from panoptic_ros.state import Fields, StateLayout
 from panoptic_ros.timecode.decoder import LtcDecoder
 from panoptic_ros.timecode.follow.breaks import Heard
 from panoptic_ros.timecode.follow.following import Follow
+from panoptic_ros.timecode.follow.lines import CellLine
 from panoptic_ros.timecode.follow.pace import Pace
 from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.follow.wander import Wander
@@ -70,7 +71,7 @@ LAYOUT = StateLayout(
     "timecode",
     ("_devices",),
     (
-        Channel, ClickLimits, Counting, Device, FrameRate, Grid, Heard, Solution, Timecode, Verdict,
+        CellLine, Channel, ClickLimits, Counting, Device, FrameRate, Grid, Heard, Solution, Timecode, Verdict,
         FreeEdges, Motion, Samples, Word, WordFit, WordLevels,
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
         Fields.named(LtcDecoder, "_config _hop _hops _stream _follow _held _read_until _searches"),

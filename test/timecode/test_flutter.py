@@ -15,11 +15,12 @@ WORDS = 100
 
 
 def _tape(
-    rate: str, sample_rate: int, seed: int, reverse: bool = False, snr_db: float = 18.0, **swing: Any
-) -> LtcSignal:
+    rate: str, sample_rate: int, seed: int, reverse: bool = False, snr_db: float = 18.0,
+    words: int = WORDS, **swing: Any,
+) -> LtcSignal:  # fmt: skip
     channel = Channel(speed=1.00003, seed=seed, faults=AudioFaults(snr_db=snr_db, seed=seed), **swing)
     start = Timecode.from_frame_count(40_000 + 1000 * seed, timecode_rate(rate))
-    return play_ltc(start, WORDS, sample_rate, channel, lead=0.3 + 7e-6 * seed, reverse=reverse)
+    return play_ltc(start, words, sample_rate, channel, lead=0.3 + 7e-6 * seed, reverse=reverse)
 
 
 def _live(samples: np.ndarray, rate: int) -> list[TimecodeReading]:
@@ -53,6 +54,20 @@ def test_every_word_of_a_fluttering_tape_is_read(rate: str, sample_rate: int, sw
     signal = _tape(rate, sample_rate, 77, **swing)
     _checked(signal, _live(signal.samples, sample_rate), 1.6)
     _checked(signal, decode_recording(TimecodeConfig(), "tape", sample_rate, signal.samples), 1.6)
+
+
+@pytest.mark.parametrize(("rate", "sample_rate", "swing_hz"), [("30", 48000, 0.5), ("25", 16000, 1.0)])
+def test_slight_flutter_is_stated_while_words_count_as_on_a_line(
+    rate: str, sample_rate: int, swing_hz: float
+) -> None:
+    scaled = []
+    for seed in range(90, 98):
+        signal = _tape(rate, sample_rate, seed, words=30, flutter=0.0002, flutter_hz=swing_hz)
+        readings = _live(signal.samples, sample_rate)
+        assert [str(r.timecode) for r in readings] == [str(label) for label in signal.labels]
+        errors = np.array([r.start_sample for r in readings]) - signal.starts
+        scaled.append(errors / [r.std_samples for r in readings])
+    assert 0.7 < np.sqrt(np.mean(np.square(scaled))) < 1.4
 
 
 def test_wow_of_three_percent_and_a_tape_that_runs_backwards() -> None:

@@ -2,12 +2,14 @@
 """
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
+from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -22,6 +24,9 @@ class LineFit(NamedTuple):
         square: squared error per degree of freedom. ratio: variance ratio (F statistic) of a cubic's two
             terms, 0 for fewer than 6 words.
         shown, unseen: mean variances, by white noise and unseen.
+        bend: samples per word squared, of the parabola beside the line. bend_norm: what its variance is
+            that of a word over. centre: the number where line and parabola are parallel.
+        lean, bow: what the last word adds to the slope and to the bend, per sample.
     """
 
     slope: float
@@ -30,6 +35,59 @@ class LineFit(NamedTuple):
     ratio: float
     shown: float
     unseen: float
+    bend: float
+    bend_norm: float
+    centre: float
+    lean: float
+    bow: float
+
+
+class CellLine(NamedTuple):
+    """The length of a cell, where it changes evenly from word to word or not at all.
+
+    Args:
+        centre: number of a word. cell: samples, there. variance: of that.
+        turn: samples by which it changes per word. turn_variance: of that.
+        own: by how much its length at the last word changes with that word's middle, samples per sample.
+    """
+
+    centre: float
+    cell: float
+    variance: float
+    turn: float
+    turn_variance: float
+    own: float
+
+    def steady(self) -> CellLine:
+        """The same for words beside those that it comes from: a change that may not last is doubt."""
+        return self._replace(turn=0.0, turn_variance=self.turn**2 + self.turn_variance, own=0.0)
+
+    def at(self, number: float) -> tuple[float, float]:
+        """Length of a cell and its deviation at a word."""
+        since = number - self.centre
+        return self.cell + self.turn * since, math.sqrt(self.variance + self.turn_variance * since**2)
+
+
+def cell_line(line: LineFit, count: int, last: float, expected: float) -> CellLine:
+    """The length of a cell by a line through words, or by a parabola as far as they show one.
+
+    The bend of words on a line is noise, of variance `expected` over its norm. How large real bends are is
+    not known: the variance that makes the one found most likely is its square less that of noise. So the
+    bend is shrunk to its posterior mean by empirical Bayes (Efron and Morris 1973), to 0 where noise
+    explains it.
+
+    Args:
+        count: of the words. last: number of the last one. expected: variance of one about the curve.
+    """
+    noise = expected / line.bend_norm
+    share = max(0.0, 1.0 - noise / max(line.bend**2, 1e-18))
+    square = (count - 2) * line.square - share * line.bend**2 * line.bend_norm
+    spread = max(square / (count - 2 - share), expected)
+    return CellLine(
+        line.centre, line.slope / WORD_CELLS, spread / line.norm / WORD_CELLS**2,
+        2.0 * share * line.bend / WORD_CELLS, 4.0 * share * noise / WORD_CELLS**2,
+        (line.lean + 2.0 * share * line.bow * (last - line.centre)) / WORD_CELLS,
+    )  # fmt: skip
 
 
 @_jit
@@ -47,14 +105,20 @@ def line_fit(words: Array) -> LineFit:
     slope = (x * y).sum() / norm
     error = y - slope * x
     square = (error * error).sum()
-    if count < 6 or square <= 0.0:
-        return LineFit(slope, norm, square / (count - 2), 0.0, shown, unseen)
-    x /= np.abs(x).max()
-    powers = _powers(x, 4)
-    right = (powers * error).sum(axis=1)
-    left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
-    ratio = 0.5 * (square - left) / (left / (count - 4))
-    return LineFit(slope, norm, square / (count - 2), ratio, shown, unseen)
+    lean = (x**3).sum() / norm
+    parabola = x * x - lean * x - norm / count
+    bend_norm = max((parabola * parabola).sum(), 1e-12)
+    bend = (parabola * error).sum() / bend_norm
+    ratio = 0.0
+    if count >= 6 and square > 0.0:
+        powers = _powers(x / np.abs(x).max(), 4)
+        right = (powers * error).sum(axis=1)
+        left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
+        ratio = 0.5 * (square - left) / (left / (count - 4))
+    return LineFit(
+        slope, norm, square / (count - 2), ratio, shown, unseen, bend, bend_norm,
+        words[0].mean() + 0.5 * lean, x[-1] / norm, parabola[-1] / bend_norm,
+    )  # fmt: skip
 
 
 @_jit

@@ -1,9 +1,9 @@
 """Where words begin and the next is predicted, by the words so far.
 
-At constant speed the length of a cell comes from a line through the last words, and a word itself gives only
-its middle; the distance of words from a smooth curve shows errors that their edges do not show. If edges
-swing about a line within a word, or words are off their line, the speed changes and edges count one by one
-(`wander`), until they have been on a line for long.
+At constant speed the length of a cell comes from a line through the last words, or a parabola as far as they
+show one, and a word itself gives only its middle; the distance of words from a smooth curve shows errors that
+their edges do not show. If edges swing about a line within a word, or words are off their line, the speed
+changes and edges count one by one (`wander`), until they have been on a line for long.
 """
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections import deque
 
 import numpy as np
 
-from panoptic_ros.timecode.follow.lines import curve_excess, line_fit
+from panoptic_ros.timecode.follow.lines import CellLine, cell_line, curve_excess, line_fit
 from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.word.fit import WordFit
@@ -40,7 +40,7 @@ class Pace:
     """The pace of one signal.
 
     Args:
-        line: length of a cell and its deviation if they are known from later words.
+        line: length of a cell if it is known from later words.
         wander: where words begin if the speed changes.
 
     Attributes:
@@ -48,7 +48,7 @@ class Pace:
     """
 
     def __init__(
-        self, reverse: bool, line: tuple[float, float] | None = None, wander: Wander | None = None
+        self, reverse: bool, line: CellLine | None = None, wander: Wander | None = None
     ):
         self.reverse = reverse
         self.wander = wander
@@ -56,7 +56,7 @@ class Pace:
         self._words = np.empty((4, 0))  # the last ones, see `line_fit`
         self._on_line = 0  # of them in a row
         self._early_line = line
-        self._line: tuple[float, float] | None = line
+        self._line: CellLine | None = line
         self._astray = 0.0  # cells, of the last words about a line
         self._loose = False  # whether words are not quite on their line
         self._wavers: deque[float] = deque(maxlen=CALM_WORDS)  # variance ratios of swings, 1 if small
@@ -64,8 +64,8 @@ class Pace:
         self._scale = 1.0  # the middle one
 
     @property
-    def line(self) -> tuple[float, float] | None:
-        """Length of a cell and its deviation, at constant speed."""
+    def line(self) -> CellLine | None:
+        """Length of a cell, at constant speed."""
         return self._line if self.wander is None else None
 
     @property
@@ -104,9 +104,13 @@ class Pace:
         before, self._before = self._before, (number, fit)
         side = HALF if self.reverse else -HALF
         if self._line is not None:
-            cell, cell_std = self._line
-            variance = fit.covariance[0, 0] * self._noise(fit) + (side * cell_std) ** 2 + self._hidden(fit)
-            return fit.middle + side * cell, std_of(variance), Grid(fit.middle + WORD_CELLS * cell, cell)
+            (cell, cell_std), turn = self._line.at(number), self._line.turn
+            white = fit.covariance[0, 0] * self._noise(fit) * max(0.1, 1.0 + 2.0 * side * self._line.own)
+            variance = white + (side * cell_std) ** 2 + self._hidden(fit)
+            # a line through the edges of a parabola lies a sixth of its sagitta off its middle
+            edge = fit.middle + side * cell + turn / WORD_CELLS * side**2 / 3.0
+            grid = Grid(fit.middle + WORD_CELLS * (cell + 0.5 * turn), cell + turn)
+            return edge, std_of(variance), grid
         edge, variance = self._by_two(before, number, fit, side)
         return edge, std_of(variance + fit.unseen**2), moved_grid(fit.grid, float(WORD_CELLS))
 
@@ -129,8 +133,9 @@ class Pace:
         """
         if self._line is not None and sum(self._wavers) < CALM_AT_FIRST * len(self._wavers):
             last, middle = self._words[:2, -1]
-            back = middle - (last - number) * WORD_CELLS * self._line[0]
-            return Grid(float(back), self._line[0]), Pace(self.reverse, self._line)
+            line = self._line.steady()
+            back = middle - (last - number) * WORD_CELLS * line.cell
+            return Grid(float(back), line.cell), Pace(self.reverse, line)
         if wander is None or self.wander is None:
             return grid, Pace(self.reverse)
         learnt = self.wander.again_at(wander)
@@ -186,8 +191,8 @@ class Pace:
         variance: float = PRIOR_WORDS / (PRIOR_WORDS + covered) * fit.unseen**2 + max(least, share * excess)
         return variance
 
-    def _find_line(self) -> tuple[float, float] | None:
-        """Length of a cell and its deviation by the line through the last words, if they lie on one."""
+    def _find_line(self) -> CellLine | None:
+        """Length of a cell by the line through the last words, if they lie on one."""
         count = min(self._words.shape[1], LINE_WORDS)
         if self._early_line is not None and count < LINE_WORDS:
             return self._early_line
@@ -201,7 +206,7 @@ class Pace:
         curved = count < FEW_WORDS or line.ratio > CURVED or self._astray > BENDING
         if spread > 9.0 * expected + SPREAD and curved:  # the speed changes
             return None
-        return slope / WORD_CELLS, math.sqrt(max(spread, expected) / line.norm) / WORD_CELLS
+        return cell_line(line, count, float(self._words[0, -1]), expected)
 
     def _by_two(
         self, before: tuple[int, WordFit] | None, number: int, fit: WordFit, side: float
