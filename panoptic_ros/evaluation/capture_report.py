@@ -18,6 +18,7 @@ Array = np.ndarray
 LIMB_JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")  # ends of joint names, both sides
 FARTHEST = 0.1  # of the image's longer side: mean distance beyond which a 2D person is another one
 LEAST_JOINTS = 3  # common joints that a match needs
+LONGEST_STEP_S = 0.2  # between frames from which accelerations are told
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,7 @@ class PersonSummary:
         bone_length_cm, bone_std_cm: by bone ("parent-child"), mean and standard deviation over
             frames; bones that were there in fewer than two frames are left out.
         limbs: names of the bones of arms and legs among them.
+        acceleration: m/s^2, median over joints and frames; mostly noise, as people accelerate seldom.
     """
 
     identity: int
@@ -69,6 +71,7 @@ class PersonSummary:
     bone_length_cm: dict[str, float]
     bone_std_cm: dict[str, float]
     limbs: tuple[str, ...]
+    acceleration: float
 
     @property
     def limb_std_cm(self) -> tuple[float, float]:
@@ -162,6 +165,21 @@ def bone_lengths(
     return np.array(rows).reshape(-1, len(parents))
 
 
+def typical_acceleration(stamps_ns: Array, positions: Array) -> float:
+    """Median acceleration, m/s^2, of joints (F, J, 3) m over three frames in a row; NaN where there are none.
+
+    Args:
+        stamps_ns: (F,), growing. positions: NaN where a joint is missing.
+    """
+    steps = 1e-9 * np.diff(stamps_ns)
+    speeds = np.diff(positions, axis=0) / steps[:, None, None]
+    turns = np.diff(speeds, axis=0) / (0.5 * (steps[1:] + steps[:-1]))[:, None, None]
+    near = np.maximum(steps[1:], steps[:-1]) <= LONGEST_STEP_S
+    values = np.linalg.norm(turns[near], axis=-1)
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if values.size else math.nan
+
+
 def spread(values: Array) -> Spread:
     """Median and p90 of the values that are finite."""
     finite = np.asarray(values, float)
@@ -230,6 +248,9 @@ def _person(
         bone_length_cm={names[b]: float(np.nanmean(lengths[:, b])) for b in kept},
         bone_std_cm={names[b]: float(np.nanstd(lengths[:, b])) for b in kept},
         limbs=tuple(names[b] for b in of_limbs),
+        acceleration=typical_acceleration(
+            np.array([pose.stamp_ns for pose, _ in there]), np.array([pose.positions[i] for pose, i in there])
+        ),
     )
 
 

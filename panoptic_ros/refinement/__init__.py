@@ -8,7 +8,8 @@ are measured together with the motion (`domain.TimeShift`), so that every view c
 velocity of new joints is estimated from all joints of a person together (`start_motion`).
 
 Process noise, the scale of the covariances and the correlation of errors over time are learnt online from
-innovations (Mehra 1970, `tuning`). Bone lengths are learnt online and are soft constraints on the joints
+innovations (Mehra 1970, `tuning`); where displacements were measured on the surface (`links`), process noise
+from theirs. Bone lengths are learnt online and are soft constraints on the joints
 (`bones`). Short gaps are interpolated or predicted, and their joints are marked as filled or predicted.
 Errors of a detector that no smoothing removes are added to the covariances at the end (`bias_floor`).
 

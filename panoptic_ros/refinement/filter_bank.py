@@ -22,7 +22,7 @@ from panoptic_ros.refinement.records import (
     unknown,
 )
 from panoptic_ros.refinement.start_motion import likely_velocities
-from panoptic_ros.refinement.tuning import learn, nothing_lasting, process_noise, scales
+from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
 Array = np.ndarray
 
@@ -69,9 +69,15 @@ class FilterBank:
             now = now._replace(linked=True)
             if config.difference_share > 0.0 and item.time_shift is None:
                 links = self._with_views(links, last.measured, item)
-            predict_linked(last.motion, dt, now.noise, links, config.cauchy, now.predicted, now.gains)
+            turns = np.full_like(people.turns, np.nan)
+            predict_linked(
+                last.motion, dt, now.noise, links, config.cauchy, now.predicted, now.gains, turns
+            )
+            learn_turns(people, turns)
             linked = np.isfinite(links.displacements[..., 0])
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
+        else:
+            people.turns[...] = np.nan
         for name in ("scores", "noises", "person_scores", "filled"):
             getattr(now.measured, name)[...] = getattr(last.measured, name)
         np.add(last.measured.ages, dt, out=now.measured.ages)

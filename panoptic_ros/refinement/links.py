@@ -94,7 +94,7 @@ def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links
 
 
 @njit(cache=True, error_model="numpy")
-def predict_linked(motion, dt, noise, links, cauchy, ahead, gains):
+def predict_linked(motion, dt, noise, links, cauchy, ahead, gains, innovations):
     """`kalman.predict` and `kalman.smoother_gains` of the joints that were measured to move, in place.
 
     Their motion before is updated with what its velocity was. Large innovations multiply the covariance of
@@ -102,6 +102,7 @@ def predict_linked(motion, dt, noise, links, cauchy, ahead, gains):
 
     Args:
         noise: (P, J) m^2/s^3. ahead: the motion dt s later. gains: (P, J, 6, 6), transposed.
+        innovations: (P, J, 3) become those of the displacements, whitened; others stay.
     """
     total, lower, row, gain = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
     spread, inverse, step, factor = np.empty((3, 3)), np.empty((3, 3)), np.empty((6, 6)), np.empty((6, 6))
@@ -124,6 +125,7 @@ def predict_linked(motion, dt, noise, links, cauchy, ahead, gains):
             for i in range(3):
                 value += row[i] * (moved[i] - dt * state[3 + i])
             squared += value * value / 3.0
+            innovations[p, j, k] = value
         growth = relative_growth(squared, softness)
         for i in range(3):
             for k in range(3):

@@ -57,6 +57,7 @@ class People(NamedTuple):
     weights: Array  # (P,) of the levels, in measurements of a person
     counts: Array  # (P,) measurements of a person
     innovations: Array  # (P, 3, J, 3) whitened, of one, two, three measurements ago; NaN = none
+    turns: Array  # (P, J, 3) whitened innovations of displacements, of the instant before; NaN = none
     lengths: Array  # (P, B) m, means of bones
     frames: Array  # (P, B) of which they are
 
@@ -79,6 +80,7 @@ def new_people(ids: list[int], joints: int, bones: int) -> People:
     return People(
         np.array(ids, np.int64), np.zeros((count, joints)), np.ones(count), np.ones(count),
         np.full(count, PRIOR), np.zeros(count, np.int64), np.full((count, 3, joints, 3), np.nan),
+        np.full((count, joints, 3), np.nan),
         np.zeros((count, bones)), np.zeros((count, bones)),
     )  # fmt: skip
 

@@ -43,10 +43,49 @@ def scales(people: People, lasting: Array) -> Array:
 
 
 def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> None:
-    """Take whitened innovations (P, J, 3), NaN = not measured, of the people that are seen (P,), in place."""
+    """Take whitened innovations (P, J, 3), NaN = not measured, of the people that are seen (P,), in place.
+
+    The process noise of those whose displacements were measured on the surface is left to `learn_turns`.
+    """
     changes = np.zeros(len(seen))
     learn_levels(people, seen, innovations, lasting, changes)
+    changes[np.isfinite(people.turns[..., 0]).any(axis=1)] = 0.0
+    _change(people, changes)
+
+
+def learn_turns(people: People, innovations: Array) -> None:
+    """Take whitened innovations (P, J, 3) of displacements, NaN = not measured, in place.
+
+    They tell the process noise as those of positions do, and better: errors of a detector last, and their
+    innovations point the same way whatever the process noise is; errors of displacements do not.
+    """
+    changes = np.zeros(len(innovations))
+    turn_correlations(people.turns, innovations, changes)
+    _change(people, RATE * changes)
+    people.turns[:] = innovations
+
+
+def _change(people: People, changes: Array) -> None:
+    """Change the logarithms of the factors (P,), in place."""
     people.factors[:] = np.minimum(np.maximum(people.factors * np.exp(changes), RANGE[0]), RANGE[1])
+
+
+@njit(cache=True, error_model="numpy")
+def turn_correlations(before, now, changes):
+    """Correlation (P,) of whitened innovations (P, J, 3) with those before, times the share of the joints."""
+    for p in range(len(now)):
+        product = square = 0.0
+        count = 0
+        for j in range(now.shape[1]):
+            if np.isfinite(now[p, j, 0] + before[p, j, 0]):
+                count += 1
+                for i in range(3):
+                    a = min(CLIP, max(-CLIP, before[p, j, i]))
+                    b = min(CLIP, max(-CLIP, now[p, j, i]))
+                    product += a * b
+                    square += 0.5 * (a * a + b * b)
+        if square > 0.0:
+            changes[p] = product / square * count / now.shape[1]
 
 
 @njit(cache=True, error_model="numpy")

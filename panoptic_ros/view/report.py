@@ -16,6 +16,7 @@ from panoptic_ros.stage import Notice
 FORMAT = "panoptic-report-1"
 PEOPLE_HEAD = (
     "person", "frames", "joints", "limbs", "measured", "reproj. px", "p90 px", "limb std cm", "worst cm",
+    "acc. m/s2",
 )  # fmt: skip
 SHOWN_PEOPLE = 12  # rows of the table; report.json has them all
 
@@ -117,7 +118,7 @@ class RunReport:
                 f"id {person.identity}", f"{person.frames}", _percent(person.joints_found),
                 _percent(person.limb_joints_found), _percent(person.measured),
                 _number(person.reprojection_px.median), _number(person.reprojection_px.p90),
-                _number(middle), _number(worst),
+                _number(middle), _number(worst), _number(person.acceleration),
             )))  # fmt: skip
         if len(people) > SHOWN_PEOPLE:
             rows.append(f"... and {len(people) - SHOWN_PEOPLE} more")

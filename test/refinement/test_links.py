@@ -27,7 +27,7 @@ def test_a_displacement_conditions_both_states_exactly():
     motion = Motion(state[None, None].copy(), cov[None, None].copy())
     ahead, gains = Motion(np.zeros((1, 1, 6)), np.zeros((1, 1, 6, 6))), np.zeros((1, 1, 6, 6))
     links = Links(moved[None, None], own[None, None])
-    predict_linked(motion, DT, np.full((1, 1), NOISE), links, 1e9, ahead, gains)
+    predict_linked(motion, DT, np.full((1, 1), NOISE), links, 1e9, ahead, gains, np.empty((1, 1, 3)))
     forward = np.eye(6)
     forward[:3, 3:] = DT * np.eye(3)
     process = NOISE * np.kron(np.array([[DT**3 / 3, DT**2 / 2], [DT**2 / 2, DT]]), np.eye(3))

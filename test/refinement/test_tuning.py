@@ -4,9 +4,17 @@ import pytest
 
 from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.records import new_people
+from panoptic_ros.refinement.links import Links, predict_linked
+from panoptic_ros.refinement.records import Motion, new_people
 from panoptic_ros.refinement.stage import RefinementStage
-from panoptic_ros.refinement.tuning import innovation_sums, learn, nothing_lasting, process_noise, scales
+from panoptic_ros.refinement.tuning import (
+    innovation_sums,
+    learn,
+    learn_turns,
+    nothing_lasting,
+    process_noise,
+    scales,
+)
 from panoptic_ros.stage import StageContext
 
 JOINTS, RATE = 30, 30.0
@@ -108,3 +116,35 @@ def test_sums_are_those_of_numpy():
     a, b = np.clip(now, -3, 3), np.clip(before, -3, 3)
     assert count == 7 and np.isclose(square, np.nansum(a**2))
     assert np.isclose(next_sum, np.nansum(a * b[0])) and np.isclose(late_sum, np.nansum(a * (b[1:])))
+
+
+@pytest.mark.parametrize(("process", "stated"), [(0.5, 0.001), (0.05, 0.001), (0.1, 0.002)])
+def test_process_noise_is_learnt_from_displacements_as_their_true_noise_asks(process, stated):
+    """What counts is the ratio of both noises: where that of displacements is stated too large, so is it."""
+    rng, dt, sigma = np.random.default_rng(1), 1.0 / RATE, 0.001
+    step = np.linalg.cholesky(process * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
+    people, speeds = new_people([7], JOINTS, 0), np.zeros((JOINTS, 3))
+    shape, factors = (1, JOINTS), []
+    motion = Motion(np.zeros((*shape, 6)), np.tile(0.1 * np.eye(6), (*shape, 1, 1)))
+    for _ in range(300):
+        kick = (step @ rng.standard_normal((2, 3 * JOINTS))).reshape(2, JOINTS, 3)
+        moved = dt * speeds + kick[0] + sigma * rng.standard_normal((JOINTS, 3))
+        speeds = 0.98 * speeds + kick[1]
+        links = Links(moved[None], np.tile(stated**2 * np.eye(3), (*shape, 1, 1)))
+        ahead = Motion(np.empty_like(motion.states), np.empty_like(motion.covariances))
+        turns, gains = np.full((*shape, 3), np.nan), np.empty((*shape, 6, 6))
+        noise = np.full(shape, 0.1 * people.factors[0])
+        predict_linked(motion, dt, noise, links, 1e9, ahead, gains, turns)
+        learn_turns(people, turns)
+        motion = ahead
+        factors.append(people.factors[0])
+    wanted = process / 0.1 * (stated / sigma) ** 2
+    assert 0.5 < np.exp(np.log(factors[100:]).mean()) / wanted < 2.0
+
+
+def test_positions_do_not_tell_the_process_noise_of_whom_displacements_tell_it():
+    people, same = new_people([1, 2], JOINTS, 0), np.ones((2, JOINTS, 3))
+    learn_turns(people, np.stack([np.ones((JOINTS, 3)), np.full((JOINTS, 3), np.nan)]))
+    for _ in range(20):
+        learn(people, np.ones(2, bool), same, nothing_lasting())
+    assert people.factors[0] == 1.0 and people.factors[1] > 2.0

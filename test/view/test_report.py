@@ -11,6 +11,7 @@ from panoptic_ros.evaluation.capture_report import (
     limb_joints,
     reprojection_errors,
     summarise_capture,
+    typical_acceleration,
 )
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.report import Latency, RunReport
@@ -73,6 +74,17 @@ def test_joints_and_bones_are_counted(rig, skeleton, make_poses):
     assert person.bone_std_cm["left_knee-left_ankle"] == pytest.approx(100 * np.std([0.45, 0.49, 0.45]))
     assert person.bone_length_cm["hip-head"] == pytest.approx(70.0)
     assert math.isnan(person.reprojection_px.median)
+
+
+def test_accelerations_are_those_of_the_motion_whatever_the_steps():
+    times = np.cumsum([0.0, 0.03, 0.05, 0.04, 0.03, 0.5, 0.04])
+    positions = 0.5 * 3.0 * times[:, None, None] ** 2 * [0.0, 0.6, 0.8] + np.zeros((7, 2, 3))
+    positions[5, 1] = np.nan
+    stamps = np.round(1e9 * times).astype(np.int64)
+    assert typical_acceleration(stamps, positions) == pytest.approx(3.0)
+    positions[5:] += 9.0  # somebody who was away is somewhere else
+    assert typical_acceleration(stamps, positions) == pytest.approx(3.0)
+    assert math.isnan(typical_acceleration(stamps[:2], positions[:2]))
 
 
 def test_limb_joints_of_the_default_skeleton():
