@@ -46,7 +46,8 @@ def main() -> int:
             for second in filter(None, args.seek.split(",")):
                 start = time.monotonic()
                 page.evaluate(f"panoptic.seek({float(second)} * 1e9)")
-                page.wait("panoptic.ready", 60)
+                there = f"Math.abs(panoptic.page.instant.t - {float(second)} * 1e9) < 0.2e9"
+                page.wait(f"{there} && panoptic.ready && panoptic.stats().images > 0", 60)
                 _tell(f"people at {second} s", start)
             for layer in filter(None, args.layers.split(",")):
                 page.evaluate(f"panoptic.switchLayer({layer!r})")
