@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ class SegmentModel:
         ground: segments that stand on the floor when the body stands, e.g. feet and toes.
         joints: (S) names of the joints at which segments begin, see `joint_names`.
         orders: (S) order of each joint's three angles, e.g. "yxz": see `geometry.euler`.
+        hinges: {segment: "x", "y" or "z"}, the axis of the parent about which the joint bends.
     """
 
     names: tuple[str, ...]
@@ -47,6 +48,7 @@ class SegmentModel:
     ground: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     orders: tuple[str, ...] = ()
+    hinges: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -131,7 +133,7 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
         DataError: naming what is missing or wrong.
     """
     names: list[str] = []
-    joints, orders = [], []
+    joints, orders, hinges = [], [], {}
     parents, shares, lower, upper = [], [], [], []
     for name, row in _mapping(document, "segments").items():
         parent = row.get("parent")
@@ -147,6 +149,10 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
         orders.append(str(row.get("order", USUAL_ORDER)))
         if orders[-1] not in ORDERS:
             raise DataError(f"segment {name}: order {orders[-1]!r} is none of {', '.join(ORDERS)}")
+        if "hinge" in row:
+            hinges[str(name)] = str(row["hinge"])
+            if hinges[str(name)] not in ("x", "y", "z"):
+                raise DataError(f"segment {name}: hinge {row['hinge']!r} is none of x, y, z")
         pairs = [_numbers(pair, 2, f"segment {name}: limits_deg") for pair in limits]
         lower.append(np.radians([pair[0] for pair in pairs]))
         upper.append(np.radians([pair[1] for pair in pairs]))
@@ -156,10 +162,13 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
     }
     model = SegmentModel(
         tuple(names), np.array(parents, np.int64), np.array(shares), np.array(lower), np.array(upper), points,
-        tuple(document.get("ground", ())), tuple(joints), tuple(orders),
+        tuple(document.get("ground", ())), tuple(joints), tuple(orders), hinges,
     )  # fmt: skip
     for segment in (*(s for s, _ in points.values()), *model.ground):
         model.index(segment)
+    for segment in hinges:
+        if model.index(segment) not in parents:
+            raise DataError(f"segment {segment}: a hinge needs a segment after it, to which its bone leads")
     return model
 
 

@@ -76,6 +76,10 @@ class KinematicsConfig(Config):
     prior_scale: float = param(
         5.4, ge=0.0, le=100.0, doc="Scale of Cauchy's loss of the prior, in standard deviations; 0 = none."
     )
+    hinge_sd: float = param(
+        5.0, unit="deg", ge=0.1, le=1000.0,
+        doc="How far forearms and shins leave the plane in which elbows and knees bend.",
+    )  # fmt: skip
     limit_sd: float = param(5.0, unit="deg", ge=0.1, le=1000.0, doc="How far joints go beyond their limits.")
     mounting: bool = param(True, doc="Keep the mounting of IMUs uncertain and estimate it.")
     mounting_sd: float = param(

@@ -10,7 +10,7 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.prior import PoseStatistics, PriorCosts
+from panoptic_ros.kinematics.prior import PoseStatistics, PriorCosts, hinges_of
 from panoptic_ros.kinematics.sight import seen_joints
 from panoptic_ros.kinematics.targets import (
     NO_POINTS,
@@ -67,6 +67,8 @@ class Weighing:
             model.lower, model.upper,
             PriorCosts(PAPER["projection"], 1.0, PAPER["deviation"], 1.0, 0.0) if paper else ours,
         )  # fmt: skip
+        if not paper:
+            self.prior = self.prior._replace(hinges=hinges_of(model, math.radians(config.hinge_sd)))
         ground = np.array([model.index(name) for name in model.ground], np.int64)
         self.floor = (
             Floor(ground, PAPER_RADIUS, PAPER["floor"]) if paper else Floor(ground, 0.0, FLOOR_SD**-2)

@@ -16,6 +16,7 @@ from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import (
     NO_FLOOR,
+    NO_HINGES,
     NO_TURNS,
     NO_VIEWS,
     Evidence,
@@ -147,8 +148,9 @@ def _rest(model: SegmentModel) -> PosePrior:
     n = 3 * len(model.names) - 3
     lower, upper = (np.ascontiguousarray(limit[1:].ravel()) for limit in (model.lower, model.upper))
     return PosePrior(
-        np.zeros(n), np.zeros((n, n)), np.eye(n), lower, upper, 0.0, 0.0, REST_SD**-2, 0.0, LIMIT_SD**-2
-    )
+        np.zeros(n), np.zeros((n, n)), np.eye(n), lower, upper, 0.0, 0.0, REST_SD**-2, 0.0, LIMIT_SD**-2,
+        NO_HINGES,
+    )  # fmt: skip
 
 
 def _first(model: SegmentModel, begun: Mapping[int, int], joints: Array) -> Pose:

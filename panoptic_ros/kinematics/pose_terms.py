@@ -9,7 +9,7 @@ import numpy as np
 from panoptic_ros.geometry.chain import Pose, multiply, step_between
 from panoptic_ros.geometry.rotations import inverse_left_jacobian, vector_of
 from panoptic_ros.kernels import njit
-from panoptic_ros.kinematics.targets import Anchor, PosePrior
+from panoptic_ros.kinematics.targets import Anchor, Hinges, PosePrior
 
 Array = np.ndarray
 
@@ -19,7 +19,8 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 @_jit
 def add_prior(prior: PosePrior, pose: Pose, hessian: Array, gradient: Array) -> float:
     weigh = prior.projection_weight > 0.0 or prior.deviation_weight > 0.0
-    if not weigh and prior.limit_weight <= 0.0:
+    hinged = prior.hinges.weight > 0.0
+    if not weigh and prior.limit_weight <= 0.0 and not hinged:
         return 0.0
     n = len(prior.mean)
     count = n // 3
@@ -60,6 +61,8 @@ def add_prior(prior: PosePrior, pose: Pose, hessian: Array, gradient: Array) -> 
                 cost += prior.limit_weight * beyond * beyond
                 pull[i] += prior.limit_weight * beyond
                 stiff[i] = prior.limit_weight
+    if hinged:
+        cost += _add_hinges(prior.hinges, pose, hessian, gradient)
     block, half = np.empty((3, 3)), np.empty((3, 3))
     for a in range(count):
         for i in range(3):
@@ -90,6 +93,26 @@ def add_prior(prior: PosePrior, pose: Pose, hessian: Array, gradient: Array) -> 
                     hessian[6 + 3 * a + i, 6 + 3 * b + j] += total
                     if a != b:
                         hessian[6 + 3 * b + j, 6 + 3 * a + i] += total
+    return cost
+
+
+@_jit
+def _add_hinges(hinges: Hinges, pose: Pose, hessian: Array, gradient: Array) -> float:
+    cost = 0.0
+    slope = np.empty(3)
+    for n in range(len(hinges.segments)):
+        s, axis = hinges.segments[n], hinges.axes[n]
+        bone = pose.turns[s] @ hinges.bones[n]
+        off = axis[0] * bone[0] + axis[1] * bone[1] + axis[2] * bone[2]
+        slope[0] = bone[1] * axis[2] - bone[2] * axis[1]
+        slope[1] = bone[2] * axis[0] - bone[0] * axis[2]
+        slope[2] = bone[0] * axis[1] - bone[1] * axis[0]
+        cost += hinges.weight * off * off
+        row = 3 + 3 * s
+        for i in range(3):
+            gradient[row + i] += hinges.weight * off * slope[i]
+            for j in range(3):
+                hessian[row + i, row + j] += hinges.weight * slope[i] * slope[j]
     return cost
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.geometry.rotations import rotations_of, vectors_of
-from panoptic_ros.kinematics.targets import PosePrior
+from panoptic_ros.kinematics.targets import NO_HINGES, Hinges, PosePrior
 
 Array = np.ndarray
 KEPT_VARIANCE = 0.95
@@ -74,7 +75,7 @@ class PoseStatistics:
         return PosePrior(
             self.mean, projection, deviation, np.ascontiguousarray(lower[1:].ravel()),
             np.ascontiguousarray(upper[1:].ravel()), costs.projection, costs.projection_scale,
-            costs.deviation, costs.deviation_scale, costs.limits,
+            costs.deviation, costs.deviation_scale, costs.limits, NO_HINGES,
         )  # fmt: skip
 
 
@@ -89,6 +90,19 @@ class PriorCosts:
     deviation_scale: float
     limits: float
     off_space: float = 0.0
+
+
+def hinges_of(model: SegmentModel, spread: float) -> Hinges:
+    """The hinges of a skeleton; bones lead to the next joint.
+
+    Args:
+        spread: rad, how far bones leave the plane in which they bend.
+    """
+    segments = np.array([model.index(name) for name in model.hinges], np.int64)
+    axes = np.array([np.eye(3)["xyz".index(axis)] for axis in model.hinges.values()]).reshape(-1, 3)
+    ends = [int(np.flatnonzero(model.parents == s)[0]) for s in segments]
+    bones = model.shares[ends] / np.linalg.norm(model.shares[ends], axis=-1, keepdims=True)
+    return Hinges(segments, axes, bones.reshape(-1, 3), spread**-2)
 
 
 def train_prior(vectors: Array, mirrored: Array, apart: float = APART) -> PoseStatistics:

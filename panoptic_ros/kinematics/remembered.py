@@ -18,7 +18,7 @@ from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.noise_level import NoiseLevel
 from panoptic_ros.kinematics.person import Behind, Person
 from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPerson, SeenPoints
-from panoptic_ros.kinematics.targets import Floor, PosePrior
+from panoptic_ros.kinematics.targets import Floor, Hinges, PosePrior
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.kinematics.tracker import SubjectTracker
 from panoptic_ros.kinematics.wearing import Wearing
@@ -27,7 +27,7 @@ from panoptic_ros.state import Fields
 
 CLASSES = (
     KinematicsConfig, Body, BodyState, Device, Subject, TPose, Chain, Pose, Behind, SeenJoints, SeenPoints,
-    Floor, PosePrior,
+    Floor, Hinges, PosePrior,
     Motion, _Eliminated,
     Fields.named(
         Person,

@@ -59,10 +59,21 @@ class Floor(NamedTuple):
     weight: float
 
 
+class Hinges(NamedTuple):
+    """Joints that bend about one axis of the parent, however the segment turns about its own bone: segments
+    (H,), axes (H, 3) in the parent's frame and bones (H, 3) in the segment's, of length 1, and the weight of
+    the squared sine of the angle by which the bone leaves the plane across the axis."""
+
+    segments: Array
+    axes: Array
+    bones: Array
+    weight: float
+
+
 class PosePrior(NamedTuple):
     """What poses look like (eq. 14, 15): of the rotation vectors d of all segments but the root, less `mean`
     (3 S - 3,), the cost is projection_weight d^T projection d + deviation_weight d^T deviation d, each with
-    Cauchy's loss of a scale; and limit_weight for what lies beyond `lower` and `upper`, rad."""
+    Cauchy's loss of a scale; limit_weight for what lies beyond `lower` and `upper`, rad; and `hinges`."""
 
     mean: Array
     projection: Array
@@ -74,6 +85,7 @@ class PosePrior(NamedTuple):
     deviation_weight: float
     deviation_scale: float
     limit_weight: float
+    hinges: Hinges
 
 
 class Anchor(NamedTuple):
@@ -108,6 +120,7 @@ NO_VIEWS = ViewTargets(
 NO_POINTS = PointTargets(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), 0.0)
 NO_TURNS = TurnTargets(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0), 0.0)
 NO_FLOOR = Floor(_NO_SEGMENTS, 0.0, 0.0)
+NO_HINGES = Hinges(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
 
 
 def no_anchor(segments: int) -> Anchor:
@@ -123,7 +136,7 @@ def no_prior(segments: int) -> PosePrior:
     n = 3 * segments - 3
     far = np.full(n, 10.0)
     nothing = np.zeros((n, n))
-    return PosePrior(np.zeros(n), nothing, nothing, -far, far, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return PosePrior(np.zeros(n), nothing, nothing, -far, far, 0.0, 0.0, 0.0, 0.0, 0.0, NO_HINGES)
 
 
 class Accelerations(NamedTuple):

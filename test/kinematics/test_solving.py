@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import CHAIN, D, S, cameras, moved, placed, some_pose
+from bodies import CHAIN, MODEL, D, S, cameras, moved, placed, some_pose
 
 from panoptic_ros.geometry.chain import (
     place_sites,
@@ -17,6 +17,7 @@ from panoptic_ros.geometry.rotations import (
     vectors_of,
 )
 from panoptic_ros.kinematics.normal_equations import assemble
+from panoptic_ros.kinematics.prior import hinges_of
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import (
     NO_FLOOR,
@@ -55,7 +56,7 @@ def evidence_of(pose, seed=1, noise=0.0, kinds="vptfr"):
     prior = rng.normal(size=(3 * S - 3, 8))
     poses = PosePrior(
         0.1 * rng.normal(size=3 * S - 3), 0.1 * prior @ prior.T, 0.02 * np.eye(3 * S - 3),
-        np.full(3 * S - 3, -0.3), np.full(3 * S - 3, 0.3), 0.7, 1.0, 0.3, 1.0, 2.0,
+        np.full(3 * S - 3, -0.3), np.full(3 * S - 3, 0.3), 0.7, 1.0, 0.3, 1.0, 2.0, hinges_of(MODEL, 0.1),
     )  # fmt: skip
     return Evidence(
         views if "v" in kinds else NO_VIEWS,
