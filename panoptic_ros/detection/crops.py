@@ -20,6 +20,7 @@ from panoptic_ros.detection.people import People, concatenate
 from panoptic_ros.detection.preprocess import composed, crop, input_tensor, inverted
 from panoptic_ros.detection.score_maps import (
     Patch,
+    Patches,
     PatchSet,
     gate_radius,
     gated,
@@ -126,7 +127,7 @@ class CropNetwork:
                 own = cells.points[person] - corner
                 levels = gated(levels, own, seen[person], radius[person])
             patches += person_patches(levels, person, corner)
-        return PatchSet(size, common, patches)
+        return PatchSet(size, common, Patches.of(patches))
 
     def _grid_from_net(self, look: Look) -> Array:
         height, width = self.card.input.size

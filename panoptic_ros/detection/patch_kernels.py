@@ -10,6 +10,66 @@ NOBODY = -1
 
 
 @_jit
+def patches_of(levels, cells, seen, radius):
+    """What people claim of maps, then one patch for each connected blob (8 neighbours) of the rest.
+
+    Args and returns: as of `claimed`, which keeps no maps; person -1: nobody's.
+    """
+    rest = levels.copy()
+    rows, data = claimed(rest, cells, seen, radius)
+    more, others = _blobs(rest)
+    for row in range(len(more)):
+        more[row, 6] += len(data)
+    return np.concatenate((rows, more)), np.concatenate((data, others))
+
+
+@_jit
+def _blobs(levels):
+    """Rows and data of the blobs of maps (K, h, w); the maps are 0 afterwards."""
+    joints, height, width = levels.shape
+    most = 0
+    for value in levels.flat:
+        most += value > 0
+    queue, values = np.empty((most, 2), np.int64), np.empty(most, np.uint8)
+    ends, rows = np.empty(most, np.int64), np.empty((most, 7), np.int64)
+    last = count = room = 0
+    for joint in range(joints):
+        for y in range(height):
+            for x in range(width):
+                if not levels[joint, y, x]:
+                    continue
+                at = last
+                queue[last, 0], queue[last, 1], values[last] = y, x, levels[joint, y, x]
+                levels[joint, y, x] = 0
+                last += 1
+                top, left, bottom, right = y, x, y, x
+                while at < last:
+                    row, column = queue[at]
+                    top, bottom = min(top, row), max(bottom, row)
+                    left, right = min(left, column), max(right, column)
+                    for beside in range(max(row - 1, 0), min(row + 2, height)):
+                        for near in range(max(column - 1, 0), min(column + 2, width)):
+                            if levels[joint, beside, near]:
+                                queue[last, 0], queue[last, 1] = beside, near
+                                values[last] = levels[joint, beside, near]
+                                levels[joint, beside, near] = 0
+                                last += 1
+                    at += 1
+                rows[count] = (joint, NOBODY, left, top, right - left + 1, bottom - top + 1, room)
+                room += rows[count, 4] * rows[count, 5]
+                ends[count] = last
+                count += 1
+    data = np.zeros(room, np.uint8)
+    at = 0
+    for blob in range(count):
+        while at < ends[blob]:
+            row, column = queue[at, 0] - rows[blob, 3], queue[at, 1] - rows[blob, 2]
+            data[rows[blob, 6] + row * rows[blob, 4] + column] = values[at]
+            at += 1
+    return rows[:count], data
+
+
+@_jit
 def claimed(levels, cells, seen, radius):
     """What people claim of maps: each cell goes to the nearest joint in whose gate it lies.
 
@@ -74,3 +134,46 @@ def _window(place, radius, shape):
     right = min(np.int64(np.floor(place[0] + radius)) + 1, shape[2])
     bottom = min(np.int64(np.floor(place[1] + radius)) + 1, shape[1])
     return left, top, right, bottom
+
+
+@_jit
+def raise_levels(levels, corner, maps, used, places, cut):
+    """Raise levels (K, H, W) uint8 to those of maps (K, h, w) float32.
+
+    Args:
+        corner: row and column of the first level that may rise. used: rows and columns of the maps that
+            count; bilinear between these, 0 beyond them. places: rows and columns of the maps for the rows
+            and columns of levels from the corner on. cut: values below are 0.
+    """
+    rows, row_shares = _neighbours(places[0], used[0])
+    columns, column_shares = _neighbours(places[1], used[1])
+    above, below = np.zeros(used[1] + 2, np.float32), np.zeros(used[1] + 2, np.float32)
+    least = np.float32(cut)
+    for joint in range(maps.shape[0]):
+        for y in range(len(rows)):
+            above[:], below[:] = 0.0, 0.0
+            if rows[y] > 0:
+                above[1:-1] = maps[joint, rows[y] - 1, : used[1]]
+            if rows[y] < used[0]:
+                below[1:-1] = maps[joint, rows[y], : used[1]]
+            for x in range(len(above)):
+                above[x] += row_shares[y] * (below[x] - above[x])
+            for x in range(len(columns)):
+                value = above[columns[x]]
+                value += column_shares[x] * (above[columns[x] + 1] - value)
+                if value >= least:
+                    level = np.uint8(np.rint(min(value, np.float32(1.0)) * np.float32(255.0)))
+                    row, column = corner[0] + y, corner[1] + x
+                    levels[joint, row, column] = max(levels[joint, row, column], level)
+
+
+@_jit
+def _neighbours(places, count):
+    """Of places (N,) in a row of so many cells with one more before and behind it: the cell before, and the
+    share (N,) float32 of the next one."""
+    before, shares = np.empty(len(places), np.int64), np.empty(len(places), np.float32)
+    for i in range(len(places)):
+        inside = min(max(places[i], -1.0), np.float64(count)) + 1.0
+        before[i] = min(np.int64(inside), count)
+        shares[i] = inside - before[i]
+    return before, shares

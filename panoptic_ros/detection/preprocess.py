@@ -82,10 +82,16 @@ def input_tensor(images: Sequence[Array], card: InputCard) -> Array:
 
 def inverted(affine: Array) -> Array:
     """The inverse of a (2, 3) affine map."""
-    linear = np.linalg.inv(affine[:, :2])
-    return np.column_stack([linear, -linear @ affine[:, 2]])
+    (a, b, x), (c, d, y) = affine.tolist()
+    det = a * d - b * c
+    a, b, c, d = d / det, -b / det, -c / det, a / det
+    return np.array([[a, b, -(a * x + b * y)], [c, d, -(c * x + d * y)]])
 
 
 def composed(outer: Array, inner: Array) -> Array:
     """The (2, 3) affine map that applies `inner`, then `outer`."""
-    return np.column_stack([outer[:, :2] @ inner[:, :2], outer[:, :2] @ inner[:, 2] + outer[:, 2]])
+    (a, b, x), (c, d, y) = outer.tolist()
+    (e, f, u), (g, h, v) = inner.tolist()
+    return np.array([
+        [a * e + b * g, a * f + b * h, a * u + b * v + x], [c * e + d * g, c * f + d * h, c * u + d * v + y],
+    ])  # fmt: skip

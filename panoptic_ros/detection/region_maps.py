@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.patch_kernels import raise_levels
 from panoptic_ros.detection.people import People
 from panoptic_ros.detection.preprocess import composed, inverted
 from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patches, quantised
@@ -64,33 +65,17 @@ def _common(parts: Sequence[RegionMaps], grid: Array, cut: float) -> tuple[Array
     width, height = np.max([high for _, high in windows], axis=0) - first
     levels = np.zeros((len(parts[0].maps), height, width), np.uint8)
     for part, (low, high) in zip(parts, windows):
-        (left, top), (columns, rows) = low - first, high - low
-        window = levels[:, top : top + rows, left : left + columns]
         theirs = composed(part.grid_from_image, inverted(grid))
-        used = part.cells
         across = theirs[0, 0] * np.arange(low[0], high[0]) + theirs[0, 2]
         down = theirs[1, 1] * np.arange(low[1], high[1]) + theirs[1, 2]
-        moved = _resampled(part.maps[:, : used[1], : used[0]], down, across)
-        np.maximum(window, quantised(moved, cut), out=window)
+        (left, top), (columns, rows) = (low - first).tolist(), part.cells
+        maps = np.ascontiguousarray(part.maps, np.float32)
+        raise_levels(levels, (top, left), maps, (rows, columns), (down, across), cut)
     shift = np.array([[1.0, 0.0, -first[0]], [0.0, 1.0, -first[1]]])
     return levels, composed(shift, grid)
 
 
-def _resampled(maps: Array, down: Array, across: Array) -> Array:
-    """Maps (K, h, w) at rows `down` (H,) and columns `across` (W,), bilinear; 0 beyond the first and last."""
-    rows, row_shares = _neighbours(down, maps.shape[1])
-    columns, column_shares = _neighbours(across, maps.shape[2])
-    padded = np.pad(maps, ((0, 0), (1, 1), (1, 1)))
-    upper = padded[:, rows]
-    upper += row_shares[:, None] * (padded[:, rows + 1] - upper)
-    left = upper[:, :, columns]
-    left += column_shares * (upper[:, :, columns + 1] - left)
-    return left
-
-
-def _neighbours(places: Array, count: int) -> tuple[Array, Array]:
-    """Of places (N,) in a row of so many cells with one more before and behind it: the cell before, and the
-    share (N,) float32 of the next one."""
-    inside = np.clip(places, -1.0, float(count)) + 1.0
-    before = np.minimum(inside.astype(np.int64), count)
-    return before, (inside - before).astype(np.float32)
+def warm_up() -> None:
+    """Compile what maps of several regions need."""
+    levels, maps = np.zeros((1, 2, 2), np.uint8), np.zeros((1, 2, 2), np.float32)
+    raise_levels(levels, (0, 0), maps, (1, 1), (np.zeros(1), np.zeros(1)), 0.1)

@@ -8,12 +8,13 @@ list of people, and voting can find there whom the network's person head missed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from panoptic_ros.detection.patch_kernels import NOBODY, claimed
+from panoptic_ros.detection.patch_kernels import NOBODY, patches_of
 from panoptic_ros.domain import JointMap, ScoreMaps
 
 Array = np.ndarray
@@ -32,12 +33,49 @@ class Patch:
 
 
 @dataclass(frozen=True, eq=False)
+class Patches:
+    """N patches: rows (N, 7) of joint, person, left, top, width, height, and where values begin in `data`.
+
+    The values (D,) uint8 lie one window after the other.
+    """
+
+    rows: Array
+    data: Array
+
+    @classmethod
+    def of(cls, patches: Sequence[Patch]) -> Patches:
+        """Single patches together."""
+        begins = np.cumsum([0] + [patch.values.size for patch in patches])
+        rows = [
+            (patch.joint, patch.person, *patch.corner, *patch.values.shape[::-1], begin)
+            for patch, begin in zip(patches, begins.tolist())
+        ]
+        data = [np.zeros(0, np.uint8)] + [patch.values.ravel() for patch in patches]
+        return cls(np.array(rows, np.int64).reshape(-1, 7), np.concatenate(data))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Patch]:
+        for joint, person, left, top, width, height, begin in self.rows.tolist():
+            values = self.data[begin : begin + width * height].reshape(height, width)
+            yield Patch(joint, person, (left, top), values)
+
+    def chosen(self, index: Array) -> Patches:
+        """Some of them (M,), in this order."""
+        if np.array_equal(index, np.arange(len(self))):
+            return self
+        kept = list(self)
+        return Patches.of([kept[i] for i in index])
+
+
+@dataclass(frozen=True, eq=False)
 class PatchSet:
     """All patches of one image on one grid."""
 
     grid_size: tuple[int, int]  # width, height
     grid_from_image: Array  # (2, 3)
-    patches: list[Patch] = field(default_factory=list)
+    patches: Patches
 
     def score_maps(self, joint_map: JointMap) -> ScoreMaps:
         """The record, in the joints of the working skeleton; joints that are means have no maps."""
@@ -45,21 +83,28 @@ class PatchSet:
         for working, sources in enumerate(joint_map.sources):
             if len(sources) == 1:
                 targets.setdefault(sources[0], []).append(working)
-        rows = [(working, patch) for patch in self.patches for working in targets.get(patch.joint, ())]
+        joints = self.patches.rows[:, 0].tolist()
+        pairs = [(i, target) for i, joint in enumerate(joints) for target in targets.get(joint, ())]
+        index, own = np.array(pairs, np.int64).reshape(-1, 2).T
+        patches = self.patches.chosen(index)
+        rows = patches.rows.astype(np.int32)
         return ScoreMaps(
             grid_size=self.grid_size,
             grid_from_image=self.grid_from_image,
-            joints=np.array([working for working, _ in rows], np.int32),
-            persons=np.array([patch.person for _, patch in rows], np.int32),
-            corners=np.array([patch.corner for _, patch in rows], np.int32).reshape(-1, 2),
-            sizes=np.array([patch.values.shape[::-1] for _, patch in rows], np.int32).reshape(-1, 2),
-            data=np.concatenate([patch.values.ravel() for _, patch in rows] or [np.zeros(0, np.uint8)]),
+            joints=own.astype(np.int32),
+            persons=rows[:, 1],
+            corners=rows[:, 2:4],
+            sizes=rows[:, 4:6],
+            data=patches.data,
         )
 
     def unclaimed_joints(self, least: float) -> int:
         """How many different joints have a peak of at least `least` that belongs to nobody."""
-        level = least * 255.0
-        return len({p.joint for p in self.patches if p.person == NOBODY and p.values.max() >= level})
+        level, rows = least * 255.0, self.patches.rows
+        if not len(rows):
+            return 0
+        peaks = np.maximum.reduceat(self.patches.data, rows[:, 6])
+        return len(set(rows[(rows[:, 1] == NOBODY) & (peaks >= level), 0].tolist()))
 
 
 def quantised(maps: Array, cut: float) -> Array:
@@ -74,23 +119,19 @@ def gate_radius(heights: Array) -> Array:
     return np.clip(GATE_PER_HEIGHT * heights, *GATE_CELLS)
 
 
-def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> list[Patch]:
+def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> Patches:
     """Patches of maps (K, h, w) uint8 that all people share.
 
     Args:
         cells: (P, K, 2) column and row of the people's joints; seen: (P, K) whether they count.
         radius: (P,) cells.
     """
-    rest = levels.copy()
-    rows, data = claimed(
-        rest, np.array(cells, np.float64).reshape(len(radius), len(levels), 2), np.array(seen, bool),
-        np.array(radius, np.float64),
-    )  # fmt: skip
-    own = [
-        Patch(joint, person, (left, top), data[begin : begin + width * height].reshape(height, width))
-        for joint, person, left, top, width, height, begin in rows.tolist()
-    ]
-    return own + _blobs(rest)
+    places = np.array(cells, np.float64).reshape(len(radius), len(levels), 2)
+    return Patches(
+        *patches_of(
+            np.ascontiguousarray(levels), places, np.array(seen, bool), np.array(radius, np.float64)
+        )
+    )
 
 
 def person_patches(levels: Array, person: int, corner: tuple[int, int] = (0, 0)) -> list[Patch]:
@@ -139,31 +180,6 @@ def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) ->
         return []
     inner = values[top : top + height, left : left + width]
     return [Patch(joint, person, (corner[0] + left, corner[1] + top), inner)]
-
-
-def _blobs(levels: Array) -> list[Patch]:
-    """One patch for each connected blob of each map (K, h, w)."""
-    count, rows, columns = levels.shape
-    # All maps in one tall picture, an empty row between them, so that one call finds all blobs. Most pairs of
-    # its rows are empty: they are left out, but for one behind each blob.
-    height = count * (rows + 1)
-    tall = np.zeros((height + height % 2, columns), np.uint8)
-    tall[:height].reshape(count, rows + 1, columns)[:, :rows] = levels
-    pairs = tall.reshape(-1, 2 * columns)
-    shown: Array = np.asarray(pairs.any(axis=1))
-    shown[1:] |= shown[:-1]
-    kept = np.flatnonzero(shown)
-    short = pairs[kept].reshape(-1, columns)
-    if not len(kept):
-        return []
-    number, labels, boxes, _ = cv2.connectedComponentsWithStats((short > 0).view(np.uint8), connectivity=8)
-    patches = []
-    for label, (left, top, width, extent, _) in enumerate(boxes[1:number].tolist(), start=1):
-        part = np.s_[top : top + extent, left : left + width]
-        values = np.where(labels[part] == label, short[part], 0)
-        joint, row = divmod(2 * int(kept[top // 2]) + top % 2, rows + 1)
-        patches.append(Patch(joint, NOBODY, (left, row), values))
-    return patches
 
 
 def warm_up() -> None:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.patch_kernels import raise_levels
 from panoptic_ros.detection.people import no_people
-from panoptic_ros.detection.region_maps import RegionMaps, _resampled, merged_maps
+from panoptic_ros.detection.region_maps import RegionMaps, merged_maps
 
 PEAKS = [(40.0, 30.0), (100.0, 70.0), (200.0, 50.0)]  # px
 
@@ -55,8 +56,15 @@ def test_resampling_is_that_of_opencv():
     down, across = 0.83 * np.arange(14) - 1.4, 1.31 * np.arange(9) - 2.2
     cells = np.array([[1.31, 0.0, -2.2], [0.0, 0.83, -1.4]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    for plane, found in zip(maps, _resampled(maps, down, across)):
-        assert np.allclose(found, cv2.warpAffine(plane, cells, (9, 14), flags=flags), atol=0.04)  # 1/32 cell
+    levels = np.zeros((2, 14, 9), np.uint8)
+    raise_levels(levels, (0, 0), maps, (9, 7), (down, across), 0.2)
+    for plane, found in zip(maps, levels / 255.0):
+        expected = cv2.warpAffine(plane, cells, (9, 14), flags=flags)
+        assert np.allclose(found[found > 0.0], expected[found > 0.0], atol=0.042)  # 1/32 cell, half a level
+        assert ((found > 0.0) | (expected < 0.24)).all() and ((found == 0.0) | (expected > 0.16)).all()
+    before = np.full((2, 14, 9), 128, np.uint8)
+    raise_levels(before, (0, 0), maps, (9, 7), (down, across), 0.2)
+    assert np.array_equal(before, np.maximum(levels, 128))
 
 
 def test_cells_of_padding_are_not_part_of_the_grid():

@@ -1,9 +1,11 @@
+import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.detection.score_maps import (
     NOBODY,
+    Patches,
     PatchSet,
     gate_radius,
     gated,
@@ -77,7 +79,7 @@ def test_unseen_joints_claim_nothing_and_people_without_maps_have_none():
     made = record(levels, merged_patches(levels, cells, np.array([[True, False]]), np.array([6.0])))
     assert sorted(zip(made.joints.tolist(), made.persons.tolist())) == [(0, 0), (1, NOBODY)]
     empty = np.zeros_like(levels)
-    assert merged_patches(empty, cells, np.ones((1, 2), bool), np.array([6.0])) == []
+    assert len(merged_patches(empty, cells, np.ones((1, 2), bool), np.array([6.0]))) == 0
 
 
 def test_joints_are_those_of_the_working_skeleton():
@@ -91,7 +93,7 @@ def test_joints_are_those_of_the_working_skeleton():
 
 
 def test_no_patches_is_a_valid_record():
-    made = record(np.zeros((2, 5, 6), np.uint8), [])
+    made = record(np.zeros((2, 5, 6), np.uint8), Patches.of([]))
     assert made.data.size == 0 and made.dense(2).max() == 0 and made.grid_size == (6, 5)
 
 
@@ -165,3 +167,20 @@ def test_each_patch_is_all_that_is_nearest_to_a_joint_and_nothing_else(seed, peo
     for patch, (corner, values) in zip(own, expected.values()):
         assert patch.corner == corner
         np.testing.assert_array_equal(patch.values, values)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000))
+def test_what_is_nobodys_is_one_patch_for_each_blob(seed):
+    rng = np.random.default_rng(seed)
+    levels = quantised(rng.random((3, 9, 12)) ** 3, 0.3)
+    nobody = np.zeros((0, 3, 2)), np.zeros((0, 3), bool), np.zeros(0)
+    found = {(p.joint, p.corner, p.values.tobytes()) for p in merged_patches(levels, *nobody)}
+    expected = set()
+    for joint, values in enumerate(levels):
+        count, labels = cv2.connectedComponents((values > 0).astype(np.uint8), connectivity=8)
+        for label in range(1, count):
+            left, top, width, height = cv2.boundingRect((labels == label).astype(np.uint8))
+            own = np.where(labels == label, values, 0)[top : top + height, left : left + width]
+            expected.add((joint, (left, top), own.tobytes()))
+    assert found == expected

@@ -1,0 +1,90 @@
+"""The compiled loops of `center_heads`. They call nothing outside of this file."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.kernels import njit
+
+_jit = njit(cache=True, error_model="numpy")
+REACH = 2  # cells on each side of a peak that are not higher: 5 x 5
+COUNTED = 0.127  # joints above this make up a person's score
+
+
+@_jit
+def people_of(heads, most, threshold, variance):
+    """People in cells, unsorted: joints (P, K, 2) and their scores (P, K), scores (P,), boxes (P, 4).
+
+    Args:
+        heads: center (h, w), heat (K, h, w), regress and offset (2 K, h, w), box_scale and box_offset
+            (2, h, w), all float32; y before x. most: people. variance: see `decode_center_heads`.
+    """
+    center, heat, regress, offset, box_scale, box_offset = heads
+    count, rows, columns = heat.shape
+    peaks = _peaks(center, most, threshold)
+    joints, scores = np.empty((len(peaks), count, 2)), np.empty((len(peaks), count))
+    person_scores, boxes = np.empty(len(peaks)), np.empty((len(peaks), 4))
+    found = 0
+    for peak in range(len(peaks)):
+        y, x = peaks[peak]
+        top, bottom = _extent(box_scale[0, y, x], box_offset[0, y, x], y, rows)
+        left, right = _extent(box_scale[1, y, x], box_offset[1, y, x], x, columns)
+        first_row = min(np.int64(np.ceil(top)), rows - 1)
+        first_column = min(np.int64(np.ceil(left)), columns - 1)
+        last_row = max(np.int64(np.ceil(bottom)), first_row + 1)
+        last_column = max(np.int64(np.ceil(right)), first_column + 1)
+        across = np.empty(last_column - first_column)
+        total, counted = 0.0, 0
+        for k in range(count):
+            guess_y = np.float64(regress[2 * k, y, x]) + y
+            guess_x = np.float64(regress[2 * k + 1, y, x]) + x
+            for column in range(first_column, last_column):
+                across[column - first_column] = np.exp(-((column - guess_x) ** 2) / variance)
+            best, best_row, best_column = -np.inf, first_row, first_column
+            for row in range(first_row, last_row):
+                down = np.exp(-((row - guess_y) ** 2) / variance)
+                for column in range(first_column, last_column):
+                    value = heat[k, row, column] * down * across[column - first_column]
+                    if value > best:
+                        best, best_row, best_column = value, row, column
+            joints[found, k, 0] = best_column + np.float64(offset[2 * k + 1, best_row, best_column])
+            joints[found, k, 1] = best_row + np.float64(offset[2 * k, best_row, best_column])
+            scores[found, k] = best
+            if best > COUNTED:
+                total, counted = total + best, counted + 1
+        person_scores[found] = center[y, x] * total / max(counted, 1)
+        boxes[found] = (left, top, right, bottom)
+        found += person_scores[found] >= threshold
+    return joints[:found], scores[:found], person_scores[:found], boxes[:found]
+
+
+@_jit
+def _peaks(center, most, threshold):
+    """Row and column (N, 2) of the best local maxima of a map (h, w), best first."""
+    rows, columns = center.shape
+    cells, values = np.empty((most, 2), np.int64), np.empty(most)
+    count = 0
+    for y in range(rows):
+        for x in range(columns):
+            value = center[y, x]
+            if not value >= threshold or (count == most and value <= values[-1]):
+                continue
+            highest = True
+            for row in range(max(y - REACH, 0), min(y + REACH + 1, rows)):
+                for column in range(max(x - REACH, 0), min(x + REACH + 1, columns)):
+                    highest &= center[row, column] <= value
+            if not highest:
+                continue
+            count = min(count + 1, most)
+            at = count - 1
+            while at > 0 and values[at - 1] < value:
+                values[at], cells[at, 0], cells[at, 1] = values[at - 1], cells[at - 1, 0], cells[at - 1, 1]
+                at -= 1
+            values[at], cells[at, 0], cells[at, 1] = value, y, x
+    return cells[:count]
+
+
+@_jit
+def _extent(scale, offset, cell, size):
+    """First and last place of a box along one axis, within the map."""
+    half, middle = 0.5 * max(np.float64(scale), 0.0), np.float64(offset) + cell
+    return min(max(middle - half, 0.0), size), min(max(middle + half, 0.0), size)
