@@ -1,7 +1,7 @@
 """Networks that take the whole image: preprocessing, session, decoder, and back to its pixels."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patc
 
 Array = np.ndarray
 REGION_VARIANCE = 36.0  # cells^2 of the search for a joint, where the map does not tell the image's size
+Further = Callable[[People], People]  # who else is there, where these were found
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,30 +79,45 @@ class FullImageNetwork:
         """(height, width) net px of an image with `side` net px on its longer side."""
         return input_size(side, (image.shape[1], image.shape[0]), self.card.input.multiple)
 
-    def find_in(self, image: Array, regions: Sequence[Region]) -> Finding:
+    def find_in(self, image: Array, regions: Sequence[Region], further: Further | None = None) -> Finding:
         """The people in some regions of an image; for networks that take any size.
 
         The scale is that of the finest region, 0 if there is none.
         """
         card, parts, maps = self.card, [], []
         for region in regions:
-            left, top, right, bottom = region.box
-            outputs, net_from_cut = self._run(image[top:bottom, left:right], region.net_size, quick=True)
-            net_from_image = composed(net_from_cut, np.array([[1.0, 0.0, -left], [0.0, 1.0, -top]]))
-            people = decode_image(
-                card, outputs, region.net_size, self.config.person_threshold, REGION_VARIANCE
-            )
-            parts.append(people.transformed(net_from_model(card)).transformed(inverted(net_from_image)))
+            people, outputs, net_from_image = self._region(image, region)
+            parts.append(people)
             if self.config.maps and card.family == "center_heads":
                 grid = grid_from_net(card, region.net_size, outputs["heat"].shape[1:])
-                maps.append(RegionMaps(outputs["heat"], composed(grid, net_from_image), (right, bottom)))
-        everybody = concatenate(parts, len(card.joints))
-        people, _ = seen_people(
-            everybody.select(np.argsort(-everybody.person_scores, kind="stable")), self.config
-        )
+                maps.append(RegionMaps(outputs["heat"], composed(grid, net_from_image), region.box[2:]))
+        people = self._best_first(concatenate(parts, len(card.joints)))
+        if further is not None:
+            others = further(people)
+            if len(others):
+                people = self._best_first(concatenate([people, others], len(card.joints)))
         patches = merged_maps(maps, people, self.config) if maps else None
         scale = max([region.net_size[1] / (region.box[2] - region.box[0]) for region in regions], default=0.0)
         return Finding(people, patches, scale)
+
+    def people_in(self, image: Array, region: Region) -> People:
+        """The people in a region of an image, best first, without maps."""
+        return self._best_first(self._region(image, region)[0])
+
+    def _best_first(self, people: People) -> People:
+        order = np.argsort(-people.person_scores, kind="stable")
+        return seen_people(people.select(order), self.config)[0]
+
+    def _region(self, image: Array, region: Region) -> tuple[People, dict[str, Array], Array]:
+        """The people in a region in px of the image, the outputs, and net_from_image."""
+        left, top, right, bottom = region.box
+        outputs, net_from_cut = self._run(image[top:bottom, left:right], region.net_size, quick=True)
+        net_from_image = composed(net_from_cut, np.array([[1.0, 0.0, -left], [0.0, 1.0, -top]]))
+        people = decode_image(
+            self.card, outputs, region.net_size, self.config.person_threshold, REGION_VARIANCE
+        )
+        people = people.transformed(net_from_model(self.card)).transformed(inverted(net_from_image))
+        return people, outputs, net_from_image
 
     def _run(
         self, image: Array, size: tuple[int, int], quick: bool = False

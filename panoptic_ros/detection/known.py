@@ -6,10 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from panoptic_ros.detection.regions import Region, person_boxes, regions_of
+from panoptic_ros.detection.regions import Group, Region, groups_of, person_boxes
 from panoptic_ros.domain import Camera, TrackSet
 
 Array = np.ndarray
+Joints = tuple[Array, Array]  # of N 2D people: points (N, J, 2) px, scores (N, J), 0 = missing
 MEMORY = 2.0  # s, how long people who are not seen are looked for
 FARTHEST = 0.5  # s, over which motion is predicted
 STRAY = 0.7  # m/s, at which those who are not seen may have gone anywhere
@@ -18,6 +19,7 @@ DOORS = 8  # places where people appeared that are remembered
 SAME_DOOR = 1.0  # m
 BEGINNING_NS = 1_000_000_000
 EXPLAINED = 0.2  # of a person's height: the median distance of one person's joints, seen and predicted
+IN_A_CROWD = 0.1  # the same where people stand so close that one would explain another
 COMMON = 3  # joints that must be known of both
 
 
@@ -41,7 +43,7 @@ class Expected:
         return cls(np.zeros((0, 1, 2)), np.zeros((0, 1), bool), np.zeros(0), image_size)
 
     @cached_property
-    def _boxes(self) -> tuple[Array, Array]:
+    def _boxes(self) -> tuple[Array, Array, Array]:
         return person_boxes(self.pixels, self.there, self.doubts, self.image_size)
 
     @property
@@ -49,27 +51,79 @@ class Expected:
         """Of those (N,) px who are in the image."""
         return self._boxes[1]
 
+    @cached_property
+    def groups(self) -> list[Group]:
+        """Those who are in the image, by who overlaps whom."""
+        return groups_of(*self._boxes)
+
     def regions(self, tallest: float, multiple: int) -> list[Region]:
-        """Where to look for those who are in the image; see `regions_of`."""
-        return regions_of(*self._boxes, self.image_size, tallest, multiple)
+        """Where to look for those who are in the image; see `Group.region`."""
+        return [group.region(self.image_size, tallest, multiple) for group in self.groups]
+
+    @property
+    def crowds(self) -> list[Group]:
+        """Groups of several."""
+        return [group for group in self.groups if len(group.people) > 1]
+
+    def lacking(self, points: Array, scores: Array) -> list[Group]:
+        """Crowds of which somebody is not among the 2D people (N,) of an image; see `apart`."""
+        if not self.crowds:
+            return []
+        found = {who for _, who in self._pairs(points, scores)}
+        return [crowd for crowd in self.crowds if not found.issuperset(crowd.people)]
+
+    def further(self, first: Joints, second: Joints) -> Array:
+        """Which of the second 2D people (N,) the first lack, all being of the same image.
+
+        People who are found twice differ a little. So of the second those count who show somebody who is
+        expected and not among the first, each once; and those who are near nobody.
+        """
+        distances = apart(*second, self.pixels, self.there)
+        new = np.asarray((distances > IN_A_CROWD).all(axis=1))
+        new &= (apart(*second, *first) > IN_A_CROWD).all(axis=1)
+        distances[:, [who for _, who in self._pairs(*first)]] = np.inf
+        new[[one for one, _ in _paired(distances)]] = True
+        return np.flatnonzero(new)
 
     def strangers(self, points: Array, scores: Array) -> Array:
-        """Which of the 2D people (N,) nobody explains who is expected.
+        """Which of the 2D people (N,) nobody explains who is expected; see `apart`."""
+        distances = apart(points, scores, self.pixels, self.there)
+        return np.asarray((distances > EXPLAINED).all(axis=1))
 
-        Args:
-            points: (N, J, 2) px, scores: (N, J), 0 = missing; joints of the skeleton of the tracks.
-        """
-        if not len(points) or not len(self.pixels):
-            return np.ones(len(points), bool)
-        seen = scores > 0.0
-        both = seen[:, None] & self.there[None]
-        with np.errstate(invalid="ignore"):
-            apart = np.linalg.norm(points[:, None] - self.pixels[None], axis=-1)
-        apart = np.where(both, apart, np.nan).reshape(-1, both.shape[-1])
-        middle = _median(apart).reshape(both.shape[:2])
-        extent = np.maximum(_extents(points, seen)[:, None], _extents(self.pixels, self.there)[None])
-        strange: Array = ~((both.sum(axis=-1) >= COMMON) & (middle <= EXPLAINED * extent)).any(axis=1)
-        return strange
+    def _pairs(self, points: Array, scores: Array) -> list[tuple[int, int]]:
+        """2D people and those who are expected, whom they show; each once."""
+        return _paired(apart(points, scores, self.pixels, self.there))
+
+
+def _paired(distances: Array) -> list[tuple[int, int]]:
+    """Rows and columns of distances (N, P) that belong together, each once, the closest first."""
+    pairs: list[tuple[int, int]] = []
+    left = distances.copy()
+    while left.size:
+        one, other = divmod(int(left.argmin()), left.shape[1])
+        if left[one, other] > IN_A_CROWD:
+            break
+        pairs.append((one, other))
+        left[one], left[:, other] = np.inf, np.inf
+    return pairs
+
+
+def apart(points: Array, scores: Array, others: Array, there: Array) -> Array:
+    """Median distances (N, P) of the joints of 2D people, as shares of the height of the taller.
+
+    Infinite where they have few joints in common.
+
+    Args:
+        points: (N, J, 2) px, scores: (N, J), 0 = missing. others: (P, J, 2) px, there: (P, J), 0 = missing.
+    """
+    seen, known = scores > 0.0, there > 0.0
+    both = seen[:, None] & known[None]
+    with np.errstate(invalid="ignore"):
+        distances = np.linalg.norm(points[:, None] - others[None], axis=-1)
+    distances = np.where(both, distances, np.nan).reshape(-1, both.shape[-1])
+    middle = _median(distances).reshape(both.shape[:2])
+    extent = np.maximum(_extents(points, seen)[:, None], _extents(others, known)[None])
+    return np.where(both.sum(axis=-1) >= COMMON, middle / np.maximum(extent, 1e-9), np.inf)
 
 
 @dataclass

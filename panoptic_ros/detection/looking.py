@@ -24,6 +24,7 @@ WHOLE_IMAGES_LIVE = 1  # the same where looks are not allowed without end
 QUIET_LIVE_NS = SECOND  # there, after an alarm: its whole images come first
 FIRST_WAIT_NS = SECOND // 2  # until the same stranger raises another alarm; doubles each time
 LONGEST_WAIT_NS = 32 * SECOND
+MOST_VAIN = 4  # closer looks after which the wait, 2, 4, ... 16 looks, grows no more
 SAME_PLACE = 0.3  # intersection over union of the boxes of a stranger who has not moved
 
 
@@ -42,12 +43,25 @@ class CameraLooks:
     Args:
         last_ns: stamp of its newest image. answered_ns: of the alarm that it answers; left: whole images
             that it still looks at for it. whole_ns: stamp of the newest of these.
+        vain: closer looks one after the other that showed nobody else. wait: looks until the next closer one.
     """
 
     last_ns: int
     answered_ns: int = -1
     left: int = 0
     whole_ns: int = -1
+    vain: int = 0
+    wait: int = 0
+
+    def closer(self) -> bool:
+        """Whether it may look more closely now; call it once where it should."""
+        self.wait = max(self.wait - 1, 0)
+        return self.wait == 0
+
+    def looked_closer(self, others: bool) -> None:
+        """A closer look showed others, or nobody else: then the next one waits, longer each time."""
+        self.vain = 0 if others else min(self.vain + 1, MOST_VAIN)
+        self.wait = 0 if others else 2**self.vain
 
 
 @dataclass

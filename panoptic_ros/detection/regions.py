@@ -39,59 +39,67 @@ class Region:
 
 def person_boxes(
     pixels: Array, there: Array, doubts: Array, image_size: tuple[int, int]
-) -> tuple[Array, Array]:
-    """Boxes (N, 4) px of the image that show those of P people who are in it, and their heights (N,) px.
+) -> tuple[Array, Array, Array]:
+    """Boxes (N, 4) px of the image that show those of P people who are in it, their heights (N,) px, and who
+    they are (N,).
 
     Args:
         pixels: (P, J, 2) of the joints. there: (P, J) which of them are known and before the camera.
         doubts: (P,) px, standard deviation of where they are.
     """
-    width, height = image_size
-    boxes, heights = [], []
-    for points, known, doubt in zip(pixels, there, doubts):
-        if not known.any():
-            continue
-        low, high = points[known].min(axis=0), points[known].max(axis=0)
-        tall = float((high - low).max())
-        margin = MARGIN * tall + SIGMAS * doubt
-        low, high = low - margin - (0.0, ABOVE * tall), high + margin
-        area = float(np.prod(high - low))
-        left, top = np.clip(low, 0.0, (width, height))
-        right, bottom = np.clip(high, 0.0, (width, height))
-        if (right - left) * (bottom - top) > LEAST_SHARE * area > 0.0:
-            boxes.append((left, top, right, bottom))
-            heights.append(tall)
-    return np.array(boxes).reshape(-1, 4), np.array(heights)
+    limits = np.array(image_size, float)
+    low = np.where(there[..., None], pixels, np.inf).min(axis=1, initial=np.inf)
+    high = np.where(there[..., None], pixels, -np.inf).max(axis=1, initial=-np.inf)
+    people = np.flatnonzero(there.any(axis=1))
+    low, high = low[people], high[people]
+    heights = (high - low).max(axis=1, initial=0.0)
+    margins = (MARGIN * heights + SIGMAS * doubts[people])[:, None]
+    above = np.stack([np.zeros(len(people)), ABOVE * heights], axis=1)
+    low, high = low - margins - above, high + margins
+    first, last = np.clip(low, 0.0, limits), np.clip(high, 0.0, limits)
+    shown = (last - first).prod(axis=1) > np.maximum(LEAST_SHARE * (high - low).prod(axis=1), 0.0)
+    return np.concatenate([first, last], axis=1)[shown], heights[shown], people[shown]
 
 
-def regions_of(
-    boxes: Array, heights: Array, image_size: tuple[int, int], tallest: float, multiple: int
-) -> list[Region]:
-    """One region for each group of boxes (N, 4) px that touch, of people of heights (N,) px.
+@dataclass(frozen=True, eq=False)
+class Group:
+    """People whose boxes touch: a box (4,) px round these, the height px of the tallest, and who they are."""
 
-    Args:
-        tallest: net px that the tallest person of a group has; images are never enlarged.
-        multiple: sides of the network's input are multiples of it.
-    """
-    return [
-        _region(box, min(1.0, tallest / max(tall, 1.0)), image_size, multiple)
-        for box, tall in _groups(boxes, heights)
-    ]
+    box: Array
+    tallest: float
+    people: tuple[int, ...]
+
+    def joined(self, other: Group) -> Group:
+        """Both as one."""
+        low, high = np.minimum(self.box[:2], other.box[:2]), np.maximum(self.box[2:], other.box[2:])
+        return Group(
+            np.concatenate([low, high]), max(self.tallest, other.tallest), self.people + other.people
+        )
+
+    def region(
+        self, image_size: tuple[int, int], tallest: float, multiple: int, enlarged: float = 1.0
+    ) -> Region:
+        """Where to look for them.
+
+        Args:
+            tallest: net px that the tallest has; the image is enlarged so much at most.
+            multiple: sides of the network's input are multiples of it.
+        """
+        return _region(self.box, min(enlarged, tallest / max(self.tallest, 1.0)), image_size, multiple)
 
 
-def _groups(boxes: Array, heights: Array) -> list[tuple[Array, float]]:
-    """Boxes round groups of boxes that touch, and the largest height in each."""
-    groups = list(zip(boxes, heights.tolist()))
+def groups_of(boxes: Array, heights: Array, people: Array) -> list[Group]:
+    """Groups of people (N,) with boxes (N, 4) px and heights (N,) px."""
+    groups = [Group(box, tall, (who,)) for box, tall, who in zip(boxes, heights.tolist(), people.tolist())]
     merged = True
     while merged:
         merged = False
-        for i, (one, tall) in enumerate(groups):
+        for i, group in enumerate(groups):
+            one = group.box
             for k in range(i + 1, len(groups)):
-                other = groups[k][0]
+                other = groups[k].box
                 if (one[:2] <= other[2:]).all() and (other[:2] <= one[2:]).all():
-                    both = np.concatenate([np.minimum(one[:2], other[:2]), np.maximum(one[2:], other[2:])])
-                    groups[i] = (both, max(tall, groups[k][1]))
-                    del groups[k]
+                    groups[i] = group.joined(groups.pop(k))
                     merged = True
                     break
             if merged:

@@ -15,6 +15,7 @@ from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.known import Expected, KnownPeople
 from panoptic_ros.detection.looking import Look, Lookout
 from panoptic_ros.detection.people import People, boxes_of_points, concatenate, no_people
+from panoptic_ros.detection.regions import Group
 from panoptic_ros.domain import JointMap, Rig, TrackSet, ViewFrame
 from panoptic_ros.errors import ConfigError
 
@@ -22,6 +23,8 @@ Array = np.ndarray
 SURE_STRANGER = 0.25  # score from which somebody whom nobody explains raises an alarm
 SCAN_HEIGHT = 90.0  # net px of a person of middling height in a small whole image
 LEAST_SCAN = 128  # net px of its longer side
+CLOSER = 1.36  # times as tall as in regions are people in a closer look at a crowd
+ENLARGED = 2.0  # scale to which its image is enlarged, at most
 UNKNOWN_SCAN = 0.45  # of the side that suits the camera, where nobody tells how tall people are
 
 Whole = Callable[[ViewFrame], Finding]  # finds the people in all of an image
@@ -115,9 +118,11 @@ class Watch:
             return self.known.seen_by(self._rig.camera(item.camera), item.stamp_ns)
 
     def _look(self, item: ViewFrame, look: Look, expected: Expected) -> Finding:
-        """At regions if they cost less than all of the image."""
+        """At regions if they cost less than all of the image; at crowds more closely where they need it."""
         if look is Look.WHOLE or not self.lookout.guided or self.known.nobody:
-            return self._whole(item)
+            finding = self._whole(item)
+            further = self._closer(item, expected, expected.crowds, finding.people)
+            return replace(finding, people=concatenate([finding.people, further], further.scores.shape[1]))
         assert isinstance(self._network, FullImageNetwork)
         regions = expected.regions(float(self._region_height), self._network.multiple)
         if not regions:
@@ -125,7 +130,33 @@ class Watch:
         rows, columns = self._network.size_of(self._side(item), item.image)
         if sum(region.cost for region in regions) >= rows * columns:
             return self._whole(item)
-        return self._network.find_in(item.image, regions)
+        return self._network.find_in(item.image, regions, lambda seen: self._missing(item, expected, seen))
+
+    def _missing(self, item: ViewFrame, expected: Expected, people: People) -> People:
+        """Who of a crowd is not among the people that were found, if a closer look may show him."""
+        crowds, known = expected.lacking(*self._joints(people)), self.lookout.cameras[item.camera]
+        if not crowds or not known.closer():
+            return people.select(np.zeros(0, int))
+        others = self._closer(item, expected, crowds, people)
+        known.looked_closer(len(others) > 0)
+        return others
+
+    def _closer(self, item: ViewFrame, expected: Expected, crowds: list[Group], people: People) -> People:
+        """Whom a closer look at these crowds shows besides the people that were found."""
+        joint_count, parts = people.scores.shape[1], []
+        for crowd in crowds:
+            assert isinstance(self._network, FullImageNetwork)
+            tallest = CLOSER * self._region_height
+            region = crowd.region(item.image_size, tallest, self._network.multiple, ENLARGED)
+            found = self._network.people_in(item.image, region)
+            parts.append(found.select(expected.further(self._joints(people), self._joints(found))))
+            people = concatenate([people, parts[-1]], joint_count)
+        return concatenate(parts, joint_count)
+
+    def _joints(self, people: People) -> tuple[Array, Array]:
+        """Points (P, J, 2) and scores (P, J) of people in the joints of the skeleton."""
+        scores = np.where(people.scores >= self._config.joint_threshold, people.scores, 0.0)
+        return self._joint_map.apply(people.points, scores)
 
     def _with_strangers(
         self, item: ViewFrame, expected: Expected, finding: Finding, scan: bool, new: bool
@@ -151,8 +182,7 @@ class Watch:
         """Which 2D people (P,) are surely there and nobody who is known."""
         if not len(people):
             return np.zeros(0, bool)
-        scores = np.where(people.scores >= self._config.joint_threshold, people.scores, 0.0)
-        points, scores = self._joint_map.apply(people.points, scores)
+        points, scores = self._joints(people)
         sure = (people.person_scores >= SURE_STRANGER) & (scores > 0.0).any(axis=1)
         strange: Array = sure & expected.strangers(points, scores)
         return strange

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from stage_cases import DEPTH, FOCAL, known_people, watching_rig
 
-from panoptic_ros.detection.known import KnownPeople
+from panoptic_ros.detection.known import KnownPeople, apart
 
 CAMERA = watching_rig().cameras[0]
 PLACES = np.array([[[60.0, 40], [70, 90], [65, 150]], [[180.0, 50], [190, 95], [185, 140]]])
@@ -73,6 +73,44 @@ def test_a_stranger_is_nobody_who_is_expected(shift, strange):
     seen = known(known_people(PLACES[:1], SECOND)).seen_by(CAMERA, SECOND)
     points = np.concatenate([PLACES[:1], PLACES[:1].mean(axis=1, keepdims=True)], axis=1) + (shift, 0.0)
     assert seen.strangers(points, np.ones((1, 4))).tolist() == [strange]
+
+
+CROWD = np.array([PLACES[0], PLACES[0] + (25.0, 5.0)])
+
+
+def two_d(*people):
+    """2D people of three joints and a fourth between them, as those that are expected."""
+    points = np.array([[*person, np.mean(person, axis=0)] for person in people]).reshape(-1, 4, 2)
+    return points, np.ones(points.shape[:2])
+
+
+def test_a_crowd_lacks_somebody_who_is_not_found():
+    seen = known(known_people(CROWD, SECOND)).seen_by(CAMERA, SECOND)
+    assert seen.lacking(*two_d(*CROWD)) == []
+    (crowd,) = seen.lacking(*two_d(CROWD[1]))
+    assert sorted(crowd.people) == [0, 1]
+    assert len(seen.lacking(*two_d(CROWD[1], CROWD[1] + 1.0))) == 1  # one who is found twice is not two
+    loose = known(known_people(PLACES, SECOND)).seen_by(CAMERA, SECOND)
+    assert loose.lacking(*two_d()) == []
+
+
+def test_of_a_second_look_those_count_who_were_missing_and_those_near_nobody():
+    seen = known(known_people(CROWD, SECOND)).seen_by(CAMERA, SECOND)
+    first = two_d(CROWD[0] + 1.0)
+    second = two_d(CROWD[0] - 2.0, CROWD[1] + 1.0, CROWD[1] - 3.0, CROWD[1] + (60.0, 0.0))
+    assert seen.further(first, second).tolist() == [1, 3]
+    assert seen.further(first, two_d()).tolist() == []
+
+
+def test_distances_are_relative_to_the_taller_and_need_common_joints():
+    points, scores = two_d(CROWD[0])
+    high = np.ptp(points[0], axis=0).max()
+    large = (points - points[:, :1]) * 2.0 + points[:, :1] + (3.0, 4.0)
+    assert apart(large, scores, points, scores) == pytest.approx(apart(points, scores, large, scores).T)
+    few = scores.copy()
+    few[0, :2] = 0.0
+    assert apart(points, few, points, scores)[0, 0] == np.inf
+    assert apart(points, scores, points + (3.0, 4.0), scores)[0, 0] == pytest.approx(5.0 / high)
 
 
 def test_without_tracks_everybody_is_a_stranger():

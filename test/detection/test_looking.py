@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.detection.allowance import Allowance
-from panoptic_ros.detection.looking import FIRST_WAIT_NS, WHOLE_IMAGES, Look, Lookout
+from panoptic_ros.detection.looking import FIRST_WAIT_NS, WHOLE_IMAGES, CameraLooks, Look, Lookout
 
 NAMES = tuple(f"cam{k}" for k in range(6))
 PERIOD = 40_000_000
@@ -115,3 +115,15 @@ def test_live_an_alarm_is_answered_in_turns_before_the_next_is_heard():
     assert (found != "carry").sum(axis=1).max() <= 4  # never of all at a time
     assert not lookout.raise_alarm("cam2", BOX + 200.0, 20 * PERIOD)
     assert lookout.raise_alarm("cam2", BOX + 200.0, 40 * PERIOD)
+
+
+def test_closer_looks_in_vain_wait_longer_and_longer():
+    camera = CameraLooks(0)
+    taken = []
+    for look in range(60):
+        if camera.closer():
+            camera.looked_closer(others=False)
+            taken.append(look)
+    assert np.diff(taken).tolist() == [2, 4, 8, 16, 16]
+    camera.looked_closer(others=True)
+    assert camera.closer()

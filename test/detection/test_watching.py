@@ -70,6 +70,24 @@ def test_looks_at_people_who_are_known_cost_less(monkeypatch):
     assert max(last) < 0.5 * min(first)
 
 
+@pytest.mark.parametrize(("shown", "runs"), [(2, 1), (1, 2)])
+def test_a_crowd_of_which_somebody_is_missing_is_looked_at_more_closely(monkeypatch, shown, runs):
+    crowd = np.stack([PLACES[0], PLACES[0] + (28.0, 0.0)])
+    one = stage(regions="on", region_height=64)
+    views(one, 8, crowd)
+    sizes = []
+    run = FullImageNetwork._run
+
+    def counted(self, picture, size, **how):
+        sizes.append(size[0] * size[1])
+        return run(self, picture, size, **how)
+
+    monkeypatch.setattr(FullImageNetwork, "_run", counted)
+    (view,) = one.step(image(crowd[:shown], 8, "right")).outputs
+    assert len(sizes) == runs and sorted(sizes) == sizes
+    assert len(view.points) == shown
+
+
 @pytest.mark.parametrize("values", [{"regions": "on"}, {"looks_per_s": 9.0}])
 def test_somebody_new_makes_all_cameras_look(values):
     one = stage(**values)
