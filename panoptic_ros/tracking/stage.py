@@ -12,12 +12,12 @@ from panoptic_ros.identity.appearance import Colours, colour_evidence, looks_at
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.identity.likeness import (
     NEW,
+    SURE,
     UNLIKE,
     WAIT,
     Bones,
     bone_evidence,
     paired,
-    place_evidence,
     recognised,
 )
 from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
@@ -26,17 +26,18 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.records import as_images_show, tracked
+from panoptic_ros.tracking.returns import return_costs, return_odds
 from panoptic_ros.tracking.tracks import (
     Tracks,
     bone_lengths,
     head_distances,
     joint_distances,
-    return_costs,
 )
 
 Array = np.ndarray
 RETURN_S = 2.0  # of absence, in which somebody who is near and alike has come back at once
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
+CLEAR = np.log(SURE / (1.0 - SURE))  # log-odds, by which one of two is recognised
 KEPT = 16  # newest colours of a camera that wait for their instant
 
 
@@ -151,7 +152,7 @@ class TrackingStage(Stateful):
         distance, cost = joint_distances(states, tracks.variances, item.positions, item.covariances)
         _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
         waiting = np.setdiff1d(np.flatnonzero((tracks.ids >= 0) & (tracks.missed <= RETURN_S)), owners)
-        open_rows = np.flatnonzero(owners < 0)
+        open_rows = np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1))
         if len(waiting) and len(open_rows):  # somebody may have come back
             lost = tracks.rows(waiting)
             distance, difference = return_costs(lost, item.positions[open_rows], self._bones)
@@ -159,9 +160,15 @@ class TrackingStage(Stateful):
             allowed = (distance <= reach) & (difference <= config.bone_tolerance)
             lengths = bone_lengths(item.positions[open_rows], self._bones)
             once = Bones(lengths, np.ones_like(lengths), np.zeros_like(lengths))
-            odds = bone_evidence(lost.bones, once, self._pairs)
-            odds += colour_evidence(lost.clothes, Colours.of_looks(looks[open_rows]))
+            worn = Colours.of_looks(looks[open_rows])
+            odds = bone_evidence(lost.bones, once, self._pairs) + colour_evidence(lost.clothes, worn)
             allowed &= odds >= UNLIKE
+            away = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > RETURN_S))
+            if len(away):  # it may be one of these, too: that is decided when more was seen
+                middles = np.nanmedian(item.positions[open_rows], axis=1)
+                here = middles, once, worn, self._pairs
+                others = return_odds(tracks.rows(away), *here).max(axis=0)
+                allowed &= return_odds(lost, *here) - others >= CLEAR
             score = distance / np.maximum(reach, 1e-9) + difference / config.bone_tolerance
             back = np.full(len(open_rows), -1)
             _take(back, waiting, np.where(allowed, score, np.inf))
@@ -184,10 +191,13 @@ class TrackingStage(Stateful):
         if not ready:
             return ()
         tracks, notices = self._tracks, []
-        fresh, lost = np.array(ready), np.flatnonzero((tracks.ids >= 0) & (tracks.missed > RETURN_S))
+        fresh, away = np.array(ready), (tracks.ids >= 0) & (tracks.missed > RETURN_S)
+        lost = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > 0.0) & away.any())
         if self._config.method == "head":  # the head alone tells
             lost = lost[:0]
-        found = recognised(self._odds(lost, fresh), tracks.seconds[fresh], self._config.recognition_time)
+        here = tracks.rows(fresh)
+        odds = return_odds(tracks.rows(lost), here.middles, here.bones, here.clothes, self._pairs)
+        found = recognised(odds, tracks.seconds[fresh], self._config.recognition_time)
         gone = []
         for t, who in zip(ready, found.tolist()):
             if who == WAIT:
@@ -206,14 +216,6 @@ class TrackingStage(Stateful):
             owners[owners >= 0] = np.searchsorted(kept, owners[owners >= 0])
             self._tracks = tracks.rows(kept)
         return tuple(notices)
-
-    def _odds(self, lost: Array, fresh: Array) -> Array:
-        """Log-odds (L, F) that people who were lost are those who have come."""
-        away, here = self._tracks.rows(lost), self._tracks.rows(fresh)
-        gaps = np.linalg.norm((away.middles[:, None] - here.middles[None])[..., :2], axis=-1)
-        odds = bone_evidence(away.bones, here.bones, self._pairs)
-        odds += place_evidence(gaps, away.unseen) + colour_evidence(away.clothes, here.clothes)
-        return odds
 
     def _new_id(self) -> int:
         """A number that nobody has had, and that is no subject's."""

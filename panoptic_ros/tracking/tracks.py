@@ -268,26 +268,3 @@ def bone_lengths(positions: Array, bones: Array) -> Array:
     """Lengths (..., B) m of bones (B, 2) of skeletons (..., J, 3), NaN where a joint is missing."""
     lengths: Array = np.linalg.norm(positions[..., bones[:, 0], :] - positions[..., bones[:, 1], :], axis=-1)
     return lengths
-
-
-def return_costs(tracks: Tracks, positions: Array, bones: Array) -> tuple[Array, Array]:
-    """Distances (T, P) m on the ground of skeletons (P, J, 3) from the predicted middles of tracks.
-
-    Also differences (T, P): the median relative difference of bone lengths, 0 where fewer than three are
-    known.
-    """
-    shape = (len(tracks.ids), len(positions))
-    distances, differences = np.full(shape, np.inf), np.zeros(shape)
-    lengths = bone_lengths(positions, bones)
-    for k, joints in enumerate(positions):
-        measured = np.isfinite(joints[:, 0])
-        if not measured.any():
-            continue
-        middle = np.median(joints[measured], axis=0)
-        for t in range(shape[0]):
-            distances[t, k] = np.linalg.norm((tracks.middles[t] - middle)[:2])
-            both = np.isfinite(lengths[k]) & np.isfinite(tracks.lengths[t])
-            if both.sum() >= 3:
-                ratio = lengths[k][both] / np.maximum(tracks.lengths[t][both], 1e-3)
-                differences[t, k] = np.median(np.abs(ratio - 1.0))
-    return distances, differences

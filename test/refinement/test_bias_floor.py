@@ -49,11 +49,12 @@ def test_the_last_instants_before_a_long_gap_keep_their_people():
     assert [len(output.ids) for output in run(times)] == [1] * 20
 
 
-def covariance_of_elbow(times, lost=(), **settings):
-    """Of the last instant, with the elbow lost at some of them."""
+def covariance_of_elbow(times, lost=(), views=3, **settings):
+    """Of the last instant, with the elbow lost at some of them; views: of all joints."""
     stage = RefinementStage(RefinementConfig(**settings), StageContext(None, KNOWN))
     for i, t in enumerate(times):
         item = tracked(i, t)
+        item = replace(item, views=np.where(item.views > 0, views, 0))
         if i in lost:
             gone = np.array([[False, True]])
             states = np.where(gone, JointState.MISSING, item.states)
@@ -66,10 +67,11 @@ def covariance_of_elbow(times, lost=(), **settings):
     return stage.flush().outputs[-1].covariances[0, 1]
 
 
-@pytest.mark.parametrize("lost, kept", [((), 0.3), ((18, 19), 1.0)])
-def test_smoothing_leaves_the_share_of_errors_that_last(lost, kept):
+@pytest.mark.parametrize("lost, views, kept", [((), 3, 0.3), ((), 2, 1.0), ((18, 19), 3, 1.0)])
+def test_smoothing_leaves_the_share_of_errors_that_last(lost, views, kept):
+    """Of two views none tells that the other errs."""
     times = [i / 25 for i in range(20)]
-    plain, stated = (covariance_of_elbow(times, lost, lasting_share=share) for share in (0.0, 0.3))
+    plain, stated = (covariance_of_elbow(times, lost, views, lasting_share=share) for share in (0.0, 0.3))
     arrived = 1e-4
     assert np.allclose(stated - plain, kept * arrived * np.eye(3), atol=1e-15)
 

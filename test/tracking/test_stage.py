@@ -290,3 +290,17 @@ def test_somebody_who_has_just_gone_takes_nobody_who_is_there():
         people = [body(0.0, 0.15 if i >= 38 else 0.0)] + ([body(0.0, 0.4)] if i < 30 else [])
         sets.append(poses(i, people, sigma=0.02))
     assert all(output.ids.tolist() == [0] for output in run(sets)[30:])
+
+
+def test_who_comes_where_somebody_has_just_gone_may_be_another_who_was_away():
+    """Two of much the same size: the first was away for 10 s, the second has just gone."""
+    rng = np.random.default_rng(6)
+
+    def at(index, *people):
+        return poses(index, [one + rng.normal(0.0, 0.003, SHAPE.shape) for one in people])
+
+    other = body(1.0, size=1.04)
+    sets = [at(i, body(-1.0), other) for i in range(40)] + [at(i, other) for i in range(40, 340)]
+    sets += [at(i) for i in range(340, 355)] + [at(i, body(0.9, 0.1)) for i in range(355, 400)]
+    outputs = run(sets, memory=30.0)
+    assert outputs[100].ids.tolist() == [1] and outputs[-1].ids.tolist() == [0]
