@@ -2,15 +2,14 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import dropped_in_all, warnings_of
 from panoptic_ros.running.runs.observer import RunObserver
+from panoptic_ros.running.runs.waiting import Waiting
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
@@ -33,8 +32,7 @@ class Watch(RunObserver):
         self._bar: ProgressBar | None = None
         self._live, self._has_cameras = False, True
         self._instants = 0
-        self._counted: Mapping[str, Mapping[str, str]] = {}
-        self._waiting: threading.Timer | None = None
+        self._waiting = Waiting(_warn)
         self._told: set[str] = set()
 
     def started(self, plan: Plan) -> None:
@@ -47,36 +45,37 @@ class Watch(RunObserver):
                 None if plan.live else plan.instants, "skeletons" if plan.rig.cameras else "bodies"
             )
         if plan.live and plan.rig.cameras:
-            self._explain_after(START_S)
+            self._waiting.begin(START_S)
 
     def saw(self, key: str, record: Any) -> None:
         """See `RunObserver`."""
-        if key == "detections" and self._waiting is None:
-            self._explain_after(PATIENCE_S)
+        if key == "detections":
+            self._waiting.begin(PATIENCE_S)
         if key == "detections" and self._table is not None:
             self._table.saw_view(record.camera, len(record.person_scores))
         if key == "skeletons":
-            self._stop_waiting()
-            self._instants += 1
+            self._waiting.end()
             if self._table is not None:
                 self._table.saw_poses(record, self._latency_ms(record.stamp_ns))
-            if self._bar is not None:
-                self._bar.update(self._instants)
+            self._count()
         if key == "bodies" and not self._has_cameras:
-            self._instants += 1
-            if self._bar is not None:
-                self._bar.update(self._instants)
+            self._count()
         if key == "diagnostics":
-            self._counted = dict(record)
+            self._waiting.counted = record
             self._tell_of(record)
             if self._table is not None:
                 self._table.set_dropped(dropped_in_all(record))
+
+    def _count(self) -> None:
+        self._instants += 1
+        if self._bar is not None:
+            self._bar.update(self._instants)
 
     def judged(self, notices: Sequence[Notice]) -> None:
         """Print what the user should know."""
         for notice in notices:
             if notice.severity != "info":
-                print(f"\n{notice.severity}: {notice.text}", file=sys.stderr, flush=True)
+                _warn(f"{notice.severity}: {notice.text}")
 
     def _tell_of(self, counted: Mapping[str, Mapping[str, str]]) -> None:
         """Print what stages say of sound, clocks and bodies: each kind of warning once, of IMUs for each."""
@@ -84,11 +83,11 @@ class Watch(RunObserver):
             kind = notice.text if notice.code.startswith(EACH) else notice.code
             if kind not in self._told:
                 self._told.add(kind)
-                print(f"\nwarning: {notice.text}", file=sys.stderr, flush=True)
+                _warn(f"warning: {notice.text}")
 
     def ended(self) -> None:
         """Stop drawing."""
-        self._stop_waiting()
+        self._waiting.end()
         if self._table is not None:
             self._table.close()
         if self._bar is not None:
@@ -104,18 +103,6 @@ class Watch(RunObserver):
         """Since exposure; recordings have stamps of their own, which say nothing about it."""
         return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
 
-    def _explain_after(self, seconds: float) -> None:
-        """Tell a person who sees nothing happen why."""
-        self._waiting = threading.Timer(
-            seconds, lambda: print(f"\n{why_waiting(self._counted)}", file=sys.stderr, flush=True)
-        )
-        self._waiting.daemon = True
-        self._waiting.start()
-
-    def _stop_waiting(self) -> None:
-        if self._waiting is not None:
-            self._waiting.cancel()
-
     def __enter__(self) -> Watch:
         return self
 
@@ -123,22 +110,5 @@ class Watch(RunObserver):
         self.ended()
 
 
-def why_waiting(counted: Mapping[str, Mapping[str, str]]) -> str:
-    """What the first skeletons wait for, as nodes tell on /diagnostics: the first stage that waits."""
-    waits = [name for name, values in counted.items() if values.get("waiting_for")]
-    if waits and not any(values.get("compiling") for values in counted.values()):
-        first = min(waits, key=_order)
-        return (
-            f"waiting for the first skeletons: {first} waits for {counted[first]['waiting_for']}; "
-            "`panoptic watch` shows more"
-        )
-    return (
-        "waiting for the first skeletons: kernels are compiled once after an installation, which takes about "
-        "a minute"
-    )
-
-
-def _order(name: str) -> int:
-    """Of a stage in the graph; of its nodes where there are several, detection_0, detection_1, ..."""
-    stage = name if name in NODES else name.rsplit("_", 1)[0]
-    return list(NODES).index(stage) if stage in NODES else len(NODES)
+def _warn(text: str) -> None:
+    print(f"\n{text}", file=sys.stderr, flush=True)
