@@ -132,8 +132,8 @@ class TrackingStage(Stateful):
         tracks, config = self._tracks, self._config
         tracks.predict(dt, blind=BLIND_S[0] < dt <= BLIND_S[1])
         kept = tracks.missed <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
-        kept |= np.isin(tracks.ids, self._subjects.ids)  # for them there is no end
         if not kept.all():
+            kept |= np.isin(tracks.ids, self._subjects.ids)  # for them there is no end
             self._tracks = tracks.rows(kept)
 
     def _assign(self, item: PoseSet, looks: Array) -> Array:
@@ -151,7 +151,9 @@ class TrackingStage(Stateful):
         states = np.where((tracks.ages <= config.joint_memory)[..., None], tracks.states, np.nan)
         distance, cost = joint_distances(states, tracks.variances, item.positions, item.covariances)
         _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
-        waiting = np.setdiff1d(np.flatnonzero((tracks.ids >= 0) & (tracks.missed <= RETURN_S)), owners)
+        waits = (tracks.ids >= 0) & (tracks.missed <= RETURN_S)
+        waits[owners[owners >= 0]] = False
+        waiting = np.flatnonzero(waits)
         open_rows = np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1))
         if len(waiting) and len(open_rows):  # somebody may have come back
             lost = tracks.rows(waiting)
