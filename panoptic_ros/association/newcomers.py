@@ -61,6 +61,8 @@ def find_people(scene: Scene, free: Array, config: AssociationConfig) -> tuple[G
     Returns:
         their 2D people, and positions (P, J, 3) m of a first estimate.
     """
+    if not free.any():
+        return Groups.empty(0, len(scene.centres)), np.empty((0, len(scene.mirror), 3))
     member, mirrored, places = search_people(
         free, scene.observations, Room(scene.centres, scene.sight, scene.mirror), NewcomerRules.of(config)
     )
