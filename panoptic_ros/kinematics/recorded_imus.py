@@ -8,22 +8,25 @@ from collections.abc import Mapping
 import numpy as np
 
 from panoptic_ros.domain.subjects import ImuSeries
-from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.geometry.rotations import from_quaternions, vectors_of
 from panoptic_ros.kinematics.imu_streams import GRAVITY, NEAREST_NS, SILENT_NS, UPRIGHT, UPRIGHT_S
+from panoptic_ros.kinematics.resampling import LONGEST_GAP_S
 
 Array = np.ndarray
 FEWEST = 10  # samples, of a device that is any use
+LEAST_RATE, ALIKE = 0.3, 0.5  # rad/s, of somebody who moves; cosine between the same in two ways
 
 
 def looked_through(
     devices: Mapping[str, ImuSeries], time: tuple[int, int] | None = None
 ) -> tuple[dict[str, ImuSeries], list[str]]:
-    """Devices that can be used, with what of their samples can be, and a line about each thing that is odd.
+    """Devices that can be used, with what of their samples can be, and a line about each thing that is odd,
+    of all devices of which it is true.
 
     Args:
         time: of the cameras, from and to in ns; None without cameras.
     """
-    found, lines = {}, []
+    found, told = {}, dict[str, list[str]]()
     end = max((int(s.stamps[-1]) for s in devices.values() if len(s.stamps)), default=0)
     end = min(end, time[1]) if time is not None else end
     for name, series in devices.items():
@@ -33,8 +36,9 @@ def looked_through(
             odd = [f"{useless}; it is left out"]
         else:
             found[name] = kept
-        lines += [f"{name} {text}" for text in odd]
-    return found, lines
+        for text in odd:
+            told.setdefault(text, []).append(name)
+    return found, [f"{', '.join(names)} {text}" for text, names in told.items()]
 
 
 def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
@@ -88,6 +92,8 @@ def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
     if known.sum() < FEWEST or lasted < UPRIGHT_S:
         return ""
     turned = from_quaternions(series.quaternions[known])
+    if _turns_otherwise(series.stamps[known], turned, series.rates[known]):
+        return "turns otherwise by its quaternions, w x y z into its inertial frame, than by its rates"
     force = (turned @ series.forces[known][..., None])[..., 0].mean(0)
     if np.linalg.norm(force - GRAVITY) <= UPRIGHT:
         return ""
@@ -96,3 +102,14 @@ def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
         f"measures a mean force of {mean} m/s^2 in its inertial frame, where (0, 0, 9.81) is asked for: "
         "z up, quaternions that turn device vectors into it, m/s^2, gravity not taken off"
     )
+
+
+def _turns_otherwise(stamps: Array, turned: Array, rates: Array) -> bool:
+    """Whether rates (N, 3), whatever their unit, are not those with which orientations (N, 3, 3) turn."""
+    steps = 1e-9 * np.diff(stamps)
+    own = vectors_of(np.ascontiguousarray(turned[:-1].swapaxes(1, 2) @ turned[1:])) / steps[:, None]
+    near = (steps < LONGEST_GAP_S) & np.isfinite(rates[:-1]).all(-1)
+    own, told = own[near], rates[:-1][near]
+    if near.sum() < FEWEST or np.sqrt((own**2).sum(-1).mean()) < LEAST_RATE or not told.any():
+        return False
+    return float((own * told).sum() / np.sqrt((own**2).sum() * (told**2).sum())) < ALIKE

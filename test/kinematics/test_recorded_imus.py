@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain.subjects import ImuSeries
+from panoptic_ros.geometry.rotations import rotations_of, to_quaternions, vectors_of
 from panoptic_ros.kinematics.recorded_imus import looked_through
 
 COUNT, TIME = 300, (1_000_000_000, 6_000_000_000)
@@ -55,6 +56,26 @@ def test_a_device_that_fails_is_told_in_a_line_and_harms_nobody(kind):
     assert len(lines) == 1
     for name, part in vars(GOOD).items():
         np.testing.assert_array_equal(getattr(found["back"], name), part)
+
+
+def test_the_same_of_several_devices_is_one_line():
+    bad = spoilt(forces=0.0 * GOOD.forces)
+    found, lines = looked_through({"arm": bad, "leg": bad, "back": GOOD}, TIME)
+    assert list(found) == ["back"] and len(lines) == 1 and lines[0].startswith("arm, leg measures")
+
+
+@pytest.mark.parametrize(("way", "kept"), [(1.0, True), (-1.0, False)])
+def test_quaternions_the_other_way_round_contradict_the_gyroscope(way, kept):
+    times = np.arange(COUNT) / 60.0
+    frames = rotations_of(np.column_stack([0.3 * np.sin(2 * times), 0 * times, 1.5 * np.sin(3 * times)]))
+    rates = 60.0 * vectors_of(np.ascontiguousarray(frames[:-1].swapaxes(1, 2) @ frames[1:]))
+    rates = np.degrees(np.concatenate([rates, rates[-1:]]))  # their unit does not count
+    forces = frames.swapaxes(1, 2) @ [0.0, 0.0, 9.81]
+    quaternions = to_quaternions(frames) * [1.0, way, way, way]
+    found, lines = looked_through(
+        {"arm": spoilt(quaternions=quaternions, rates=rates, forces=forces)}, TIME
+    )
+    assert ("arm" in found) is kept and len(lines) == (not kept)
 
 
 def test_good_devices_are_not_talked_about():
