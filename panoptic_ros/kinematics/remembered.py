@@ -46,8 +46,8 @@ CLASSES = (
     ),
     Fields.named(
         SubjectTracker,
-        "subject weighing _config _chain _count devices _window _pose _before _stamps _unseen_s iterations "
-        "lengths _next_look _next_update _noise _contact",
+        "subject weighing _config _heading _chain _count devices _window _pose _before _stamps _unseen_s "
+        "iterations lengths _next_look _next_update _noise _contact",
     ),
     Fields.named(Contact, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),
     Fields.named(NoiseLevel, "_square _looks _since"),

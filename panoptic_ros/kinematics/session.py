@@ -17,11 +17,13 @@ from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.recorded_imus import looked_through
 from panoptic_ros.kinematics.resampling import instants_of
+from panoptic_ros.kinematics.returning import Absence, appearances
 from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
 FIRST_GATE = 0.8  # m, from where a subject is said to start
+ABSENT_S, LOST_S = 0.2, 0.5  # out of sight, after which it is looked for, and without IMUs given up
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,18 +74,36 @@ def solve_recording(
         trackers.append(SubjectTracker(config, subject, weighing, mounts, heading))
     weighing = trackers[0].weighing
     states: list[BodyState] = []
+    absences: list[Absence | None] = [None] * len(trackers)
+    last_seen = [0] * len(trackers)
     for instant in instants:
         people = assign_people(trackers, instant, weighing.rotations, weighing.translations, config.gate)
         for k, tracker in enumerate(trackers):
-            if not tracker.started:
+            absence = absences[k]
+            if absence is not None and instant.views and not people[k]:
+                there = appearances(weighing, instant, people)
+                people[k] = absence.look(there, instant.stamp_ns, config.gate)
+                if people[k] and tracker.started:
+                    states += tracker.flush()
+                    tracker.move_to(people[k], None)
+            if not tracker.started and absence is None:
                 people[k] = _first_people(tracker.subject, instant, weighing, len(subjects) > 1)
-                if instant.views and not people[k]:
-                    continue
+            if not tracker.started and instant.views and not people[k]:
+                continue
+            if people[k]:
+                last_seen[k], absences[k] = instant.stamp_ns, None
             states += tracker.step(instant, people[k])
             notices += [notice.text for notice in tracker.devices.take_notices()]
+            unseen = 1e-9 * (instant.stamp_ns - last_seen[k]) if last_seen[k] else 0.0
+            pose = tracker.expected()
+            if unseen > ABSENT_S and absences[k] is None and pose is not None:
+                absences[k] = Absence(pose.root.copy(), last_seen[k])
+            if unseen > LOST_S and not instant.readings.keys() & set(tracker.devices.names):
+                states += tracker.flush()
+                trackers[k] = tracker.begun_anew()
     for tracker in trackers:
         states += tracker.flush()
-        if not tracker.started:
+        if not tracker.started and not last_seen[trackers.index(tracker)]:
             notices.append(
                 f"subject {tracker.subject.id} has not come: no camera sees anybody near where it starts, "
                 "and no IMU that is mounted tells of it; look at `start` and the devices of its file"

@@ -58,7 +58,7 @@ class SubjectTracker:
         mounts: dict[str, Array],
         heading: float = 0.0,
     ):
-        self.subject, self.weighing, self._config = subject, weighing, config
+        self.subject, self.weighing, self._config, self._heading = subject, weighing, config, heading
         self._chain = subject.body.chain
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
@@ -84,6 +84,11 @@ class SubjectTracker:
     def started(self) -> bool:
         """Whether there is a pose."""
         return self._pose is not None
+
+    def begun_anew(self) -> SubjectTracker:
+        """One that has seen nothing yet of the same person."""
+        mounts = dict(zip(self.devices.names, self.devices.mounts))
+        return SubjectTracker(self._config, self.subject, self.weighing, mounts, self._heading)
 
     def begin_at(self, pose: Pose) -> None:
         """Begin with this pose in place of one from nothing."""
