@@ -18,9 +18,10 @@ from panoptic_ros.kinematics.start import middle_of
 Array = np.ndarray
 People = dict[int, tuple[Array, Array]]
 NEAR_RAYS, SAME = 0.25, 0.6  # m, between rays to the middle of one person; that somebody moves between looks
-NEAR_PLACE = 1.0  # m, from where the subject is expected as it goes out of sight: may still be the subject
+NEAR_PLACE = 0.4  # m, from where the subject is expected: may still be the subject
 WALK, LOOKS = 3.0, 3  # m/s; looks in which a newcomer is seen before he counts
-OTHERS_NS = 300_000_000  # of looking, in which all others are met; and between two sights of a newcomer
+OTHERS_NS = 300_000_000  # of looking, in which all others are met
+SIGHTS_NS = 1_000_000_000  # between two sights of a newcomer, at most
 
 
 class Appearance(NamedTuple):
@@ -60,7 +61,7 @@ class Absence:
         if best is None:
             return {}
         before, looks, last_ns = self._newcomer
-        follows = stamp_ns - last_ns < OTHERS_NS and np.linalg.norm(best.place - before) < SAME
+        follows = stamp_ns - last_ns < SIGHTS_NS and np.linalg.norm(best.place - before) < SAME
         looks = looks + 1 if follows else 1
         self._newcomer = best.place, looks, stamp_ns
         return best.people if looks >= LOOKS else {}
@@ -90,25 +91,40 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
             np.array_equal(points, own[camera][0], equal_nan=True) for own in claimed if camera in own
         )
     }  # fmt: skip
-    rays = {key: _ray(weighing, key[0], points) for key, (points, _) in free.items()}
-    found: list[Appearance] = []
-    while True:
-        best: People = {}
-        used: list[tuple[int, int]] = []
-        for first in rays:
-            for second in rays:
-                if first[0] < second[0]:
-                    place = middle_of(weighing, {k[0]: free[k] for k in (first, second)}, None)
-                    group = _meeting(rays, place) if place is not None else {}
-                    if len(group) > max(len(best), 1):
-                        best, used = {c: free[key] for c, key in group.items()}, list(group.values())
-        if not used:
-            return found
+    keys = list(free)
+    rays = [_ray(weighing, camera, free[camera, p][0]) for camera, p in keys]
+    centres, ways = np.array([r[0] for r in rays]), np.array([r[1] for r in rays])
+    cameras = np.array([camera for camera, _ in keys])
+    left, found = np.ones(len(keys), bool), list[Appearance]()
+    while left.sum() > 1:
+        rows = np.flatnonzero(left)
+        group = _largest(cameras[rows], centres[rows], ways[rows])
+        if len(group) < 2:
+            break
+        left[rows[group]] = False
+        best = {keys[row][0]: free[keys[row]] for row in rows[group].tolist()}
         middle = middle_of(weighing, best, None)
         assert middle is not None
         found.append(Appearance(middle, best))
-        for key in used:
-            del rays[key]
+    return found
+
+
+def without_others(
+    people: People, expected: Array, weighing: Weighing, instant: Instant
+) -> People:
+    """A subject's 2D people without those of whom several views say that they are elsewhere.
+
+    Args:
+        expected: (3,) m, the middle of the subject's joints.
+    """
+    elsewhere = [
+        other.people for other in appearances(weighing, instant, [])
+        if np.linalg.norm(other.place - expected) > NEAR_PLACE
+    ]  # fmt: skip
+    return {
+        camera: own for camera, own in people.items()
+        if not any(camera in o and np.array_equal(o[camera][0], own[0], equal_nan=True) for o in elsewhere)
+    }  # fmt: skip
 
 
 def _ray(weighing: Weighing, camera: int, points: Array) -> tuple[Array, Array]:
@@ -119,15 +135,30 @@ def _ray(weighing: Weighing, camera: int, points: Array) -> tuple[Array, Array]:
     return -rotation.T @ weighing.translations[camera], direction / np.linalg.norm(direction)
 
 
-def _meeting(
-    rays: dict[tuple[int, int], tuple[Array, Array]], place: Array
-) -> dict[int, tuple[int, int]]:
-    """The nearest ray of every camera, by camera, of those that pass near a place before it."""
-    found: dict[int, tuple[int, int]] = {}
-    least: dict[int, float] = {}
-    for key, (centre, direction) in rays.items():
-        depth = float((place - centre) @ direction)
-        apart = float(np.linalg.norm(place - centre - depth * direction)) if depth > 0.0 else math.inf
-        if apart < NEAR_RAYS and apart < least.get(key[0], math.inf):
-            found[key[0]], least[key[0]] = key, apart
-    return found
+def _largest(cameras: Array, centres: Array, ways: Array) -> Array:
+    """Rows of the rays, one of each camera at most, that meet at the place where most meet.
+
+    Args:
+        cameras: (N,). centres, ways: (N, 3), of the rays.
+    """
+    first, second = np.nonzero(cameras[:, None] < cameras[None, :])
+    between = centres[second] - centres[first]
+    cosine = (ways[first] * ways[second]).sum(-1)
+    along = (between * ways[first]).sum(-1), (between * ways[second]).sum(-1)
+    scale = np.maximum(1.0 - cosine**2, 1e-6)
+    depths = (along[0] - cosine * along[1]) / scale, (cosine * along[0] - along[1]) / scale
+    ends = [centres[k] + depth[:, None] * ways[k] for k, depth in zip((first, second), depths)]
+    good = (np.linalg.norm(ends[0] - ends[1], axis=-1) < NEAR_RAYS) & (depths[0] > 0.0) & (depths[1] > 0.0)
+    places = 0.5 * (ends[0] + ends[1])[good]
+    if not len(places):
+        return np.zeros(0, int)
+    to_place = places[:, None] - centres
+    depth = (to_place * ways).sum(-1)
+    apart = np.linalg.norm(to_place - depth[..., None] * ways, axis=-1)
+    apart[depth <= 0.0] = math.inf
+    seen = [apart[:, cameras == c].min(1) < NEAR_RAYS for c in np.unique(cameras)]
+    support, miss = np.sum(seen, axis=0), np.minimum(apart, NEAR_RAYS).sum(1)
+    best = int(np.lexsort((miss, -support))[0])
+    group = [rows[np.argmin(apart[best, rows])] for c in np.unique(cameras)
+             for rows in [np.flatnonzero(cameras == c)] if apart[best, rows].min() < NEAR_RAYS]  # fmt: skip
+    return np.array(group, int)

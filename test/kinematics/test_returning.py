@@ -31,10 +31,10 @@ def test_a_newcomer_is_taken_once_several_looks_agree():
 
 
 def test_a_ghost_of_one_look_and_who_is_too_far_are_not():
-    ghosts = [seen((0.9, 0.9)) if k % 12 == 11 else [] for k in range(60)]
+    ghosts = [seen((0.9, 0.9)) if k % 40 == 39 else [] for k in range(120)]
     assert absent(ghosts) == []
     assert absent([seen() for _ in range(12)] + [seen((9.0, 0.0)) for _ in range(10)]) == []
 
 
 def test_who_never_left_is_found_at_once():
-    assert absent([seen((0.7, 0.0)) for _ in range(5)])[0] == LOOKS - 1
+    assert absent([seen((0.3, 0.0)) for _ in range(5)])[0] == LOOKS - 1
