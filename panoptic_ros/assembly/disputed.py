@@ -44,8 +44,6 @@ def place_disputed(scene: Scene, found: Candidates, joints: Joints, skeleton: Sk
     supporting = (member >= 0).sum(axis=1)
     lacking = np.isnan(joints.positions[..., 0]).any(axis=1)
     few = np.flatnonzero(lacking & (supporting >= 1) & (supporting <= FEW_VIEWS))
-    if not len(few):
-        return
     few = few[seeing_views(scene, joints.positions[few]).sum(axis=1) <= FEW_SEEING]
     for p in few:
         positions = joints.positions[p]

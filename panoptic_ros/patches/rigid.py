@@ -52,6 +52,14 @@ class Bodies(NamedTuple):
     guesses: Array  # (M, G, 6) motions, the best of which is where the search begins; the first is expected
 
 
+class _Sums(NamedTuple):
+    """Of one part at a motion: its rotation (3, 3), and the normal equations (6, 6) and (6,)."""
+
+    rotation: Array
+    normal: Array
+    gradient: Array
+
+
 def solved(tracks: Tracks, bodies: Bodies, which: Array, views: Array, spread: Array, result: Solved) -> None:
     """Motions of some parts, into the result.
 
@@ -69,24 +77,20 @@ def unsolved(count: int) -> Solved:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _solve(tracks, bodies, which, views, priors, result):
-    starts, centres, guesses = bodies.starts, bodies.centres, bodies.guesses
-    rotation, normal, gradient = np.empty((3, 3)), np.empty((6, 6)), np.empty(6)
+    guesses, sums = bodies.guesses, _Sums(np.empty((3, 3)), np.empty((6, 6)), np.empty(6))
+    rotation, normal, gradient = sums
     turn, trial, step = np.empty((3, 3)), np.empty(6), np.empty(6)
     for part in which:
-        first, last, motion = starts[part], starts[part + 1], result.motions[part]
+        motion = result.motions[part]
         expected, best = guesses[part, 0], np.inf
         for guess in range(guesses.shape[1]):
             trial[:] = guesses[part, guess]
-            cost = _accumulate(
-                tracks, first, last, centres[part], trial, views, rotation, normal, gradient, result, part
-            )
+            cost = _accumulate(tracks, bodies, part, trial, views, sums, result)
             if cost < best:
                 best = cost
                 motion[:] = trial
         for _ in range(ROUNDS):
-            _accumulate(
-                tracks, first, last, centres[part], motion, views, rotation, normal, gradient, result, part
-            )
+            _accumulate(tracks, bodies, part, motion, views, sums, result)
             for i in range(6):
                 normal[i, i] += priors[i]
                 gradient[i] -= priors[i] * (motion[i] - expected[i])
@@ -97,17 +101,17 @@ def _solve(tracks, bodies, which, views, priors, result):
             motion[3:] += step[3:]
             if np.abs(step).max() < SETTLED:
                 break
-        _accumulate(
-            tracks, first, last, centres[part], motion, views, rotation, normal, gradient, result, part
-        )
+        _accumulate(tracks, bodies, part, motion, views, sums, result)
         for i in range(6):
             normal[i, i] += priors[i]
         result.covariances[part] = np.linalg.inv(normal) * max(1.0, result.spreads[part] ** 2)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _accumulate(tracks, first, last, centre, motion, views, rotation, normal, gradient, result, part):
-    """Normal equations of one part at a motion; returns the cost, notes what agrees."""
+def _accumulate(tracks, bodies, part, motion, views, sums, result):
+    """Normal equations of one part at a motion, into `sums`; returns the cost, notes what agrees."""
+    first, last, centre = bodies.starts[part], bodies.starts[part + 1], bodies.centres[part]
+    rotation, normal, gradient = sums
     rotation_of(motion[:3], rotation)
     normal[:], gradient[:] = 0.0, 0.0
     arm, ahead, residual, rows = np.empty(3), np.empty(3), np.empty(2), np.empty((2, 6))
