@@ -31,8 +31,6 @@ def body_extras(subjects: Sequence[Path], segments: str = "", prior: str = "") -
 def _require_distinct(paths: Sequence[Path], people: Sequence[Subject]) -> None:
     owners: dict[object, Path] = {}
     for path, subject in zip(paths, people):
-        if subject.id < 0:
-            raise UsageError(f"{path}: id {subject.id}; ids of subjects count from 0")
         for key, what in [(subject.id, f"id {subject.id}")] + [
             (device.name, f"device {device.name}") for device in subject.devices
         ]:
