@@ -194,7 +194,10 @@ def test_what_another_stage_of_the_graph_gives_is_taken_of_every_camera(executor
     node, statics = StageNode("tracking", values), StaticsNode(captures.RIG, captures.SKELETON)
     for item in (node, statics):
         executor.add_node(item)
-    spin_until(
-        executor, lambda: all(node.count_subscribers(f"{name}/appearance") for name in captures.RIG.names)
-    )
+
+    def taken():
+        return [node.count_subscribers(f"{name}/appearance") for name in captures.RIG.names]
+
+    spin_until(executor, lambda: all(taken()))
+    assert min(taken()) >= 1
     node.close()
