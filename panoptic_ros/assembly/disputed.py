@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.assembly.candidates import Candidates
-from panoptic_ros.assembly.joints import Joints
+from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.solving.joint_records import Candidates
 from panoptic_ros.solving.scene import Scene, seeing_views
 
 Array = np.ndarray

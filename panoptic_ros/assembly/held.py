@@ -20,9 +20,9 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.assembly.body_estimate import Body, Known, Rays, estimate
-from panoptic_ros.assembly.candidates import Candidates
-from panoptic_ros.assembly.joints import Joints
+from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import Prediction
+from panoptic_ros.solving.joint_records import Candidates
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray

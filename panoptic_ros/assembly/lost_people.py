@@ -12,12 +12,11 @@ from functools import cache
 
 import numpy as np
 
-from panoptic_ros.assembly.candidates import Candidates
 from panoptic_ros.assembly.dynamic_programming import PartTree
 from panoptic_ros.domain import Groups, Prediction, ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
-from panoptic_ros.solving.joint_records import Guides, SolvedJoints, sources
+from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints, sources
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray

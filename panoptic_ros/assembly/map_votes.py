@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from panoptic_ros.assembly.joints import Joints
+from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.scene import MIN_DEPTH
 
 MOST = 1000  # residuals per instant, about
 THINNING = 1e7  # the digits of an observation that say whether it is taken
 LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
 TWO_VIEW_LEVERAGE = 0.9
 TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
-MIN_DEPTH = 0.05  # m
 
 
 @njit(cache=True, error_model="numpy")

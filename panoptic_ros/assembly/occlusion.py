@@ -9,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.scene import MIN_DEPTH
 
 Array = np.ndarray
 
@@ -17,7 +18,6 @@ TRUNK_RADIUS = 0.09  # m, of bones between the trunk's joints
 OWN_FACTOR = 0.7  # bones are thinner against joints of their own body
 CORE, RIM = 0.8, 1.3  # of a radius: within are hidden joints, those that may be, and the visible
 AHEAD = 0.06  # m, by which a bone must be closer to the camera than the joint
-MIN_DEPTH = 0.05  # m
 
 
 def body_bones(skeleton: SkeletonModel, torso: tuple[tuple[int, int], ...] | None) -> tuple[Array, Array]:

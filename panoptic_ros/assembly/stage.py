@@ -5,27 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.assembly.candidates import Candidates, associated_people
-from panoptic_ros.assembly.capture_space import in_capture_space, needed_views
 from panoptic_ros.assembly.config import AssemblyConfig
+from panoptic_ros.assembly.judgement import in_capture_space, needed_views
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.map_votes import has_maps
-from panoptic_ros.assembly.motion import Motion
-from panoptic_ros.assembly.noise import NoiseTable
-from panoptic_ros.assembly.noise_growth import NoiseGrowth, box_diagonals
+from panoptic_ros.assembly.noise import NoiseGrowth, NoiseTable, box_diagonals
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import Finisher, People
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
-from panoptic_ros.assembly.solve import Solver, observed_views
-from panoptic_ros.assembly.time_shift import motion_of, solve_in_motion, time_shift
+from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
 from panoptic_ros.solving.evidence import RigArrays, carried_ages, check_association
-from panoptic_ros.solving.joint_records import SolvedJoints
+from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, scene_of
+from panoptic_ros.solving.triangulation import SolverRules
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
@@ -58,7 +55,9 @@ class AssemblyStage(Stateful):
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._limbs = limbs_of(context.skeleton)
         self._needed_views = needed_views(config.capture_views, context.rig.cameras)
-        self._solver = Solver(config)
+        self._rules = SolverRules(
+            config.truncation, config.cauchy, config.gate, config.foreign_penalty, config.max_pairs
+        )
         self._finisher = Finisher(config, self._skeleton)
         self._sides = Sides(context.skeleton, self._limbs.groups)
         self._bones = body_bones(context.skeleton, self._sides.torso)
@@ -92,7 +91,7 @@ class AssemblyStage(Stateful):
         people, found, observed, motion = self._solve(item)
         votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
         votes -= ANATOMY_VOTES * self._sides.right_way(people.joints.positions, people.joints.views)
-        shift = time_shift(motion, people, found.guide.shifts, self._skeleton)
+        shift = time_shift(motion, people.kept, people.joints.positions, found.guide.shifts, self._skeleton)
         return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
     def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
@@ -100,13 +99,13 @@ class AssemblyStage(Stateful):
         evidence, prediction = item.association.evidence, item.association.prediction
         sizes, ages = self._sizes(evidence), carried_ages(item.detections, evidence)
         scene = self._scene(item, sizes, ages)
-        found = associated_people(scene, item.association)
+        found = Candidates.of(item.association, self._mirror)
         kinds = self._kinds(scene, found)
         scene = replace(scene, precision=self._precision(evidence, kinds, sizes, ages))
-        found, solved, motion = solve_in_motion(self._solver, scene, found, prediction, self._config.cauchy)
+        found, solved, motion = solve_in_motion(scene, found, prediction, self._rules)
         if self._config.lost_people and has_maps(item):
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
-        observed = observed_views(scene, found.grouping, found.source)
+        observed = observed_views(found, scene.precision)
         people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), motion)
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)

@@ -10,42 +10,53 @@ corrected velocity. Apart from that, positions remain functions of the images of
 """
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panoptic_ros.assembly.candidates import Candidates
-from panoptic_ros.assembly.motion import Motion
-from panoptic_ros.assembly.people import People
-from panoptic_ros.assembly.solve import Solver
 from panoptic_ros.domain import Prediction, SkeletonModel, TimeShift
 from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.gauss_newton import MIN_DEPTH
-from panoptic_ros.solving.joint_records import SolvedJoints
-from panoptic_ros.solving.scene import Scene
+from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
+from panoptic_ros.solving.joints import solve_joints
+from panoptic_ros.solving.scene import MIN_DEPTH, Scene
+from panoptic_ros.solving.triangulation import SolverRules
 
 Array = np.ndarray
 
 WEAKEST = 1e-6  # share of the largest information in the weakest direction of a joint, at least
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What the views say of K people's J joints in motion.
+
+    covariances: (K, J, 3, 3) m^2, of positions at the assumed velocity. delays (K, J, 3, 3) s,
+    velocities (K, J, 3) m/s and information (K, J, 3, 3): see `TimeShift`.
+    """
+
+    covariances: Array
+    delays: Array
+    velocities: Array
+    information: Array
+
+
 def solve_in_motion(
-    solver: Solver, scene: Scene, found: Candidates, prediction: Prediction, cauchy: float
+    scene: Scene, found: Candidates, prediction: Prediction, rules: SolverRules
 ) -> tuple[Candidates, SolvedJoints, Motion | None]:
     """The final solve; again with better velocities where views have stamps of their own.
 
     Returns the candidates with the velocities that were used, and no motion where all stamps are equal.
     """
-    solved = solver.solve(scene, found.grouping, found.source, found.guide)
+    solved = solve_joints(found, scene.observations, rules)
     if not scene.cams.delays.any():
         return found, solved, None
-    motion = motion_of(scene, solved, found.guide.shifts, cauchy)
+    motion = motion_of(scene, solved, found.guide.shifts, rules.cauchy)
     if (found.who >= 0).any():
         shifts = likelier_velocities(found, solved, motion, prediction)
         found = replace(found, guide=found.guide._replace(shifts=shifts))
-        solved = solver.solve(scene, found.grouping, found.source, found.guide)
-        motion = motion_of(scene, solved, shifts, cauchy)
+        solved = solve_joints(found, scene.observations, rules)
+        motion = motion_of(scene, solved, shifts, rules.cauchy)
     return found, solved, motion
 
 
@@ -88,18 +99,21 @@ def likelier_velocities(
 
 
 def time_shift(
-    motion: Motion | None, people: People, shifts: Array, skeleton: SkeletonModel
+    motion: Motion | None, kept: Array, positions: Array, shifts: Array, skeleton: SkeletonModel
 ) -> TimeShift | None:
-    """The record for the people that were kept; derived joints have the mean of their parts."""
+    """The record for the people that were `kept` (P,), with joints at positions (P, J, 3).
+
+    Derived joints have the mean of their parts.
+    """
     if motion is None:
         return None
-    arrays = [a[people.kept] for a in (motion.delays, shifts, motion.velocities, motion.information)]
+    arrays = [a[kept] for a in (motion.delays, shifts, motion.velocities, motion.information)]
     for joint, parts in skeleton.derived:
         for array in arrays:
             array[:, joint] = array[:, list(parts)].mean(axis=1)
         arrays[3][:, joint] = 0.0  # no view shows them
     for array in arrays:
-        array[np.isnan(people.joints.positions[..., 0])] = 0.0
+        array[np.isnan(positions[..., 0])] = 0.0
     return TimeShift(*arrays)
 
 

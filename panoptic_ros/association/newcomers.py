@@ -14,9 +14,7 @@ from panoptic_ros.association.grouping import MIN_COMMON, AssignmentRules, assig
 from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.agreement import agreement_of_pairs
-from panoptic_ros.solving.cameras import Observations
-from panoptic_ros.solving.scene import Scene
-from panoptic_ros.solving.sight import HIDDEN, SEEN, Sight, look_at
+from panoptic_ros.solving.scene import HIDDEN, SEEN, Observations, Scene, Sight, look_at
 from panoptic_ros.solving.triangulation import triangulate_linear
 
 Array = np.ndarray

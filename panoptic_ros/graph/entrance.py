@@ -19,8 +19,7 @@ from panoptic_ros.domain import (
     ViewFrame,
 )
 from panoptic_ros.errors import DataError
-from panoptic_ros.solving.evidence import RigArrays
-from panoptic_ros.solving.undistortion import undistort_points
+from panoptic_ros.solving.evidence import RigArrays, undistort_points
 
 
 def check_record(record: object, owner: str, rig: Rig, skeleton: SkeletonModel) -> None:

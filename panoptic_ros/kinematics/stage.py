@@ -25,7 +25,7 @@ from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
 from panoptic_ros.kinematics.session import nearest_to_start
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.kinematics.tracker import assign_people
-from panoptic_ros.solving.undistortion import lens_records, undistort_points
+from panoptic_ros.solving.evidence import lens_records, undistort_points
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 

@@ -9,7 +9,7 @@ import numpy as np
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.offsets.frames import CameraFrame
 from panoptic_ros.offsets.tracks import Tracks
-from panoptic_ros.solving import cameras
+from panoptic_ros.solving import scene
 from panoptic_ros.solving.agreement import agreement_with_people
 from panoptic_ros.solving.evidence import RigArrays
 
@@ -18,7 +18,7 @@ LEAST_AGREEMENT = 0.25  # mean over joints, of a 2D person with a track
 MIRROR_MARGIN = 1.15  # times the agreement: what exchanged sides must reach
 LEAST_COMMON = 4  # joints
 GATE = 3.0  # scales between a joint and its track
-MIN_DEPTH = 0.05  # m
+
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +79,8 @@ def _pairs(
     """(track, 2D person, sides exchanged) of one frame."""
     c = frame.camera
     people = len(frame.plane)
-    cams = cameras.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
-    seen = cameras.Observations(
+    cams = scene.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
+    seen = scene.Observations(
         frame.plane, (frame.scores > 0.0).astype(np.float64), np.zeros(people, np.int64),
         np.array([0, people]), cams,
     )  # fmt: skip
@@ -105,7 +105,7 @@ def _joints(
     c = frame.camera
     local = place @ arrays.rotations[c].T + arrays.translations[c]
     depth = local[:, 2]
-    front = depth > MIN_DEPTH
+    front = depth > scene.MIN_DEPTH
     miss = local[:, :2] - plane * depth[:, None]
     near = (scores > 0.0) & front & (np.hypot(miss[:, 0], miss[:, 1]) < GATE * scale)
     joints = np.flatnonzero(near)

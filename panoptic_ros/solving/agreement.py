@@ -4,8 +4,8 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.scene import MIN_DEPTH
 
-MIN_DEPTH = 0.05  # m
 NOTHING = 50.0  # exponent beyond which an agreement counts as 0
 
 

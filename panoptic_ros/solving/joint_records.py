@@ -1,11 +1,12 @@
 """What the solver of joints is given and what it gives, as kernels take it."""
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import AssociationSet
+from panoptic_ros.domain import AssociationSet, Groups
 
 Array = np.ndarray
 
@@ -46,6 +47,50 @@ class Guides(NamedTuple):
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """P people for the final solve.
+
+    Args:
+        grouping: the 2D person of each view. source: (P, V, J) which of its joints stands for joint j.
+        guide: their predictions. who: (P,) index of the prediction, -1 = new.
+        places: (P, J, 3) m, first estimate of their joints, NaN = unknown.
+    """
+
+    grouping: Groups
+    source: Array
+    guide: Guides
+    who: Array
+    places: Array
+
+    def joined(self, other: Candidates) -> Candidates:
+        """These people and the others."""
+        if not len(other.who):
+            return self
+        return Candidates(
+            self.grouping.joined(other.grouping),
+            np.concatenate([self.source, other.source]),
+            Guides(*(np.concatenate(pair) for pair in zip(self.guide, other.guide))),
+            np.concatenate([self.who, other.who]),
+            np.concatenate([self.places, other.places]),
+        )
+
+    @classmethod
+    def of(cls, item: AssociationSet, mirror: Array) -> Candidates:
+        """The people of an association: those who were predicted are guided, new ones are not.
+
+        Args:
+            mirror: (J,) the joint on the other side.
+        """
+        known = item.who >= 0
+        guide = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
+        rows, prediction = item.who[known], item.prediction
+        guide.positions[known], guide.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
+        guide.spreads[known] += CHOICE_SPEED * prediction.ages[rows]
+        guide.firm[known] = prediction.firm[rows]
+        return cls(item.groups, sources(item.groups.mirrored, mirror), guide, item.who, item.places)
+
+
 class SolvedJoints(NamedTuple):
     """Joints of P people in V views.
 
@@ -80,12 +125,10 @@ def sources(mirrored: Array, mirror: Array) -> Array:
     return np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
 
 
-def guides_of(item: AssociationSet) -> Guides:
-    """The predictions of the people of an association; new ones have none."""
-    known = item.who >= 0
-    guides = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
-    rows, prediction = item.who[known], item.prediction
-    guides.positions[known], guides.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
-    guides.spreads[known] += CHOICE_SPEED * prediction.ages[rows]
-    guides.firm[known] = prediction.firm[rows]
-    return guides
+def observed_views(found: Candidates, precision: Array) -> Array:
+    """(P, V, J) whether the 2D person of each view shows joint j, from the precisions (D, J) of 2D joints."""
+    member = found.grouping.member[..., None]
+    if not len(precision):
+        return np.zeros(found.source.shape, bool)
+    usable: Array = (member >= 0) & (precision[np.maximum(member, 0), found.source] > 0.0)
+    return usable

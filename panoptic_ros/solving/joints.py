@@ -17,9 +17,9 @@ import numpy as np
 
 from panoptic_ros.geometry.robust import truncated
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.cameras import Observations
-from panoptic_ros.solving.gauss_newton import MIN_DEPTH, TABLE, Result, SolverRules, Steps, refine_point
-from panoptic_ros.solving.joint_records import Claims, Guides, SolvedJoints
+from panoptic_ros.solving.joint_records import Candidates, Claims, SolvedJoints
+from panoptic_ros.solving.scene import MIN_DEPTH, Observations
+from panoptic_ros.solving.triangulation import TABLE, Result, SolverRules, Steps, intersect, refine_point
 
 Array = np.ndarray
 
@@ -101,43 +101,6 @@ def pick_observations(x, joint, claims, seen, rules, picks):
 
 
 @njit(cache=True, error_model="numpy")
-def intersect(first, second, own, seen, x):
-    """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
-    rotations, translations, _ = seen.cams
-    rays, centres = np.empty((2, 3)), np.empty((2, 3))
-    for k in range(2):
-        v = first if k == 0 else second
-        u, w = seen.plane[own[v, 0], own[v, 1]]
-        r = rotations[v]
-        length = 0.0
-        for i in range(3):
-            rays[k, i] = r[0, i] * u + r[1, i] * w + r[2, i]
-            length += rays[k, i] ** 2
-            centres[k, i] = 0.0
-            for m in range(3):
-                centres[k, i] -= r[m, i] * translations[v, m]
-        length = np.sqrt(length)
-        for i in range(3):
-            rays[k, i] /= length
-    cosine = along_a = along_b = 0.0
-    for i in range(3):
-        offset = centres[1, i] - centres[0, i]
-        cosine += rays[0, i] * rays[1, i]
-        along_a += rays[0, i] * offset
-        along_b += rays[1, i] * offset
-    sine = 1.0 - cosine * cosine
-    if sine < 1e-4:
-        return False
-    a = (along_a - cosine * along_b) / sine
-    b = (cosine * along_a - along_b) / sine
-    if a < MIN_DEPTH or b < MIN_DEPTH:
-        return False
-    for i in range(3):
-        x[i] = 0.5 * (centres[0, i] + a * rays[0, i] + centres[1, i] + b * rays[1, i])
-    return True
-
-
-@njit(cache=True, error_model="numpy")
 def start_from_prediction(joint, claims, seen, rules, room, result):
     """Refine the predicted place and pick observations there; the cost, infinite if too few views."""
     x, picks = room.x, room.picks
@@ -200,12 +163,15 @@ def _prior_cost(x, joint, limit):
     return truncated(squared / (joint.spread * joint.spread), limit)
 
 
-def solve_joints(guides: Guides, claims: Claims, seen: Observations, rules: SolverRules) -> SolvedJoints:
-    """Solve all joints of all people."""
-    people, joints = len(guides.spreads), guides.spreads.shape[1]
-    todo = np.ones((people, joints), bool)
+def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> SolvedJoints:
+    """Solve all joints of all people; each 2D joint is given to one of them."""
+    people, joints = found.guide.spreads.shape
+    claims = Claims(found.grouping.member, found.source, np.full(seen.precision.shape, -1, np.int64))
     solved = SolvedJoints.nothing(people, joints, len(seen.starts) - 1)
-    solve_again(todo, guides, claims, seen, rules, solved)
+    solve_again(np.ones((people, joints), bool), found.guide, claims, seen, rules, solved)
+    losers = settle(solved, claims, rules.foreign_penalty)
+    if losers.any():
+        solve_again(losers, found.guide, claims, seen, rules, solved)
     return solved
 
 
@@ -268,3 +234,35 @@ def _forget(picks, result):
     for i in range(3):
         for k in range(3):
             result.normal[i, k] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def settle(solved, claims, penalty):
+    """Assign every 2D joint to the skeleton that it fits best, in `claims.owner`.
+
+    The paper (5.3) demands that a 2D detection supports a single skeleton.
+
+    Args:
+        solved: `SolvedJoints`. claims: `Claims`. penalty: of foreign joints.
+
+    Returns:
+        (P, J) which joints lost a 2D joint.
+    """
+    residuals, picks, owner = solved.residuals, solved.picks, claims.owner
+    people, joints, views = residuals.shape
+    least = np.full(owner.shape, np.inf)
+    for p in range(people):
+        for j in range(joints):
+            for v in range(views):
+                if residuals[p, j, v] >= 0.0:
+                    d, s = picks[p, j, v]
+                    cost = residuals[p, j, v] ** 2 + (penalty if claims.member[p, v] != d else 0.0)
+                    if cost < least[d, s]:
+                        least[d, s], owner[d, s] = cost, p
+    losers = np.zeros((people, joints), np.bool_)
+    for p in range(people):
+        for j in range(joints):
+            for v in range(views):
+                if residuals[p, j, v] >= 0.0 and owner[picks[p, j, v, 0], picks[p, j, v, 1]] != p:
+                    losers[p, j] = True
+    return losers

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import AssociationSet, SkeletonModel
-from panoptic_ros.solving.cameras import Cameras, Observations
 from panoptic_ros.solving.evidence import RigArrays
-from panoptic_ros.solving.gauss_newton import SolverRules
-from panoptic_ros.solving.joint_records import Claims, guides_of, sources
+from panoptic_ros.solving.joint_records import Candidates
 from panoptic_ros.solving.joints import solve_joints
-from panoptic_ros.solving.scene import even_precision
+from panoptic_ros.solving.scene import Cameras, Observations, even_precision
+from panoptic_ros.solving.triangulation import SolverRules
 
 Array = np.ndarray
 
@@ -35,10 +34,8 @@ def rough_people(item: AssociationSet, arrays: RigArrays, skeleton: SkeletonMode
     evidence, rows = item.evidence, item.evidence.cameras
     cams = Cameras(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
     seen = Observations(evidence.plane, precision, evidence.view, evidence.starts, cams)
-    guides = guides_of(item)
-    source = sources(item.groups.mirrored, mirror)
-    claims = Claims(item.groups.member, source, np.full(precision.shape, -1, np.int64))
-    positions = solve_joints(guides, claims, seen, RULES).positions
+    found = Candidates.of(item, mirror)
+    positions = solve_joints(found, seen, RULES).positions
     for joint, parts in skeleton.derived:
         positions[:, joint] = positions[:, list(parts)].mean(axis=1)
-    return RoughPeople(positions, guides.shifts)
+    return RoughPeople(positions, found.guide.shifts)

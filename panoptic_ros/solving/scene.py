@@ -1,16 +1,61 @@
-"""One instant, ready for the kernels."""
+"""One instant, ready for the kernels: where the cameras were, what they saw, and how far they see.
+
+How far is said on the undistorted plane, so that kernels need no lenses.
+"""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import DetectionSet, Evidence
-from panoptic_ros.solving.cameras import Cameras, Observations
+from panoptic_ros.domain import Camera, DetectionSet, Evidence, ViewDetections, VisibilityLimit
+from panoptic_ros.kernels import njit
 from panoptic_ros.solving.evidence import RigArrays
-from panoptic_ros.solving.sight import Sight, sight_of, views_of_people
 
 Array = np.ndarray
+MIN_DEPTH = 0.05  # m
+OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # of a place and a view
+
+
+class Cameras(NamedTuple):
+    """Where V cameras are, and when each of them looked.
+
+    rotations (V, 3, 3) and translations (V, 3) m: cam_from_world. delays (V,) s: stamp of the view less that
+    of the instant, 0 where motion between them is not allowed for.
+    """
+
+    rotations: Array
+    translations: Array
+    delays: Array
+
+
+class Observations(NamedTuple):
+    """All 2D joints of one instant: V views, D 2D people ordered by view.
+
+    plane (D, J, 2) undistorted normalised points. precision (D, J) 1 / standard deviation on that plane, 0 =
+    missing. views (D,) of each 2D person. starts (V + 1,) first 2D person of each view. cams: of the views.
+    """
+
+    plane: Array
+    precision: Array
+    views: Array
+    starts: Array
+    cams: Cameras
+
+
+class Sight(NamedTuple):
+    """What V views see.
+
+    boxes: (V, 4) m/m, the smallest and largest undistorted x and y that the image shows.
+    limits: (V * 3 + cells,) of each view the first cell of its limits (0 = none), columns, rows, which
+        divide its box evenly; then the cells of all views, row by row, m.
+    """
+
+    boxes: Array
+    limits: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,3 +110,93 @@ def seeing_views(scene: Scene, positions: Array) -> Array:
         positions, scene.cams.rotations, scene.cams.translations, scene.sight
     )  # fmt: skip
     return seeing
+
+
+def sight_of(boxes: Array, cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Sight:
+    """The sight of V views with their cameras and boxes (V, 4)."""
+    parts, end = [np.zeros(3 * len(views))], 3 * len(views)
+    for v, (camera, view) in enumerate(zip(cameras, views)):
+        if view.limit is not None:
+            rows, columns = view.limit.cells.shape
+            parts[0][3 * v : 3 * v + 3] = end, columns, rows
+            parts.append(_on_plane(view.limit, camera, *boxes[v].tolist()))
+            end += rows * columns
+    return Sight(boxes, np.concatenate(parts))
+
+
+@lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
+def _on_plane(
+    limit: VisibilityLimit, camera: Camera, left: float, right: float, top: float, bottom: float
+) -> Array:
+    limits: Array = limit.metres.ravel()[_cells(camera, *limit.cells.shape, left, right, top, bottom)]
+    return limits
+
+
+@lru_cache(maxsize=4096)
+def _cells(
+    camera: Camera, rows: int, columns: int, left: float, right: float, top: float, bottom: float
+) -> Array:
+    """Which cell of the image (rows * columns,) is seen in the middle of each cell of the box."""
+    x = left + (np.arange(columns) + 0.5) / columns * (right - left)
+    y = top + (np.arange(rows) + 0.5) / rows * (bottom - top)
+    plane = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    lens = camera.intrinsics
+    pixels = lens.pixels_from_plane(lens.distort(plane))
+    shape = np.array([columns, rows])
+    at = np.floor((pixels + 0.5) * (shape / np.array(camera.image_size)))
+    at = np.clip(at, 0, shape - 1).astype(np.int64)
+    cells: Array = at[:, 1] * columns + at[:, 0]
+    return cells
+
+
+@njit(cache=True, error_model="numpy")
+def look(sight, v, x, y, depth):
+    """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
+    left, right, top, bottom = sight.boxes[v]
+    if not (left < x < right and top < y < bottom):
+        return OUTSIDE
+    start = int(sight.limits[3 * v])
+    if start == 0:
+        return SEEN
+    columns, rows = int(sight.limits[3 * v + 1]), int(sight.limits[3 * v + 2])
+    i = min(int((x - left) / (right - left) * columns), columns - 1)
+    k = min(int((y - top) / (bottom - top) * rows), rows - 1)
+    return SEEN if depth <= sight.limits[start + k * columns + i] else HIDDEN
+
+
+@njit(cache=True, error_model="numpy")
+def views_of_people(positions, rotations, translations, sight):
+    """The loops of `seeing_views`."""
+    seeing = np.zeros((len(positions), len(rotations)), np.bool_)
+    for p in range(len(positions)):
+        found = look_at(positions[p], rotations, translations, sight)
+        for v in range(len(found)):
+            seeing[p, v] = found[v] == SEEN
+    return seeing
+
+
+@njit(cache=True, error_model="numpy")
+def look_at(position, rotations, translations, sight):
+    """How each view (V,) sees a person (J, 3) m.
+
+    SEEN if at least half of the known joints are in sight, HIDDEN if so many are in the image, else OUTSIDE.
+    """
+    found = np.full(len(rotations), OUTSIDE, np.int64)
+    known = 0
+    for j in range(len(position)):
+        known += np.isfinite(position[j, 0])
+    for v in range(len(rotations)):
+        r, t = rotations[v], translations[v]
+        seen = hidden = 0
+        for j in range(len(position)):
+            a, b, c = position[j]
+            depth = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
+            if depth > MIN_DEPTH:
+                x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
+                y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
+                state = look(sight, v, x, y, depth)
+                seen += state == SEEN
+                hidden += state == HIDDEN
+        if seen + hidden >= 0.5 * max(known, 1):
+            found[v] = SEEN if seen >= 0.5 * max(known, 1) else HIDDEN
+    return found

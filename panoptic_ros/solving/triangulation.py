@@ -1,10 +1,57 @@
-"""Linear triangulation of the joints of a person from the 2D people of several views."""
+"""Points from the rays of views: linear, of two views, and by Gauss-Newton on the reprojection error."""
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.gauss_newton import solve_symmetric
+from panoptic_ros.solving.scene import MIN_DEPTH
+
+Array = np.ndarray
+
+MAX_STEP = 0.5  # m, of one step
+SETTLED = 1e-5  # m; a shorter step ends the iteration, or the part of it without gating
+FEW = 3  # views; with so few the gate is wider, as it would soon leave none
+FEW_FACTOR = 1.25
+# Columns of a table of observations. The first twelve are cam_from_world at the view's instant: rotation, row
+# by row, and translation. Then the point on the normalised plane, its information, and the view.
+X, Y, INFORMATION, VIEW = 12, 13, 14, 15
+TABLE = 16
+
+
+class SolverRules(NamedTuple):
+    """How observations count; see `AssemblyConfig`.
+
+    truncation, cauchy, gate: standard deviations. foreign_penalty: of the joint of another 2D person.
+    max_pairs: pairs of views that may give a start.
+    """
+
+    truncation: float
+    cauchy: float
+    gate: float
+    foreign_penalty: float
+    max_pairs: int
+
+
+class Steps(NamedTuple):
+    """How many steps at most, and whether the last two leave out what is beyond the gate."""
+
+    most: int
+    gated: bool
+
+
+class Result(NamedTuple):
+    """Arrays that `refine_point` writes.
+
+    normal: (3, 3) 1/m^2, lower triangle. residuals: (V,) in standard deviations, -1 where a view has no pick
+    or is outside of the gate. table: (V, TABLE) to work in, see `_tabulate`.
+    """
+
+    normal: Array
+    residuals: Array
+    table: Array
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -68,3 +115,185 @@ def triangulate_linear(member, mirrored, seen, mirror):
         if good:
             points[j, 0], points[j, 1], points[j, 2] = a + middle[0], b + middle[1], c + middle[2]
     return points
+
+
+@njit(cache=True, error_model="numpy")
+def intersect(first, second, own, seen, x):
+    """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
+    rotations, translations, _ = seen.cams
+    rays, centres = np.empty((2, 3)), np.empty((2, 3))
+    for k in range(2):
+        v = first if k == 0 else second
+        u, w = seen.plane[own[v, 0], own[v, 1]]
+        r = rotations[v]
+        length = 0.0
+        for i in range(3):
+            rays[k, i] = r[0, i] * u + r[1, i] * w + r[2, i]
+            length += rays[k, i] ** 2
+            centres[k, i] = 0.0
+            for m in range(3):
+                centres[k, i] -= r[m, i] * translations[v, m]
+        length = np.sqrt(length)
+        for i in range(3):
+            rays[k, i] /= length
+    cosine = along_a = along_b = 0.0
+    for i in range(3):
+        offset = centres[1, i] - centres[0, i]
+        cosine += rays[0, i] * rays[1, i]
+        along_a += rays[0, i] * offset
+        along_b += rays[1, i] * offset
+    sine = 1.0 - cosine * cosine
+    if sine < 1e-4:
+        return False
+    a = (along_a - cosine * along_b) / sine
+    b = (cosine * along_a - along_b) / sine
+    if a < MIN_DEPTH or b < MIN_DEPTH:
+        return False
+    for i in range(3):
+        x[i] = 0.5 * (centres[0, i] + a * rays[0, i] + centres[1, i] + b * rays[1, i])
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def refine_point(x, shift, picks, seen, rules, limit, result):
+    """Gauss-Newton with Cauchy weights and a gate on the picked observations; x and result in place.
+
+    Args:
+        x: (3,) m. shift: (3,) m/s, its velocity. picks: (V, 2) 2D person and joint of it, -1 = none.
+        seen: `Observations`. rules: `SolverRules`. limit: `Steps`. result: `Result`.
+
+    Returns:
+        the number of views in the last normal matrix.
+    """
+    normal, residuals, table = result
+    steps, gated = limit
+    used = _tabulate(shift, picks, seen, residuals, table)
+    softness = 1.0 / (rules.cauchy * rules.cauchy)
+    gate = (rules.gate * (1.0 if used > FEW else FEW_FACTOR)) ** 2
+    x0, x1, x2 = x[0], x[1], x[2]
+    count, step = 0, -1
+    while step < steps:
+        step += 1
+        n00 = n10 = n11 = n20 = n21 = n22 = b0 = b1 = b2 = 0.0
+        count = 0
+        test = gated and step >= steps - 1
+        for k in range(used):
+            row = table[k]
+            z = row[6] * x0 + row[7] * x1 + row[8] * x2 + row[11]
+            view = int(row[VIEW])
+            residuals[view] = -1.0
+            if z < MIN_DEPTH:
+                continue
+            inverse = 1.0 / z
+            u = (row[0] * x0 + row[1] * x1 + row[2] * x2 + row[9]) * inverse
+            w = (row[3] * x0 + row[4] * x1 + row[5] * x2 + row[10]) * inverse
+            du, dw = row[X] - u, row[Y] - w
+            squared = (du * du + dw * dw) * row[INFORMATION]
+            if test and squared > gate:
+                continue
+            residuals[view] = squared
+            count += 1
+            weight = row[INFORMATION] / noise_growth(squared, softness) * inverse
+            g0, g1, g2 = row[0] - u * row[6], row[1] - u * row[7], row[2] - u * row[8]
+            h0, h1, h2 = row[3] - w * row[6], row[4] - w * row[7], row[5] - w * row[8]
+            b0 += weight * (g0 * du + h0 * dw)
+            b1 += weight * (g1 * du + h1 * dw)
+            b2 += weight * (g2 * du + h2 * dw)
+            weight *= inverse
+            n00 += weight * (g0 * g0 + h0 * h0)
+            n10 += weight * (g1 * g0 + h1 * h0)
+            n11 += weight * (g1 * g1 + h1 * h1)
+            n20 += weight * (g2 * g0 + h2 * h0)
+            n21 += weight * (g2 * g1 + h2 * h1)
+            n22 += weight * (g2 * g2 + h2 * h2)
+        if step == steps or count < 2:
+            break
+        good, s0, s1, s2 = newton_step((n00, n10, n11, n20, n21, n22), (b0, b1, b2))
+        if not good:
+            count = 0
+            break
+        x0, x1, x2 = x0 + s0, x1 + s1, x2 + s2
+        if not test and s0 * s0 + s1 * s1 + s2 * s2 < SETTLED * SETTLED:
+            step = max(step, steps - 2 if gated else steps - 1)
+    x[0], x[1], x[2] = x0, x1, x2
+    normal[:] = 0.0
+    normal[0, 0], normal[1, 0], normal[1, 1] = n00, n10, n11
+    normal[2, 0], normal[2, 1], normal[2, 2] = n20, n21, n22
+    _take_roots(residuals, table[:used, VIEW])
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _tabulate(shift, picks, seen, residuals, table):
+    """Write the picked observations into the rows of the table; returns their number."""
+    rotations, translations, delays = seen.cams
+    used = 0
+    for v in range(len(picks)):
+        residuals[v] = -1.0
+        d, s = picks[v, 0], picks[v, 1]
+        if d < 0:
+            continue
+        for i in range(3):
+            moved = translations[v, i]
+            for k in range(3):
+                table[used, 3 * i + k] = rotations[v, i, k]
+                moved += rotations[v, i, k] * shift[k] * delays[v]
+            table[used, 9 + i] = moved
+        table[used, X], table[used, Y] = seen.plane[d, s, 0], seen.plane[d, s, 1]
+        table[used, INFORMATION] = seen.precision[d, s] ** 2
+        table[used, VIEW] = v
+        used += 1
+    return used
+
+
+@njit(cache=True, error_model="numpy")
+def _take_roots(residuals, views):
+    """Residuals from the squared residuals of these views, in place."""
+    for k in range(len(views)):
+        view = int(views[k])
+        if residuals[view] >= 0.0:
+            residuals[view] = np.sqrt(residuals[view])
+
+
+@njit(cache=True, error_model="numpy")
+def newton_step(lower, right):
+    """Whether the solution exists, and its three components, damped and at most MAX_STEP long.
+
+    Args:
+        lower, right: see `solve_symmetric`.
+    """
+    n00, n10, n11, n20, n21, n22 = lower
+    damping = 1e-9 * (n00 + n11 + n22)
+    damped = (n00 + damping, n10, n11 + damping, n20, n21, n22 + damping)
+    good, s0, s1, s2 = solve_symmetric(damped, right)
+    length = np.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
+    scale = 1.0 if length < MAX_STEP else MAX_STEP / length
+    return good, scale * s0, scale * s1, scale * s2
+
+
+@njit(cache=True, error_model="numpy")
+def solve_symmetric(lower, right):
+    """Whether a symmetric 3x3 matrix is positive definite, and the solution (by L D L^T).
+
+    Args:
+        lower: its lower triangle, row by row, six numbers. right: three numbers.
+    """
+    n00, n10, n11, n20, n21, n22 = lower
+    b0, b1, b2 = right
+    if n00 <= 0.0:
+        return False, 0.0, 0.0, 0.0
+    i0 = 1.0 / n00
+    l10, l20 = n10 * i0, n20 * i0
+    d1 = n11 - l10 * n10
+    if d1 <= 0.0:
+        return False, 0.0, 0.0, 0.0
+    i1 = 1.0 / d1
+    rest = n21 - l20 * n10
+    l21 = rest * i1
+    d2 = n22 - l20 * n20 - l21 * rest
+    if d2 <= 0.0:
+        return False, 0.0, 0.0, 0.0
+    y1 = b1 - l10 * b0
+    s2 = (b2 - l20 * b0 - l21 * y1) / d2
+    s1 = y1 * i1 - l21 * s2
+    return True, b0 * i0 - l10 * s1 - l20 * s2, s1, s2

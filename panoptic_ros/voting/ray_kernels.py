@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.solving.undistortion import undistort_points
+from panoptic_ros.solving.evidence import undistort_points
 
 Array = np.ndarray
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
-from panoptic_ros.solving.undistortion import FARTHEST
+from panoptic_ros.solving.evidence import FARTHEST
 from panoptic_ros.voting.scene_kernels import Patches, Widths, merged_maps, people_of_views
 
 Array = np.ndarray

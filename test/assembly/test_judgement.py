@@ -1,20 +1,25 @@
-"""The compiled loops against numpy."""
+"""The compiled loops against numpy; bystanders beyond the space that a rig covers are left out."""
+import captures
 import numpy as np
 
 from panoptic_ros.assembly.judgement import (
     drop_long_bones,
+    in_capture_space,
     judge_joints,
     largest_eigenvalue,
+    most_overlap,
+    needed_views,
     possible_people,
     second_skeletons,
 )
 from panoptic_ros.assembly.noise_residuals import residuals_to_learn
-from panoptic_ros.assembly.solve import settle
-from panoptic_ros.solving.cameras import Cameras, Observations
-from panoptic_ros.solving.joint_records import Claims, SolvedJoints
-from panoptic_ros.solving.triangulation import triangulate_linear
+from panoptic_ros.domain import Camera
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.solving.joint_records import SolvedJoints
+from panoptic_ros.solving.scene import Cameras, Observations
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
+CAMERAS = captures.RIG.cameras
 
 
 def solved(seed):
@@ -95,18 +100,6 @@ def test_of_two_skeletons_in_one_place_that_of_more_views_stays():
     assert second_skeletons(positions, views).tolist() == [True, False, False, True]
 
 
-def test_every_observation_goes_to_whom_it_fits_best():
-    residuals = np.array([[[1.0]], [[2.0]], [[1.5]]])
-    picks = np.zeros((3, 1, 1, 2), np.int64)
-    for member, penalty, winner in (([0, 0, 0], 4.0, 0), ([1, 0, 0], 4.0, 2)):
-        owner = np.full((2, 1), -1)
-        solved = SolvedJoints(np.zeros((3, 1, 3)), np.zeros((3, 1, 3, 3)), residuals, picks)
-        claims = Claims(np.array(member)[:, None], np.zeros((3, 1, 1), np.int64), owner)
-        losers = settle(solved, claims, penalty)
-        assert owner[0, 0] == winner and owner[1, 0] == -1
-        assert losers[:, 0].tolist() == [p != winner for p in range(3)]
-
-
 def test_residuals_to_learn_have_leverage_taken_out():
     positions, normals, residuals, picks, precision = solved(1)
     precision = 100.0 * precision
@@ -143,24 +136,32 @@ def test_residuals_to_learn_have_leverage_taken_out():
     assert np.allclose(pixels, expected[:, 2])
 
 
-def test_linear_triangulation_is_least_squares(scenes):
-    rig, truth = scenes.ring(4), scenes.person(0.2, 0.1)
-    stack, mirror = rig.stack(), np.array(scenes.skeleton.mirror)
-    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
-    plane += 1e-3 * np.random.default_rng(0).standard_normal(plane.shape)
-    plane[2] = plane[2][mirror]
-    weight = np.random.default_rng(1).uniform(0.0, 500.0, plane.shape[:2])
-    member, mirrored = np.array([0, -1, 2, 3]), np.array([False, False, True, False])
-    cams = Cameras(stack.rotations, stack.translations, np.zeros(4))
-    seen = Observations(plane, weight, np.arange(4), np.arange(5), cams)
-    points = triangulate_linear(member, mirrored, seen, mirror)
-    for j in range(len(truth)):
-        rows, right = [], []
-        for v in (0, 2, 3):
-            s = mirror[j] if mirrored[v] else j
-            for k in range(2):
-                r, t = stack.rotations[v], stack.translations[v]
-                rows.append(weight[v, s] * (plane[v, s, k] * r[2] - r[k]))
-                right.append(weight[v, s] * (t[k] - plane[v, s, k] * t[2]))
-        expected = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0]
-        assert np.allclose(points[j], expected, atol=1e-6)
+def test_few_cameras_on_one_place_need_two_fields_of_view():
+    assert [needed_views(3, CAMERAS[:n]) for n in (2, 3, 4)] == [2, 2, 3]
+    assert needed_views(2, CAMERAS) == 2
+
+
+def test_cameras_that_look_elsewhere_or_stand_at_one_place_do_not_count():
+    up = Rigid(np.eye(3), np.array([0.0, 0.0, -9.0]))
+    blind = [Camera(f"up{k}", CAMERAS[0].image_size, CAMERAS[0].intrinsics, up) for k in range(6)]
+    assert needed_views(3, [*CAMERAS[:3], *blind]) == 2
+    assert most_overlap([*CAMERAS[:2], *blind], 100) == 2
+    assert most_overlap(blind, 100) == 1
+
+
+def test_person_in_the_middle_stays_though_two_views_show_it():
+    middle = captures.person((0.0, 0.0), 0.0)[None]
+    assert in_capture_space(middle, np.array([2]), CAMERAS, 3).tolist() == [True]
+
+
+def test_person_behind_a_camera_is_a_bystander_unless_enough_views_show_it():
+    eye = CAMERAS[0].centre
+    behind = captures.person((1.3 * eye[0], 1.3 * eye[1]), 0.0)[None]
+    assert in_capture_space(behind, np.array([2]), CAMERAS, 3).tolist() == [False]
+    assert in_capture_space(behind, np.array([3]), CAMERAS, 3).tolist() == [True]
+
+
+def test_missing_joints_do_not_count():
+    person = captures.person((0.0, 0.0), 0.0)[None].copy()
+    person[:, 5:] = np.nan
+    assert in_capture_space(person, np.array([2]), CAMERAS, 3).tolist() == [True]

@@ -12,8 +12,8 @@ from panoptic_ros.assembly.occlusion import (
     hidden_joints,
     hidden_observations,
 )
-from panoptic_ros.solving.cameras import Cameras
 from panoptic_ros.solving.limbs import Sides, limbs_of
+from panoptic_ros.solving.scene import Cameras
 
 EYE = Cameras(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
 NO_BONES = np.zeros((0, 2), np.int64)

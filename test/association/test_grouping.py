@@ -8,9 +8,7 @@ from panoptic_ros.association.grouping import MIN_COMMON, MIRROR_MARGIN, assign
 from panoptic_ros.association.newcomers import find_people
 from panoptic_ros.domain import Evidence
 from panoptic_ros.solving.agreement import agreement_with_people
-from panoptic_ros.solving.cameras import Cameras
-from panoptic_ros.solving.scene import Scene
-from panoptic_ros.solving.sight import Sight
+from panoptic_ros.solving.scene import Cameras, Scene, Sight
 
 JOINTS = 7
 MIRROR = np.array([0, 2, 1, 4, 3, 6, 5])

@@ -11,7 +11,7 @@ from panoptic_ros.association.newcomers import (
     enough_support,
     spread_views,
 )
-from panoptic_ros.solving.sight import HIDDEN, OUTSIDE, SEEN, Sight, look_at
+from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, Sight, look_at
 
 
 @pytest.mark.parametrize("seed", range(8))

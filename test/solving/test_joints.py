@@ -4,14 +4,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rays import closest_points, ray_distances
 
-from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.geometry import Intrinsics, Rigid, triangulate_robust
+from panoptic_ros.domain import Groups
+from panoptic_ros.geometry import triangulate_robust
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.solving.cameras import Cameras, Observations
-from panoptic_ros.solving.gauss_newton import FEW_FACTOR, TABLE, Result, SolverRules, Steps, refine_point
-from panoptic_ros.solving.joint_records import Claims, Guides
-from panoptic_ros.solving.joints import solve_joints
-from panoptic_ros.solving.undistortion import lens_records, undistort_points
+from panoptic_ros.solving.joint_records import Candidates, Claims, Guides, SolvedJoints
+from panoptic_ros.solving.joints import settle, solve_joints
+from panoptic_ros.solving.scene import Cameras, Observations
+from panoptic_ros.solving.triangulation import FEW_FACTOR, TABLE, Result, SolverRules, Steps, refine_point
 
 
 def single_person(scenes, views=6, noise=2.0, seed=0):
@@ -24,10 +23,12 @@ def single_person(scenes, views=6, noise=2.0, seed=0):
     return rig, plane
 
 
-def claims(views, joints):
+def only_person(views, guides):
     """One person, whom each view shows as its only 2D person."""
+    joints = guides.spreads.shape[1]
+    groups = Groups(np.arange(views)[None], np.zeros((1, views), bool))
     source = np.tile(np.arange(joints), (1, views, 1))
-    return Claims(np.arange(views)[None], source, np.full((views, joints), -1))
+    return Candidates(groups, source, guides, np.array([-1]), guides.positions)
 
 
 def seen(stack, plane):
@@ -45,7 +46,7 @@ def test_final_step_equals_the_reference(scenes):
         views, joints = plane.shape[:2]
         nothing = Guides.of_nobody_known(1, joints, 1.0)
         rules = SolverRules(4.0, 3.0, 5.0, 4.0, 45)
-        positions, normals, *_ = solve_joints(nothing, claims(views, joints), seen(stack, plane), rules)
+        positions, normals, *_ = solve_joints(only_person(views, nothing), seen(stack, plane), rules)
         reference = triangulate_robust(
             stack, plane.swapaxes(0, 1), np.full((joints, views), 2.0), positions[0], iterations=30
         )
@@ -65,39 +66,12 @@ def test_two_views_that_deny_a_firm_place_are_not_believed(scenes):
             expected[None], np.full((1, joints), 0.05), np.zeros((1, joints, 3)), np.full((1, joints), firm)
         )
         rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
-        return solve_joints(guides, claims(2, joints), seen(stack, plane), rules).positions[0]
+        return solve_joints(only_person(2, guides), seen(stack, plane), rules).positions[0]
 
     away = truth + [0.0, 0.0, 0.3]
     assert np.abs(solved(truth, True) - truth).max() < 1e-6
     assert np.isnan(solved(away, True)).all()
     assert np.abs(solved(away, False) - truth).max() < 1e-6  # what is expected does not pull
-
-
-def test_undistortion_equals_the_camera_model(scenes):
-    rig = scenes.ring(3, distortion=(-0.25, 0.08, 0.001, -0.002, 0.01))
-    rng = np.random.default_rng(0)
-    pixels = rng.uniform([0, 0], [1280, 960], (3, 50, 2))
-    usable = np.ones((3, 50), bool)
-    plane, magnification, good = undistort_points(pixels, usable, np.arange(3), lens_records(rig))
-    expected = np.stack([c.intrinsics.undistort(p) for c, p in zip(rig.cameras, pixels)])
-    assert (good == np.isfinite(expected[..., 0])).all()
-    assert np.abs(plane - expected)[good].max() < 1e-9
-    assert (magnification == 1.0).all()
-
-
-def test_undistortion_of_a_fisheye_equals_the_camera_model():
-    lens = Intrinsics([[300.0, 0.5, 639.5], [0, 310.0, 479.5], [0, 0, 1]], [0.03, -0.02, 0.005, 0], "fisheye")
-    rig = Rig((Camera("a", (1280, 960), lens, Rigid.identity()),))
-    pixels = np.random.default_rng(0).uniform([0, 0], [1280, 960], (1, 400, 2))
-    plane, magnification, good = undistort_points(
-        pixels, np.ones((1, 400), bool), np.zeros(1, int), lens_records(rig)
-    )
-    expected = lens.undistort(pixels)
-    assert (good == np.isfinite(expected[..., 0])).all()
-    assert 100 < good.sum() < 400  # some are beyond 90 degrees
-    assert (np.abs(plane - expected) / np.hypot(*plane.T).T[..., None].clip(1.0))[good].max() < 1e-9
-    growth = np.sqrt(np.linalg.det(lens.distort_jacobian(plane[good])))
-    assert np.allclose(magnification[good], growth, rtol=1e-6)
 
 
 def test_agreement_of_pairs_is_that_of_their_rays(scenes):
@@ -160,7 +134,7 @@ def test_wild_views_do_not_pull(scenes, seed, views, start):
     if start:
         guides.positions[0] = truth + 0.02
     rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
-    found = solve_joints(guides, claims(views, 1), seen(rig.stack(), plane), rules)
+    found = solve_joints(only_person(views, guides), seen(rig.stack(), plane), rules)
     assert np.abs(found.positions[0] - truth).max() < 1e-3
     assert (found.residuals[0, 0, wild] < 0.0).all() and found.views[0, 0] == views - len(wild)
 
@@ -171,5 +145,17 @@ def test_views_that_do_not_meet_give_no_joint(scenes):
     observations = seen(rig.stack(), plane)
     observations.precision[2] = 0.0
     rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
-    found = solve_joints(Guides.of_nobody_known(1, 1, 0.03), claims(3, 1), observations, rules)
+    found = solve_joints(only_person(3, Guides.of_nobody_known(1, 1, 0.03)), observations, rules)
     assert np.isnan(found.positions).all()
+
+
+def test_every_observation_goes_to_whom_it_fits_best():
+    residuals = np.array([[[1.0]], [[2.0]], [[1.5]]])
+    picks = np.zeros((3, 1, 1, 2), np.int64)
+    for member, penalty, winner in (([0, 0, 0], 4.0, 0), ([1, 0, 0], 4.0, 2)):
+        owner = np.full((2, 1), -1)
+        solved = SolvedJoints(np.zeros((3, 1, 3)), np.zeros((3, 1, 3, 3)), residuals, picks)
+        claims = Claims(np.array(member)[:, None], np.zeros((3, 1, 1), np.int64), owner)
+        losers = settle(solved, claims, penalty)
+        assert owner[0, 0] == winner and owner[1, 0] == -1
+        assert losers[:, 0].tolist() == [p != winner for p in range(3)]

@@ -2,7 +2,7 @@
 import numpy as np
 from fed_stages import FedAssembly
 
-from panoptic_ros.assembly.view_sources import main_people
+from panoptic_ros.assembly.people import main_people
 
 NO_PICKS = np.zeros((0, 19, 3, 2), np.int64)
 

@@ -8,8 +8,7 @@ import pytest
 from panoptic_ros.domain import DetectionSet, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.solving.evidence import RigArrays, gather
-from panoptic_ros.solving.scene import scene_of
-from panoptic_ros.solving.sight import HIDDEN, OUTSIDE, SEEN, look
+from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, look, scene_of
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 

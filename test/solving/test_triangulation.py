@@ -1,10 +1,18 @@
-"""The robust point refinement against many plain steps, and the 3x3 solution against numpy."""
+"""The robust point refinement against many plain steps; the linear and the 3x3 solution against numpy."""
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.solving.cameras import Cameras, Observations
-from panoptic_ros.solving.gauss_newton import TABLE, Result, SolverRules, Steps, refine_point, solve_symmetric
+from panoptic_ros.solving.scene import Cameras, Observations
+from panoptic_ros.solving.triangulation import (
+    TABLE,
+    Result,
+    SolverRules,
+    Steps,
+    refine_point,
+    solve_symmetric,
+    triangulate_linear,
+)
 
 
 @settings(deadline=None, max_examples=50)
@@ -61,3 +69,26 @@ def test_finds_the_minimum_of_the_cauchy_cost():
         count = refine_point(x, np.zeros(3), picks, seen, rules, Steps(30, False), result)
         assert count == views
         assert np.abs(x - minimum(truth, plane[:, 0], 500.0, cams, 3.0)).max() < 2e-5
+
+
+def test_linear_triangulation_is_least_squares(scenes):
+    rig, truth = scenes.ring(4), scenes.person(0.2, 0.1)
+    stack, mirror = rig.stack(), np.array(scenes.skeleton.mirror)
+    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
+    plane += 1e-3 * np.random.default_rng(0).standard_normal(plane.shape)
+    plane[2] = plane[2][mirror]
+    weight = np.random.default_rng(1).uniform(0.0, 500.0, plane.shape[:2])
+    member, mirrored = np.array([0, -1, 2, 3]), np.array([False, False, True, False])
+    cams = Cameras(stack.rotations, stack.translations, np.zeros(4))
+    seen = Observations(plane, weight, np.arange(4), np.arange(5), cams)
+    points = triangulate_linear(member, mirrored, seen, mirror)
+    for j in range(len(truth)):
+        rows, right = [], []
+        for v in (0, 2, 3):
+            s = mirror[j] if mirrored[v] else j
+            for k in range(2):
+                r, t = stack.rotations[v], stack.translations[v]
+                rows.append(weight[v, s] * (plane[v, s, k] * r[2] - r[k]))
+                right.append(weight[v, s] * (t[k] - plane[v, s, k] * t[2]))
+        expected = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0]
+        assert np.allclose(points[j], expected, atol=1e-6)

@@ -1,0 +1,33 @@
+"""Undistortion of many points equals that of the camera model."""
+import numpy as np
+
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.solving.evidence import lens_records, undistort_points
+
+
+def test_undistortion_equals_the_camera_model(scenes):
+    rig = scenes.ring(3, distortion=(-0.25, 0.08, 0.001, -0.002, 0.01))
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform([0, 0], [1280, 960], (3, 50, 2))
+    usable = np.ones((3, 50), bool)
+    plane, magnification, good = undistort_points(pixels, usable, np.arange(3), lens_records(rig))
+    expected = np.stack([c.intrinsics.undistort(p) for c, p in zip(rig.cameras, pixels)])
+    assert (good == np.isfinite(expected[..., 0])).all()
+    assert np.abs(plane - expected)[good].max() < 1e-9
+    assert (magnification == 1.0).all()
+
+
+def test_undistortion_of_a_fisheye_equals_the_camera_model():
+    lens = Intrinsics([[300.0, 0.5, 639.5], [0, 310.0, 479.5], [0, 0, 1]], [0.03, -0.02, 0.005, 0], "fisheye")
+    rig = Rig((Camera("a", (1280, 960), lens, Rigid.identity()),))
+    pixels = np.random.default_rng(0).uniform([0, 0], [1280, 960], (1, 400, 2))
+    plane, magnification, good = undistort_points(
+        pixels, np.ones((1, 400), bool), np.zeros(1, int), lens_records(rig)
+    )
+    expected = lens.undistort(pixels)
+    assert (good == np.isfinite(expected[..., 0])).all()
+    assert 100 < good.sum() < 400  # some are beyond 90 degrees
+    assert (np.abs(plane - expected) / np.hypot(*plane.T).T[..., None].clip(1.0))[good].max() < 1e-9
+    growth = np.sqrt(np.linalg.det(lens.distort_jacobian(plane[good])))
+    assert np.allclose(magnification[good], growth, rtol=1e-6)
