@@ -20,7 +20,6 @@ LEAST_COMMON = 4  # joints
 GATE = 3.0  # scales between a joint and its track
 
 
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
     """Joints as seen, N of them.
