@@ -3,10 +3,12 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import shutil
 import subprocess
 import time
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -85,6 +87,18 @@ class Browser:
         """What has happened in a page so far."""
         self.call("Browser.getVersion")  # what came before is read then
         return [event for event in self._events if event.get("sessionId") == session]
+
+    def processor_s(self) -> float:
+        """Processor time of the browser with all of its processes, s."""
+        tasks = {}  # by process: parent, ticks
+        for path in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(OSError):
+                fields = path.read_text().rsplit(")", 1)[1].split()
+                tasks[int(path.parent.name)] = int(fields[1]), int(fields[11]) + int(fields[12])
+        ours = {self._process.pid}
+        while more := {task for task, (parent, _) in tasks.items() if parent in ours} - ours:
+            ours |= more
+        return sum(tasks[task][1] for task in ours) / os.sysconf("SC_CLK_TCK")
 
     def close(self) -> None:
         """End it."""

@@ -3,16 +3,33 @@
     python test/support/first_picture.py RESULTS|BAG|FOLDER [--live] [--seek 10,1000]
         [--layers patches] [--picture view.png]
 
-The browser runs before the command is given, as it does on a desk.
+The browser runs before the command is given, as it does on a desk. `repeated_bag.py` makes long recordings.
 """
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from statistics import median
 
 from browser import Browser, find_browser
+
+NEAR = "(t) => t !== null && Math.abs(t - SECOND * 1e9) < 0.2e9"
+SEEK = f"""new Promise((done) => {{
+    const begin = performance.now(), near = {NEAR};
+    const there = () => near(panoptic.page.instant?.t ?? null) && panoptic.ready
+        && panoptic.stats().tiles.every(([, image]) => near(image));
+    const drawn = () => {{ // also by what draws in place of a graphics card
+        const gl = document.getElementById("stage").getContext("webgl2");
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+        requestAnimationFrame(() => done(performance.now() - begin));
+    }};
+    const look = () => requestAnimationFrame(there() ? drawn : look);
+    panoptic.seek(SECOND * 1e9);
+    look();
+}})"""
 
 
 def main() -> int:
@@ -21,6 +38,7 @@ def main() -> int:
     parser.add_argument("path", nargs="?")
     parser.add_argument("--live", action="store_true", help="the graph that runs now")
     parser.add_argument("--seek", default="", help="seconds to go to, with commas between them")
+    parser.add_argument("--pause", type=float, default=0.0, help="seconds between them")
     parser.add_argument("--layers", default="", help="to switch, on or off, with commas between them")
     parser.add_argument("--picture", type=Path, help="a PNG of the page at the end")
     parser.add_argument("--wait", type=float, default=1.0, help="seconds before the picture")
@@ -43,12 +61,15 @@ def main() -> int:
             _tell("people are drawn", begin)
             page.wait("panoptic.stats().images > 0", 60)
             _tell("images are drawn", begin)
+            took, before = [], browser.processor_s()
             for second in filter(None, args.seek.split(",")):
-                start = time.monotonic()
-                page.evaluate(f"panoptic.seek({float(second)} * 1e9)")
-                there = f"Math.abs(panoptic.page.instant.t - {float(second)} * 1e9) < 0.2e9"
-                page.wait(f"{there} && panoptic.ready && panoptic.stats().images > 0", 60)
-                _tell(f"people at {second} s", start)
+                took.append(page.evaluate(SEEK.replace("SECOND", str(float(second)))) * 1e-3)
+                print(f"people at {second + ' s':<14}{took[-1]:7.2f} s", flush=True)
+                time.sleep(args.pause)
+            if took:
+                each = (browser.processor_s() - before) / len(took)
+                print(f"{len(took)} seeks: median {median(took):.2f} s, most {max(took):.2f} s; "
+                      f"{each:.2f} s of a processor each in the browser; load {os.getloadavg()[0]:.1f}")
             for layer in filter(None, args.layers.split(",")):
                 page.evaluate(f"panoptic.switchLayer({layer!r})")
             if args.picture:

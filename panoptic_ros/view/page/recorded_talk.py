@@ -1,7 +1,8 @@
 """What is said between the server and one page of a recording, over its WebSocket.
 
 Texts are JSON. To the page: `facts` first, then `presence` as far as it is known. From it: `{"block": n}` for
-a second of the recording, with the `keys` of layers' topics, answered by a packet of that number.
+a second of the recording, with the `keys` of layers' topics, answered by a packet of that number, or by a
+`problem` that names the `block`.
 """
 
 from __future__ import annotations
@@ -69,5 +70,5 @@ class RecordedTalk:
         try:
             await connection.send(await asyncio.to_thread(self._scene.block, number, keys))
         except DataError as error:
-            await connection.send(as_json({"type": "problem", "text": str(error)}))
+            await connection.send(as_json({"type": "problem", "text": str(error), "block": number}))
         self.shown.set()

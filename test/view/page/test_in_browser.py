@@ -121,11 +121,31 @@ def test_every_tile_has_its_image(page, tmp_path):
 
 
 def test_ids_are_marked_on_the_time_line_and_people_come_and_go(page):
-    page.wait("panoptic.page.spans.length === 0 || true")
     page.evaluate("panoptic.seek(0.5e9)")
     assert page.wait("panoptic.ready && panoptic.stats().ids.join() === '2'")
     page.evaluate("panoptic.seek(3.5e9)")
     assert page.wait("panoptic.ready && panoptic.stats().ids.join() === '7'")
+
+
+def test_after_a_seek_people_and_images_come_in_one_picture(page):
+    page.wait("panoptic.stats().images === 4 && [0, 1].every((k) => panoptic.page.blocks.isThere(k * 1e9))")
+    page.evaluate("panoptic.page.holdMs = 1e6; panoptic.seek(0.5e9)")  # however slow it is here
+    page.wait("panoptic.ready && panoptic.page.instant.index === 15")
+    page.evaluate("""(() => {
+        const seen = window.seen = [], page = panoptic.page, before = page.drawn;
+        const look = () => {
+            const told = panoptic.stats();
+            seen.push([page.drawn - before, page.instant.t, ...told.tiles.map(([, t]) => t)]);
+            if (seen.at(-1)[0] < 1 || !page.blocks.isThere(3.6e9)) requestAnimationFrame(look);
+            else seen.whole = true;
+        };
+        panoptic.seek(3.5e9);
+        requestAnimationFrame(look);
+    })()""")
+    page.wait("window.seen.whole")
+    seen = np.array(page.evaluate("window.seen"))
+    assert set(seen[:, 0]) == {0, 1}
+    assert np.all(np.abs(seen[:, 1:] - np.where(seen[:, :1] == 1, 3.5e9, 0.5e9)) < 0.2e9)
 
 
 def test_playing_stepping_and_keys(page):

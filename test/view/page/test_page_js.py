@@ -276,6 +276,53 @@ def test_the_player_waits_for_data_and_stops_at_the_end():
     assert found[1] == ["0:00.00", "1:01.50", "1:02:03.00"]
 
 
+def test_seconds_that_a_picture_needs_come_first_and_few_are_on_their_way():
+    found = run_js(
+        """
+        import { Blocks } from "#view/blocks.js";
+        const asked = [], blocks = new Blocks(3599.5e9, (k) => asked.push(k));
+        const after = (t, ...came) => {
+          came.forEach((k) => blocks.came(k));
+          blocks.load(t);
+          return asked.splice(0);
+        };
+        const found = { first: after(1000.2e9) };
+        found.moved = after(50.2e9); // while two are on their way
+        found.whole = [after(50.2e9, 1000, 999), blocks.isWhole(50.2e9)];
+        found.whole.push(after(50.2e9, 50), blocks.isWhole(50.2e9));
+        blocks.failed(49);
+        found.failed = [blocks.isWhole(50.2e9), blocks.isThere(49.5e9), after(50.2e9)];
+        found.ahead = [after(50.2e9, 51, 52), after(50.2e9, 53)];
+        found.ends = [after(0), after(0, 0, 1), blocks.isWhole(0.5e9)];
+        found.ends.push(after(3599.2e9, 2, 3), after(3599.2e9, 3598, 3599));
+        found.matters = [46, 47, 50, 51].map((k) => blocks.matters(k, 50.2e9));
+        console.log(JSON.stringify(found));
+        """
+    )
+    assert found["first"] == [1000, 999] and found["moved"] == []
+    assert found["whole"] == [[50, 49], False, [51], False]
+    assert found["failed"] == [True, False, [52]] and found["ahead"] == [[53], []]
+    assert found["ends"] == [[0, 1], [2, 3], True, [3599, 3598], []]
+    assert found["matters"] == [False, True, True, False]
+
+
+def test_far_seconds_are_forgotten_when_there_are_many():
+    found = run_js(
+        """
+        import { Blocks } from "#view/blocks.js";
+        const blocks = new Blocks(3599.5e9, () => {});
+        [10, 11, 12, 13].forEach((k) => blocks.came(k));
+        blocks.load(500e9); // two on their way
+        const found = [blocks.forgetFar(500e9)];
+        [14, 500].forEach((k) => blocks.came(k));
+        found.push(blocks.forgetFar(500e9), blocks.loaded, blocks.isThere(10e9));
+        blocks.load(10e9);
+        console.log(JSON.stringify([...found, [...blocks.states.keys()]]));
+        """
+    )
+    assert found == [None, [498e9, 507e9], [[500e9, 501e9]], False, [500, 499, 10]]
+
+
 def test_lanes_of_the_time_line_do_not_overlap():
     rng = np.random.default_rng(3)
     starts = np.sort(rng.uniform(0, 20, 60))

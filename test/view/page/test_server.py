@@ -9,7 +9,7 @@ from recorded_scene import SKELETON, as_bytes, make_poses, make_rig
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.errors import DataError, EnvironmentProblem
 from panoptic_ros.view.page.html import page
 from panoptic_ros.view.page.live import LiveScene
 from panoptic_ros.view.page.live_talk import LiveTalk
@@ -137,5 +137,21 @@ def test_a_live_page_gets_facts_health_and_the_newest():
                 assert as_bytes(make_poses(rig, 9, 10**18 + 9)) in words
             while scene.wanted():
                 await asyncio.sleep(0.01)
+
+    run(check())
+
+
+def test_a_second_that_cannot_be_read_is_named(recording, monkeypatch):
+    def damaged(scene, number, keys=()):
+        raise DataError("the bag is damaged")
+
+    monkeypatch.setattr(RecordedScene, "block", damaged)
+
+    async def check():
+        async with served(RecordedTalk(RecordedScene(recording, "test"))) as address:
+            async with connect(address.replace("http", "ws") + "data", max_size=None) as page:
+                await page.send('{"block": 2}')
+                said = [json.loads(await page.recv()) for _ in range(3)]
+        assert said[-1] == {"type": "problem", "text": "the bag is damaged", "block": 2}
 
     run(check())

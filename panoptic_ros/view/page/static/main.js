@@ -6,6 +6,7 @@ import { Store } from "#view/store.js";
 import { openSource } from "#view/source.js";
 import { LIVE } from "#view/packets.js";
 import { Player, SPEEDS } from "#view/player.js";
+import { Blocks } from "#view/blocks.js";
 import { Stage3D } from "#view/stage3d.js";
 import { Tiles } from "#view/tiles.js";
 import { TimeLine } from "#view/timeline.js";
@@ -17,21 +18,21 @@ import { exposeForTests } from "#view/for_tests.js";
 const SECOND = 1e9;
 const KEPT_LIVE_S = 20;
 const PATIENCE_S = 1.5; // behind images, before skeletons count as missing
-const AROUND = 2; // seconds of a recording that are kept before, and three times as many behind, the one that is shown
-const AHEAD = 3; // seconds that are asked for ahead
+const HOLD_MS = 500; // that the last picture stays after a seek, until all is there that the next one shows
 const $ = (id) => document.getElementById(id);
 
 const page = {
   facts: null, store: null, player: null, cameras: new Map(), pictures: new Map(), selected: null, health: null,
-  spans: [], blocks: new Map(), // by number: "asked" or "there"
+  blocks: null, holdMs: HOLD_MS, heldUntil: 0,
   shown: new Set(LAYERS.filter((layer) => layer.on).map((layer) => layer.name)),
-  dirty: true, version: 0, undrawn: [], fitted: false, instant: null, drawn: 0,
+  dirty: true, lineDirty: true, version: 0, undrawn: [], fitted: false, instant: null, drawn: 0,
 };
-const redraw = () => { page.dirty = true; page.version += 1; };
+const redraw = () => { page.dirty = page.lineDirty = true; page.version += 1; };
 const stage = new Stage3D($("stage"), $("labels"), () => { page.dirty = true; });
 const spaces = LAYERS.filter((layer) => layer.space).map((layer) => [layer, makeSpace(layer)]);
-const tiles = new Tiles($("tiles"), { changed: () => { page.dirty = true; }, picked: select, looked: (camera) => { stage.lookThrough(camera); redraw(); } });
-const line = new TimeLine($("timeline"), $("tip"), (t) => { page.player?.seek(t); redraw(); });
+const flat = { willReadFrequently: stage.isByProcessor }; // without a card 2D canvases are quicker when none is imitated for them
+const tiles = new Tiles($("tiles"), { flat, changed: () => { page.dirty = true; }, picked: select, looked: (camera) => { stage.lookThrough(camera); redraw(); } });
+const line = new TimeLine($("timeline"), $("tip"), flat, (t) => { page.player?.seek(t); redraw(); });
 const inspector = new Inspector($("inspector"), select);
 const healthPanel = new HealthPanel($("health"));
 
@@ -48,10 +49,15 @@ function makeSpace(layer) {
 
 const source = openSource({
   told(words) {
+    if (words.type === "presence") {
+      line.setSpans(words.spans);
+      page.lineDirty = true;
+      return;
+    }
     if (words.type === "facts") begin(words);
-    else if (words.type === "presence") { page.spans = words.spans; line.setSpans(words.spans); }
     else if (words.type === "health") page.health = words;
     else if (words.type === "waiting" || words.type === "problem") wait(words.text);
+    if (words.type === "problem") page.blocks?.failed(words.block);
     redraw();
   },
   packet({ kind, number, messages }) {
@@ -64,7 +70,12 @@ const source = openSource({
     if (kind === LIVE) {
       page.undrawn.push(number);
       page.store.forget(page.store.front(PATIENCE_S * SECOND) - KEPT_LIVE_S * SECOND);
-    } else page.blocks.set(number, "there");
+    } else {
+      page.blocks.came(number);
+      if (page.blocks.isWhole(page.player.t)) prepare(page.player.t);
+      page.lineDirty = true;
+      if (!page.blocks.matters(number, page.player.t)) return;
+    }
     redraw();
   },
 });
@@ -81,7 +92,7 @@ function begin(facts) {
   page.store = new Store(facts);
   page.player = new Player(live, 0, live ? 0 : Number(BigInt(facts.end_ns) - BigInt(facts.begin_ns)));
   page.cameras = new Map(facts.cameras.map((camera) => [camera.name, makeCamera(camera)]));
-  page.blocks.clear();
+  page.blocks = new Blocks(page.player.end, (number) => source.ask(number, keys()));
   page.fitted = false;
   tiles.begin(page.cameras, facts.skeleton.bones);
   stage.fit(page.cameras, []);
@@ -104,22 +115,26 @@ function keys() {
 // Ask for the seconds of a recording that are needed now, and forget those that are far away.
 function load() {
   if (page.player.live) return;
-  const now = Math.floor(page.player.t / SECOND), last = Math.floor(page.player.end / SECOND);
-  const order = [now, now - 1, ...Array.from({ length: AHEAD }, (_, i) => now + 1 + i)]; // the one that is shown first
-  for (const k of order) {
-    if (k < 0 || k > last || page.blocks.has(k)) continue;
-    page.blocks.set(k, "asked");
-    source.ask(k, keys());
-  }
-  const first = now - AROUND, behind = now + 3 * AROUND;
-  const far = [...page.blocks.keys()].filter((k) => (k < first || k > behind) && page.blocks.get(k) === "there");
-  if (far.length > 4) {
-    for (const k of far) page.blocks.delete(k);
-    page.store.forget(first * SECOND, (behind + 1) * SECOND);
-  }
+  page.blocks.load(page.player.t);
+  const kept = page.blocks.forgetFar(page.player.t);
+  if (kept) page.store.forget(...kept);
 }
 
-const isLoaded = (t) => page.blocks.get(Math.floor(t / SECOND)) === "there";
+// Decode the images of a time.
+function prepare(t) {
+  tiles.prepare([...page.cameras.keys()].map((name) => page.store.pairAt(name, t)));
+}
+
+// Whether the picture is to wait: after a seek for its seconds and their images, as drawing it in parts takes longer.
+function holds(now) {
+  const { player } = page;
+  if (player.sought) page.heldUntil = now + page.holdMs;
+  player.sought = false;
+  if (player.live || now > page.heldUntil) return false;
+  if (!page.blocks.isWhole(player.t)) return true;
+  prepare(player.t);
+  return tiles.waiting > 0;
+}
 
 // ------------------------------------------------------------------------------- drawing
 
@@ -132,13 +147,17 @@ function frame(now) {
   if (!page.facts) return;
   const { player } = page, t = player.t;
   load();
-  player.advance(Math.min(elapsed, 250), isLoaded);
+  player.advance(Math.min(elapsed, 250), (time) => page.blocks.isThere(time));
   if (player.following) followNewest();
   if (player.t !== t) redraw();
-  if (!page.dirty) return;
-  page.dirty = false;
-  draw();
-  for (const number of page.undrawn.splice(0)) source.drawn(number);
+  if (page.dirty && !holds(now)) {
+    page.dirty = false;
+    page.heldUntil = 0;
+    draw();
+    for (const number of page.undrawn.splice(0)) source.drawn(number);
+  }
+  if (page.lineDirty) drawLine();
+  page.lineDirty = false;
 }
 
 // Live, the newest instant; where nobody makes skeletons, the newest image.
@@ -155,14 +174,13 @@ function draw() {
   scene.instant = page.instant = nearEnough(store.instantAt(player.t), player.t);
   const layers = LAYERS.filter((layer) => page.shown.has(layer.name));
   page.pictures = scene.pictures = tiles.draw(scene, layers, page.version);
-  if (player.playing && !player.live) tiles.prepare([...page.cameras.keys()].map((name) => store.pairAt(name, player.t + 0.15 * SECOND)));
+  if (player.playing && !player.live) prepare(player.t + 0.15 * SECOND);
   if (!page.fitted && scene.instant?.people.length) { stage.fit(page.cameras, scene.instant.people); page.fitted = true; }
   for (const [, update] of spaces) update(scene);
   stage.draw(scene);
   inspector.draw(scene);
-  drawLine();
   drawWords(page, scene, tiles, healthPanel);
-  if (scene.instant || page.pictures.size || isLoaded(player.t)) { wait(null); page.drawn += 1; }
+  if (scene.instant || page.pictures.size || page.blocks?.isThere(player.t)) { wait(null); page.drawn += 1; }
 }
 
 function nearEnough(instant, t) {
@@ -170,8 +188,7 @@ function nearEnough(instant, t) {
 }
 
 function drawLine() {
-  const { player } = page, loaded = [];
-  for (const [k, state] of page.blocks) if (state === "there") loaded.push([k * SECOND, Math.min((k + 1) * SECOND, player.end)]);
+  const { player } = page;
   if (player.live) {
     const presence = new Map();
     for (const { t, people } of page.store.instants) {
@@ -183,7 +200,7 @@ function drawLine() {
     }
     line.setSpans([...presence.values()]);
   }
-  line.draw(player.begin, player.end, player.t, loaded);
+  line.draw(player.begin, player.end, player.t, player.live ? [] : page.blocks.loaded);
 }
 
 // ------------------------------------------------------------------------------- what people do
@@ -211,9 +228,10 @@ function isHere(layer) {
 }
 
 function switchLayer(name) {
-  if (!page.shown.delete(name)) page.shown.add(name);
-  const layer = LAYERS.find((each) => each.name === name);
-  if (layer.keys.length) { page.blocks.clear(); source.show(keys()); }
+  const isOff = page.shown.delete(name), layer = LAYERS.find((each) => each.name === name);
+  if (!isOff) page.shown.add(name);
+  if (layer.keys.length && !isOff) page.blocks.clear();
+  if (layer.keys.length) source.show(keys());
   showLayers();
   redraw();
 }
@@ -221,7 +239,7 @@ function switchLayer(name) {
 function step(places) {
   const instant = page.store?.stepFrom(page.player.t, places) ?? page.store?.imageFrom(page.player.t, places);
   page.player.playing = false;
-  if (instant) page.player.t = instant.t;
+  if (instant) { page.player.t = instant.t; page.player.sought = true; }
   redraw();
 }
 

@@ -12,6 +12,7 @@ export class Player {
     this.t = begin;
     this.playing = live;
     this.speed = 1;
+    this.sought = true; // a time that is to be gone to; who sees to it says false
   }
 
   get following() {
@@ -25,6 +26,7 @@ export class Player {
 
   seek(t) {
     this.t = Math.min(Math.max(t, this.begin), this.end);
+    this.sought = true;
     if (this.live) this.playing = false;
   }
 

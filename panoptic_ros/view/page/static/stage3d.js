@@ -6,6 +6,7 @@ import { isThere, pickPerson, place } from "#view/people.js";
 
 const BACKGROUND = 0x0e1218;
 const NEAR_PX = 16; // from a click to a joint or a bone
+const BY_PROCESSOR = /swiftshader|llvmpipe|softpipe|software|basic render/i; // names of what draws without a graphics card
 const MANY = 40; // cameras: the names of more would cover each other
 
 export class Stage3D {
@@ -23,6 +24,12 @@ export class Stage3D {
     this._light();
     new ResizeObserver(() => { this._resize(); changed(); }).observe(canvas.parentElement);
     this._resize();
+  }
+
+  // Whether the processor draws in place of a graphics card.
+  get isByProcessor() {
+    const gl = this.renderer.getContext(), more = gl.getExtension("WEBGL_debug_renderer_info");
+    return BY_PROCESSOR.test(gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
   }
 
   group() {

@@ -37,7 +37,7 @@ export class Store {
   forget(begin, end = Infinity) {
     const inside = (t) => t >= begin && t < end;
     this.instants = this.instants.filter((item) => inside(item.t));
-    for (const kept of this.previews.values()) keepTimes(kept, inside, (item) => item.bitmap?.close?.());
+    for (const kept of this.previews.values()) keepTimes(kept, inside, closeImage);
     for (const kept of this.views.values()) {
       for (const [frame, view] of kept.byFrame) if (!inside(view.t)) kept.byFrame.delete(frame);
       keepTimes(kept, inside);
@@ -186,6 +186,11 @@ function keepTimes(kept, inside, gone = () => {}) {
     kept.byTime.delete(t);
   }
   kept.times = kept.times.filter(inside);
+}
+
+function closeImage(preview) {
+  preview.bitmap?.close?.();
+  preview.bitmap = null; // a tile may still hold the preview
 }
 
 function insert(list, item) {

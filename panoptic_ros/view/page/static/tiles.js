@@ -9,9 +9,10 @@ const MANY = 48; // cameras: beyond, only those in sight are decoded
 const NEAR_PX = 12;
 
 export class Tiles {
-  // element: holds them. changed: called when an image has been decoded. picked, opened: (what, camera).
-  constructor(element, { changed, picked, looked }) {
+  // element: holds them. flat: settings of 2D contexts. changed: called when an image has been decoded. picked, looked: (what, camera).
+  constructor(element, { flat, changed, picked, looked }) {
     this.element = element;
+    this.flat = flat;
     this.changed = changed;
     this.picked = picked;
     this.looked = looked;
@@ -97,7 +98,7 @@ export class Tiles {
     const { canvas, camera, pair } = tile, stamp = pair ? `${pair.preview?.t} ${pair.view?.t} ${pair.instant?.t} ${version}` : `none ${version}`;
     if (tile.drawn === stamp) return;
     tile.drawn = stamp;
-    const context = canvas.getContext("2d");
+    const context = canvas.getContext("2d", this.flat);
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.fillStyle = "#141a22";
     context.fillRect(0, 0, canvas.width, canvas.height);

@@ -6,8 +6,10 @@ import { clockText } from "#view/player.js";
 const TOP = 8, BOTTOM = 15, HIGHEST_LANE = 9, MOST_LANES = 10; // px
 
 export class TimeLine {
-  constructor(canvas, tip, seek) {
+  // flat: settings of 2D contexts. seek: called with a time.
+  constructor(canvas, tip, flat, seek) {
     this.canvas = canvas;
+    this.flat = flat;
     this.tip = tip;
     this.seek = seek;
     this.spans = [];
@@ -31,7 +33,7 @@ export class TimeLine {
     const { canvas } = this, dpr = Math.min(2, window.devicePixelRatio);
     const [w, h] = [canvas.clientWidth, canvas.clientHeight];
     if (canvas.width !== Math.round(w * dpr) || canvas.height !== Math.round(h * dpr)) [canvas.width, canvas.height] = [Math.round(w * dpr), Math.round(h * dpr)];
-    const c = canvas.getContext("2d");
+    const c = canvas.getContext("2d", this.flat);
     c.setTransform(dpr, 0, 0, dpr, 0, 0);
     c.clearRect(0, 0, w, h);
     this._ground(c, w, h, loaded);
