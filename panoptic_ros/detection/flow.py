@@ -15,7 +15,7 @@ from panoptic_ros.detection.people import People, no_people
 
 Array = np.ndarray
 WIDTH, COARSE = 320, 40  # px, of the grey images: where people are carried, and where cuts are told alone
-WINDOW, LEVELS = (15, 15), 3
+WINDOW, LEVELS = (11, 11), 3  # px of them; a larger window takes the background along with a joint
 STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 12, 0.03)
 RETURN = 1.0  # px of the grey image, by which a joint may miss its beginning
 FEWEST = 3  # joints that a carried person has

@@ -52,6 +52,17 @@ def test_joints_follow_the_picture(dx, dy):
     np.testing.assert_array_equal(found.person_scores, [0.5, 0.5])
 
 
+@pytest.mark.parametrize("dx", [4, 8])
+def test_thin_limbs_do_not_take_the_background_along(dx):
+    before, later, limb, left, wide = texture(1), texture(1), texture(2), 300, 24  # 12 px of the grey image
+    before[60:420, left : left + wide] = limb[60:420, left : left + wide]
+    later[60:420, left + dx : left + dx + wide] = limb[60:420, left : left + wide]
+    joints = np.array([[[left + wide / 2, y] for y in (120, 200, 280, 360)]])
+    found = carried(with_people(before, 0, people(joints)), remembered(later, 1))
+    assert (found.scores > 0.0).all()
+    np.testing.assert_allclose(found.points, joints + (dx, 0), atol=0.1)
+
+
 def test_what_is_covered_is_lost_and_missing_joints_stay_missing():
     image = texture()
     scores = np.full((2, 4), 0.8)
