@@ -52,7 +52,7 @@ class People(NamedTuple):
 
     ids: Array  # (P,)
     speeds: Array  # (P, J) m/s against the body, the largest of late
-    factors: Array  # (P,) on the process noise
+    factors: Array  # (P, J) on the process noise
     levels: Array  # (P,) of the covariances
     weights: Array  # (P,) of the levels, in measurements of a person
     counts: Array  # (P,) measurements of a person
@@ -78,7 +78,7 @@ def new_people(ids: list[int], joints: int, bones: int) -> People:
     """People who have just come."""
     count = len(ids)
     return People(
-        np.array(ids, np.int64), np.zeros((count, joints)), np.ones(count), np.ones(count),
+        np.array(ids, np.int64), np.zeros((count, joints)), np.ones((count, joints)), np.ones(count),
         np.full(count, PRIOR), np.zeros(count, np.int64), np.full((count, 3, joints, 3), np.nan),
         np.full((count, joints, 3), np.nan),
         np.zeros((count, bones)), np.zeros((count, bones)),

@@ -24,6 +24,8 @@ CLIP = 3.0  # sigmas, at which innovations are clipped
 FIRST = 4  # measurements of a person before process noise is learnt
 SETTLED = 10  # and before the scale is; earlier innovations depend on the prior of velocities
 RATE = 0.2  # of the logarithm of the process noise, per measurement and unit of correlation
+JOINT_RATE, PERSON_RATE = 0.05, 0.1  # the same by displacements: of a joint's own, and of all of a person's
+SMOOTH = 0.3  # correlation of a joint's displacements with which its process noise is large enough
 RANGE = (0.1, 10.0)  # of the factor on the process noise
 MEMORY = 100.0  # measurements of a person
 LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0  # measurements of people
@@ -45,52 +47,63 @@ def scales(people: People, lasting: Array) -> Array:
 def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> None:
     """Take whitened innovations (P, J, 3), NaN = not measured, of the people that are seen (P,), in place.
 
-    The process noise of those whose displacements were measured on the surface is left to `learn_turns`.
+    The process noise of joints whose displacements were measured on the surface is left to `learn_turns`.
     """
     changes = np.zeros(len(seen))
     learn_levels(people, seen, innovations, lasting, changes)
-    changes[np.isfinite(people.turns[..., 0]).any(axis=1)] = 0.0
-    _change(people, changes)
+    _change(people, np.where(np.isfinite(people.turns[..., 0]), 0.0, changes[:, None]))
 
 
 def learn_turns(people: People, innovations: Array) -> None:
     """Take whitened innovations (P, J, 3) of displacements, NaN = not measured, in place.
 
     They tell the process noise as those of positions do, and better: errors of a detector last, and their
-    innovations point the same way whatever the process noise is; errors of displacements do not.
+    innovations point the same way whatever the process noise is; errors of displacements do not. They are
+    exact enough to tell that of single joints: an arm swings while the legs stand. People move more smoothly
+    than by accelerations at random, so the innovations of a joint that swings point the same way for long; a
+    joint whose correlation is below `SMOOTH` needs less noise than the rest of the person.
     """
-    changes = np.zeros(len(innovations))
+    changes = np.zeros(innovations.shape[:2])
     turn_correlations(people.turns, innovations, changes)
-    _change(people, RATE * changes)
+    _change(people, changes)
     people.turns[:] = innovations
 
 
 def _change(people: People, changes: Array) -> None:
-    """Change the logarithms of the factors (P,), in place."""
+    """Change the logarithms of the factors by changes (P, J), in place."""
     people.factors[:] = np.minimum(np.maximum(people.factors * np.exp(changes), RANGE[0]), RANGE[1])
 
 
 @njit(cache=True, error_model="numpy")
 def turn_correlations(before, now, changes):
-    """Correlation (P,) of whitened innovations (P, J, 3) with those before, times the share of the joints."""
+    """Changes (P, J) of logarithms by whitened innovations (P, J, 3) and those before.
+
+    Those of joints that were not measured twice change with those of the person alone.
+    """
     for p in range(len(now)):
         product = square = 0.0
         count = 0
         for j in range(now.shape[1]):
+            changes[p, j] = 0.0
             if np.isfinite(now[p, j, 0] + before[p, j, 0]):
                 count += 1
+                own = size = 0.0
                 for i in range(3):
                     a = min(CLIP, max(-CLIP, before[p, j, i]))
                     b = min(CLIP, max(-CLIP, now[p, j, i]))
-                    product += a * b
-                    square += 0.5 * (a * a + b * b)
+                    own += a * b
+                    size += 0.5 * (a * a + b * b)
+                product += own
+                square += size
+                if size > 0.0:
+                    changes[p, j] = JOINT_RATE * (own / size - SMOOTH)
         if square > 0.0:
-            changes[p] = product / square * count / now.shape[1]
+            changes[p] += PERSON_RATE * product / square * count / now.shape[1]
 
 
 @njit(cache=True, error_model="numpy")
 def learn_levels(people, seen, innovations, lasting, changes):
-    """`learn` all but the factors: changes (P,) becomes by what their logarithms change."""
+    """`learn` all but the factors: changes (P,) becomes by what their logarithms change, for all joints."""
     joints = innovations.shape[1]
     for p in range(len(seen)):
         if not seen[p]:
@@ -149,7 +162,7 @@ def process_noise(speeds, factors, states, least, growth, noise):
     Args:
         speeds: (P, J) m/s of late; become at least those of the states (P, J, 6) against the body, which
             moves with their median, but at most `TOP_SPEED`.
-        factors: (P,). least, growth: noise for a factor of 1 is least + growth speed^2.
+        factors: (P, J). least, growth: noise for a factor of 1 is least + growth speed^2.
     """
     joints, body, known = states.shape[1], np.empty(3), np.empty(states.shape[1])
     for p in range(len(states)):
@@ -166,4 +179,4 @@ def process_noise(speeds, factors, states, least, growth, noise):
                 for i in range(3):
                     against += (states[p, j, 3 + i] - body[i]) ** 2
                 speeds[p, j] = max(speeds[p, j], min(np.sqrt(against), TOP_SPEED))
-            noise[p, j] = factors[p] * (least + growth * speeds[p, j] ** 2)
+            noise[p, j] = factors[p, j] * (least + growth * speeds[p, j] ** 2)

@@ -79,7 +79,7 @@ def test_factors_follow_the_sign_of_the_correlation():
     for _ in range(30):
         value[0], value[1] = correlated(rng, value[0], 0.5), correlated(rng, value[1], -0.5)
         learn(people, np.ones(2, bool), value, nothing_lasting())
-    assert people.factors[0] > 1.3 and people.factors[1] < 0.75
+    assert (people.factors[0] > 1.3).all() and (people.factors[1] < 0.75).all()
 
 
 def test_levels_follow_the_size_of_innovations_and_those_who_are_not_seen_learn_nothing():
@@ -87,7 +87,8 @@ def test_levels_follow_the_size_of_innovations_and_those_who_are_not_seen_learn_
     for _ in range(500):
         learn(people, np.array([True, False]), 0.5 * rng.standard_normal((2, JOINTS, 3)), lasting)
     assert np.isclose(scales(people, lasting)[0], 0.25, atol=0.02)
-    assert people.levels[1] == people.factors[1] == 1.0 and np.isnan(people.innovations[1]).all()
+    assert people.levels[1] == 1.0 and np.all(people.factors[1] == 1.0)
+    assert np.isnan(people.innovations[1]).all()
 
 
 def test_errors_that_last_make_everybody_less_certain():
@@ -99,13 +100,14 @@ def test_errors_that_last_make_everybody_less_certain():
 def test_speeds_are_against_the_median_velocity():
     states = np.random.default_rng(0).standard_normal((2, 7, 6))
     states[0, 2], states[1] = np.nan, np.nan
-    speeds, noise, factors = np.full((2, 7), 0.5), np.empty((2, 7)), np.array([2.0, 1.0])
+    speeds, noise = np.full((2, 7), 0.5), np.empty((2, 7))
+    factors = np.random.default_rng(1).uniform(0.5, 2.0, (2, 7))
     process_noise(speeds, factors, states, 0.1, 4.0, noise)
     known = np.arange(7) != 2
     against = np.linalg.norm(states[0, :, 3:] - np.median(states[0, known, 3:], axis=0), axis=1)
     assert np.allclose(speeds[0, known], np.clip(against, 0.5, 3.0)[known])
     assert speeds[0, 2] == 0.5 and (speeds[1] == 0.5).all()
-    assert np.allclose(noise, factors[:, None] * (0.1 + 4.0 * speeds**2))
+    assert np.allclose(noise, factors * (0.1 + 4.0 * speeds**2))
 
 
 def test_sums_are_those_of_numpy():
@@ -133,18 +135,31 @@ def test_process_noise_is_learnt_from_displacements_as_their_true_noise_asks(pro
         links = Links(moved[None], np.tile(stated**2 * np.eye(3), (*shape, 1, 1)))
         ahead = Motion(np.empty_like(motion.states), np.empty_like(motion.covariances))
         turns, gains = np.full((*shape, 3), np.nan), np.empty((*shape, 6, 6))
-        noise = np.full(shape, 0.1 * people.factors[0])
+        noise = 0.1 * people.factors
         predict_linked(motion, dt, noise, links, 1e9, ahead, gains, turns)
         learn_turns(people, turns)
         motion = ahead
-        factors.append(people.factors[0])
+        factors.append(np.exp(np.log(people.factors).mean()))
     wanted = process / 0.1 * (stated / sigma) ** 2
-    assert 0.5 < np.exp(np.log(factors[100:]).mean()) / wanted < 2.0
+    # somewhat less, as people move more smoothly than this
+    assert 0.35 < np.exp(np.log(factors[100:]).mean()) / wanted < 1.5
 
 
-def test_positions_do_not_tell_the_process_noise_of_whom_displacements_tell_it():
-    people, same = new_people([1, 2], JOINTS, 0), np.ones((2, JOINTS, 3))
-    learn_turns(people, np.stack([np.ones((JOINTS, 3)), np.full((JOINTS, 3), np.nan)]))
+def test_positions_do_not_tell_the_process_noise_of_joints_of_which_displacements_tell_it():
+    people, same = new_people([1], JOINTS, 0), np.ones((1, JOINTS, 3))
+    turns = np.ones((1, JOINTS, 3))
+    turns[0, 5:] = np.nan
+    learn_turns(people, turns)
     for _ in range(20):
-        learn(people, np.ones(2, bool), same, nothing_lasting())
-    assert people.factors[0] == 1.0 and people.factors[1] > 2.0
+        learn(people, np.ones(1, bool), same, nothing_lasting())
+    assert np.all(people.factors[0, :5] == 1.0) and np.all(people.factors[0, 5:] > 2.0)
+
+
+def test_a_joint_that_swings_gets_more_process_noise_than_those_that_stand():
+    people, rng = new_people([7], JOINTS, 0), np.random.default_rng(0)
+    value = rng.standard_normal((1, JOINTS, 3))
+    for _ in range(60):
+        value[0, :5] = correlated(rng, value[0, :5], 0.8)
+        value[0, 5:] = correlated(rng, value[0, 5:], -0.3)
+        learn_turns(people, value)
+    assert people.factors[0, :5].min() > 2.0 * people.factors[0, 5:].max()
