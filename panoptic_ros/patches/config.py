@@ -36,12 +36,6 @@ class PatchesConfig(Config):
         le=100.0,
         doc="By how much covariances of motions are larger than if 2D tracks did not overlap.",
     )
-    share_lost: float = param(
-        0.03,
-        ge=0.0,
-        le=1.0,
-        doc="Standard deviation of a motion in shares of itself, besides its covariance.",
-    )
     fewest: int = param(
         6, ge=3, le=1000, doc="Tracks that must agree with the motion of a part; of fewer, it has none."
     )

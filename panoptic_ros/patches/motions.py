@@ -178,10 +178,7 @@ class PartTracker:
         kept = np.flatnonzero(enough & np.isfinite(result.covariances).all(axis=(1, 2)))
         motions = result.motions[kept]
         covariances = result.covariances[kept] * self._config.correlation
-        lost = (self._config.share_lost * motions) ** 2
-        for block in (slice(0, 3), slice(3, 6)):
-            own = lost[:, block].sum(axis=1) + STILL**2
-            covariances[:, range(6)[block], range(6)[block]] += own[:, None]
+        covariances += STILL**2 * np.eye(6)
         people = np.array([key[0] for key in lifted.keys], np.int64).reshape(-1)[kept]
         parts = np.array([key[1] for key in lifted.keys], np.int32).reshape(-1)[kept]
         for person in dict.fromkeys(people.tolist()):
