@@ -148,7 +148,8 @@ def _draw_scene(
         axes.plot(path[:, 0], path[:, 1], 0.0, color=rgb_of(identity), linewidth=1.0)
     shown = [centres]
     for lines, colors in (_bone_lines(skeleton, pose, age, hidden) for pose, age in _aged(poses)):
-        axes.add_collection3d(Line3DCollection(lines, colors=colors, linewidths=2.0))
+        if len(lines):  # of none Line3DCollection cannot tell the extent
+            axes.add_collection3d(Line3DCollection(lines, colors=colors, linewidths=2.0))
         shown.append(lines.reshape(-1, 3))
     _equal_axes(axes, np.concatenate(shown))
     axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")

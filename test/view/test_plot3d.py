@@ -56,7 +56,11 @@ def test_the_plot_shows_everybody(tmp_path, rig, skeleton, make_poses):
 def test_plots_without_people_and_of_one_camera(tmp_path, rig, skeleton, make_poses):
     plot_capture(tmp_path / "a.png", Rig(rig.cameras[:1]), skeleton, [])
     plot_capture(tmp_path / "b.png", rig, skeleton, [make_poses([], [])])
-    assert cv2.imread(str(tmp_path / "a.png")) is not None
+    whole = make_poses([(0.0, 0.5)], [3])
+    gone = {"positions": np.full_like(whole.positions, np.nan), "states": np.zeros_like(whole.states),
+            "scores": np.zeros_like(whole.scores)}  # fmt: skip
+    plot_capture(tmp_path / "c.png", rig, skeleton, [replace(whole, **gone)])
+    assert all(cv2.imread(str(tmp_path / f"{name}.png")) is not None for name in "abc")
 
 
 def test_what_cannot_be_plotted(tmp_path, rig, skeleton, make_poses):
