@@ -98,17 +98,18 @@ class DepthMaps:
             self.believed[name] = now > (LIES if was else TRUE)
             if self.believed[name] == (was is not False):
                 continue
+            whose = {"device": name}
             text = f"depth sensor {name}: {now:.0%} of the people that cameras see are where it measures them"
             if self.believed[name]:
-                notices.append(Notice("patches.depth_back", "info", f"{text}; it is used again"))
+                notices.append(Notice("patches.depth_back", "info", f"{text}; it is used again", whose))
             else:
                 hint = "; it is left out: check its unit, pose and clock"
-                notices.append(Notice("patches.depth_lies", "warning", text + hint))
+                notices.append(Notice("patches.depth_lies", "warning", text + hint, whose))
         for name, own in self.maps.items():
             silent = stamp_ns - own[-1].stamp_ns > SILENT_NS
             if silent and name not in self.told:
                 text = f"depth sensor {name} gives no maps: patches go on without it"
-                notices.append(Notice("patches.depth_silent", "warning", text))
+                notices.append(Notice("patches.depth_silent", "warning", text, {"device": name}))
             (self.told.add if silent else self.told.discard)(name)
         return tuple(notices)
 

@@ -33,7 +33,17 @@ Array = np.ndarray
 KEPT = 16  # newest tracks of a camera that wait for their instant
 LONGEST_NS = 500_000_000  # between two instants, over which nothing is followed
 NOTHING_FREE = np.zeros((0, 2), np.int64)
-SILENT = 25  # instants with people but without tracks, after which that is said
+SILENT = 25  # instants with people but without tracks, or without a motion, after which that is said
+NO_TRACKS = (
+    Notice("patches.no_tracks", "warning",
+           "no camera gives 2D tracks: motion is not measured; do images come, and does flow run?"),
+    Notice("patches.tracks_back", "info", "2D tracks come again"),
+)
+NO_MOTION = (
+    Notice("patches.no_motion", "warning",
+           "2D tracks agree on the motion of no part: it is not measured; are images blurred or frozen?"),
+    Notice("patches.motion_back", "info", "the motion of parts is measured again"),
+)  # fmt: skip
 
 
 class PatchesStage(Stateful):
@@ -47,7 +57,7 @@ class PatchesStage(Stateful):
 
     LAYOUT = StateLayout(
         "patches",
-        "_tracks _people _before _last _surface _next _silent _free _depth.maps _depth.shares "
+        "_tracks _people _before _last _surface _next _silent _blind _free _depth.maps _depth.shares "
         "_depth.believed _depth.meets _depth.told".split(),
         (PatchTracks, TrackedPoseSet, ViewSources, Carried, PartMotions, Surface, DepthFrame),
         same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash", "sensors": "_sensors"},
@@ -75,7 +85,7 @@ class PatchesStage(Stateful):
         self._last = no_motions()
         self._surface = no_surface(len(self._names))
         self._next = 0
-        self._silent, self._free = 0, NOTHING_FREE
+        self._silent, self._blind, self._free = 0, 0, NOTHING_FREE
         self._depth.forget()
 
     def flush(self) -> StepResult[PatchTrajectories]:
@@ -188,17 +198,21 @@ class PatchesStage(Stateful):
         )  # fmt: skip
 
     def _silence(self, item: TrackedPoseSet, tracks: dict[str, PatchTracks]) -> tuple[Notice, ...]:
-        """A notice when people have no 2D tracks for long, and when these come back; once each time."""
+        """Notices when people have no 2D tracks for long, or no motion by them, and when these come back."""
         if not len(item.ids):
             return ()
+        self._silent, notices = _counted(self._silent, bool(tracks), NO_TRACKS)
         if tracks:
-            was, self._silent = self._silent, 0
-            return (Notice("patches.tracks_back", "info", "2D tracks come again"),) if was >= SILENT else ()
-        self._silent = min(self._silent + 1, SILENT + 1)
-        if self._silent != SILENT:
-            return ()
-        text = "no camera gives 2D tracks: motion is not measured; do images come, and does flow run?"
-        return (Notice("patches.no_tracks", "warning", text),)
+            self._blind, more = _counted(self._blind, len(self._last.people) > 0, NO_MOTION)
+            notices += more
+        return notices
+
+
+def _counted(count: int, good: bool, said: tuple[Notice, Notice]) -> tuple[int, tuple[Notice, ...]]:
+    """One more instant, good or not, after so many that were not; and what is to be said, once each time."""
+    if good:
+        return 0, said[1:] if count >= SILENT else ()
+    return min(count + 1, SILENT + 1), said[:1] if count + 1 == SILENT else ()
 
 
 def _examples(context: StageContext) -> Iterator[PatchTracks | TrackedPoseSet]:

@@ -2,7 +2,7 @@
 import pytest
 
 from panoptic_ros.errors import ConfigError
-from panoptic_ros.graph.build import configure, merged, parse_setting
+from panoptic_ros.graph.build import configure, merged, parse_setting, switched_on
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.nodes import NODES
@@ -80,3 +80,9 @@ def test_dynamic_programming_switches_on_what_it_reads_unless_it_is_given():
     assert voting.parts and voting.without_maps
     voting = configure({"assembly": paper, "voting": {"parts": False}})["voting"]
     assert voting.without_maps and not voting.parts
+
+
+def test_patches_that_are_off_start_nothing():
+    names = ("detection", "flow", "patches", "refinement")
+    assert switched_on(names, configure({})) == ("detection", "refinement")
+    assert switched_on(names, configure({"patches": {"active": True}})) == names

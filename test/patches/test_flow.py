@@ -12,7 +12,7 @@ from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.patches.flow.samples import Pattern
-from panoptic_ros.patches.flow.tracking import followed
+from panoptic_ros.patches.flow.tracking import alike, followed
 
 SKELETON = captures.SKELETON
 STEP = 40_000_000
@@ -124,3 +124,28 @@ def test_old_images_are_told_and_foreign_people_refused():
     assert [notice.code for notice in own.step(frame(2, texture())).notices] == ["flow.old_stamp"]
     with pytest.raises(DataError, match="skeleton 00"):
         own.step(replace(people(3, person()), skeleton_hash="00"))
+
+
+@pytest.mark.parametrize("gain", [0.7, 0.93, 1.25])
+def test_exposure_that_flickers_changes_nothing(gain):
+    image = (0.7 * texture()).astype(np.uint8)
+    begins = np.random.default_rng(1).uniform(40, 200, (60, 2))
+    later = np.clip(gain * shifted(image, 3.3, -1.7).astype(float), 0, 255).astype(np.uint8)
+    ends, information, kept = followed(image, later, begins, begins)
+    assert len(kept) > 50 and np.median(np.abs(ends - begins[kept] - (3.3, -1.7))) < 0.1
+    assert (information[:, 0] > 1.0).all()
+
+
+def test_images_of_the_same_exposure_are_left_as_they_are():
+    image = texture()
+    assert all(one is other for one, other in zip(alike(image, image), (image, image)))
+    dark, bright = alike(image, np.zeros_like(image))
+    assert dark is image and not bright.any()
+
+
+def test_blurred_images_say_less_or_nothing():
+    image = texture()
+    begins = np.random.default_rng(1).uniform(40, 200, (60, 2))
+    sharp = followed(image, shifted(image, 5.3, -2.7), begins, begins)
+    blurred = followed(image, cv2.blur(shifted(image, 5.3, -2.7), (25, 1)), begins, begins)
+    assert blurred[1].sum() < 0.3 * sharp[1].sum()

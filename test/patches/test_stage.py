@@ -1,5 +1,6 @@
 """Motions of parts and patches against exact motion."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import captures
@@ -147,3 +148,31 @@ def test_tracks_of_another_rig_or_skeleton_are_refused():
             own.step(
                 type(track)(**{**{name: getattr(track, name) for name in track.__slots__}, field: value})
             )
+
+
+def test_tracks_that_agree_on_nothing_are_said_once_and_so_is_that_they_do_again():
+    rng, items = np.random.default_rng(0), []
+    for item in patch_scene.recording(45):
+        if isinstance(item, PatchTracks) and item.frame_number <= 35:
+            item = replace(item, ends=item.begins + rng.uniform(-40.0, 40.0, item.begins.shape))
+        items.append(item)
+    given, notices = run(items)
+    assert notices == ["patches.no_motion", "patches.motion_back"]
+    assert len(given[-1].motions.people) == len(patch_scene.PARTS)
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_camera_that_stops_or_freezes_changes_little(frozen):
+    items = patch_scene.recording(8)
+    cameras = sorted({item.camera for item in items if isinstance(item, PatchTracks)})
+    kept = []
+    for item in items:
+        if isinstance(item, PatchTracks) and item.camera == cameras[0]:
+            item = replace(item, ends=item.begins) if frozen else None
+        kept += [] if item is None else [item]
+    given, notices = run(kept)
+    assert notices == [] and len(given[-1].motions.people) == len(patch_scene.PARTS)
+    exact, _ = run(items)
+    for one, other in zip(given[1:], exact[1:]):
+        off = np.linalg.norm(one.motions.translations - other.motions.translations, axis=1)
+        assert np.median(off) < 0.002

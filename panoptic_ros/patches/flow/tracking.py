@@ -23,6 +23,8 @@ FARTHEST_RETURN = 2.0  # px, beyond which it is lost
 GREY_VARIANCE = 64.0  # of grey values between the images, with what correlates them in a window
 FLOOR = 0.15**2  # px^2, variance of the best
 MARGIN = 48  # px round the points, of the part of the images that is looked at
+STEP, DARK = 8, 16  # px between those that tell exposure; grey values from which on they do
+SAME = 0.02  # share by which exposure may change between two images and be left as it is
 
 
 def ready() -> None:
@@ -53,6 +55,7 @@ def followed(before: Array, now: Array, begins: Array, starts: Array) -> tuple[A
     low = np.maximum(np.floor(np.minimum(begins, starts).min(axis=0)) - MARGIN, 0).astype(int)
     high = (np.ceil(np.maximum(begins, starts).max(axis=0)) + MARGIN).astype(int)
     one, other = (np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]]) for image in (before, now))
+    one, other = alike(one, other)
     first = np.ascontiguousarray(begins - low, np.float32)
     ends = _flow(one, other, first, np.ascontiguousarray(starts - low, np.float32), LEVELS)
     back = _flow(other, one, ends, first, 0)
@@ -62,6 +65,21 @@ def followed(before: Array, now: Array, begins: Array, starts: Array) -> tuple[A
     information = np.empty((len(kept), 3))
     _information(one, first, missed, information)
     return ends[good] + low, information[good], kept[good]
+
+
+def alike(one: Array, other: Array) -> tuple[Array, Array]:
+    """Two grey images (h, w) uint8 at the same exposure, that of the darker: flow takes grey values to stay.
+
+    The median of ratios is that of what does not move.
+    """
+    a, b = (image[::STEP, ::STEP].astype(np.float32) for image in (one, other))
+    bright = (a > DARK) & (b > DARK) & (a < 255.0) & (b < 255.0)
+    gain = float(np.median(b[bright] / a[bright])) if bright.any() else 1.0
+    if abs(gain - 1.0) <= SAME:
+        return one, other
+    if gain > 1.0:
+        return one, np.asarray(cv2.convertScaleAbs(other, alpha=1.0 / gain))
+    return np.asarray(cv2.convertScaleAbs(one, alpha=gain)), other
 
 
 def _flow(before: Array, now: Array, begins: Array, starts: Array, levels: int) -> Array:
