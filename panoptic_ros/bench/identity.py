@@ -103,6 +103,18 @@ def crossing_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
     return replace(scene("crossing"), frames=90), (1.0, 2.0)
 
 
+def pause_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+    """Everybody is unseen for 0.3 to 1.3 s, and by three of five cameras alone after it."""
+    base = scene("noisy-8p5v")
+    rng = np.random.default_rng([seed, 78])
+    begin, end = 1.0, 1.0 + float(rng.uniform(0.3, 1.3))
+    dead = tuple(sorted(rng.choice(5, 2, replace=False).tolist()))
+    everybody = range(len(base.activities))
+    pauses = tuple(Absence(k, begin, end) for k in everybody)
+    fewer = tuple(Absence(k, end, 10.0, cameras=dead) for k in everybody)
+    return replace(base, absences=pauses + fewer, frames=round(30.0 * (end + 1.2))), (begin, end)
+
+
 def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
     """Whether everybody who was there before an event (from, until; s) has the same id soon after it."""
     before: dict[int, int] = {}
@@ -122,7 +134,9 @@ def trials(
     count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
 ) -> dict[str, Any]:
     """Shares of trials in which everybody kept the id."""
-    kinds = {"hidden for 1 s": hidden_trial, "crossing at 0.5 m": crossing_trial}
+    kinds = {
+        "hidden for 1 s": hidden_trial, "crossing at 0.5 m": crossing_trial, "all after a pause": pause_trial,
+    }  # fmt: skip
     kept: dict[str, int] = dict.fromkeys(kinds, 0)
     lost: dict[str, list[int]] = {kind: [] for kind in kinds}
     for k in range(count):

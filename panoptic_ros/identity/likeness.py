@@ -28,19 +28,35 @@ RUNNING, AROUND = 3.0, 1.0  # m/s and m, which nobody exceeds
 
 
 class Bones(NamedTuple):
-    """Bones of P people: mean lengths (P, B) m, NaN = not known, of how many frames counts (P, B), and the
-    mean squares (P, B) m^2 of what one frame differs by."""
+    """Lengths (P, B) m of the bones of P people, NaN = not known, and their variances (P, B) m^2."""
 
     lengths: Array
-    counts: Array
-    squares: Array
+    variances: Array
 
-    def noises(self) -> Array:
-        """Variances (P, B) m^2 of the mean lengths."""
-        total = FRAME_FRAMES * FRAME_SIGMA**2 + self.counts * self.squares
-        frame = total / (FRAME_FRAMES + self.counts)
-        variances: Array = frame * (LASTING + np.minimum(CORRELATED / np.maximum(self.counts, 1.0), 1.0))
-        return variances
+
+def learnt_bones(lengths: Array, counts: Array, squares: Array) -> Bones:
+    """Bones by mean lengths (P, B) m of counts (P, B) frames.
+
+    Args:
+        squares: (P, B) m^2, the mean square of what one frame differs by.
+    """
+    total = FRAME_FRAMES * FRAME_SIGMA**2 + counts * squares
+    frame = total / (FRAME_FRAMES + counts)
+    return Bones(lengths, frame * (LASTING + np.minimum(CORRELATED / np.maximum(counts, 1.0), 1.0)))
+
+
+def seen_bones(positions: Array, covariances: Array, bones: Array) -> Bones:
+    """Bones (B, 2) of skeletons of one instant.
+
+    Args:
+        positions: (P, J, 3) m, NaN = no joint. covariances: (P, J, 3, 3) m^2.
+    """
+    a, b = bones.T
+    gaps = positions[:, a] - positions[:, b]
+    lengths = np.linalg.norm(gaps, axis=-1)
+    along = gaps / np.maximum(lengths, SHORTEST)[..., None]
+    stated = np.einsum("pbi,pbij,pbj->pb", along, covariances[:, a] + covariances[:, b], along)
+    return Bones(lengths, stated + (1.0 + LASTING) * FRAME_SIGMA**2)
 
 
 def paired(bones: Array, mirror: Array) -> Array:
@@ -88,7 +104,7 @@ def _grouped(bones: Bones, groups: Array) -> tuple[Array, Array]:
     number = known @ member
     with np.errstate(invalid="ignore", divide="ignore"):
         lengths = (np.nan_to_num(bones.lengths) @ member) / number
-    return lengths, (np.where(known, bones.noises(), 0.0) @ member) / np.maximum(number, 1.0) ** 2
+    return lengths, (np.where(known, bones.variances, 0.0) @ member) / np.maximum(number, 1.0) ** 2
 
 
 def place_evidence(distances: Array, unseen: Array) -> Array:
@@ -106,7 +122,6 @@ def place_evidence(distances: Array, unseen: Array) -> Array:
 
 NEW, WAIT = -1, -2  # in place of a person who is recognised
 SURE = 0.99  # probability from which somebody is recognised, or is somebody new before the time is over
-UNLIKE = -3.0  # log-odds of bones below which nobody is taken for somebody at once
 
 
 def recognised(odds: Array, seconds: Array, patience: float) -> Array:

@@ -41,10 +41,6 @@ class TrackingConfig(Config):
     return_speed: float = param(
         1.2, unit="m/s", ge=0.0, le=20.0, doc="How that distance grows with the time of absence."
     )
-    bone_tolerance: float = param(
-        0.08, ge=0.005, le=10.0,
-        doc="Relative difference of bone lengths (median) that speaks against a return.",
-    )
     appearance: bool = param(
         False, doc="Recognise those who come back by the colours of their clothes, too, where images are at "
         "hand. With a long memory.",

@@ -1,45 +1,78 @@
 """Whether somebody who comes is one who was lost."""
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from panoptic_ros.domain import PoseSet
 from panoptic_ros.identity.appearance import Colours, colour_evidence
-from panoptic_ros.identity.likeness import Bones, bone_evidence, place_evidence
-from panoptic_ros.tracking.tracks import Tracks, bone_lengths
+from panoptic_ros.identity.assignment import best_pairs
+from panoptic_ros.identity.likeness import SURE, Bones, bone_evidence, place_evidence, seen_bones
+from panoptic_ros.tracking.tracks import Tracks
 
 Array = np.ndarray
+RETURN_S = 2.0  # of absence, in which somebody who is near and alike has come back at once
+UNLIKE = -3.0  # log-odds below which nobody is taken for somebody at once
+CLEAR = float(np.log(SURE / (1.0 - SURE)))  # log-odds, by which one is meant and no other
 
 
-def return_odds(away: Tracks, middles: Array, bones: Bones, clothes: Colours, groups: Array) -> Array:
+class Arrivals(NamedTuple):
+    """P people who have come: where, (P, 3) m, with which bones, in which clothes."""
+
+    middles: Array
+    bones: Bones
+    clothes: Colours
+
+    @classmethod
+    def of_instant(cls, poses: PoseSet, rows: Array, looks: Array, bones: Array) -> Arrivals:
+        """Some skeletons of an instant.
+
+        Args:
+            looks: (P, 2, 3) colours of clothes, NaN = not seen. bones: (B, 2).
+        """
+        positions = poses.positions[rows]
+        known = seen_bones(positions, poses.covariances[rows], bones)
+        return cls(np.nanmedian(positions, axis=1), known, Colours.of_looks(looks[rows]))
+
+    @classmethod
+    def of_tracks(cls, tracks: Tracks) -> Arrivals:
+        """People who have been followed since they came."""
+        return cls(tracks.middles, tracks.bones, tracks.clothes)
+
+
+def return_odds(lost: Tracks, came: Arrivals, groups: Array) -> Array:
     """Log-odds (T, P) that T people who were lost are those who have come, by bones, place and clothes.
 
     Args:
-        middles: (P, 3) m of those who have come. groups: of bones, see `identity.likeness.paired`.
+        groups: of bones, see `identity.likeness.paired`.
     """
-    gaps = np.linalg.norm((away.middles[:, None] - middles[None])[..., :2], axis=-1)
-    odds: Array = bone_evidence(away.bones, bones, groups) + place_evidence(gaps, away.unseen)
-    odds += colour_evidence(away.clothes, clothes)
+    odds: Array = bone_evidence(lost.bones, came.bones, groups)
+    odds += place_evidence(ground_distances(lost, came), lost.unseen)
+    odds += colour_evidence(lost.clothes, came.clothes)
     return odds
 
 
-def return_costs(tracks: Tracks, positions: Array, bones: Array) -> tuple[Array, Array]:
-    """Distances (T, P) m on the ground of skeletons (P, J, 3) from the predicted middles of tracks.
+def returned_at_once(lost: Tracks, came: Arrivals, groups: Array, reach: Array) -> list[tuple[int, int]]:
+    """Pairs (lost, come) of people who were lost a moment ago and have come again, not far from there.
 
-    Also differences (T, P): the median relative difference of bone lengths, 0 where fewer than three are
-    known.
+    Of all ways to pair them the most likely one. Somebody who may as well be one who was lost long ago is in
+    no pair: that is decided when more was seen.
+
+    Args:
+        reach: (T,) m, how far each may have come.
     """
-    shape = (len(tracks.ids), len(positions))
-    distances, differences = np.full(shape, np.inf), np.zeros(shape)
-    lengths = bone_lengths(positions, bones)
-    for k, joints in enumerate(positions):
-        measured = np.isfinite(joints[:, 0])
-        if not measured.any():
-            continue
-        middle = np.median(joints[measured], axis=0)
-        for t in range(shape[0]):
-            distances[t, k] = np.linalg.norm((tracks.middles[t] - middle)[:2])
-            both = np.isfinite(lengths[k]) & np.isfinite(tracks.lengths[t])
-            if both.sum() >= 3:
-                ratio = lengths[k][both] / np.maximum(tracks.lengths[t][both], 1e-3)
-                differences[t, k] = np.median(np.abs(ratio - 1.0))
-    return distances, differences
+    odds = return_odds(lost, came, groups)
+    soon = lost.missed <= RETURN_S
+    rival = odds[~soon].max(axis=0, initial=-np.inf)
+    near = ground_distances(lost, came) <= reach[:, None]
+    can_be = near & soon[:, None] & (odds >= np.maximum(UNLIKE, rival + CLEAR))
+    worth = np.where(can_be, odds - UNLIKE, 0.0)
+    return [(t, p) for t, p in best_pairs(-worth) if can_be[t, p]]
+
+
+def ground_distances(lost: Tracks, came: Arrivals) -> Array:
+    """Distances (T, P) m on the ground of those who have come from where others must be."""
+    distances: Array = np.linalg.norm((lost.middles[:, None] - came.middles[None])[..., :2], axis=-1)
+    return distances
+

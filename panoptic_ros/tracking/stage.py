@@ -8,36 +8,20 @@ import numpy as np
 
 from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet, ViewAppearance
 from panoptic_ros.errors import DataError
-from panoptic_ros.identity.appearance import Colours, colour_evidence, looks_at
+from panoptic_ros.identity.appearance import looks_at
 from panoptic_ros.identity.assignment import best_pairs
-from panoptic_ros.identity.likeness import (
-    NEW,
-    SURE,
-    UNLIKE,
-    WAIT,
-    Bones,
-    bone_evidence,
-    paired,
-    recognised,
-)
+from panoptic_ros.identity.likeness import NEW, WAIT, paired, recognised
 from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.records import as_images_show, tracked
-from panoptic_ros.tracking.returns import return_costs, return_odds
-from panoptic_ros.tracking.tracks import (
-    Tracks,
-    bone_lengths,
-    head_distances,
-    joint_distances,
-)
+from panoptic_ros.tracking.returns import RETURN_S, Arrivals, return_odds, returned_at_once
+from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances
 
 Array = np.ndarray
-RETURN_S = 2.0  # of absence, in which somebody who is near and alike has come back at once
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
-CLEAR = np.log(SURE / (1.0 - SURE))  # log-odds, by which one of two is recognised
 KEPT = 16  # newest colours of a camera that wait for their instant
 
 
@@ -151,30 +135,14 @@ class TrackingStage(Stateful):
         states = np.where((tracks.ages <= config.joint_memory)[..., None], tracks.states, np.nan)
         distance, cost = joint_distances(states, tracks.variances, item.positions, item.covariances)
         _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
-        waits = (tracks.ids >= 0) & (tracks.missed <= RETURN_S)
-        waits[owners[owners >= 0]] = False
-        waiting = np.flatnonzero(waits)
+        lost = np.setdiff1d(np.flatnonzero(tracks.ids >= 0), owners)
         open_rows = np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1))
-        if len(waiting) and len(open_rows):  # somebody may have come back
-            lost = tracks.rows(waiting)
-            distance, difference = return_costs(lost, item.positions[open_rows], self._bones)
-            reach = (config.return_distance + config.return_speed * lost.unseen)[:, None]
-            allowed = (distance <= reach) & (difference <= config.bone_tolerance)
-            lengths = bone_lengths(item.positions[open_rows], self._bones)
-            once = Bones(lengths, np.ones_like(lengths), np.zeros_like(lengths))
-            worn = Colours.of_looks(looks[open_rows])
-            odds = bone_evidence(lost.bones, once, self._pairs) + colour_evidence(lost.clothes, worn)
-            allowed &= odds >= UNLIKE
-            away = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > RETURN_S))
-            if len(away):  # it may be one of these, too: that is decided when more was seen
-                middles = np.nanmedian(item.positions[open_rows], axis=1)
-                here = middles, once, worn, self._pairs
-                others = return_odds(tracks.rows(away), *here).max(axis=0)
-                allowed &= return_odds(lost, *here) - others >= CLEAR
-            score = distance / np.maximum(reach, 1e-9) + difference / config.bone_tolerance
-            back = np.full(len(open_rows), -1)
-            _take(back, waiting, np.where(allowed, score, np.inf))
-            owners[open_rows] = back
+        if len(lost) and len(open_rows):  # somebody may have come back
+            gone = tracks.rows(lost)
+            reach = config.return_distance + config.return_speed * gone.unseen
+            came = Arrivals.of_instant(item, open_rows, looks, self._bones)
+            for t, p in returned_at_once(gone, came, self._pairs, reach):
+                owners[open_rows[p]] = lost[t]
         return owners
 
     def _with_new(self, item: PoseSet, owners: Array) -> Array:
@@ -192,13 +160,12 @@ class TrackingStage(Stateful):
         ]  # fmt: skip
         if not ready:
             return ()
-        tracks, notices = self._tracks, []
-        fresh, away = np.array(ready), (tracks.ids >= 0) & (tracks.missed > RETURN_S)
+        tracks, notices, fresh = self._tracks, [], np.array(ready)
+        away = (tracks.ids >= 0) & (tracks.missed > RETURN_S)
         lost = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > 0.0) & away.any())
         if self._config.method == "head":  # the head alone tells
             lost = lost[:0]
-        here = tracks.rows(fresh)
-        odds = return_odds(tracks.rows(lost), here.middles, here.bones, here.clothes, self._pairs)
+        odds = return_odds(tracks.rows(lost), Arrivals.of_tracks(tracks.rows(fresh)), self._pairs)
         found = recognised(odds, tracks.seconds[fresh], self._config.recognition_time)
         gone = []
         for t, who in zip(ready, found.tolist()):

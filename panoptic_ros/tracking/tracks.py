@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.domain import JointState, PoseSet, TrackSet
 from panoptic_ros.identity.appearance import Colours
-from panoptic_ros.identity.likeness import Bones
+from panoptic_ros.identity.likeness import Bones, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
@@ -100,7 +100,7 @@ class Tracks:
     @property
     def bones(self) -> Bones:
         """What is known of the bones."""
-        return Bones(self.lengths, self.counts, self.squares)
+        return learnt_bones(self.lengths, self.counts, self.squares)
 
     @property
     def clothes(self) -> Colours:
@@ -262,9 +262,3 @@ def head_distances(heads: Array, positions: Array, head: int) -> Array:
     """Distances (T, P) m of the heads of skeletons (P, J, 3) from the last ones (T, 3); inf where unknown."""
     distances = np.linalg.norm(heads[:, None] - positions[None, :, head], axis=-1)
     return np.where(np.isfinite(distances), distances, np.inf)
-
-
-def bone_lengths(positions: Array, bones: Array) -> Array:
-    """Lengths (..., B) m of bones (B, 2) of skeletons (..., J, 3), NaN where a joint is missing."""
-    lengths: Array = np.linalg.norm(positions[..., bones[:, 0], :] - positions[..., bones[:, 1], :], axis=-1)
-    return lengths

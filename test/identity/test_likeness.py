@@ -4,16 +4,18 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from panoptic_ros.identity.likeness import (
+    FRAME_SIGMA,
     MISTAKEN,
     NEW,
     PEOPLE_SHARE,
     STATURE_SHARE,
     WAIT,
-    Bones,
     bone_evidence,
+    learnt_bones,
     paired,
     place_evidence,
     recognised,
+    seen_bones,
 )
 
 LENGTHS = np.linspace(0.1, 0.5, 12)[None]
@@ -23,7 +25,7 @@ EACH = np.arange(12)
 def seen(lengths, frames=30.0, sigma=0.006):
     """Bones of one person, learnt of so many frames that differ by so much (m)."""
     lengths = np.atleast_2d(lengths)
-    return Bones(lengths, np.full(lengths.shape, frames), np.full(lengths.shape, sigma**2))
+    return learnt_bones(lengths, np.full(lengths.shape, frames), np.full(lengths.shape, sigma**2))
 
 
 def odds(one, other, groups=EACH):
@@ -34,7 +36,7 @@ def odds(one, other, groups=EACH):
 def test_bones_give_the_ratio_of_two_normal_densities():
     one, other = seen([0.30, 0.45, 0.25, np.nan]), seen([0.303, 0.452, 0.253, 0.4])
     mean = 0.5 * (one.lengths + other.lengths)[0, :3]
-    noise = np.diag((one.noises() + other.noises())[0, :3] / mean**2)
+    noise = np.diag((one.variances + other.variances)[0, :3] / mean**2)
     gaps = (one.lengths - other.lengths)[0, :3] / mean
     people = noise + 2.0 * PEOPLE_SHARE**2 * np.eye(3) + 2.0 * STATURE_SHARE**2
     expected = multivariate_normal(np.zeros(3), noise).logpdf(gaps)
@@ -51,6 +53,22 @@ def test_bones_say_more_the_longer_and_the_more_exactly_they_were_seen_and_mista
     mistaken = LENGTHS.copy()
     mistaken[0, 3] = 2.0
     assert 0.0 < odds(seen(mistaken), own) < odds(own, own)
+
+
+def test_bones_of_one_instant_are_as_uncertain_as_its_joints_are_along_them():
+    rng = np.random.default_rng(5)
+    joints, bones = np.array([[0.0, 0.0, 1.0], [0.5, 0.0, 1.0], [0.5, 0.0, 0.5]]), np.array([[0, 1], [1, 2]])
+    flat = np.diag([0.0025, 1e-6, 1e-6])  # uncertain along the first bone alone
+    drawn = joints + rng.multivariate_normal(np.zeros(3), flat, (4000, 3))
+    found = seen_bones(joints[None], np.tile(flat, (1, 3, 1, 1)), bones)
+    assert found.lengths[0].tolist() == [0.5, 0.5]
+    spread = seen_bones(drawn, np.tile(flat, (4000, 3, 1, 1)), bones).lengths.var(axis=0)
+    least = 1.1 * FRAME_SIGMA**2  # that no frame goes below
+    assert found.variances[0, 0] - least == pytest.approx(spread[0], rel=0.1)
+    assert found.variances[0, 1] - least == pytest.approx(2e-6)
+    strange = seen_bones(1.3 * joints[None], np.tile(flat, (1, 3, 1, 1)), bones)
+    known = seen(np.array([0.5, 0.5]))
+    assert odds(known, found) > odds(known, strange) > odds(known, seen(np.array([0.65, 0.65])))
 
 
 def test_people_of_one_stature_are_told_apart_by_their_proportions():

@@ -95,6 +95,18 @@ def test_a_pause_of_all_cameras_costs_nobody_the_identity(pause_s):
     assert max(i for output in outputs for i in output.ids.tolist()) == 3
 
 
+def test_a_poor_look_after_a_pause_is_enough_where_covariances_say_that_it_is_poor():
+    """Two views in accord on little: bones are off by a third, and nobody else is there."""
+    rng = np.random.default_rng(2)
+    people = [body(0.0), body(1.5, size=0.9), body(3.0, size=1.1)]
+    sets = [poses(i, [b + rng.normal(0, 0.005, b.shape) for b in people]) for i in range(30)]
+    for i in range(45, 50):
+        sets.append(poses(i, [b + rng.normal(0, 0.1, b.shape) for b in people], sigma=0.1))
+    assert [o.ids.tolist() for o in run(sets)] == [[0, 1, 2]] * 35
+    certain = [*sets[:30], *(replace(s, covariances=sets[0].covariances) for s in sets[30:])]
+    assert run(certain)[-1].ids.tolist() != [0, 1, 2]  # those are others
+
+
 def test_after_a_quarter_of_a_minute_people_are_others():
     sets = [poses(i, [body(0.0)]) for i in range(5)]
     sets += [poses(5 + i, [body(0.1)], stamp=round(1e9 * (21 + i / 30))) for i in range(5)]

@@ -84,7 +84,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
               joint_memory=0.0),
     _tracking("returns", "people who were lost come back near that place", return_distance=0.0,
               return_speed=0.0),
-    _tracking("bones", "who comes back has the same bones", bone_tolerance=10.0),
     _tracking("confirmation", "doubtful skeletons must be seen often", confirm_frames=1),
     _refinement("smoothing", "motion is smoothed", enabled=False),
     _refinement("lag", "later views are used, too", lag=0.0),
