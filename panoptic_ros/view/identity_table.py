@@ -27,3 +27,8 @@ def identity_lines(result: Mapping[str, Any]) -> Iterator[str]:
             f"{name:20} {row['changes']} ids changed while there; {row['same']} of {row['returns']} "
             f"returned under their own, {row['foreign']} under somebody else's"
         )
+    own = result["designated"]
+    yield (
+        f"a designated person  followed in {own['followed'] / max(own['there'], 1):.1%} of the instants in "
+        f"which he can be seen; a bystander had the id in {own['taken']}"
+    )

@@ -2,6 +2,7 @@
 import numpy as np
 
 from panoptic_ros.bench import identity
+from panoptic_ros.bench.designated import designated, designated_figures
 from panoptic_ros.bench.dressed import dressed_scene, looks_of
 from panoptic_ros.bench.identity import Instant, Match, few_views, kept_ids, visit_figures
 from panoptic_ros.simulation import simulate
@@ -39,10 +40,22 @@ def test_one_view_holds_somebody_who_was_seen_well():
     assert found["child"]["lost_s"] <= 0.2 and found["child"]["kept"] == 1.0
     dressed = {way: {"changes": 0, "returns": 7, "same": 6, "foreign": 1} for way in WAYS}
     rows = {"trials": {"trials": 1, "kept": {"hidden": 1.0}}, "few_views": found, "dressed": dressed,
-            "visits": {"changes": 0, "returns": 3, "same": 2, "foreign": 0}}  # fmt: skip
+            "visits": {"changes": 0, "returns": 3, "same": 2, "foreign": 0},
+            "designated": {"there": 200, "followed": 199, "taken": 1}}  # fmt: skip
     text = "\n".join(identity_lines(rows))
     assert "2 of 3 returned under their own, 0 under somebody else's" in text and "one view" in text
+    assert "followed in 99.5% of the instants in which he can be seen; a bystander had the id in 1" in text
     assert "dressed, appearance  0 ids changed while there; 6 of 7 returned" in text
+
+
+def test_a_designated_person_counts_while_there_and_bystanders_always():
+    found = designated_figures(instants({0: 100, 1: 4}, {0: None}, {0: 7, 1: 100}, {1: 100}), 0)
+    assert found == {"there": 3, "followed": 1, "taken": 2}
+
+
+def test_a_designated_person_is_followed():
+    found = designated(1, 5, seconds=8.0)
+    assert found["followed"] > 0.9 * found["there"] > 0 and found["taken"] == 0
 
 
 def test_visits_are_drawn_from_the_seed():
