@@ -115,6 +115,13 @@ def pause_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
     return replace(base, absences=pauses + fewer, frames=round(30.0 * (end + 1.2))), (begin, end)
 
 
+def slow_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+    """Eight people at 2 to 5 images/s, at which single joints can hardly be predicted."""
+    rate = float(np.random.default_rng([seed, 79]).uniform(2.0, 5.0))
+    base = scene("noisy-8p5v")
+    return replace(base, timing=replace(base.timing, rate=rate), frames=round(7.0 * rate)), (1.5, 5.5)
+
+
 def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
     """Whether everybody who was there before an event (from, until; s) has the same id soon after it."""
     before: dict[int, int] = {}
@@ -135,7 +142,8 @@ def trials(
 ) -> dict[str, Any]:
     """Shares of trials in which everybody kept the id."""
     kinds = {
-        "hidden for 1 s": hidden_trial, "crossing at 0.5 m": crossing_trial, "all after a pause": pause_trial,
+        "hidden for 1 s": hidden_trial, "crossing at 0.5 m": crossing_trial,
+        "all after a pause": pause_trial, "2 to 5 images/s": slow_trial,
     }  # fmt: skip
     kept: dict[str, int] = dict.fromkeys(kinds, 0)
     lost: dict[str, list[int]] = {kind: [] for kind in kinds}
