@@ -106,10 +106,13 @@ class DepthMaps:
                 hint = "; it is left out: check its unit, pose and clock"
                 notices.append(Notice("patches.depth_lies", "warning", text + hint, whose))
         for name, own in self.maps.items():
-            silent = stamp_ns - own[-1].stamp_ns > SILENT_NS
+            silent, whose = stamp_ns - own[-1].stamp_ns > SILENT_NS, {"device": name}
             if silent and name not in self.told:
                 text = f"depth sensor {name} gives no maps: patches go on without it"
-                notices.append(Notice("patches.depth_silent", "warning", text, {"device": name}))
+                notices.append(Notice("patches.depth_silent", "warning", text, whose))
+            elif not silent and name in self.told:
+                text = f"depth sensor {name} gives maps again"
+                notices.append(Notice("patches.depth_again", "info", text, whose))
             (self.told.add if silent else self.told.discard)(name)
         return tuple(notices)
 

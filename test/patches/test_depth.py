@@ -105,6 +105,14 @@ def test_a_sensor_that_falls_silent_is_told_once():
     assert notices == 2 * ["patches.depth_silent"] and len(given[-1].motions.people) == len(patch_scene.PARTS)
 
 
+def test_a_sensor_that_comes_back_is_told_once_and_used_again():
+    whole = with_depth(44, wrong=(42,), shift=STILL)
+    items = [item for item in whole if not (isinstance(item, DepthFrame) and 6 <= item.frame_number < 40)]
+    given, notices = run(items)
+    assert notices == 2 * ["patches.depth_silent"] + 2 * ["patches.depth_again"]
+    assert [item.index for item in given if len(item.free)] == [42]
+
+
 def test_maps_of_another_rig_or_size_are_refused():
     stage = make_stage("patches", configure({"patches": {"active": True}})["patches"], CONTEXT)
     with pytest.raises(DataError, match="depth sensor far, which is not in the rig"):
