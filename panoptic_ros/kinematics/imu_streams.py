@@ -16,6 +16,8 @@ Array = np.ndarray
 KEPT = 64  # samples of a device
 NEAREST_NS = 2_000_000  # between two samples: more of them tell nothing new
 SILENT_NS = 500_000_000
+FLOOD = 0.6  # share of the samples of a device that are left out: more than 1 kHz leaves out
+FLOOD_S, FEWEST = 2.0, 100  # s that count, about; samples left out in them
 UPRIGHT_S = 3.0  # over which the mean specific force of somebody who moves is that of gravity
 UPRIGHT = 5.0  # m/s^2, by which it may differ
 GRAVITY = np.array([0.0, 0.0, 9.81])
@@ -38,6 +40,8 @@ class ImuStreams:
         self._weight = np.zeros(count)  # s over which it was taken
         self._odd = np.zeros(count, bool)  # of another convention
         self._silent = np.zeros(count, bool)
+        self._taken = np.zeros((count, 2))  # samples lately that were kept, and that were left out
+        self._flooding = np.zeros(count, bool)
 
     @property
     def last(self) -> Array:
@@ -56,7 +60,9 @@ class ImuStreams:
                 f"{sample.device} sends the stamp {sample.stamp_ns} after {last}; such samples are left out"
             )
             return (_notice("imu_stamps", "warning", text, sample.device),)
-        if last != NONE and sample.stamp_ns - last < NEAREST_NS:
+        is_near = last != NONE and sample.stamp_ns - last < NEAREST_NS
+        self._taken[d, int(is_near)] += 1.0
+        if is_near:
             return ()
         self._stamps[d, :-1] = self._stamps[d, 1:]
         self._values[d, :-1] = self._values[d, 1:]
@@ -99,6 +105,7 @@ class ImuStreams:
         for d in np.flatnonzero(self._silent & ~silent).tolist():
             notices.append(_notice("imu_back", "info", f"{self.names[d]} is back", self.names[d]))
         self._silent = silent
+        notices += self._floods(period)
         newest = self._values[:, -1]
         with np.errstate(invalid="ignore"):
             forces = (from_quaternions(newest[:, :4]) @ newest[:, 4:7, None])[..., 0]
@@ -117,6 +124,22 @@ class ImuStreams:
             )
             notices.append(_notice("imu_convention", "warning", text, self.names[d]))
         self._odd = odd
+        return notices
+
+    def _floods(self, period: float) -> list[Notice]:
+        """Of devices that send most of their samples too soon after another: told once."""
+        kept, left = self._taken.T
+        floods = (left > FLOOD * (kept + left)) & (left > FEWEST)
+        notices = []
+        for d in np.flatnonzero(floods & ~self._flooding).tolist():
+            share = left[d] / (kept[d] + left[d])
+            text = (
+                f"{share:.0%} of the samples of {self.names[d]} are less than 2 ms after another; "
+                "they are left out; set a lower rate in its driver"
+            )
+            notices.append(_notice("imu_flood", "warning", text, self.names[d]))
+        self._flooding |= floods
+        self._taken *= max(0.0, 1.0 - period / FLOOD_S)
         return notices
 
 

@@ -15,6 +15,7 @@ from panoptic_ros.kinematics.alignment import cameras_alone
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.imu_fitting import ImuFitting
+from panoptic_ros.kinematics.presence import Presence
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.seen_people import SeenPerson, SeenPoints
 from panoptic_ros.kinematics.tracker import SubjectTracker
@@ -56,6 +57,8 @@ class Person:
         self.worn = frozenset(device.name for device in subject.devices)
         self._alone: SubjectTracker | None = None  # from cameras alone, to compare IMUs with
         self._mounted: tuple[float, tuple[str, ...]] | None = None  # what the tracker's IMUs are
+        self.presence = Presence()
+        self._returns = False  # is seen again, maybe elsewhere
         self._without = 0  # instants without any data
         self._unseen = 0  # instants without cameras
 
@@ -84,9 +87,10 @@ class Person:
         if self.tracker is None and not self._begins(stamp_ns, seen, used):
             return done, notices
         tracker = self.tracker = self.tracker or self._new_tracker(stamp_ns)
-        if seen and self._unseen > AGAIN_S * self._config.rate_hz:
+        if seen and (self._returns or self._unseen > AGAIN_S * self._config.rate_hz):
             done += tracker.flush()
             tracker.move_to(people, joints)
+            self._returns = False
         self._unseen = 0 if seen else self._unseen + 1
         done += tracker.step(replace(instant, readings={n: mine[n] for n in used}), people, joints)
         notices += tracker.devices.take_notices()
@@ -103,9 +107,25 @@ class Person:
         self.seen.see(camera, seen)
         self.of_track = of_track
 
+    @property
+    def is_expected(self) -> bool:
+        """Whether there is a body that tells where the person is expected."""
+        return self.tracker is not None and self.tracker.started
+
+    def look(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
+        """Views without a track of the person have been looked through, see `Presence.saw`."""
+        self._returns |= is_seen and self.presence.is_away
+        self.presence.saw(instant, is_seen, expected)
+
+    def follow(self, stamp_ns: int, views: int) -> None:
+        """A track holds the person in so many views."""
+        self._returns |= self.presence.is_away
+        self.presence.told(stamp_ns, views)
+
     def restart(self) -> None:
         """Time goes on elsewhere: forget the motion, keep how the IMUs sit."""
         self.seen, self.tracker, self._alone = SeenPerson(), None, None
+        self.presence, self._returns = Presence(), False
         self.behind, self._without, self._unseen = {}, 0, 0
 
     def flush(self) -> list[BodyState]:

@@ -17,6 +17,8 @@ from panoptic_ros.kinematics.measured_body import MeasuredBody
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.noise_level import NoiseLevel
 from panoptic_ros.kinematics.person import Behind, Person
+from panoptic_ros.kinematics.presence import Presence
+from panoptic_ros.kinematics.returning import Absence
 from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPerson, SeenPoints
 from panoptic_ros.kinematics.targets import Floor, Hinges, PosePrior
 from panoptic_ros.kinematics.timeline import Timeline
@@ -32,14 +34,16 @@ CLASSES = (
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track seen_ever worn _alone _mounted "
-        "_without _unseen",
+        "_without _unseen presence _returns",
     ),
+    Fields.named(Presence, "last_ns _missed _usual _absence"),
+    Fields.named(Absence, "_place _stamp_ns _others _first_ns _newcomer"),
     Fields.named(SeenPerson, "views joints"),
     Fields.named(
         ImuFitting,
         "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _unseen",
     ),
-    Fields.named(ImuStreams, "names _stamps _values _force _weight _odd _silent"),
+    Fields.named(ImuStreams, "names _stamps _values _force _weight _odd _silent _taken _flooding"),
     Fields.named(MeasuredBody, "_lengths"),
     Fields.named(
         Timeline, "_rate_hz _origin _count _before _first_imu _last _periods _ahead newest_ns"

@@ -14,20 +14,16 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.alignment import align, cameras_alone, felt_of, t_pose_mount, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
+from panoptic_ros.kinematics.presence import Looked, Presence, middle_expected, people_of
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.recorded_imus import looked_through
 from panoptic_ros.kinematics.resampling import instants_of
-from panoptic_ros.kinematics.returning import Absence, appearances, without_others
-from panoptic_ros.kinematics.start import middle_of
-from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
+from panoptic_ros.kinematics.tracker import SubjectTracker
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
 FIRST_GATE = 0.8  # m, from where a subject is said to start
-FEW, USUAL_SHARE = 0.5, 0.02  # of the views that usually see a subject: less, and others are told from it,
-ODD = 0.2  # m, and where these see it elsewhere than it is expected
-ABSENT_S, LOST_S = 0.2, 0.5  # out of sight, after which it is looked for, and without IMUs given up
-MISSED = 3  # instants with images without it, before
+LOST_S = 0.5  # out of sight and without IMUs, after which a body is given up
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,50 +74,28 @@ def solve_recording(
         trackers.append(SubjectTracker(config, subject, weighing, mounts, heading))
     weighing = trackers[0].weighing
     states: list[BodyState] = []
-    absences: list[Absence | None] = [None] * len(trackers)
-    last_seen, missed, usual = [0] * len(trackers), [0] * len(trackers), [0.0] * len(trackers)
-    several = len(recording.views) > 1
+    presences = [Presence() for _ in trackers]
     for instant in instants:
-        people = assign_people(trackers, instant, weighing.rotations, weighing.translations, config.gate)
-        for k, tracker in enumerate(trackers):
-            absence = absences[k]
-            sites = tracker.expected_sites()
-            if absence is not None and several:
-                people[k] = {}  # who is near may be somebody else: looked at below
-            elif people[k] and sites is not None:
-                middle = np.median(sites[1], axis=0)
-                seen = middle_of(weighing, people[k], None)
-                odd = seen is None or np.linalg.norm(seen - middle) > ODD
-                if several and (odd or len(people[k]) < FEW * usual[k]):
-                    own = without_others(people[k], middle, weighing, instant)
-                    people[k] = own if len(own) > 1 else {}
-            if instant.views:
-                usual[k] += (len(people[k]) - usual[k]) * USUAL_SHARE
-            if absence is not None and instant.views and not people[k]:
-                there = appearances(weighing, instant, people)
-                people[k] = absence.look(there, instant.stamp_ns, config.gate)
-                if people[k] and tracker.started:
-                    states += tracker.flush()
-                    tracker.move_to(people[k], None)
-            if not tracker.started and absence is None:
+        looked = [Looked(tracker, presence) for tracker, presence in zip(trackers, presences)]
+        people = people_of(looked, instant, weighing, config.gate)
+        for k, (tracker, presence) in enumerate(zip(trackers, presences)):
+            if people[k] and presence.is_away and tracker.started:
+                states += tracker.flush()
+                tracker.move_to(people[k], None)
+            if not tracker.started and not presence.is_away:
                 people[k] = _first_people(tracker.subject, instant, weighing, len(subjects) > 1)
             if not tracker.started and instant.views and not people[k]:
                 continue
-            if people[k]:
-                last_seen[k], missed[k], absences[k] = instant.stamp_ns, 0, None
-            missed[k] += bool(instant.views) and not people[k]
+            expected = middle_expected(tracker)
             states += tracker.step(instant, people[k])
             notices += [notice.text for notice in tracker.devices.take_notices()]
-            gone = several and last_seen[k] and missed[k] >= MISSED
-            unseen = 1e-9 * (instant.stamp_ns - last_seen[k]) if gone else 0.0
-            if unseen > ABSENT_S and absences[k] is None and sites is not None:
-                absences[k] = Absence(np.median(sites[1], axis=0), last_seen[k])
+            unseen = 1e-9 * presence.saw(instant, bool(people[k]), expected)
             if unseen > LOST_S and not instant.readings.keys() & set(tracker.devices.names):
                 states += tracker.flush()
                 trackers[k] = tracker.begun_anew()
-    for tracker in trackers:
+    for tracker, presence in zip(trackers, presences):
         states += tracker.flush()
-        if not tracker.started and not last_seen[trackers.index(tracker)]:
+        if not tracker.started and not presence.last_ns:
             notices.append(
                 f"subject {tracker.subject.id} has not come: no camera sees anybody near where it starts, "
                 "and no IMU that is mounted tells of it; look at `start` and the devices of its file"

@@ -6,13 +6,12 @@ import copy
 from collections import deque
 from typing import NamedTuple
 
-import numpy as np
-
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import BodyState, Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.errors import DataError
+from panoptic_ros.kinematics.allotment import Allotment, SeenView
 from panoptic_ros.kinematics.body_records import Solved, body_set
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.examples import step_examples
@@ -21,29 +20,14 @@ from panoptic_ros.kinematics.measured_body import MeasuredBody
 from panoptic_ros.kinematics.person import Behind, Person
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
-from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
-from panoptic_ros.kinematics.session import nearest_to_start
+from panoptic_ros.kinematics.seen_people import SeenJoints
 from panoptic_ros.kinematics.timeline import Timeline
-from panoptic_ros.kinematics.tracker import assign_people
-from panoptic_ros.solving.evidence import lens_records, undistort_points
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
-Array = np.ndarray
 IN_SPACE = -1  # the source of skeletons that come without 2D people
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
-
-
-class SeenView(NamedTuple):
-    """2D people of a camera that wait for those who are tracked: camera, stamp ns, frame number, points (P,
-    J, 2) px, scores (P, J)."""
-
-    camera: int
-    stamp_ns: int
-    frame: int
-    points: Array
-    scores: Array
 
 
 class SeenSet(NamedTuple):
@@ -80,13 +64,11 @@ class KinematicsStage(Stateful):
         self._statistics: PoseStatistics | None = context.extras.get("pose_prior")
         self._parents = None if self._model is None else self._model.parents
         self._mean = None if self._statistics is None else self._statistics.mean
-        self._lenses = lens_records(context.rig)
-        self._cameras = {name: k for k, name in enumerate(context.rig.names)}
+        self._allotment = Allotment(context.rig, config.gate)
         self._lag = round(config.lag * config.rate_hz) if config.window else 0
         self.reset()
         if self._model is not None and self._statistics is not None:
             step_examples(self._new_person, self._model, self._joint_names, config.rate_hz)
-            self._planes(SeenView(0, 0, 0, np.zeros((0, 1, 2)), np.zeros((0, 1))), [])
 
     def reset(self) -> None:
         """Forget everybody."""
@@ -149,11 +131,11 @@ class KinematicsStage(Stateful):
         if item.index <= self._last_set:
             self._last_set = item.index  # a recording that begins anew: stamps tell what is old
         views = tuple(
-            SeenView(self._camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
+            SeenView(self._allotment.camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
             for v in item.views
         )
         self._waiting = SeenSet(item.index, views)
-        if not self._tracks_come and len(self._cameras) < 2:
+        if not self._tracks_come and len(self._allotment.cameras) < 2:
             notices += self._take_waiting(None)
         return notices
 
@@ -188,63 +170,19 @@ class KinematicsStage(Stateful):
             notices += told
             if not any(notice.code == "kinematics.odd_stamp" for notice in told):
                 usable.append(view)
-        taken = self._of_tracks(usable, item) if item is not None else set()
-        self._of_places(usable, taken, item)
-        return notices
-
-    def _of_tracks(self, views: list[SeenView], item: TrackedPoseSet) -> set[tuple[int, int]]:
-        """Give people the 2D people that their tracks hold: camera and row of all that any track holds."""
-        sources, taken = item.sources, set[tuple[int, int]]()
-        if sources is None:
-            return taken
-        columns = {(self._cameras.get(name), int(frame)): v
-                   for v, (name, frame) in enumerate(zip(sources.cameras, sources.frames))}  # fmt: skip
-        for view in views:
-            v = columns.get((view.camera, view.frame))
-            if v is None:
-                continue
-            for number, row in zip(item.ids.tolist(), sources.persons[:, v].tolist()):
-                if not 0 <= row < len(view.points):
-                    continue
-                taken.add((view.camera, row))
-                if number in self._people:
-                    self._people[number].see(self._seen(view, row), view.camera, of_track=True)
-        return taken
-
-    def _of_places(
-        self, views: list[SeenView], taken: set[tuple[int, int]], item: TrackedPoseSet | None
-    ) -> None:
-        """Give people without a track the 2D people nearest to where they are expected."""
+        taken = self._allotment.by_tracks(self._people, usable, item) if item is not None else set()
         tracked = set() if item is None else set(item.ids.tolist())
-        lost = [person for number, person in self._people.items() if number not in tracked]
-        begun = [person for person in lost if person.tracker is not None and person.tracker.started]
-        tracked_first = self._tracks_come and len(self._cameras) > 1  # one camera alone tracks nobody
-        new = [person for person in lost if person.tracker is None and not tracked_first]
-        if not begun and not new:
-            return
-        rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}
-        planes = {v.camera: self._planes(v, rows[v.camera]) for v in views}
-        stamps = {v.camera: v.stamp_ns for v in views}
-        instant = Instant(0, planes, {})
-        weighing = begun[0].weighing if begun else new[0].weighing
-        trackers = [person.tracker for person in begun if person.tracker is not None]
-        found = assign_people(
-            trackers, instant, weighing.rotations, weighing.translations, self._config.gate
-        )
-        for person in new:
-            begun.append(person)
-            alone = person.subject.start is not None or len(self._people) == 1
-            found.append(nearest_to_start(person.subject, instant, weighing) if alone else {})
-        for person, people in zip(begun, found):
-            for camera, (points, scores) in people.items():
-                person.see(SeenPoints(stamps[camera], points, scores), camera, of_track=False)
+        # one camera alone tracks nobody
+        tracks_begin = self._tracks_come and len(self._allotment.cameras) > 1
+        self._allotment.by_places(self._people, usable, taken, tracked, tracks_begin)
+        return notices
 
     def _came(self, source: int | str, stamp_ns: int) -> list[Notice]:
         """A sample has come: what is to be told if its stamp is another's, or time begins anew."""
         verdict = self._timeline.came(source, stamp_ns)
         if not verdict:
             return []
-        name = source if isinstance(source, str) else (*self._cameras, "skeletons")[source]
+        name = source if isinstance(source, str) else (*self._allotment.cameras, "skeletons")[source]
         if verdict == "odd":
             text = f"the stamp {stamp_ns} of {name} is more than 2 s off the others; it is left out"
             return [Notice("kinematics.odd_stamp", "warning", text, {"device": name})]
@@ -332,24 +270,6 @@ class KinematicsStage(Stateful):
 
     def _is_designated(self, number: int) -> bool:
         return any(subject.id == number for subject in self._subjects)
-
-    def _seen(self, view: SeenView, row: int) -> SeenPoints:
-        plane = self._planes(view, [row])
-        return SeenPoints(view.stamp_ns, plane.points[0], plane.scores[0])
-
-    def _planes(self, view: SeenView, rows: list[int]) -> ViewPeople:
-        """Some 2D people of a view on the plane at distance 1."""
-        points, scores = view.points[rows], view.scores[rows]
-        usable = (scores > 0.0) & np.isfinite(points).all(-1)
-        cameras = np.full(len(rows), view.camera, np.int64)
-        plane, _, good = undistort_points(np.ascontiguousarray(points), usable, cameras, self._lenses)
-        plane[~good] = np.nan
-        return ViewPeople(plane, np.where(good, scores, 0.0))
-
-    def _camera(self, name: str) -> int:
-        if name not in self._cameras:
-            raise DataError(f"a view of camera {name!r}; the rig has {', '.join(self._cameras)}")
-        return self._cameras[name]
 
     def _check(self, skeleton_hash: str) -> None:
         if skeleton_hash != self._hash:

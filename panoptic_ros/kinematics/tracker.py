@@ -280,12 +280,13 @@ class SubjectTracker:
 
 
 def assign_people(
-    trackers: list[SubjectTracker], instant: Instant, rotations: Array, translations: Array, gate: float
-) -> list[dict[int, tuple[Array, Array]]]:
+    trackers: Sequence[SubjectTracker | None], instant: Instant, rotations: Array, translations: Array,
+    gate: float,
+) -> list[dict[int, tuple[Array, Array]]]:  # fmt: skip
     """2D people of the views for each tracker that has started: nearest first, nobody twice, none beyond the
     gate, m."""
     found: list[dict[int, tuple[Array, Array]]] = [{} for _ in trackers]
-    expected = [tracker.expected_sites() for tracker in trackers]
+    expected = [None if tracker is None else tracker.expected_sites() for tracker in trackers]
     for camera, people in sorted(instant.views.items()):
         claims = []
         for k, sites in enumerate(expected):

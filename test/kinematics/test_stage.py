@@ -116,6 +116,16 @@ def test_a_flood_of_samples_pushes_nothing_out():
     assert np.arctan2(oldest.orientation[1, 0], oldest.orientation[0, 0]) == pytest.approx(0.119, abs=1e-3)
 
 
+@pytest.mark.parametrize(("rate", "floods"), [(100, False), (1000, False), (20_000, True)])
+def test_a_device_that_floods_is_told_once(rate, floods):
+    streams, told = ImuStreams(("back",)), []
+    for k in range(rate):
+        streams.take(sample(k * SECOND // rate))
+        if k % (rate // 50) == 0:
+            told += streams.judge(k * SECOND // rate, 0.02)
+    assert [notice.code for notice in told] == ["kinematics.imu_flood"] * floods
+
+
 @pytest.mark.parametrize(
     ("force", "kept"), [(UP, True), (-UP, False), (UP / 9.81, False), (UP + [3.0, 0, 0], True)]
 )
