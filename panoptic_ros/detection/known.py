@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from panoptic_ros.detection.regions import Group, Region, groups_of, person_boxes
+from panoptic_ros.detection.resemblance import apart
 from panoptic_ros.domain import Camera, TrackSet
 
 Array = np.ndarray
@@ -20,7 +21,6 @@ SAME_DOOR = 1.0  # m
 BEGINNING_NS = 1_000_000_000
 EXPLAINED = 0.2  # of a person's height: the median distance of one person's joints, seen and predicted
 IN_A_CROWD = 0.1  # the same where people stand so close that one would explain another
-COMMON = 3  # joints that must be known of both
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,24 +108,6 @@ def _paired(distances: Array) -> list[tuple[int, int]]:
     return pairs
 
 
-def apart(points: Array, scores: Array, others: Array, there: Array) -> Array:
-    """Median distances (N, P) of the joints of 2D people, as shares of the height of the taller.
-
-    Infinite where they have few joints in common.
-
-    Args:
-        points: (N, J, 2) px, scores: (N, J), 0 = missing. others: (P, J, 2) px, there: (P, J), 0 = missing.
-    """
-    seen, known = scores > 0.0, there > 0.0
-    both = seen[:, None] & known[None]
-    with np.errstate(invalid="ignore"):
-        distances = np.linalg.norm(points[:, None] - others[None], axis=-1)
-    distances = np.where(both, distances, np.nan).reshape(-1, both.shape[-1])
-    middle = _median(distances).reshape(both.shape[:2])
-    extent = np.maximum(_extents(points, seen)[:, None], _extents(others, known)[None])
-    return np.where(both.sum(axis=-1) >= COMMON, middle / np.maximum(extent, 1e-9), np.inf)
-
-
 @dataclass
 class KnownPeople:
     """Everybody who is followed, and the places where people appeared.
@@ -200,14 +182,6 @@ class KnownPeople:
         depth = _median(np.where(there, camera.cam_from_world.apply(places)[..., 2], np.nan))
         focal = float(camera.intrinsics.matrix[0, 0])
         return Expected(pixels, there, spread * focal / np.maximum(depth, NEAREST), camera.image_size)
-
-
-def _extents(points: Array, there: Array) -> Array:
-    """Longer sides (P,) of the boxes round points (P, J, 2)."""
-    low = np.where(there[..., None], points, np.inf).min(axis=1)
-    high = np.where(there[..., None], points, -np.inf).max(axis=1)
-    extents: Array = np.maximum((high - low).max(axis=1), 0.0)
-    return extents
 
 
 def _median(values: Array) -> Array:

@@ -148,9 +148,13 @@ def raise_levels(levels, corner, maps, used, places, cut):
     rows, row_shares = _neighbours(places[0], used[0])
     columns, column_shares = _neighbours(places[1], used[1])
     above, below = np.zeros(used[1] + 2, np.float32), np.zeros(used[1] + 2, np.float32)
-    least = np.float32(cut)
+    least, peaks = np.float32(cut), np.zeros(used[0] + 2, np.float32)  # of rows, with one before and behind
     for joint in range(maps.shape[0]):
+        for row in range(used[0]):
+            peaks[row + 1] = _peak(maps[joint, row], used[1])
         for y in range(len(rows)):
+            if max(peaks[rows[y]], peaks[rows[y] + 1]) < least:
+                continue
             above[:], below[:] = 0.0, 0.0
             if rows[y] > 0:
                 above[1:-1] = maps[joint, rows[y] - 1, : used[1]]
@@ -165,6 +169,15 @@ def raise_levels(levels, corner, maps, used, places, cut):
                     level = np.uint8(np.rint(min(value, np.float32(1.0)) * np.float32(255.0)))
                     row, column = corner[0] + y, corner[1] + x
                     levels[joint, row, column] = max(levels[joint, row, column], level)
+
+
+@_jit
+def _peak(row, count):
+    """The largest of the first `count` values of a row float32, or 0 if that is larger."""
+    peak = np.float32(0.0)
+    for x in range(count):
+        peak = max(peak, row[x])
+    return peak
 
 
 @_jit

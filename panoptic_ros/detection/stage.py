@@ -18,6 +18,7 @@ from panoptic_ros.detection.looking import CameraLooks, Ignored
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.people import People, boxes_of_points
 from panoptic_ros.detection.region_maps import warm_up as warm_up_regions
+from panoptic_ros.detection.resemblance import warm_up as warm_up_distances
 from panoptic_ros.detection.score_maps import warm_up as warm_up_maps
 from panoptic_ros.detection.watching import Watch
 from panoptic_ros.domain import (
@@ -84,6 +85,7 @@ class DetectionStage(Stateful):
         warm_up_decoder()
         warm_up_maps()
         warm_up_regions()
+        warm_up_distances()
         self._sides: dict[str, SideChooser] = {}
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from stage_cases import DEPTH, FOCAL, known_people, watching_rig
 
-from panoptic_ros.detection.known import KnownPeople, apart
+from panoptic_ros.detection.known import KnownPeople
 
 CAMERA = watching_rig().cameras[0]
 PLACES = np.array([[[60.0, 40], [70, 90], [65, 150]], [[180.0, 50], [190, 95], [185, 140]]])
@@ -100,17 +100,6 @@ def test_of_a_second_look_those_count_who_were_missing_and_those_near_nobody():
     second = two_d(CROWD[0] - 2.0, CROWD[1] + 1.0, CROWD[1] - 3.0, CROWD[1] + (60.0, 0.0))
     assert seen.further(first, second).tolist() == [1, 3]
     assert seen.further(first, two_d()).tolist() == []
-
-
-def test_distances_are_relative_to_the_taller_and_need_common_joints():
-    points, scores = two_d(CROWD[0])
-    high = np.ptp(points[0], axis=0).max()
-    large = (points - points[:, :1]) * 2.0 + points[:, :1] + (3.0, 4.0)
-    assert apart(large, scores, points, scores) == pytest.approx(apart(points, scores, large, scores).T)
-    few = scores.copy()
-    few[0, :2] = 0.0
-    assert apart(points, few, points, scores)[0, 0] == np.inf
-    assert apart(points, scores, points + (3.0, 4.0), scores)[0, 0] == pytest.approx(5.0 / high)
 
 
 def test_without_tracks_everybody_is_a_stranger():

@@ -1,0 +1,62 @@
+"""How far 2D people are from each other, and from where people are expected, joint by joint."""
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import nth_smallest
+
+Array = np.ndarray
+COMMON = 3  # joints that must be known of both
+
+
+def apart(points: Array, scores: Array, others: Array, there: Array) -> Array:
+    """Median distances (N, P) of the joints of 2D people, as shares of the height of the taller.
+
+    Infinite where they have few joints in common. Heights are the longer sides of the boxes round the joints.
+
+    Args:
+        points: (N, J, 2) px, scores: (N, J), 0 = missing. others: (P, J, 2) px, there: (P, J), 0 = missing.
+    """
+    places, elsewhere = (np.array(part, np.float64, order="C") for part in (points, others))
+    shares: Array = median_distances(places, scores > 0.0, elsewhere, there > 0.0)
+    return shares
+
+
+@njit(cache=True, error_model="numpy")
+def median_distances(points, seen, others, known):
+    """The loops of `apart`, with which joints are seen (N, J) and known (P, J)."""
+    shares = np.full((len(points), len(others)), np.inf)
+    own, theirs = _extents(points, seen), _extents(others, known)
+    gaps = np.empty(points.shape[1])
+    for i in range(len(points)):
+        for k in range(len(others)):
+            count = 0
+            for j in range(len(gaps)):
+                if seen[i, j] and known[k, j]:
+                    across, down = points[i, j, 0] - others[k, j, 0], points[i, j, 1] - others[k, j, 1]
+                    gaps[count] = np.sqrt(across * across + down * down)
+                    count += 1
+            if count >= COMMON:
+                middle = nth_smallest(gaps[:count], (count - 1) // 2)
+                shares[i, k] = middle / max(own[i], theirs[k], 1e-9)
+    return shares
+
+
+@njit(cache=True, error_model="numpy")
+def _extents(points, there):
+    """Longer sides (P,) of the boxes round points (P, J, 2); 0 of none."""
+    extents = np.zeros(len(points))
+    for p in range(len(points)):
+        for axis in range(2):
+            low, high = np.inf, -np.inf
+            for j in range(points.shape[1]):
+                if there[p, j]:
+                    low, high = min(low, points[p, j, axis]), max(high, points[p, j, axis])
+            extents[p] = max(extents[p], high - low)
+    return extents
+
+
+def warm_up() -> None:
+    """Compile what distances need."""
+    apart(np.zeros((1, COMMON, 2)), np.ones((1, COMMON)), np.zeros((1, COMMON, 2)), np.ones((1, COMMON)))
