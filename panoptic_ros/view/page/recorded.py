@@ -27,7 +27,7 @@ BLOCK_NS = 1_000_000_000
 SHOWN = (
     "skeletons", "detections", "preview", "proposals", "skeletons_raw", "associations", "bodies", "patches",
 )  # fmt: skip
-GIVE_WAY_S = 0.002  # of the scan, while somebody waits for a block
+GIVE_WAY_S, QUIET_S = 0.002, 0.5  # between looks of the scan whether it may go on; after a block, to draw it
 IMAGES = ("compressed_image", "image")  # previews are made of these where there are none
 
 
@@ -53,6 +53,7 @@ class RecordedScene:
         self._bag = BagReader(self._path)
         self._lock = threading.Lock()  # one file, many pages
         self._asked = 0  # blocks that somebody waits for
+        self._quiet_until = 0.0  # s of the monotonic clock, for those who draw them
         self._names: dict[str, PageTopic] = {}  # by the name in the bag
         self._sources: dict[int, tuple[str, PageTopic]] = {}  # by the page's number of a topic
         self.rig = rig if rig is not None else self._latched("rig", "the bag lacks /rig: give --rig")
@@ -87,6 +88,7 @@ class RecordedScene:
         try:
             return pack(Kind.BLOCK, number, self.messages(number, keys))
         finally:
+            self._quiet_until = time.monotonic() + QUIET_S
             self._asked -= 1
 
     def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
@@ -120,7 +122,7 @@ class RecordedScene:
         names = [name for name, topic in self._sources.values() if topic.key == "skeletons"]
         with BagReader(self._path) as bag:
             for count, (_, _, data, _) in enumerate(bag.raw(*names)):
-                while self._asked and not stopped():
+                while (self._asked or time.monotonic() < self._quiet_until) and not stopped():
                     time.sleep(GIVE_WAY_S)
                 if stopped():
                     return

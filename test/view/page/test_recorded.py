@@ -1,5 +1,6 @@
 """A bag is handed out second by second, whole and unchanged."""
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bags import BagReader, BagWriter
 from panoptic_ros.io.messages import bag_messages, compressed_image_message, from_message, to_message
 from panoptic_ros.io.messages.family import decode_cdr
+from panoptic_ros.view.page import recorded
 from panoptic_ros.view.page.recorded import RecordedScene
 
 
@@ -92,3 +94,13 @@ def test_write_scene_without_images(tmp_path):
     write_scene(tmp_path / "bag", 5, previews=False)
     scene = RecordedScene(tmp_path / "bag", "test")
     assert {key for key, _, _ in scene.facts()["topics"]} == {"skeletons", "detections"}
+
+
+def test_the_scan_waits_while_a_second_is_drawn(recording, monkeypatch):
+    now = [100.0]
+    clock = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))
+    monkeypatch.setattr(recorded, "time", clock)
+    scene = RecordedScene(recording, "test")
+    scene.block(0)
+    scene.scan(lambda: False, lambda: None)
+    assert now[0] == pytest.approx(100.0 + recorded.QUIET_S, abs=0.01) and scene.presence.complete
