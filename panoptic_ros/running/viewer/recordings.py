@@ -98,8 +98,9 @@ async def _serve_recorded(
             asyncio.run_coroutine_threadsafe(talk.tell_presence(), loop)
 
         async def scan() -> None:
-            await talk.shown.wait()
-            await asyncio.sleep(DRAWING_S)
+            if not scene.is_read_by_scan:
+                await talk.shown.wait()
+                await asyncio.sleep(DRAWING_S)
             await asyncio.to_thread(scene.scan, stop.is_set, told)
 
         scanning = asyncio.create_task(scan())

@@ -36,6 +36,7 @@ class FolderScene:
     """
 
     kind = "recorded"
+    is_read_by_scan = True  # whether there are no seconds before
 
     def __init__(
         self, folder: CaptureFolder, title: str, skeleton: SkeletonModel, truth: Truth | None = None

@@ -44,6 +44,7 @@ class RecordedScene:
     """
 
     kind = "recorded"
+    is_read_by_scan = False
 
     def __init__(
         self, bag: Path, title: str, rig: Rig | None = None, skeleton: SkeletonModel | None = None,
