@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import Camera, SkeletonModel
+from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
 
@@ -38,7 +39,25 @@ class Joints:
     views: Array
     doubts: Array
 
-    def rows(self, which: Array) -> Joints:
+    @classmethod
+    def nothing(cls, people: int, joints: int) -> Joints:
+        """None is known."""
+        shape = (people, joints)
+        return cls(
+            np.full((*shape, 3), np.nan), np.full((*shape, 3, 3), np.nan), np.zeros(shape),
+            np.zeros(shape, np.int64), np.zeros(shape),
+        )  # fmt: skip
+
+    def joined(self, other: Joints) -> Joints:
+        """These people and the others."""
+        return Joints(
+            np.concatenate([self.positions, other.positions]),
+            np.concatenate([self.covariances, other.covariances]),
+            np.concatenate([self.scores, other.scores]), np.concatenate([self.views, other.views]),
+            np.concatenate([self.doubts, other.doubts]),
+        )  # fmt: skip
+
+    def rows(self, which: Array | slice) -> Joints:
         """Those of some of the people, by a mask (P,) or by numbers."""
         return Joints(
             self.positions[which], self.covariances[which], self.scores[which], self.views[which],
@@ -46,15 +65,16 @@ class Joints:
         )  # fmt: skip
 
     def derive(self, skeleton: SkeletonModel) -> None:
-        """Fill joints that are means of others, with the covariance of the mean."""
+        """Fill missing joints that are means of others, with the covariance of the mean."""
         for joint, others in skeleton.derived:
             parts = list(others)
-            self.positions[:, joint] = self.positions[:, parts].mean(axis=1)
-            self.covariances[:, joint] = self.covariances[:, parts].sum(axis=1) / len(parts) ** 2
-            self.doubts[:, joint] = self.doubts[:, parts].sum(axis=1) / len(parts) ** 2
-            there = np.isfinite(self.positions[:, joint, 0])
-            self.scores[:, joint] = np.where(there, self.scores[:, parts].min(axis=1), 0.0)
-            self.views[:, joint] = np.where(there, self.views[:, parts].min(axis=1), 0)
+            place = self.positions[:, parts].mean(axis=1)
+            rows = np.flatnonzero(np.isnan(self.positions[:, joint, 0]) & np.isfinite(place[:, 0]))
+            self.positions[rows, joint] = place[rows]
+            self.covariances[rows, joint] = self.covariances[rows][:, parts].sum(axis=1) / len(parts) ** 2
+            self.doubts[rows, joint] = self.doubts[rows][:, parts].sum(axis=1) / len(parts) ** 2
+            self.scores[rows, joint] = self.scores[rows][:, parts].min(axis=1)
+            self.views[rows, joint] = self.views[rows][:, parts].min(axis=1)
 
 
 @njit(cache=True, error_model="numpy")
@@ -88,48 +108,10 @@ def judge_joints(solved, scores, observed, inflation, extra):
             if np.isfinite(positions[p, j, 0]):
                 unused = max(observed[p, j] - views[p, j], 0)
                 factor = inflation * (1.0 + (extra + unused) / max(views[p, j] - 1, 1))
-                _invert(normals[p, j], factor, covariances[p, j])
+                invert_symmetric(normals[p, j], factor, covariances[p, j])
                 if np.isfinite(covariances[p, j, 0, 0]):
                     worst[p, j] = largest_eigenvalue(covariances[p, j])
     return covariances, worst, mean, views
-
-
-@njit(cache=True, error_model="numpy")
-def _invert(lower, factor, result):
-    """result (3, 3) = factor * inverse of the symmetric matrix; untouched if it has no trace."""
-    scale = lower[0, 0] + lower[1, 1] + lower[2, 2]
-    if not scale > 0.0:
-        return
-    a, b, c = lower[0, 0] + 1e-9 * scale, lower[1, 0], lower[2, 0]
-    d, e, f = lower[1, 1] + 1e-9 * scale, lower[2, 1], lower[2, 2] + 1e-9 * scale
-    l10, l20 = b / a, c / a
-    d1 = d - l10 * b
-    rest = e - l20 * b
-    l21 = rest / d1
-    d2 = f - l20 * c - l21 * rest
-    m20 = l10 * l21 - l20  # last row of L^-1, and of (L D L^T)^-1 / d2
-    i2, i1, i0 = factor / d2, factor / d1, factor / a
-    result[2, 2] = i2
-    result[2, 1] = result[1, 2] = -l21 * i2
-    result[2, 0] = result[0, 2] = m20 * i2
-    result[1, 1] = i1 + l21 * l21 * i2
-    result[1, 0] = result[0, 1] = -l10 * i1 - l21 * m20 * i2
-    result[0, 0] = i0 + l10 * l10 * i1 + m20 * m20 * i2
-
-
-@njit(cache=True, error_model="numpy")
-def largest_eigenvalue(matrix):
-    """Of a symmetric 3x3 matrix, in closed form (Smith 1961)."""
-    mean = (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) / 3.0
-    a, d, f = matrix[0, 0] - mean, matrix[1, 1] - mean, matrix[2, 2] - mean
-    b, c, e = matrix[1, 0], matrix[2, 0], matrix[2, 1]
-    square = (a * a + d * d + f * f + 2.0 * (b * b + c * c + e * e)) / 6.0
-    if square <= 0.0:
-        return mean
-    length = np.sqrt(square)
-    determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
-    cosine = min(1.0, max(-1.0, 0.5 * determinant / (length * square)))
-    return mean + 2.0 * length * np.cos(np.arccos(cosine) / 3.0)
 
 
 @njit(cache=True, error_model="numpy")

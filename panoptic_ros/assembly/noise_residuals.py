@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.geometry.symmetric import invert_symmetric
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.scene import MIN_DEPTH
 
@@ -87,19 +88,15 @@ def _residual(x, lower, rotation, translation, point, precision):
     inverse = 1.0 / max(z, MIN_DEPTH)
     u = (translation[0] + r[0, 0] * x0 + r[0, 1] * x1 + r[0, 2] * x2) * inverse
     w = (translation[1] + r[1, 0] * x0 + r[1, 1] * x1 + r[1, 2] * x2) * inverse
+    spread, row = np.zeros((3, 3)), np.empty(3)
     error = np.sqrt((point[0] - u) ** 2 + (point[1] - w) ** 2)
-    damping = 1e-9 * (lower[0, 0] + lower[1, 1] + lower[2, 2])
-    a, b, c = lower[0, 0] + damping, lower[1, 0], lower[2, 0]
-    d, e, f = lower[1, 1] + damping, lower[2, 1], lower[2, 2] + damping
-    l10, l20 = b / a, c / a
-    d1 = d - l10 * b
-    l21 = (e - l20 * b) / d1
-    d2 = f - l20 * c - l21 * (e - l20 * b)
-    total = 0.0  # trace of J N^-1 J^T with N = L D L^T
+    invert_symmetric(lower, 1.0, spread)
+    total = 0.0  # trace of J N^-1 J^T
     for i in range(2):
         slope = u if i == 0 else w
-        g0 = rotation[i, 0] - slope * rotation[2, 0]
-        g1 = rotation[i, 1] - slope * rotation[2, 1] - l10 * g0
-        g2 = rotation[i, 2] - slope * rotation[2, 2] - l20 * g0 - l21 * g1
-        total += g0 * g0 / a + g1 * g1 / d1 + g2 * g2 / d2
+        for k in range(3):
+            row[k] = r[i, k] - slope * r[2, k]
+        for k in range(3):
+            for m in range(3):
+                total += row[k] * spread[k, m] * row[m]
     return error, 0.5 * total * inverse * inverse * precision * precision

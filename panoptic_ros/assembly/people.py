@@ -5,10 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.assembly.body_estimate import Body
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.disputed import place_disputed
-from panoptic_ros.assembly.held import hold_people
+from panoptic_ros.assembly.few_views import hold_people, place_shown
 from panoptic_ros.assembly.judgement import (
     Joints,
     drop_long_bones,
@@ -30,6 +28,7 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.bodies import Body
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
 from panoptic_ros.solving.scene import Scene
 
@@ -104,7 +103,7 @@ class Finisher:
             move_to_votes(joints, expected, item, self._skeleton, config.vote_distance, config.node_sigma)
             joints.positions[...] -= shifts
         if config.two_view_joints:
-            place_disputed(scene, found, joints, self._skeleton)
+            place_shown(scene, found, joints, self._body)
         joints.derive(self._skeleton)
         lost = np.all(found.grouping.member < 0, axis=1)  # they have nodes and nothing else
         good |= lost[:, None] & np.isfinite(joints.positions[..., 0])

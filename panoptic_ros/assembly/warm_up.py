@@ -13,10 +13,15 @@ DELAY_NS = 1000  # between views, so that they have stamps of their own
 
 
 def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
-    """Two instants of a cloud of joints: without maps; with maps, nodes and parts of it, and nodes beside it.
+    """Instants of a cloud of joints: of two views, of which one lacks a joint; of more views, without maps;
+    with maps, nodes and parts of it, and nodes beside it.
 
     So people are found in every way that there is: by 2D people, by guidance, by parts, by nodes alone.
     """
+    (few, _) = easy_associations(replace(rig, cameras=rig.cameras[:2]), skeleton)
+    scores = few.evidence.scores.copy()
+    scores[0, skeleton.bones[-1][1]] = 0.0
+    yield ProposalSet.of_nothing(replace(few, evidence=replace(few.evidence, scores=scores)))
     joints = np.arange(len(skeleton))
     cells = np.zeros((len(joints), 2))
     maps = ScoreMaps((1, 1), np.eye(2, 3), joints, 0 * joints - 1, cells, cells + 1, np.full(len(joints), 9))

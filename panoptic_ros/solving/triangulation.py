@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.geometry.robust import noise_growth
+from panoptic_ros.geometry.symmetric import solve_symmetric
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.scene import MIN_DEPTH
 
@@ -118,24 +119,27 @@ def triangulate_linear(member, mirrored, seen, mirror):
 
 
 @njit(cache=True, error_model="numpy")
+def viewing_ray(cams, v, point, ray, centre):
+    """Unit direction (3,) of a point (2,) of view v, and the centre (3,) m of its camera, in place."""
+    r, length = cams.rotations[v], 0.0
+    for i in range(3):
+        ray[i] = r[0, i] * point[0] + r[1, i] * point[1] + r[2, i]
+        length += ray[i] ** 2
+        centre[i] = 0.0
+        for m in range(3):
+            centre[i] -= r[m, i] * cams.translations[v, m]
+    length = np.sqrt(length)
+    for i in range(3):
+        ray[i] /= length
+
+
+@njit(cache=True, error_model="numpy")
 def intersect(first, second, own, seen, x):
     """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
-    rotations, translations, _ = seen.cams
     rays, centres = np.empty((2, 3)), np.empty((2, 3))
     for k in range(2):
         v = first if k == 0 else second
-        u, w = seen.plane[own[v, 0], own[v, 1]]
-        r = rotations[v]
-        length = 0.0
-        for i in range(3):
-            rays[k, i] = r[0, i] * u + r[1, i] * w + r[2, i]
-            length += rays[k, i] ** 2
-            centres[k, i] = 0.0
-            for m in range(3):
-                centres[k, i] -= r[m, i] * translations[v, m]
-        length = np.sqrt(length)
-        for i in range(3):
-            rays[k, i] /= length
+        viewing_ray(seen.cams, v, seen.plane[own[v, 0], own[v, 1]], rays[k], centres[k])
     cosine = along_a = along_b = 0.0
     for i in range(3):
         offset = centres[1, i] - centres[0, i]
@@ -269,31 +273,3 @@ def newton_step(lower, right):
     length = np.sqrt(s0 * s0 + s1 * s1 + s2 * s2)
     scale = 1.0 if length < MAX_STEP else MAX_STEP / length
     return good, scale * s0, scale * s1, scale * s2
-
-
-@njit(cache=True, error_model="numpy")
-def solve_symmetric(lower, right):
-    """Whether a symmetric 3x3 matrix is positive definite, and the solution (by L D L^T).
-
-    Args:
-        lower: its lower triangle, row by row, six numbers. right: three numbers.
-    """
-    n00, n10, n11, n20, n21, n22 = lower
-    b0, b1, b2 = right
-    if n00 <= 0.0:
-        return False, 0.0, 0.0, 0.0
-    i0 = 1.0 / n00
-    l10, l20 = n10 * i0, n20 * i0
-    d1 = n11 - l10 * n10
-    if d1 <= 0.0:
-        return False, 0.0, 0.0, 0.0
-    i1 = 1.0 / d1
-    rest = n21 - l20 * n10
-    l21 = rest * i1
-    d2 = n22 - l20 * n20 - l21 * rest
-    if d2 <= 0.0:
-        return False, 0.0, 0.0, 0.0
-    y1 = b1 - l10 * b0
-    s2 = (b2 - l20 * b0 - l21 * y1) / d2
-    s1 = y1 * i1 - l21 * s2
-    return True, b0 * i0 - l10 * s1 - l20 * s2, s1, s2

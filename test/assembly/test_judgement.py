@@ -6,7 +6,6 @@ from panoptic_ros.assembly.judgement import (
     drop_long_bones,
     in_capture_space,
     judge_joints,
-    largest_eigenvalue,
     most_overlap,
     needed_views,
     possible_people,
@@ -64,15 +63,6 @@ def test_singular_normals_give_no_covariance():
     joints = SolvedJoints.nothing(1, 1, 2)._replace(positions=np.zeros((1, 1, 3)))
     result, worst, *_ = judge_joints(joints, np.ones((1, 1)), np.zeros((1, 1), np.int64), 1.0, 0.8)
     assert np.isnan(result).all() and worst[0, 0] == 0.0
-
-
-def test_largest_eigenvalue():
-    rng = np.random.default_rng(0)
-    for scale in (np.ones(3), np.array([1.0, 1e-2, 1e-5])):
-        factor = rng.standard_normal((50, 3, 3)) * scale
-        for matrix in np.swapaxes(factor, 1, 2) @ factor:
-            assert np.isclose(largest_eigenvalue(matrix), np.linalg.eigvalsh(matrix)[-1], rtol=1e-9)
-    assert largest_eigenvalue(2.0 * np.eye(3)) == 2.0
 
 
 def test_the_less_certain_end_of_a_long_bone_is_dropped():

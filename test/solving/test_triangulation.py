@@ -1,7 +1,5 @@
-"""The robust point refinement against many plain steps; the linear and the 3x3 solution against numpy."""
+"""The robust point refinement against many plain steps; the linear solution against numpy."""
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from panoptic_ros.solving.scene import Cameras, Observations
 from panoptic_ros.solving.triangulation import (
@@ -10,23 +8,8 @@ from panoptic_ros.solving.triangulation import (
     SolverRules,
     Steps,
     refine_point,
-    solve_symmetric,
     triangulate_linear,
 )
-
-
-@settings(deadline=None, max_examples=50)
-@given(st.integers(0, 100_000))
-def test_symmetric_solution_equals_numpy(seed):
-    rng = np.random.default_rng(seed)
-    root, right = rng.normal(size=(3, 3)), rng.normal(size=3)
-    a = root @ root.T + 0.05 * np.eye(3)
-    good, *x = solve_symmetric((a[0, 0], a[1, 0], a[1, 1], a[2, 0], a[2, 1], a[2, 2]), tuple(right))
-    assert good and np.allclose(x, np.linalg.solve(a, right), rtol=1e-8, atol=1e-10)
-
-
-def test_no_solution_where_the_matrix_is_not_positive():
-    assert not solve_symmetric((1.0, 2.0, 1.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0))[0]
 
 
 def eyes(count, rng):
