@@ -1,13 +1,13 @@
 """Joints of people whom one or two views show, placed by their bodies.
 
 With many views, a joint on which no two of them agree is better left out. With two, each error of one of
-them would lose the joint, and with a shoulder the torso. So joints that these two dispute, or that one of them
-shows, are estimated together with those on which they agree (`solving.bodies`), with the bones of the other
-side.
+them would lose the joint, and with a shoulder the torso. So joints that these two dispute, or that one of
+them shows, are estimated together with those on which they agree (`solving.bodies`), with the bones of the
+other side.
 
 Of somebody who is followed more is known: where every joint should be now and how exactly, and, learnt while
-many views saw the person, how long the bones are. Then the rays of one view are enough. Depth that nothing but
-the prediction tells becomes less and less certain, until the joint is given up.
+many views saw the person, how long the bones are. Then the rays of one view are enough. Depth that nothing
+but the prediction tells becomes less and less certain, until the joint is given up.
 """
 from __future__ import annotations
 

@@ -13,15 +13,17 @@ DELAY_NS = 1000  # between views, so that they have stamps of their own
 
 
 def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
-    """Instants of a cloud of joints: of two views, of which one lacks a joint; of more views, without maps;
-    with maps, nodes and parts of it, and nodes beside it.
+    """Instants of a cloud of joints: of one view; of more, without maps; with maps, its nodes and parts, and
+    nodes beside it.
 
-    So people are found in every way that there is: by 2D people, by guidance, by parts, by nodes alone.
+    So people are found in every way that there is: by bones, by 2D people, by guidance, by parts, by nodes.
     """
-    (few, _) = easy_associations(replace(rig, cameras=rig.cameras[:2]), skeleton)
-    scores = few.evidence.scores.copy()
-    scores[0, skeleton.bones[-1][1]] = 0.0
-    yield ProposalSet.of_nothing(replace(few, evidence=replace(few.evidence, scores=scores)))
+    _, few = easy_associations(rig, skeleton)
+    member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
+    member[:, 1:] = -1
+    yield ProposalSet.of_nothing(replace(
+        few, groups=replace(few.groups, member=member), prediction=replace(few.prediction, lengths=lengths)
+    ))  # fmt: skip
     joints = np.arange(len(skeleton))
     cells = np.zeros((len(joints), 2))
     maps = ScoreMaps((1, 1), np.eye(2, 3), joints, 0 * joints - 1, cells, cells + 1, np.full(len(joints), 9))
