@@ -50,11 +50,6 @@ class _Choice(NamedTuple):
     gate: float
 
 
-def has_maps(item: ProposalSet) -> bool:
-    """Whether the nodes say more than the 2D people that they came with."""
-    return len(item.nodes) > 0 and any(view.maps is not None for view in item.detections.views)
-
-
 def node_doubts(votes: Array) -> Array:
     """Variances (N,) m^2 of joints at nodes of these votes (N,) because a node may be the wrong one."""
     variances: Array = np.exp(-votes / CHANCE) * WRONG_SIGMA**2

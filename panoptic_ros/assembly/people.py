@@ -13,7 +13,7 @@ from panoptic_ros.assembly.judgement import (
     judge_joints,
     possible_people,
 )
-from panoptic_ros.assembly.map_votes import has_maps, move_to_votes
+from panoptic_ros.assembly.map_votes import move_to_votes
 from panoptic_ros.assembly.time_shift import Motion
 from panoptic_ros.domain import (
     DetectionSet,
@@ -91,7 +91,7 @@ class Finisher:
         config = self._config
         observed = observed_views(found, scene.precision)
         joints, good = self._judged(scene, solved, observed)
-        if config.vote_distance > 0.0 and has_maps(item):
+        if config.vote_distance > 0.0 and item.of_maps:
             expected = found.guide.positions
             shifts = _since_voting(item, found, motion)
             joints.positions[...] += shifts

@@ -8,9 +8,7 @@ import numpy as np
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.judgement import in_capture_space, needed_views
 from panoptic_ros.assembly.lost_people import with_lost_people
-from panoptic_ros.assembly.map_votes import has_maps
-from panoptic_ros.assembly.noise import NoiseGrowth, NoiseTable, box_diagonals
-from panoptic_ros.assembly.noise_residuals import residuals_to_learn
+from panoptic_ros.assembly.noise import NoiseGrowth, NoiseTable, residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
 from panoptic_ros.assembly.people import Finisher, People
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
@@ -18,7 +16,7 @@ from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion,
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
-from panoptic_ros.solving.evidence import RigArrays, carried_ages, check_association
+from panoptic_ros.solving.evidence import RigArrays, box_diagonals, carried_ages, check_association
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
 from panoptic_ros.solving.scene import Scene, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
@@ -98,7 +96,7 @@ class AssemblyStage(Stateful):
         kinds = self._kinds(scene, found)
         scene = replace(scene, precision=self._precision(evidence, kinds, sizes, ages))
         found, solved, motion = solve_in_motion(scene, found, prediction, self._rules)
-        if self._config.lost_people and has_maps(item):
+        if self._config.lost_people and item.of_maps:
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         people = self._finisher.finish(scene, item, solved, found, motion)
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras

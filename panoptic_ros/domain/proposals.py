@@ -58,6 +58,11 @@ class ProposalSet:
         return cls(association, np.zeros((0, 3)), none, none, none, np.zeros((0, 2)), none, none)
 
     @property
+    def of_maps(self) -> bool:
+        """Whether the nodes say more than the 2D people that they came with."""
+        return len(self.nodes) > 0 and any(view.maps is not None for view in self.detections.views)
+
+    @property
     def detections(self) -> DetectionSet:
         """The detection set behind them."""
         return self.association.detections

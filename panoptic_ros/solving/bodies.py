@@ -22,12 +22,12 @@ from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.geometry.symmetric import factor, solve_lower, solve_upper
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.scene import MIN_DEPTH, Observations
-from panoptic_ros.solving.triangulation import intersect, viewing_ray
+from panoptic_ros.solving.triangulation import SETTLED, intersect, viewing_ray
 
 Array = np.ndarray
 
 TRUSTED = 2.0  # standard deviations; scale of the Cauchy weights of rays
-STEPS, SMALL = 6, 1e-4  # of Gauss-Newton, at most; m, of a step after which none follows
+STEPS = 6  # of Gauss-Newton, at most
 WIDEST_GAP = 0.25  # m, between two rays that may be of one joint
 CLOSE = 0.15  # m, between joints of a head, whose bones have no other side
 STRETCH = 1.3  # a ray may pass a neighbour this much farther away than the bone is long
@@ -102,12 +102,6 @@ def begin(known, rays, body, expected):
     views, joints = rays.source.shape
     own, pair = np.empty((views, 2), np.int64), np.empty(2, np.int64)
     middle, number, first = np.empty(3), np.zeros(joints, np.int64), np.zeros(joints, np.int64)
-    for b in range(len(body.bones)):
-        if body.others[b] >= 0 and np.isnan(known.lengths[b]):
-            (start, end), square = body.bones[body.others[b]], 0.0
-            for i in range(3):
-                square += (known.places[end, i] - known.places[start, i]) ** 2
-            known.lengths[b] = np.sqrt(square)
     for j in range(joints):
         for v in range(views):
             own[v, 0], own[v, 1] = rays.member[v], rays.source[v, j]
@@ -126,6 +120,12 @@ def begin(known, rays, body, expected):
                 if np.isnan(known.places[j, 0]):
                     for i in range(3):
                         known.places[j, i] = middle[i]
+    for b in range(len(body.bones)):
+        if body.others[b] >= 0 and np.isnan(known.lengths[b]):
+            (start, end), square = body.bones[body.others[b]], 0.0
+            for i in range(3):
+                square += (known.places[end, i] - known.places[start, i]) ** 2
+            known.lengths[b] = np.sqrt(square)
     for step in range(2 * OUTWARDS):  # bones of known length first
         for b in range(len(body.bones)):
             for k in range(2 if np.isfinite(known.lengths[b]) == (step % 2 == 0) else 0):
@@ -173,12 +173,14 @@ def estimate(known, rays, body):
         factor(normal, begins)
         solve_lower(normal, begins, step, 0)
         solve_upper(normal, begins, step)
-        largest = 0.0
+        longest = 0.0
         for j in range(joints):
+            square = 0.0
             for i in range(3):
                 x[j, i] += step[3 * j + i]
-                largest = max(largest, abs(step[3 * j + i]))
-        if largest < SMALL:
+                square += step[3 * j + i] ** 2
+            longest = max(longest, square)
+        if longest < SETTLED**2:
             break
     covariances, columns = np.full((joints, 3, 3), np.nan), np.empty((3, 3 * joints))
     for j in range(joints):

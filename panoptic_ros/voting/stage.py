@@ -6,13 +6,12 @@ import numpy as np
 from panoptic_ros.domain import AssociationSet, ProposalSet, ViewDetections
 from panoptic_ros.solving.evidence import RigArrays, check_association
 from panoptic_ros.solving.example import easy_associations
-from panoptic_ros.solving.rough_joints import rough_people
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting import soft_vote
 from panoptic_ros.voting.cone_search import maxima
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.explaining import Explainer, moved
+from panoptic_ros.voting.explaining import Explainer, moved, rough_people
 from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
 from panoptic_ros.voting.proposals import Demands, Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
@@ -116,12 +115,12 @@ class VotingStage(Stateful):
         self, scene: VoteScene, wanted: Demands, association: AssociationSet, delays: Array
     ) -> Explainer:
         """Nodes at the joints of people, each moved to the centre of the votes about it."""
-        people = rough_people(association, self._arrays, self.skeleton)
-        there = np.isfinite(people.positions[..., 0])
+        positions, velocities = rough_people(association, self._arrays, self.skeleton)
+        there = np.isfinite(positions[..., 0])
         joints = np.ascontiguousarray(np.nonzero(there)[1])  # kernels are compiled for one layout
-        velocities = people.velocities[there]
+        velocities = velocities[there]
         moving = Moving(velocities, delays)
-        nodes = moved(scene, joints, people.positions[there], wanted.view_threshold, moving)
+        nodes = moved(scene, joints, positions[there], wanted.view_threshold, moving)
         return Explainer(nodes, velocities, delays).rows(self._good(nodes, wanted))
 
     def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:

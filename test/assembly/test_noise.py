@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.assembly.noise import NoiseGrowth, NoiseTable, box_diagonals
+from panoptic_ros.assembly.noise import NoiseGrowth, NoiseTable
 
 
 @pytest.mark.parametrize("start", [0.0002, 0.002, 0.02])
@@ -94,10 +94,3 @@ def test_follows_a_change_and_forgets():
             sizes = rng.uniform(0.1, 0.8, 300)
             growth.learn(sizes, rayleigh(rng, 300) * sizes**exponent)
         assert growth.exponent == pytest.approx(exponent, abs=0.15)
-
-
-def test_box_diagonals_take_the_joints_that_are_there():
-    plane = np.array([[[0.0, 0.0], [3.0, 4.0], [9.0, 9.0]], [[1.0, 1.0], [5.0, 5.0], [7.0, 7.0]]])
-    scores = np.array([[0.5, 0.5, 0.0], [0.0, 0.9, 0.0]])
-    assert box_diagonals(plane, scores).tolist() == [5.0, 0.0]
-    assert box_diagonals(plane, np.zeros((2, 3))).tolist() == [0.0, 0.0]

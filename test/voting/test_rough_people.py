@@ -7,8 +7,8 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.skeletons import load_skeleton
 from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.solving.example import easy_associations
-from panoptic_ros.solving.rough_joints import rough_people
 from panoptic_ros.stage import StageContext
+from panoptic_ros.voting.explaining import rough_people
 
 SKELETON = load_skeleton("panoptic19")
 SECOND = 10**9
@@ -62,10 +62,10 @@ def rough(rig, item):
 
 def test_finds_the_joints_of_associated_people():
     rig, people = ring(5), [person(0, 0.7), person(1, -0.7)]
-    found = rough(rig, seen(rig, people))
-    assert found.positions.shape == (2, 19, 3)
-    assert worst(found.positions, people) < 1e-6
-    assert not found.velocities.any()
+    positions, velocities = rough(rig, seen(rig, people))
+    assert positions.shape == (2, 19, 3)
+    assert worst(positions, people) < 1e-6
+    assert not velocities.any()
 
 
 def test_views_of_their_own_instants_are_moved_by_the_predicted_velocity():
@@ -78,8 +78,8 @@ def test_views_of_their_own_instants_are_moved_by_the_predicted_velocity():
     stage.step(TrackSet(0, SECOND, SKELETON.hash, np.zeros(1), *known, np.zeros(1)))
     item = seen(rig, [start + 0.033 * velocity], SECOND + 33_000_000, delays, velocity)
     (associated,) = stage.step(item).outputs
-    found = rough_people(associated, RigArrays.of(rig), SKELETON)
-    assert worst(found.positions, [start + 0.033 * velocity]) < 1e-6
+    positions, _ = rough_people(associated, RigArrays.of(rig), SKELETON)
+    assert worst(positions, [start + 0.033 * velocity]) < 1e-6
 
 
 def test_the_easy_associations_are_easy():
@@ -87,5 +87,5 @@ def test_the_easy_associations_are_easy():
     for number, item in enumerate(easy_associations(rig, SKELETON)):
         assert len(item.detections.views) == 4
         assert item.who.tolist() == [number - 1]
-        found = rough_people(item, RigArrays.of(rig), SKELETON).positions
+        found, _ = rough_people(item, RigArrays.of(rig), SKELETON)
         assert np.abs(found - item.places).max() < 1e-6
