@@ -18,7 +18,7 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
 
     So people are found in every way that there is: by bones, by 2D people, by guidance, by parts, by nodes.
     """
-    _, few = easy_associations(rig, skeleton)
+    _, few = easy_associations(rig.subset(rig.names[:2]), skeleton)
     member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
     member[:, 1:] = -1
     yield ProposalSet.of_nothing(replace(
