@@ -17,6 +17,8 @@ from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
 
+SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
+SAME_JOINTS = 3  # joints that such skeletons must share
 FEW_CAMERAS = 3  # where no more look at one place, the rig covers whatever two cameras see
 INSIDE = 0.5  # share of the joints that must lie in a camera's image
 DEPTHS = np.geomspace(0.5, 16.0, 21)  # m, along optical axes, where places are tried
@@ -146,6 +148,30 @@ def possible_people(positions, good, observed, min_share, min_joints, lowest):
         if known and count >= min_joints and agreed >= min_share * shown:
             possible[p] = median(heights[:known]) > lowest
     return possible
+
+
+@njit(cache=True, error_model="numpy")
+def second_skeletons(positions, views):
+    """Which skeletons (P,) lie on another one that rests on more views (P, J); of equals the first stays."""
+    people, joints = views.shape
+    double = np.zeros(people, np.bool_)
+    weight = np.zeros(people, np.int64)
+    for p in range(people):
+        for j in range(joints):
+            weight[p] += views[p, j]
+    for i in range(people):
+        for k in range(people):
+            if i == k or double[k] or weight[k] < weight[i] or (weight[k] == weight[i] and k > i):
+                continue
+            total, known = 0.0, 0
+            for j in range(joints):
+                gap = _gap(positions[i, j], positions[k, j])
+                if np.isfinite(gap):
+                    total += gap
+                    known += 1
+            if known >= SAME_JOINTS and total < SAME_PERSON * known:
+                double[i] = True
+    return double
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,6 +12,7 @@ from panoptic_ros.assembly.judgement import (
     drop_long_bones,
     judge_joints,
     possible_people,
+    second_skeletons,
 )
 from panoptic_ros.assembly.map_votes import move_to_votes
 from panoptic_ros.assembly.time_shift import Motion
@@ -106,6 +107,7 @@ class Finisher:
             joints.positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest
         )
         kept = np.flatnonzero(possible)
+        kept = kept[~second_skeletons(joints.positions[kept], joints.views[kept])]
         own, placed = joints.rows(kept), np.zeros((len(kept), len(self._skeleton)), bool)
         if config.held_sigma > 0.0:
             kept, own, placed = hold_people(

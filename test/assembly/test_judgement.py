@@ -9,6 +9,7 @@ from panoptic_ros.assembly.judgement import (
     most_overlap,
     needed_views,
     possible_people,
+    second_skeletons,
 )
 from panoptic_ros.assembly.noise import residuals_to_learn
 from panoptic_ros.domain import Camera
@@ -80,6 +81,13 @@ def test_people_need_joints_agreement_and_height():
     observed = np.full((4, 6), 3)
     assert possible_people(positions, good, observed, 0.5, 5, -2.0).tolist() == [True, False, True, False]
     assert not possible_people(positions, good, observed, 0.9, 5, -2.0)[2]
+
+
+def test_of_two_skeletons_in_one_place_that_of_more_views_stays():
+    person = np.random.default_rng(0).uniform(0.0, 1.0, (1, 6, 3))
+    positions = np.concatenate([person + 0.05, person, person + 3.0, person])
+    views = np.array([2, 3, 3, 3])[:, None] * np.ones((4, 6), np.int64)
+    assert second_skeletons(positions, views).tolist() == [True, False, False, True]
 
 
 def test_residuals_to_learn_have_leverage_taken_out():
