@@ -110,7 +110,7 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
     shift, sources = item.time_shift, item.sources
     nothing = np.zeros((len(ids), 0))
     persons = nothing if sources is None else sources.persons
-    given = {"side_votes": None, "corrections": item.corrections}  # nobody votes about sides any more
+    given = {"corrections": item.corrections}
     given |= {field: getattr(shift, name, None) for field, (name, _) in _TIME_SHIFT.items()}
     optional = {field: nothing if values is None else values for field, values in given.items()}
     plain = {"positions": item.positions, "covariances": item.covariances, "scores": item.scores}
