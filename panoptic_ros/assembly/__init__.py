@@ -8,10 +8,10 @@ are refined by minimising the reprojection error. There are two methods:
 * `consensus` (default): the people of the association, whose 2D people agree over views. People whom only
   the score maps show are added from voted nodes that nobody explains. The rest of this text is about it.
 
-The final solve chooses the observations of each joint by truncated cost, refines with Cauchy weights, and
-states a covariance. The noise of 2D joints is learnt online from residuals. Guidance enters choices only;
-positions are functions of this instant's images, but those of people whom one or two views show
-(`few_views`).
+The final solve chooses the observations of each joint by truncated cost, exchanges left and right of
+whole limbs where the images ask for it, refines with Cauchy weights, and states a covariance. The
+noise of 2D joints is learnt online from residuals. Guidance enters choices only; positions are functions
+of this instant's images, but those of people whom one or two views show (`few_views`).
 
 In: `ProposalSet` (its `detections` suffice). Out: one `PoseSet` for each. Limits: people need two
 views; biases of a detector are not seen by residuals (a `bias_table` takes known ones out, and

@@ -20,41 +20,19 @@ CORE, RIM = 0.8, 1.3  # of a radius: within are hidden joints, those that may be
 AHEAD = 0.06  # m, by which a bone must be closer to the camera than the joint
 
 
-def body_bones(skeleton: SkeletonModel) -> tuple[Array, Array]:
-    """Bones (B, 2) that hide others, and their radii (B,) m: those of the skeleton, and the flanks."""
+def body_bones(skeleton: SkeletonModel, torso: tuple[tuple[int, int], ...] | None) -> tuple[Array, Array]:
+    """Bones (B, 2) that hide others, and their radii (B,) m: those of the skeleton, and the flanks.
+
+    Args:
+        torso: shoulders and hips, each (left, right), or None if the skeleton has none.
+    """
     bones = [tuple(bone) for bone in skeleton.bones]
     radii = [BONE_RADIUS] * len(bones)
-    for shoulder, hip in zip(*corners_of_torso(skeleton)):
-        bones.append((shoulder, hip))
-        radii.append(TRUNK_RADIUS)
+    if torso is not None:
+        for shoulder, hip in zip(*torso):
+            bones.append((shoulder, hip))
+            radii.append(TRUNK_RADIUS)
     return np.array(bones, np.int64).reshape(-1, 2), np.array(radii)
-
-
-def corners_of_torso(skeleton: SkeletonModel) -> tuple[tuple[int, int], tuple[int, int]] | tuple[()]:
-    """Shoulders and hips, each (left, right); nothing if the skeleton has none.
-
-    They are where chains of two bones and more branch off, on either side; shoulders are nearer to the head.
-    """
-    parents, mirror = skeleton.parents, skeleton.mirror
-    degree = np.bincount(np.array(skeleton.bones).ravel(), minlength=len(skeleton))
-    below = np.zeros(len(skeleton), np.int64)
-    for parent, child in reversed(skeleton.bones):
-        below[parent] += 1 + below[child]
-
-    def to_root(joint: int) -> list[int]:
-        return [joint] if parents[joint] < 0 else [joint, *to_root(parents[joint])]
-
-    def from_head(joint: int) -> int:
-        way, head = to_root(joint), to_root(skeleton.head)
-        return min(way.index(k) + head.index(k) for k in way if k in head)
-
-    def branches(joint: int) -> bool:
-        parent = parents[joint]
-        return parent < 0 or mirror[parent] == parent or bool(degree[joint] > 2 and degree[parent] > 2)
-
-    tops = [pair for pair in skeleton.left_right if below[pair[0]] >= 2 and branches(pair[0])]
-    tops.sort(key=lambda pair: from_head(pair[0]))
-    return (tops[0], tops[1]) if len(tops) >= 2 else ()
 
 
 @njit(cache=True, error_model="numpy")

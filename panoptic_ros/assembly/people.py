@@ -29,7 +29,7 @@ from panoptic_ros.domain import (
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.bodies import Body
-from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views
+from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
 from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
@@ -57,8 +57,10 @@ class People:
             self.placed[which],
         )  # fmt: skip
 
-    def pose_set(self, item: ProposalSet, shift: TimeShift | None = None) -> PoseSet:
-        """The record."""
+    def pose_set(
+        self, item: ProposalSet, votes: Array | None = None, shift: TimeShift | None = None
+    ) -> PoseSet:
+        """The record, with votes (P, G) about the sides of limbs."""
         joints = self.joints
         measured = np.isfinite(joints.positions[..., 0])
         states = np.where(measured, np.where(self.placed, FILLED, MEASURED), MISSING)
@@ -68,6 +70,7 @@ class People:
         return PoseSet(
             item.index, item.stamp_ns, item.detections.skeleton_hash, joints.positions, covariances,
             joints.scores, joints.views, states, person, max(newest, item.stamp_ns), shift, self.sources,
+            votes,
         )  # fmt: skip
 
 
@@ -81,16 +84,17 @@ class Finisher:
         self._inflation = covariance_correction(config.cauchy)
 
     def finish(
-        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, motion: Motion | None
+        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
+        motion: Motion | None = None,
     ) -> People:  # fmt: skip
         """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
 
         Args:
             found: the people that were solved; where they expect joints, nodes are looked for.
+            observed: (P, J) number of views whose 2D person shows each joint.
             motion: None where all stamps are equal.
         """
         config = self._config
-        observed = observed_views(found, scene.precision)
         joints, good = self._judged(scene, solved, observed)
         if config.vote_distance > 0.0 and item.of_maps:
             expected = found.guide.positions

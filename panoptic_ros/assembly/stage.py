@@ -17,7 +17,8 @@ from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
 from panoptic_ros.solving.evidence import RigArrays, box_diagonals, carried_ages, check_association
-from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
+from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
 from panoptic_ros.stage import StageContext, StepResult
@@ -50,12 +51,14 @@ class AssemblyStage(Stateful):
         self._rig = RigArrays.of(context.rig)
         self._biases = _bias_table(config, context)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
+        self._limbs = limbs_of(context.skeleton)
         self._needed_views = needed_views(config.capture_views, context.rig.cameras)
         self._rules = SolverRules(
             config.truncation, config.cauchy, config.gate, config.foreign_penalty, config.max_pairs
         )
         self._finisher = Finisher(config, self._skeleton)
-        self._bones = body_bones(context.skeleton)
+        self._sides = Sides(context.skeleton, self._limbs.groups)
+        self._bones = body_bones(context.skeleton, self._sides.torso)
         self.reset()
         for example in example_sets(context.rig, context.skeleton):
             self.step(example)
@@ -83,12 +86,14 @@ class AssemblyStage(Stateful):
             return StepResult((self._without_biases(people.pose_set(item)),))
         if self._config.learn_noise and not self._noise.learnt:
             self._solve(item)  # the first people are solved with their learnt noise
-        people, found, motion = self._solve(item)
+        people, found, observed, motion = self._solve(item)
+        votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
+        votes -= ANATOMY_VOTES * self._sides.right_way(people.joints.positions, people.joints.views)
         shift = time_shift(motion, people.kept, people.joints.positions, found.guide.shifts, self._skeleton)
-        return StepResult((self._without_biases(people.pose_set(item, shift)),))
+        return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
-    def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Motion | None]:
-        """People of an instant, the candidates, motion; learns."""
+    def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
+        """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
         evidence, prediction = item.association.evidence, item.association.prediction
         sizes, ages = self._sizes(evidence), carried_ages(item.detections, evidence)
         scene = self._scene(item, sizes, ages)
@@ -98,7 +103,8 @@ class AssemblyStage(Stateful):
         found, solved, motion = solve_in_motion(scene, found, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
-        people = self._finisher.finish(scene, item, solved, found, motion)
+        observed = observed_views(found, scene.precision)
+        people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), motion)
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
         if not inside.all():
@@ -106,7 +112,7 @@ class AssemblyStage(Stateful):
         if self._config.learn_noise:
             seen = ages == 0.0
             self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept, seen)
-        return people, found, motion
+        return people, found, observed, motion
 
     def _without_biases(self, poses: PoseSet) -> PoseSet:
         """The skeletons without known biases of the detector; the record tells what was taken out."""

@@ -14,6 +14,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.identity.motion import predicted
 from panoptic_ros.solving.evidence import RigArrays, carried_ages, gather
 from panoptic_ros.solving.example import easy_instants
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limbs_of
 from panoptic_ros.solving.scene import Scene, even_precision, scene_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -39,6 +40,7 @@ class AssociationStage(Stateful):
         self._rig, self._names = RigArrays.of(context.rig), context.rig.names
         self._occluders = KnownOccluders(context.rig)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
+        self._sides = Sides(context.skeleton, limbs_of(context.skeleton).groups)
         self.reset()
         for example in easy_instants(context.rig, context.skeleton):
             for item in self.step(example).outputs:
@@ -110,11 +112,11 @@ class AssociationStage(Stateful):
         return groups.rows(seen), np.flatnonzero(seen), left
 
     def _new(self, scene: Scene, free: Array) -> tuple[Groups, Array]:
-        """New people among the free 2D people, with the sides that most views see, and a first estimate."""
+        """New people among the free 2D people, the right way round, and a first estimate of their joints."""
         groups, places = find_people(scene, free, self._config)
         if len(places):  # seldom
             views = np.where(groups.member >= 0, np.where(groups.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
-            wrong = views > 0.0
+            wrong = views > ANATOMY_VOTES * self._sides.of_body(places)
             groups = Groups(groups.member, groups.mirrored ^ wrong[:, None])
             places[wrong] = places[wrong][:, self._mirror]
         return groups, places

@@ -44,6 +44,8 @@ class PoseSet:
         newest_ns: stamp of the newest view behind them, `stamp_ns` if negative.
         time_shift: how they depend on motion; None where all views have the same stamp.
         sources: the views of the instant and the 2D people in them; None where they are not known.
+        side_votes: (P, G) views that see each of the skeleton's G limbs with its sides exchanged, minus those
+            that do not (see `solving.limbs`); None where nobody counted.
         corrections: (P, J, 3) m that were added because the detector is known to err, 0 where nothing was;
             None = nowhere. What is compared with images, as predictions are, must do without.
     """
@@ -60,6 +62,7 @@ class PoseSet:
     newest_ns: int = -1
     time_shift: TimeShift | None = None
     sources: ViewSources | None = None
+    side_votes: Array | None = None
     corrections: Array | None = None
 
     def __post_init__(self) -> None:
@@ -90,6 +93,8 @@ class PoseSet:
             )
         if self.sources is not None:
             self._check_sources(self.sources)
+        if self.side_votes is not None:
+            shapes.store("side_votes", np.float64, "P G")
         if self.corrections is not None and not np.isfinite(
             shapes.store("corrections", np.float64, "P J 3")
         ).all():

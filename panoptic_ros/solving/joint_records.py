@@ -126,9 +126,9 @@ def sources(mirrored: Array, mirror: Array) -> Array:
 
 
 def observed_views(found: Candidates, precision: Array) -> Array:
-    """(P, J) number of views whose 2D person shows joint j, from the precisions (D, J) of 2D joints."""
+    """(P, V, J) whether the 2D person of each view shows joint j, from the precisions (D, J) of 2D joints."""
     member = found.grouping.member[..., None]
     if not len(precision):
-        return np.zeros(found.guide.spreads.shape, np.int64)
-    numbers: Array = ((member >= 0) & (precision[np.maximum(member, 0), found.source] > 0.0)).sum(axis=1)
-    return numbers
+        return np.zeros(found.source.shape, bool)
+    usable: Array = (member >= 0) & (precision[np.maximum(member, 0), found.source] > 0.0)
+    return usable

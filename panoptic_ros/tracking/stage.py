@@ -12,6 +12,7 @@ from panoptic_ros.identity.appearance import looks_at
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.identity.likeness import NEW, WAIT, paired, recognised
 from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
+from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
@@ -37,6 +38,7 @@ class TrackingStage(Stateful):
         self._config, self._skeleton = config, context.skeleton
         self._hash = context.skeleton.hash  # computed at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
+        self._limbs = limbs_of(context.skeleton)
         self._pairs = paired(self._bones, np.array(context.skeleton.mirror, np.int64))
         self.reset()
         self._compile()
@@ -76,6 +78,11 @@ class TrackingStage(Stateful):
                 f"poses of skeleton {item.skeleton_hash}, but tracking works on "
                 f"{self._skeleton.name} ({self._hash})"
             )
+        if item.side_votes is not None and item.side_votes.shape[1] != self._limbs.number:
+            raise DataError(
+                f"poses with votes about {item.side_votes.shape[1]} limbs, but {self._skeleton.name} has "
+                f"{self._limbs.number}"
+            )
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"
             return StepResult(notices=(Notice("tracking.old_stamp", "warning", text),))
@@ -90,13 +97,14 @@ class TrackingStage(Stateful):
             self._tracks.clothes.learn(owners[own], looks[own])
         notices = self._confirm(shown, owners) + self._find_subjects(item.stamp_ns)
         ids = np.where(owners >= 0, self._tracks.ids[owners], -1) if len(owners) else owners
+        self._tracks.exchange_sides(self._limbs)
         rows = np.flatnonzero((ids >= 0) & self._is_reported(ids))
         rows = rows[np.argsort(ids[rows])]
         return StepResult((tracked(item, rows, ids[rows]), self._tracks.record(item)), notices)
 
     def _new(self, people: int) -> Tracks:
         """Tracks before their first measurement."""
-        return Tracks.of_new(people, len(self._skeleton), len(self._bones))
+        return Tracks.of_new(people, len(self._skeleton), len(self._bones), self._limbs.number)
 
     def _advance(self, stamp_ns: int) -> None:
         """Predict all tracks to the instant, and drop those that were unseen for too long.

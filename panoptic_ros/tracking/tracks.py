@@ -12,6 +12,7 @@ from panoptic_ros.identity.likeness import Bones, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
+from panoptic_ros.solving.limbs import Limbs
 
 Array = np.ndarray
 
@@ -20,6 +21,7 @@ KNOWN_AFTER = 10  # measurements of a bone, from which on its length counts as k
 LENGTH_MEMORY = 60.0  # frames over which bone lengths are averaged
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
 OUTLIER = 4.0  # standard deviations, at which a length's difference from the mean is cut
+BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
 WORST = 10.0  # sigmas, at which distances of joints are truncated
 
@@ -50,6 +52,7 @@ class Tracks:
         heads: (T, 3) m, where the head was seen last, NaN = nowhere.
         unseen: (T,) s since the person was seen; missed: (T,) those of them in which there were sets.
         hits: (T,) how often it was seen; seconds: (T,) since when there is a track.
+        balance: (T, G) exchanged minus straight views of each limb, with forgetting.
         colours, looks, colour_squares: see `identity.appearance.Colours`.
     """
 
@@ -68,18 +71,19 @@ class Tracks:
     missed: Array
     hits: Array
     seconds: Array
+    balance: Array
     colours: Array
     looks: Array
     colour_squares: Array
 
     @classmethod
-    def of_new(cls, people: int, joints: int, bones: int) -> Tracks:
+    def of_new(cls, people: int, joints: int, bones: int, limbs: int) -> Tracks:
         """People before their first measurement."""
         return cls(
             np.full(people, -1), *JointMotion.of_new(people, joints), np.full((people, bones), np.nan),
             np.zeros((people, bones)), np.zeros((people, bones)), np.full((people, 3), np.nan),
             np.zeros((people, 3)), np.full((people, 3), np.nan), np.zeros(people), np.zeros(people),
-            np.zeros(people, np.int64), np.zeros(people),
+            np.zeros(people, np.int64), np.zeros(people), np.zeros((people, limbs)),
             *Colours.of_new(people),
         )  # fmt: skip
 
@@ -147,6 +151,20 @@ class Tracks:
         self.hits[owners[k]] += 1
         seen = k[np.isfinite(poses.positions[k, head, 0])]
         self.heads[owners[seen]] = poses.positions[seen, head]
+        if poses.side_votes is not None:
+            self.balance[owners[k]] = BALANCE_MEMORY * self.balance[owners[k]] + poses.side_votes[k]
+
+    def exchange_sides(self, limbs: Limbs) -> None:
+        """Exchange, in place, left and right of limbs that most views have seen exchanged for long."""
+        wrong = self.balance > 0.0
+        if not wrong.any():
+            return
+        joints, rows = np.arange(len(limbs.mirror)), np.arange(len(wrong))[:, None]
+        touched = wrong[:, np.maximum(limbs.groups, 0)] & (limbs.groups >= 0)
+        take = np.where(touched, limbs.mirror, joints)
+        for table in self.motion:
+            table[:] = table[rows, take]
+        self.balance[wrong] *= -1.0
 
     def record(self, poses: PoseSet) -> TrackSet:
         """The record that is fed back."""

@@ -12,6 +12,7 @@ from panoptic_ros.assembly.occlusion import (
     hidden_joints,
     hidden_observations,
 )
+from panoptic_ros.solving.limbs import Sides, limbs_of
 from panoptic_ros.solving.scene import Cameras
 
 EYE = Cameras(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
@@ -76,7 +77,8 @@ def test_equals_a_walk_along_the_line_of_sight(seed):
 
 def test_people_behind_one_another(scenes):
     skeleton = scenes.skeleton
-    bones, radii = body_bones(skeleton)
+    groups, _, _ = limbs_of(skeleton)
+    bones, radii = body_bones(skeleton, Sides(skeleton, groups).torso)
     assert len(bones) == len(skeleton.bones) + 2
     rig = scenes.ring(4)
     stack = rig.stack()

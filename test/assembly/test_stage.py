@@ -84,6 +84,17 @@ def test_exchanged_sides_are_undone(scenes, guidance):
         assert errors(pose, people).max() < 0.02
 
 
+def test_anatomy_decides_where_half_of_the_views_exchange_sides(scenes):
+    rig, truth = scenes.ring(4), scenes.person()
+
+    def change(i, points, scores):
+        if i < 2:
+            points[0] = points[0, list(scenes.skeleton.mirror)]
+
+    pose = solve(scenes, rig, [scenes.proposals(rig, [truth], change=change)])[0]
+    assert errors(pose, [truth]).max() < 1e-3
+
+
 def test_merged_and_duplicated_people(scenes):
     rig, people = scenes.ring(6), [scenes.person(0.25, 0.0), scenes.person(-0.3, 0.1)]
 

@@ -126,7 +126,7 @@ def test_the_comparison_sees_differences():
     assert invariances.largest_gap(base, base) == 0.0
     moved = invariances.largest_gap(base, base, lambda points: points + [0.0, 0.01, 0.0])
     assert moved == pytest.approx(0.01)
-    fewer = [replace(item, sources=None, **{
+    fewer = [replace(item, sources=None, side_votes=None, **{
         name: getattr(item, name)[:1]
         for name in ("positions", "covariances", "scores", "views", "states", "person_scores")
     }) for item in base]  # fmt: skip

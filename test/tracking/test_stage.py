@@ -183,6 +183,12 @@ def test_the_nearest_head_is_taken_by_the_one_whom_it_suits_best():
     assert run(sets, method="head")[1].positions[:, 0, 0].tolist() == pytest.approx([0.1, 0.45])
 
 
+def test_votes_about_limbs_that_the_skeleton_has_not_are_refused():
+    item = poses(0, [body(0.0)])
+    with pytest.raises(DataError, match="7 limbs"):
+        run([replace(item, side_votes=np.zeros((1, 7)))])
+
+
 def test_known_biases_are_in_the_result_and_not_in_what_is_followed():
     stage = TrackingStage(TrackingConfig(), StageContext(None, MODEL))
     shown, moved = body(0.0), np.array([0.3, 0.0, 0.0])

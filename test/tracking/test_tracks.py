@@ -3,19 +3,23 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import PoseSet
+from panoptic_ros.solving.limbs import Limbs
 from panoptic_ros.tracking.tracks import FLOOR, WORST, Tracks, joint_distances
 
 JOINTS = 5
 BONES = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
+MIRROR = np.array([0, 2, 1, 4, 3])
+LIMBS = Limbs(np.array([-1, 0, 0, 0, 0]), MIRROR, 1)
 
 
-def poses(positions, index=0):
+def poses(positions, index=0, votes=None):
     positions = np.asarray(positions, float)
     shape = positions.shape[:2]
     there = np.isfinite(positions[..., 0])
     covariances = np.where(there[..., None, None], 1e-4 * np.eye(3), np.nan)
     return PoseSet(
         index, index, "abc", positions, covariances, 1.0 * there, 4 * there, 1 * there, np.ones(shape[0]),
+        side_votes=votes,
     )
 
 
@@ -43,7 +47,7 @@ def test_distances_are_means_over_the_joints_that_both_have(seed):
 
 
 def test_bones_are_averaged_and_the_middle_is_the_median():
-    tracks = Tracks.of_new(1, JOINTS, len(BONES))
+    tracks = Tracks.of_new(1, JOINTS, len(BONES), 1)
     rng = np.random.default_rng(3)
     shown = [people(rng, 1) for _ in range(7)]
     for index, positions in enumerate(shown):
@@ -52,3 +56,14 @@ def test_bones_are_averaged_and_the_middle_is_the_median():
     assert np.allclose(tracks.lengths[0], np.nanmean(lengths, axis=0))
     assert np.allclose(tracks.middles[0], np.nanmedian(shown[-1][0], axis=0))
     assert tracks.hits[0] == 7 and tracks.unseen[0] == 0.0
+
+
+def test_sides_that_most_views_see_exchanged_for_long_are_exchanged():
+    tracks = Tracks.of_new(2, JOINTS, len(BONES), 1)
+    positions = np.random.default_rng(0).normal(size=(2, JOINTS, 3))
+    tracks.update(np.array([0, 1]), poses(positions, votes=np.array([[2.0], [-1.0]])), BONES, 0)
+    tracks.exchange_sides(LIMBS)
+    assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])
+    assert np.array_equal(tracks.states[1, :, :3], positions[1])
+    tracks.exchange_sides(LIMBS)  # not again: the balance was turned round
+    assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])

@@ -110,7 +110,7 @@ def _write_poses(item: PoseSet, family: Messages, frame_id: str) -> Any:
     shift, sources = item.time_shift, item.sources
     nothing = np.zeros((len(ids), 0))
     persons = nothing if sources is None else sources.persons
-    given = {"corrections": item.corrections}
+    given = {"side_votes": item.side_votes, "corrections": item.corrections}
     given |= {field: getattr(shift, name, None) for field, (name, _) in _TIME_SHIFT.items()}
     optional = {field: nothing if values is None else values for field, values in given.items()}
     plain = {"positions": item.positions, "covariances": item.covariances, "scores": item.scores}
@@ -155,7 +155,7 @@ def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
             int(message.index), stamp_of(message.header), str(message.skeleton_hash),
             person_scores=np.array([p.score for p in people], float),
             newest_ns=time_ns(message.newest_stamp), time_shift=_read_time_shift(people, joints),
-            sources=_read_sources(message),
+            sources=_read_sources(message), side_votes=_read_side_votes(people),
             corrections=_read_corrections(people, joints), **arrays, **ids,
         )  # fmt: skip
 
@@ -169,6 +169,13 @@ def _read_time_shift(people: Any, joints: int) -> TimeShift | None:
     return TimeShift(
         *(_of_all(people, field, joints, *tail) for field, (_, tail) in _TIME_SHIFT.items())
     )
+
+
+def _read_side_votes(people: Any) -> Array | None:
+    """None where no skeleton has any."""
+    if not any(len(p.side_votes) for p in people):
+        return None
+    return _of_all(people, "side_votes", len(people[0].side_votes))
 
 
 def _read_corrections(people: Any, joints: int) -> Array | None:

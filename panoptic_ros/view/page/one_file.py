@@ -23,7 +23,7 @@ from panoptic_ros.view.page.recorded import BLOCK_NS, RecordedScene
 
 LONGEST_S = 900  # of one file; browsers have trouble with some hundred megabytes
 BODIES = ("bodies",)  # topics of layers that are shown at first
-LEFT_OUT = ("time_shift", "corrections")  # of skeletons: numbers that a page does not show
+LEFT_OUT = ("time_shift", "side_votes", "corrections")  # of skeletons: numbers that a page does not show
 
 
 def one_file(

@@ -131,7 +131,7 @@ def test_skeletons_of_before_they_said_how_many_joints_they_have(tmp_path):
     poses = only_record(write_message(tmp_path / "bag", store, message), "RefinedPoseSet")
     assert poses.ids.tolist() == [4] and poses.newest_ns == poses.stamp_ns == 7 * 10**9 + 5
     np.testing.assert_array_equal(poses.positions[0], np.arange(6.0).reshape(2, 3))
-    assert poses.sources is None and poses.time_shift is None
+    assert poses.sources is None and poses.side_votes is None and poses.time_shift is None
 
 
 def test_proposals_without_what_they_were_made_from_are_refused(tmp_path):

@@ -173,6 +173,7 @@ RECORDS = [
     ),
     poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
     poses(TrackedPoseSet, ids=[4, 2], newest_ns=10**18 + 7, time_shift=shift()),
+    poses(PoseSet, side_votes=rng.normal(size=(2, 4))),
     poses(PoseSet, corrections=rng.normal(size=(2, 3, 3))),
     poses(PoseSet, sources=sources()), poses(PoseSet, 0, sources=sources(0)),
     poses(RefinedPoseSet, ids=[7, 1], sources=sources()),

@@ -1,0 +1,162 @@
+"""Limbs that a detector exchanges as a whole, and which joints belong to them."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+
+ANATOMY_VOTES = 2.0  # weight of the position of the nose in the vote about sides, in views
+NOSE_AHEAD = 0.08  # m in front of the shoulders, from which on anatomy is sure
+
+
+class Limbs(NamedTuple):
+    """The limbs that a detector exchanges.
+
+    groups (J,) the limb of each joint, -1 = none; mirror (J,) the joint on the other side; number of limbs.
+    """
+
+    groups: Array
+    mirror: Array
+    number: int
+
+
+def limbs_of(skeleton: SkeletonModel) -> Limbs:
+    """The limbs of a skeleton.
+
+    Joints of one side that hang together by bones form a limb; its partner on the other side has
+    the same group: arms, legs, eyes with ears. A bone between two branching joints (hip to
+    shoulder) joins two limbs and is cut.
+    """
+    mirror = skeleton.mirror
+    degree = np.bincount(np.array(skeleton.bones).ravel(), minlength=len(skeleton))
+    group = np.array([j if mirror[j] != j else -1 for j in range(len(skeleton))])
+    for left, right in skeleton.left_right:
+        group[[left, right]] = min(left, right)
+    for _ in range(len(skeleton)):
+        for a, b in skeleton.bones:
+            linked = group[a] >= 0 and group[b] >= 0 and mirror[a] != b
+            if linked and not (degree[a] > 2 and degree[b] > 2):
+                low, high = sorted((group[a], group[b]))
+                group[group == high] = low
+    names = sorted(set(group[group >= 0].tolist()))
+    groups = np.array([names.index(g) if g >= 0 else -1 for g in group], np.int64)
+    return Limbs(groups, np.array(mirror, np.int64), len(names))
+
+
+def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:
+    """(P, G) number of views that see each limb with its sides exchanged, minus those that do not.
+
+    A view counts by the share of the limb's joints that it sees.
+
+    Args:
+        source: (P, V, J) joint of the 2D person that stands for joint j. observed: (P, V, J) is it seen.
+    """
+    counts: Array = count_exchanged(source, observed, groups, int(groups.max(initial=-1)) + 1)
+    return counts
+
+
+@njit(cache=True, error_model="numpy")
+def count_exchanged(source, observed, groups, count):
+    """The loops of `exchanged_views`."""
+    people, views, joints = source.shape
+    votes, sizes = np.zeros((people, count)), np.zeros(count)
+    for j in range(joints):
+        if groups[j] < 0:
+            continue
+        sizes[groups[j]] += 1.0
+        for p in range(people):
+            for v in range(views):
+                if observed[p, v, j]:
+                    votes[p, groups[j]] += -1.0 if source[p, v, j] == j else 1.0
+    return votes / np.maximum(sizes, 1.0)
+
+
+class Sides:
+    """Which way round a skeleton's sides are, by anatomy: the nose is in front of the shoulders.
+
+    Detectors exchange left and right, often for people seen from behind, and where they do so in half
+    of the views the images cannot say which half is right.
+    """
+
+    def __init__(self, skeleton: SkeletonModel, groups: Array):
+        self._head = skeleton.head
+        self._pairs: list[tuple[int, int, int]] = []  # group, left and right joint at its top
+        depth = _depths(skeleton)
+        for group in range(groups.max(initial=-1) + 1):
+            pairs = [pair for pair in skeleton.left_right if groups[pair[0]] == group]
+            left, right = min(pairs, key=lambda pair: depth[list(pair)].sum())
+            self._pairs.append((group, left, right))
+        limbs = [pair for pair in self._pairs if (groups == pair[0]).sum() >= 6]
+        limbs.sort(key=lambda pair: _distance(skeleton, pair[1], skeleton.head))
+        self.torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None  # shoulders, hips
+
+    def right_way(self, positions: Array, views: Array | None = None) -> Array:
+        """(P, G) in -1..1 for skeletons (P, J, 3): 1 = as anatomy has it, -1 = exchanged, 0 = cannot say.
+
+        Args:
+            views: (P, J) behind each joint. Where one view alone has placed a joint it says nothing: a
+                shoulder somewhere on its ray turns the torso round.
+        """
+        if self.torso is None:
+            return np.zeros((len(positions), len(self._pairs)))
+        if views is not None:
+            positions = np.where(views[..., None] >= 2, positions, np.nan)
+        sides: Array = sides_of_nose(positions, np.array(self._pairs), np.array(self.torso), self._head)
+        return sides
+
+    def of_body(self, positions: Array) -> Array:
+        """Mean (P,) of `right_way` over the limbs."""
+        shares: Array = self.right_way(positions).sum(axis=1) / max(len(self._pairs), 1)
+        return shares
+
+
+@njit(cache=True, error_model="numpy")
+def sides_of_nose(positions, pairs, torso, head):
+    """The loops of `Sides.right_way`; pairs (G, 3): group, left, right; torso: shoulders and hips (2, 2)."""
+    signs = np.zeros((len(positions), len(pairs)))
+    up, ahead, across = np.empty(3), np.empty(3), np.empty(3)
+    for p in range(len(positions)):
+        x = positions[p]
+        for k in range(3):
+            shoulders = 0.5 * (x[torso[0, 0], k] + x[torso[0, 1], k])
+            up[k] = shoulders - 0.5 * (x[torso[1, 0], k] + x[torso[1, 1], k])
+            ahead[k] = x[head, k] - shoulders
+        for i in range(len(pairs)):
+            for k in range(3):
+                across[k] = x[pairs[i, 1], k] - x[pairs[i, 2], k]
+            along = square = 0.0
+            for k in range(3):
+                a, b = (k + 1) % 3, (k + 2) % 3
+                normal = across[a] * up[b] - across[b] * up[a]
+                along += normal * ahead[k]
+                square += normal * normal
+            front = along / max(np.sqrt(square), 1e-6)
+            if np.isfinite(front):
+                signs[p, pairs[i, 0]] = min(1.0, max(-1.0, front / NOSE_AHEAD))
+    return signs
+
+
+def _depths(skeleton: SkeletonModel) -> Array:
+    """Number of bones (J,) between each joint and the root."""
+    depth = np.zeros(len(skeleton), np.int64)
+    for parent, child in skeleton.bones:
+        depth[child] = depth[parent] + 1
+    return depth
+
+
+def _distance(skeleton: SkeletonModel, first: int, second: int) -> int:
+    """Number of bones between two joints."""
+    parents = skeleton.parents
+    chains = []
+    for joint in (first, second):
+        chain = [joint]
+        while parents[chain[-1]] >= 0:
+            chain.append(parents[chain[-1]])
+        chains.append(chain)
+    common = set(chains[0]) & set(chains[1])
+    return min(chains[0].index(joint) + chains[1].index(joint) for joint in common)
