@@ -234,13 +234,14 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
                     count += picks[kept[i], j, v, 0] >= 0
     stride = 1 + count // MOST
     rows, columns = np.empty(count, np.int64), np.empty(count, np.int64)
-    pixels = np.empty(count)
+    pixels, spread = np.empty(count), np.zeros((3, 3))
     taken = 0
     for i in range(len(kept)):
         p = kept[i]
         for j in range(joints):
             if support[i, j] < least:
                 continue
+            invert_symmetric(normals[p, j], 1.0, spread)
             for v in range(views):
                 d, s = picks[p, j, v]
                 if d < 0:
@@ -253,7 +254,7 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
                     positions[p, j, 2] + shifts[p, j, 2] * delays[v],
                 )
                 error, leverage = _residual(
-                    x, normals[p, j], rotations[v], translations[v], plane[d, s], precision[d, s]
+                    x, spread, rotations[v], translations[v], plane[d, s], precision[d, s]
                 )
                 if residuals[p, j, v] < 0.0:
                     leverage = 0.0
@@ -267,17 +268,19 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
 
 
 @njit(cache=True, error_model="numpy")
-def _residual(x, lower, rotation, translation, point, precision):
-    """Distance on the plane between a joint and its observation, and the leverage of that observation."""
+def _residual(x, spread, rotation, translation, point, precision):
+    """Distance on the plane between a joint and its observation, and the leverage of that observation.
+
+    spread: (3, 3) m^2, inverse of the normal matrix of the joint.
+    """
     x0, x1, x2 = x
     r = rotation
     z = translation[2] + r[2, 0] * x0 + r[2, 1] * x1 + r[2, 2] * x2
     inverse = 1.0 / max(z, MIN_DEPTH)
     u = (translation[0] + r[0, 0] * x0 + r[0, 1] * x1 + r[0, 2] * x2) * inverse
     w = (translation[1] + r[1, 0] * x0 + r[1, 1] * x1 + r[1, 2] * x2) * inverse
-    spread, row = np.zeros((3, 3)), np.empty(3)
+    row = np.empty(3)
     error = np.sqrt((point[0] - u) ** 2 + (point[1] - w) ** 2)
-    invert_symmetric(lower, 1.0, spread)
     total = 0.0  # trace of J N^-1 J^T
     for i in range(2):
         slope = u if i == 0 else w
