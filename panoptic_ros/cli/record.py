@@ -40,7 +40,8 @@ def run(args: argparse.Namespace) -> int:
         return _ask(args.start)
     # only now: --help must be quick
     from panoptic_ros.io.bag_split import split_of
-    from panoptic_ros.running.recordings.record import RecordOptions, record, stand_by
+    from panoptic_ros.running.recordings.options import RecordOptions
+    from panoptic_ros.running.recordings.record import record, stand_by
     from panoptic_ros.running.recordings.selection import Selection
 
     options = RecordOptions(

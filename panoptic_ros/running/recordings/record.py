@@ -2,10 +2,9 @@
 from __future__ import annotations
 
 import platform
-import shutil
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from panoptic_ros.errors import EnvironmentProblem, PanopticError
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.bag_recorder import BagRecorder, TopicCounter
-from panoptic_ros.io.bag_split import GB, Split
+from panoptic_ros.io.bag_split import GB
 from panoptic_ros.io.definitions import described
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.io.messages import bag_messages, to_message
@@ -28,7 +27,8 @@ from panoptic_ros.nodes.recorder_node import RecorderNode
 from panoptic_ros.nodes.runtime import start_ros
 from panoptic_ros.running.recordings.control import PREFIX, SERVICE, prepare_recording
 from panoptic_ros.running.recordings.facts import as_text, recording_facts
-from panoptic_ros.running.recordings.selection import Selection
+from panoptic_ros.running.recordings.options import RecordOptions
+from panoptic_ros.running.recordings.room import told_room
 
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"
 STRING = "std_msgs/msg/String"
@@ -51,24 +51,6 @@ class Recorded:
     ended_by: str = ""
 
 
-@dataclass
-class RecordOptions:
-    """How to record.
-
-    Args:
-        duration_s: None = until it is asked to end. budget_gb: 0 = as much as there is room for.
-        keep_free_gb: on the disk. rig: calibration that goes into the bag, where the graph has none.
-        split: into several bags; None = one.
-    """
-
-    selection: Selection = field(default_factory=Selection)
-    duration_s: float | None = None
-    budget_gb: float = 0.0
-    keep_free_gb: float = 1.0
-    rig: Path | None = None
-    split: Split | None = None
-
-
 def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> Recorded:
     """Record until it is asked to end, the time is over, or there is no more room.
 
@@ -82,7 +64,7 @@ def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> R
         rates = recording.measure(asked)
         if asked():
             raise KeyboardInterrupt
-        tell(_budget(path, rates, options))
+        tell(told_room(path, rates, options))
         recording.begin(path)
         recording.spin(asked, options.duration_s)
         return recording.end()
@@ -270,29 +252,6 @@ class _Recording:
         self._executor.shutdown()
         self._node.destroy_node()
         try_shutdown()
-
-
-def _budget(path: Path, rates: Mapping[str, float], options: RecordOptions) -> str:
-    """What the disk has room for, in one line.
-
-    Raises:
-        EnvironmentProblem: if the time that is asked for does not fit.
-    """
-    total = sum(rates.values())
-    place = next(p for p in (path, *path.resolve().parents) if p.exists())
-    free = shutil.disk_usage(place).free - options.keep_free_gb * GB
-    room = min(free, options.budget_gb * GB) if options.budget_gb else free
-    line = f"{total / 1e6:.2f} MB/s on {len(rates)} topics, {3600 * total / GB:.1f} GB an hour"
-    if not total:
-        return f"nothing comes yet on the topics; room for {room / GB:.1f} GB"
-    seconds = room / total
-    if options.duration_s is not None and seconds < options.duration_s:
-        raise EnvironmentProblem(
-            f"{options.duration_s:g} s need {options.duration_s * total / GB:.2f} GB, but there is room for "
-            f"{max(0.0, room) / GB:.2f} GB ({line}); free some, or use --no-images, --topic, --keep-free"
-        )
-    largest = max(rates, key=lambda topic: rates[topic])
-    return f"{line} (most of it {largest}); room for {room / GB:.1f} GB, {seconds / 3600:.1f} h"
 
 
 def _free(path: Path) -> Path:

@@ -25,6 +25,7 @@ from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.recordings import control
 from panoptic_ros.running.recordings import record as recording
 from panoptic_ros.running.recordings.control import ask_all
+from panoptic_ros.running.recordings.options import RecordOptions
 from panoptic_ros.running.recordings.record import COUNTERS, FACTS
 from panoptic_ros.running.recordings.selection import Selection
 
@@ -133,7 +134,7 @@ class Started:
         self.lines, self.asked = [], []
         monkeypatch.setattr(recording, "recording_facts", self._facts)
         self._meanwhile = asked_meanwhile
-        self._recording = recording._Recording(recording.RecordOptions(), self.lines.append)
+        self._recording = recording._Recording(RecordOptions(), self.lines.append)
         self._folder = folder
 
     def _facts(self, node, executor):
@@ -174,7 +175,7 @@ def test_a_recorder_stands_by_after_a_bag_that_cannot_begin(tmp_path, monkeypatc
 def test_two_bags_that_begin_within_a_second_have_names_of_their_own(tmp_path, monkeypatch):
     monkeypatch.setattr(recording, "recording_facts", lambda node, executor: {})
     monkeypatch.setattr(recording.time, "strftime", lambda *_: "20261124-090000")
-    standing = recording._Recording(recording.RecordOptions(), lambda line: None)
+    standing = recording._Recording(RecordOptions(), lambda line: None)
 
     def ask(start):
         return standing._asked(SimpleNamespace(data=start), SimpleNamespace()).message
@@ -248,7 +249,7 @@ def test_no_recorder_is_told(monkeypatch):
 def test_nothing_to_record_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(recording, "PATIENCE_S", 0.2)
     with pytest.raises(EnvironmentProblem, match="nobody publishes anything"):
-        recording.record(tmp_path / "take", recording.RecordOptions(), lambda line: None)
+        recording.record(tmp_path / "take", RecordOptions(), lambda line: None)
     assert not list(tmp_path.iterdir())
 
 
