@@ -76,7 +76,8 @@ def hold_people(
     wanted = (found.who >= 0) & (views >= 1) & (views <= FEW_VIEWS)
     wanted &= prediction.lengths.shape[1] == len(body.bones)
     lacking = np.flatnonzero(wanted[kept] & np.isnan(joints.positions[..., 0]).any(axis=1))
-    held = np.setdiff1d(np.flatnonzero(wanted), kept)
+    wanted[kept] = False
+    held = np.flatnonzero(wanted)
     placed = np.zeros((len(kept) + len(held), joints.views.shape[1]), bool)
     if not len(lacking) and not len(held):
         return kept, joints, placed

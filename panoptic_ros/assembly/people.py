@@ -26,6 +26,7 @@ from panoptic_ros.domain import (
     TimeShift,
     ViewSources,
 )
+from panoptic_ros.domain.checks import known_good
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.bodies import Body
@@ -67,11 +68,15 @@ class People:
         newest = max((view.stamp_ns for view in item.detections.views), default=-1)
         person = joints.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
         covariances = joints.covariances + joints.doubts[..., None, None] * np.eye(3)
-        return PoseSet(
-            item.index, item.stamp_ns, item.detections.skeleton_hash, joints.positions, covariances,
-            joints.scores, joints.views, states, person, max(newest, item.stamp_ns), shift, self.sources,
-            votes,
-        )  # fmt: skip
+        return known_good(PoseSet, {
+            "index": item.index, "stamp_ns": item.stamp_ns, "skeleton_hash": item.detections.skeleton_hash,
+            "positions": joints.positions, "covariances": covariances, "scores": joints.scores,
+            "views": joints.views.astype(np.int32), "states": states.astype(np.uint8),
+            "person_scores": person, "newest_ns": max(newest, item.stamp_ns),
+            "time_shift": shift if len(states) else None,
+            "sources": self.sources if self.sources.cameras else None, "side_votes": votes,
+            "corrections": None,
+        })  # fmt: skip
 
 
 class Finisher:
@@ -156,9 +161,11 @@ def view_sources(
         evidence.starts, found.grouping.member[kept], solved.residuals[kept], solved.picks[kept]
     )
     known = np.concatenate([evidence.rows, [-1]])  # -1 stays -1
-    return ViewSources(
-        tuple(view.camera for view in views), np.array([view.frame_number for view in views]), known[rows]
-    )
+    return known_good(ViewSources, {
+        "cameras": tuple(view.camera for view in views),
+        "frames": np.array([view.frame_number for view in views], np.int64),
+        "persons": known[rows].astype(np.int32),
+    })  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")

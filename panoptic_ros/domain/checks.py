@@ -2,14 +2,29 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
+Record = TypeVar("Record")
 NOT_GIVEN: Any = None  # default of a record's field that `__post_init__` replaces
+
+
+def known_good(kind: type[Record], values: dict[str, Any]) -> Record:
+    """A record without its checks, for the one place where its content is known to pass them.
+
+    Args:
+        values: of all fields, as the record would hold them: its arrays become read-only and are not copied.
+    """
+    record = object.__new__(kind)
+    for name, value in values.items():
+        if type(value) is np.ndarray:
+            value.flags.writeable = False
+        object.__setattr__(record, name, value)
+    return record
 
 
 class Shapes:

@@ -135,7 +135,9 @@ class TrackingStage(Stateful):
         states = np.where((tracks.ages <= config.joint_memory)[..., None], tracks.states, np.nan)
         distance, cost = joint_distances(states, tracks.variances, item.positions, item.covariances)
         _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
-        lost = np.setdiff1d(np.flatnonzero(tracks.ids >= 0), owners)
+        away = tracks.ids >= 0
+        away[owners[owners >= 0]] = False
+        lost = np.flatnonzero(away)
         open_rows = np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1))
         if len(lost) and len(open_rows):  # somebody may have come back
             gone = tracks.rows(lost)

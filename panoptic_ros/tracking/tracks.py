@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import JointState, PoseSet, TrackSet
+from panoptic_ros.domain.checks import known_good
 from panoptic_ros.identity.appearance import Colours
 from panoptic_ros.identity.likeness import Bones, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
@@ -168,11 +169,12 @@ class Tracks:
 
     def record(self, poses: PoseSet) -> TrackSet:
         """The record that is fed back."""
-        return TrackSet(
-            poses.index, poses.stamp_ns, poses.skeleton_hash, self.ids.copy(), self.states.copy(),
-            self.variances.copy(), self.ages.copy(), self.unagreed.copy(), self.unseen.copy(),
-            np.where(self.counts >= KNOWN_AFTER, self.lengths, np.nan),
-        )  # fmt: skip
+        names = "ids states variances ages unagreed unseen".split()
+        return known_good(TrackSet, {
+            "index": poses.index, "stamp_ns": poses.stamp_ns, "skeleton_hash": poses.skeleton_hash,
+            **{name: getattr(self, name).copy() for name in names},
+            "lengths": np.where(self.counts >= KNOWN_AFTER, self.lengths, np.nan),
+        })  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
