@@ -115,6 +115,10 @@ class StampCorrection:
         notices += self._silent(camera.model, view.stamp_ns)
         return self._moved([view], camera.model, notices), tuple(notices)
 
+    def holds(self, name: str) -> bool:
+        """Whether frames of a camera wait for its clock."""
+        return bool(self._cameras[name].held)
+
     def end(self, name: str) -> tuple[Notice, ...]:
         """A camera gives no more: the time of frames that still wait is never known."""
         held = self._cameras[name].held

@@ -35,7 +35,7 @@ class Liveness:
         self._passed_ns = 0  # of capture time, without pauses
 
     def heard(self, name: str) -> tuple[Notice, ...]:
-        """A frame of a camera has come, good or not."""
+        """A frame of a camera has come that can be used, now or later."""
         camera = self._cameras[name]
         before, camera.heard_ns = camera.heard_ns, self._passed_ns
         if not camera.silent:
@@ -50,7 +50,6 @@ class Liveness:
         camera.recent.append(stamp_ns)
         if len(camera.recent) == SURE:
             self._go_on(min(camera.recent))
-        camera.heard_ns = self._passed_ns
 
     def _go_on(self, until_ns: int) -> None:
         before = self.now_ns or until_ns
@@ -82,6 +81,6 @@ class Liveness:
                 continue
             camera.silent = True
             since = "yet" if heard is None else f"for {waited / SECOND:.2f} s"
-            text = f"camera {name} has given no frame {since}: sets do not wait for it"
+            text = f"camera {name} has given no usable frame {since}: sets do not wait for it"
             notices.append(Notice("sync.camera_silent", "warning", text, {"camera": name}))
         return tuple(notices)

@@ -91,12 +91,11 @@ class SyncStage(Stateful):
                     f"camera {item.camera} sends skeleton {item.skeleton_hash}, "
                     f"expected {self._skeleton_hash}"
                 )
-            if self._liveness is not None:
-                notices += self._liveness.heard(item.camera)
-                self._queues[item.camera].silent = False
             views, outliers = self._outliers.take(item)
             notices += outliers
             self._correct(views, notices)
+            if self._correction.holds(item.camera):
+                self._hear(item.camera, notices)
         return self._give(notices, final=False)
 
     def flush(self) -> StepResult[DetectionSet]:
@@ -130,6 +129,8 @@ class SyncStage(Stateful):
                 continue
             if self._liveness is not None:
                 self._liveness.took(view.camera, view.stamp_ns)
+            if not self._is_overdue(view.stamp_ns):
+                self._hear(view.camera, notices)
             if self._is_late(view.stamp_ns):
                 queue.frames.pop()
                 notices.append(_dropped("sync.late_frame", view, "its set has been given already"))
@@ -236,6 +237,12 @@ class SyncStage(Stateful):
     def _is_overdue(self, instant: int) -> bool:
         """Whether no camera is waited for any more."""
         return self._liveness is not None and self._liveness.has_passed(instant, self._deadline_ns)
+
+    def _hear(self, camera: str, notices: list[Notice]) -> None:
+        """A frame has come in time, or waits for its clock. Others do not tell that their camera lives."""
+        if self._liveness is not None:
+            notices += self._liveness.heard(camera)
+            self._queues[camera].silent = False
 
     def _find_silent(self, instants: Instants, notices: list[Notice]) -> None:
         """Find the cameras that nobody waits for."""

@@ -65,9 +65,24 @@ def test_a_camera_that_never_came_is_named(bench):
     sync = bench.stage(deadline_s=0.5)
     steps = [sync.step(item) for item in arrivals(bench, "ab", 60)]
     assert [n.text for r in steps for n in r.notices] == [
-        "camera c has given no frame yet: sets do not wait for it"
+        "camera c has given no usable frame yet: sets do not wait for it"
     ]
     assert sum(len(r.outputs) for r in steps) == 60
+
+
+@pytest.mark.parametrize("old_s", [1.0, 3.0])
+@pytest.mark.parametrize("among", [1, 5])
+def test_frames_that_nobody_can_use_keep_nobody_waiting(bench, old_s, among):
+    """A publisher repeats old frames of a camera; one of so many of its own gets through among them."""
+    sync, waits = bench.stage(deadline_s=0.5), []
+    for k, items in enumerate(zip(*(arrivals(bench, c, 450) for c in "abc"), strict=True)):
+        copies = [
+            bench.view("b", items[0].stamp_ns - old_s * SECOND + (i + k) % 8 * SECOND / 30)
+            for i in range(12 if 150 <= k < 300 else 0)
+        ]
+        good = [v for v in items if v.camera != "b" or not copies or k % among == 0]
+        waits += [waited for _, waited in latest(sync, [*good, *copies])]
+    assert len(waits) == 450 and max(waits) < 0.11
 
 
 @pytest.mark.parametrize("ahead_s", [0.1, 0.6, 0.99, 1.9])

@@ -74,8 +74,9 @@ def test_deadline_gives_what_is_there_and_counts_late_frames(bench):
     sync = bench.stage(deadline_s=150e-9)
     given = [s for item in frames(bench, "ab", 7) for s in sync.step(item).outputs]
     assert [[v.camera for v in s.views] for s in given] == [["a", "b"]] * 7
-    late = [sync.step(item) for item in frames(bench, "c", 3)]
-    assert [n.code for r in late for n in r.notices] == ["sync.camera_back", *["sync.late_frame"] * 3]
+    late = [sync.step(item) for item in frames(bench, "c", 7)]  # four come within the deadline
+    codes = [n.code for r in late for n in r.notices]
+    assert codes == [*["sync.late_frame"] * 3, "sync.camera_back", *["sync.late_frame"] * 4]
 
 
 def test_stamp_that_stands_still_is_dropped_and_reported(bench):
@@ -205,8 +206,8 @@ def test_a_pause_of_all_cameras_and_a_device_that_resumes(bench):
     early = [stream(bench, c, 30.0, 0.0, 2) for c in "abc"]
     late = [stream(bench, c, 30.0, 7.0, 2) for c in "abc"]
     third = [v for v in late[2] if v.stamp_ns > 9 * SECOND]
-    told = ["sync.camera_silent", "sync.camera_back", "sync.late_frame"]  # three frames show where it is
-    for live, expected, late_frames in ((0.0, [], 0), (0.2, told, 1)):
+    told = ["sync.camera_silent", "sync.camera_back", *["sync.late_frame"] * 3]  # as many show where it is
+    for live, expected, late_frames in ((0.0, [], 0), (0.2, told, 3)):
         sync = bench.stage(deadline_s=live)
         sets, codes = bench.run(sync, in_time(*early, late[0], late[1], third))
         assert codes == expected
