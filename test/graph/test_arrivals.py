@@ -41,7 +41,7 @@ def test_a_camera_that_never_came_is_named():
 
 def test_what_is_no_stream_may_be_silent():
     arrivals = Arrivals("clock_models", "", "/clock_models", False, 0)
-    assert not arrivals.trouble(100 * SECOND)
+    assert not arrivals.trouble(100 * SECOND) and arrivals.values(100 * SECOND)["age_s"] == "nan"
 
 
 def test_how_much_is_lost_of_late():

@@ -2,6 +2,7 @@
 import base64
 
 import numpy as np
+import pytest
 from bodies import BODY, MODEL, placed, some_pose
 from node_js import needs_node, run_js
 from recorded_scene import (
@@ -188,6 +189,29 @@ def test_a_tile_pairs_an_image_with_the_people_of_its_own_stamp(recording):
         assert shown == now - now % 3 and frame == 1000 + shown and apart == 0
     assert found["steps"] == [31, 29, 35, 25] and found["edge"] == 119
     assert np.isclose(found["rate"], 30.0, atol=0.1)
+
+
+@pytest.mark.parametrize("shift", [0.0, 3600.0])
+def test_a_driver_that_counts_anew_is_paired_by_time(shift):
+    """Numbers 0 to 9, and 20 s later 0 to 3 again, of which the last view has not come yet."""
+    found = run_js(
+        """
+        import { Store } from "#view/store.js";
+        const store = new Store({ schemas: {}, topics: [], kind: "recorded", begin_ns: 0 }), s = 1e9;
+        const add = (n, begin, seen) => {
+          if (seen) store._addView("left", (begin + n + data) * s, { frame_number: n });
+          store._addInstant((begin + n) * s, { view_cameras: ["left"], view_frames: [n], skeletons: [] });
+        };
+        const views = () => store.instants.map((item) => store.viewOf("left", item));
+        const times = () => views().map((view) => view && view.t / s - data);
+        for (let n = 0; n < 10; n++) add(n, 0, true);
+        const before = times();
+        for (let n = 0; n < 4; n++) add(n, 20, n < 3);
+        console.log(JSON.stringify([before, times()]));
+        """,
+        shift,
+    )
+    assert found == [[*range(10)], [*range(10), 20, 21, 22, None]]
 
 
 def test_people_are_shown_where_there_are_no_images(tmp_path):

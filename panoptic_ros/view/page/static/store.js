@@ -13,7 +13,7 @@ export class Store {
     this.topics = facts.topics;
     this.origin = facts.kind === "live" ? null : BigInt(facts.begin_ns);
     this.instants = []; // {t, people, frames}, sorted
-    this.views = new Map(); // by camera: {byFrame, byTime, times}
+    this.views = new Map(); // by camera: {byFrame, byTime, times, run, last, shift}, see _addView
     this.previews = new Map(); // by camera: {byTime, times}
     this.others = new Map(); // by key: [{t, message}], sorted
     this.problems = 0;
@@ -39,7 +39,11 @@ export class Store {
     this.instants = this.instants.filter((item) => inside(item.t));
     for (const kept of this.previews.values()) keepTimes(kept, inside, closeImage);
     for (const kept of this.views.values()) {
-      for (const [frame, view] of kept.byFrame) if (!inside(view.t)) kept.byFrame.delete(frame);
+      for (const [frame, views] of kept.byFrame) {
+        const left = views.filter((view) => inside(view.t));
+        if (left.length) kept.byFrame.set(frame, left);
+        else kept.byFrame.delete(frame);
+      }
       keepTimes(kept, inside);
     }
     for (const [key, list] of this.others) this.others.set(key, list.filter((item) => inside(item.t)));
@@ -90,7 +94,7 @@ export class Store {
   viewOf(camera, instant) {
     const kept = this.views.get(camera);
     if (!kept || !instant) return null;
-    if (camera in instant.frames) return kept.byFrame.get(instant.frames[camera]) ?? null;
+    if (camera in instant.frames) return numbered(kept, instant.frames[camera], instant.t);
     if (Object.keys(instant.frames).length) return null;
     const t = nearest(kept.times, instant.t);
     return t !== null && Math.abs(t - instant.t) <= NEAR ? kept.byTime.get(t) : null;
@@ -154,10 +158,14 @@ export class Store {
   }
 
   _addView(camera, t, message) {
-    const kept = this.views.get(camera) ?? { byFrame: new Map(), byTime: new Map(), times: [] };
+    const none = { byFrame: new Map(), byTime: new Map(), times: [], run: 0, last: -1, shift: null };
+    const kept = this.views.get(camera) ?? none, number = message.frame_number;
     this.views.set(camera, kept);
-    const view = { t, camera, message };
-    kept.byFrame.set(message.frame_number, view);
+    if (number < kept.last) kept.run += 1; // a driver that was started anew counts from the beginning
+    kept.last = number;
+    const view = { t, camera, message, run: kept.run };
+    const others = (kept.byFrame.get(number) ?? []).filter((other) => other.t !== t);
+    kept.byFrame.set(number, [...others, view]);
     addTime(kept, t, view);
   }
 
@@ -172,6 +180,15 @@ export class Store {
     this.others.set(key, list);
     return list;
   }
+}
+
+// The view with a number that is nearest to an instant, on the clock of its camera: `shift` from that of instants, as
+// its first pair shows. Once a driver has counted anew the number alone does not tell which one is meant.
+function numbered(kept, number, t) {
+  const away = (view) => Math.abs(view.t - t - (kept.shift ?? 0));
+  const view = (kept.byFrame.get(number) ?? []).reduce((a, b) => (a && away(a) <= away(b) ? a : b), null);
+  if (view && kept.shift === null && view.run === kept.run) kept.shift = view.t - t;
+  return view && (kept.run === 0 || away(view) <= REACH) ? view : null;
 }
 
 function addTime(kept, t, item) {
