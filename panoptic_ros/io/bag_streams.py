@@ -13,6 +13,7 @@ from panoptic_ros.domain import StampLine
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
+from panoptic_ros.io.foreign_people import ForeignPeople
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
 from panoptic_ros.io.messages.bodies import read_imu
 from panoptic_ros.io.messages.family import decode_cdr
@@ -39,6 +40,7 @@ class BagStream:
         shift_ns: what is added to stamps to tell which messages of several topics belong side by side.
         from_sample: of sound: blocks that end before it are left out.
         line: corrects the stamps; what would lie before 0 is left out.
+        people: the messages are 2D people of another stack.
     """
 
     bag: Path
@@ -49,23 +51,28 @@ class BagStream:
     shift_ns: int = 0
     from_sample: int = 0
     line: StampLine | None = None
+    people: ForeignPeople | None = None
 
     @classmethod
     def from_words(cls, words: Mapping[str, Any]) -> BagStream:
         """The stream of plain words, as `words` gives them."""
-        line = words["line"]
+        line, people = words["line"], words["people"]
         return cls(**{
-            **words, "bag": Path(words["bag"]), "line": None if line is None else StampLine.from_words(line)
+            **words, "bag": Path(words["bag"]), "line": None if line is None else StampLine.from_words(line),
+            "people": None if people is None else ForeignPeople.from_words(people),
         })  # fmt: skip
 
     def words(self) -> dict[str, Any]:
         """Plain words that a file can hold."""
         own = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {**own, "bag": str(self.bag), "line": None if self.line is None else self.line.words()}
+        line = None if self.line is None else self.line.words()
+        people = None if self.people is None else self.people._asdict()
+        return {**own, "bag": str(self.bag), "line": line, "people": people}
 
     def messages(self, bag: BagReader) -> Iterator[BagMessage | DataError]:
         """All messages, and an error in the place of each that cannot be decoded."""
-        for _, arrival_ns, data, kind in bag.raw(self.topic):
+        connection = bag.connection(self.topic)
+        for number, (_, arrival_ns, data, kind) in enumerate(bag.raw(self.topic)):
             data = with_stamp(data, arrival_ns) if self.arrival_stamps else data
             if self.line is not None and (before := stamp_in(data)) is not None:
                 stamp = self.line.corrected(before)
@@ -73,7 +80,10 @@ class BagStream:
                     continue
                 data = with_stamp(data, stamp)
             try:
-                message = decode_cdr(data, kind)
+                if self.people is None:
+                    message = decode_cdr(data, kind)
+                else:
+                    data, message = self.people.detections(data, connection, self.camera, number)
             except DataError as error:
                 yield self._named(error)
                 continue

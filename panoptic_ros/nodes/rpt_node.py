@@ -76,7 +76,9 @@ class RptNode(Node):
         number = self._counts.get(camera.name, 0)
         self._counts[camera.name] = number + 1
         try:
-            view = view_of_poses(unpacked(data, self._kind), camera, number, self._skeleton)
+            view = view_of_poses(
+                unpacked(data, self._kind), camera.name, camera.image_size, number, self._skeleton
+            )
         except DataError as error:
             self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
             return

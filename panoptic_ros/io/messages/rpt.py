@@ -2,12 +2,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, JointMap, SkeletonModel, ViewDetections
+from panoptic_ros.domain import JointMap, SkeletonModel, ViewDetections
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages.family import stamp_of
 from panoptic_ros.io.skeletons import map_joints
@@ -15,10 +16,13 @@ from panoptic_ros.io.skeletons import map_joints
 KIND = "rpt_msgs/msg/Poses"
 
 
-def view_of_poses(message: Any, camera: Camera, number: int, skeleton: str) -> ViewDetections:
+def view_of_poses(
+    message: Any, camera: str, image_size: tuple[int, int], number: int, skeleton: str
+) -> ViewDetections:
     """The 2D people of a camera.
 
     Args:
+        camera, image_size: its name, and (width, height) px of its images.
         message: `bodies_shape` is (people, joints, 3), `bodies_flat` holds x, y in pixels and a score each.
         number: of the message; the caller counts.
         skeleton: name of the working skeleton.
@@ -29,7 +33,7 @@ def view_of_poses(message: Any, camera: Camera, number: int, skeleton: str) -> V
     names = tuple(str(name) for name in message.joint_names)
     shape = tuple(int(n) for n in message.bodies_shape)
     flat = np.asarray(message.bodies_flat, np.float64)
-    what = f"Poses of camera {camera.name}"
+    what = f"Poses of camera {camera}"
     if len(shape) == 3 and shape[2] == 4:
         raise DataError(f"{what} has 4 values per joint: these are people in 3D, not what a camera sees")
     if len(shape) != 3 or shape[1:] != (len(names), 3) or min(shape) < 0 or flat.size != np.prod(shape):
@@ -42,8 +46,13 @@ def view_of_poses(message: Any, camera: Camera, number: int, skeleton: str) -> V
     points, mapped = joint_map.apply(bodies[..., :2], scores)
     best = mapped.max(axis=1) if len(mapped) else np.zeros(0)
     return ViewDetections(
-        camera.name, stamp_of(message.header), number, camera.image_size, model.hash, points, mapped, best
+        camera, stamp_of(message.header), number, image_size, model.hash, points, mapped, best
     )
+
+
+def skeleton_of_poses(names: Sequence[str], skeleton: str) -> SkeletonModel:
+    """The working skeleton, as joints of these names fill it."""
+    return _mapping(tuple(names), skeleton)[0]
 
 
 @lru_cache(maxsize=16)

@@ -62,7 +62,7 @@ def plan_bags(
         if whole is None:
             raise DataError(f"{names_of(bags)} has no message on /rig; give the calibration with --rig")
         asked = whole if choice.cameras is None else whole.subset(choice.cameras)
-        streams = image_streams(choice, bags, asked)
+        streams = image_streams(choice, bags, asked, options.chosen_skeleton)
         depths, unreadable = depth_streams(choice, bags, asked, streams)
         bag_of = {s: next(bag for bag in bags if bag.path == s.bag) for s in streams}
         counts = {s.camera: bag.counts[s.topic] for s, bag in bag_of.items()}
@@ -120,6 +120,9 @@ def _recorded_skeleton(
     options: RunOptions, bags: Sequence[BagReader], bag_of: Mapping[BagStream, BagReader]
 ) -> SkeletonModel:
     """The skeleton of detections; the one that is named if /skeleton_model was not recorded."""
+    first, its_bag = next(iter(bag_of.items()))
+    if first.people is not None:
+        return first.people.model(its_bag, first.topic)
     recorded: SkeletonModel | None = _latched(bags, "skeleton_model")
     if recorded is not None:
         _refuse_detector_options(options, bags[0])

@@ -2,13 +2,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import DataError
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bag_streams import DEPTH_KEYS, IMU_KEY, SENSOR_KEYS, TRACKS_KEY, BagStream
 from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.foreign_people import ForeignPeople
+from panoptic_ros.io.messages.rpt import KIND as POSES
 
 KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
 
@@ -32,8 +34,13 @@ class BagChoice:
     redetect: bool = False
 
 
-def image_streams(choice: BagChoice, bags: Sequence[BagReader], rig: Rig) -> tuple[BagStream, ...]:
+def image_streams(
+    choice: BagChoice, bags: Sequence[BagReader], rig: Rig, skeleton: str
+) -> tuple[BagStream, ...]:
     """The streams of the best kind there is, in the order of the rig's cameras.
+
+    Args:
+        skeleton: the working skeleton, for 2D people of another stack.
 
     Raises:
         DataError: if there are none, or a camera may be several topics.
@@ -43,6 +50,8 @@ def image_streams(choice: BagChoice, bags: Sequence[BagReader], rig: Rig) -> tup
         rig.camera(camera)  # a wrong name is told
     for key in KEYS[1:] if choice.redetect else KEYS:
         found = _of_kind(choice, bags, key, rig.names, given)
+        if not found and key == "detections":
+            found = _foreign_people(choice, bags, rig, skeleton)
         if found:
             return found
     missing = [topic for topic in given.values() if not any(topic in bag.topics for bag in bags)]
@@ -122,14 +131,42 @@ def _find(bags: Sequence[BagReader], key: str, camera: str, given: str | None) -
     A topic of the right type that ends as the camera's own does is taken for it, so that recordings of a
     graph in a namespace need nothing more.
     """
-    kind, usual = TOPICS[key].message, "/" + TOPICS[key].of(camera)
-    rows = [
-        (bag, topic) for bag in bags for topic, own in bag.topics.items() if own == kind and bag.counts[topic]
-    ]
+    usual = "/" + TOPICS[key].of(camera)
+    rows = _topics_of(bags, TOPICS[key].message)
     if given is not None:
         found = [row for row in rows if row[1] == given]
     else:
         found = [row for row in rows if row[1] == usual] or [row for row in rows if row[1].endswith(usual)]
+    return _the_only(found, bags, key, camera)
+
+
+def _foreign_people(
+    choice: BagChoice, bags: Sequence[BagReader], rig: Rig, skeleton: str
+) -> tuple[BagStream, ...]:
+    """2D people of another stack, on topics that have the camera's name among their words."""
+    rows, found = _topics_of(bags, POSES), []
+    for camera in rig.cameras:
+        name, given = ros_name(camera.name), choice.topics.get(camera.name)
+        own = [row for row in rows if (row[1] == given if given else name in row[1].split("/"))]
+        bag, topic = _the_only(own, bags, "detections", camera.name)
+        people = ForeignPeople(camera.image_size, skeleton)
+        if topic:
+            stream = BagStream(bag.path, topic, camera.name, "detections", choice.arrival_stamps)
+            found.append(replace(stream, people=people))
+    return tuple(found)
+
+
+def _topics_of(bags: Sequence[BagReader], kind: str) -> list[tuple[BagReader, str]]:
+    """Topics with messages of a type."""
+    return [
+        (bag, topic) for bag in bags for topic, own in bag.topics.items() if own == kind and bag.counts[topic]
+    ]
+
+
+def _the_only(
+    found: Sequence[tuple[BagReader, str]], bags: Sequence[BagReader], key: str, camera: str
+) -> tuple[BagReader, str]:
+    """The one that was found; an empty topic if none was."""
     if len(found) > 1:
         option = "--depth-topic" if key in DEPTH_KEYS else "--topic"
         places = " and ".join(f"{topic} in {bag.path}" for bag, topic in found[:2])

@@ -14,7 +14,7 @@ from panoptic_ros.io.messages.family import decode_cdr
 from panoptic_ros.io.messages.rpt import KIND, view_of_poses
 from panoptic_ros.io.resources import share_folder
 
-CAMERA = captures.RIG.camera("cam0")
+CAMERA = "cam0", captures.RIG.camera("cam0").image_size
 NAMES = ["nose", "shoulder_left", "shoulder_right", "hip_left", "hip_right", "hip_middle", "head"]
 DEFINITION = (
     "std_msgs/Header header\nfloat32[] bodies_flat\nint32[] bodies_shape\nstring[] joint_names\n"
@@ -40,7 +40,7 @@ def some(people=2):
 def test_joints_are_found_by_their_names():
     bodies = some()
     bodies[1, 0, 2] = 0.0
-    view = view_of_poses(message(bodies), CAMERA, 7, "panoptic19")
+    view = view_of_poses(message(bodies), *CAMERA, 7, "panoptic19")
     assert (view.camera, view.stamp_ns, view.frame_number) == ("cam0", 2 * 10**9 + 3, 7)
     assert view.image_size == (1280, 720)
     at = captures.SKELETON.joint_names.index
@@ -52,16 +52,16 @@ def test_joints_are_found_by_their_names():
 
 
 def test_nobody_is_nobody():
-    assert len(view_of_poses(message(some(0)), CAMERA, 0, "panoptic19").person_scores) == 0
+    assert len(view_of_poses(message(some(0)), *CAMERA, 0, "panoptic19").person_scores) == 0
 
 
 def test_what_does_not_fit_is_told():
     with pytest.raises(DataError, match="4 values per joint: these are people in 3D"):
-        view_of_poses(message(np.zeros((1, len(NAMES), 4))), CAMERA, 0, "panoptic19")
+        view_of_poses(message(np.zeros((1, len(NAMES), 4))), *CAMERA, 0, "panoptic19")
     with pytest.raises(DataError, match=r"bodies_shape \[3, 7, 3\] does not fit 7 joint names and 42 values"):
-        view_of_poses(message(some(), shape=(3, 7, 3)), CAMERA, 0, "panoptic19")
+        view_of_poses(message(some(), shape=(3, 7, 3)), *CAMERA, 0, "panoptic19")
     with pytest.raises(DataError, match="does not fit 2 joint names"):
-        view_of_poses(message(some(), names=["nose", "head"]), CAMERA, 0, "panoptic19")
+        view_of_poses(message(some(), names=["nose", "head"]), *CAMERA, 0, "panoptic19")
 
 
 def test_a_bag_of_that_stack_is_read_by_the_definition_inside(tmp_path):
@@ -79,7 +79,7 @@ def test_a_bag_of_that_stack_is_read_by_the_definition_inside(tmp_path):
     with BagReader(tmp_path / "bag") as bag:
         types = types_of(KIND, bag.connection("/poses/cam0").definition)
         ((_, _, data, kind),) = bag.raw()
-    view = view_of_poses(decode_cdr(data, kind, types), CAMERA, 0, "panoptic19")
+    view = view_of_poses(decode_cdr(data, kind, types), *CAMERA, 0, "panoptic19")
     assert len(view.person_scores) == 2
 
 

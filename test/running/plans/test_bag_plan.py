@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import pytest
 from recordings import write_bag
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import ViewFrame
@@ -19,6 +21,11 @@ from panoptic_ros.io.skeletons import map_joints
 
 needs_model = pytest.mark.skipif(
     not is_cached(read_card(DEFAULT_MODEL)), reason="the default model is not fetched (panoptic models fetch)"
+)
+POSES = "rpt_msgs/msg/Poses"
+POSES_DEFINITION = (
+    "std_msgs/Header header\nfloat32[] bodies_flat\nint32[] bodies_shape\nstring[] joint_names\n"
+    "string extra_data\n"
 )
 VIEWS = captures.views(12)
 
@@ -103,6 +110,60 @@ def test_skeleton_as_the_default_model_fills_it(tmp_path):
     filled, _ = map_joints("panoptic19", read_card(DEFAULT_MODEL).card.joints)
     views = [replace(view, skeleton_hash=filled.hash) for view in VIEWS]
     assert run(tmp_path, "--bag", write_bag(tmp_path / "b", views, skeleton=None))[0] == 0
+
+
+def write_foreign_bag(path, views, topic="/poses/{}", values=3):
+    """What a recording of RapidPoseTriangulation has: its own message, defined in the bag, and no rig."""
+    at = captures.SKELETON.joint_names.index
+    sides = {"left": "l", "right": "r"}
+    joints = {
+        f"{joint}_{side}": at(letter + joint.title()) for side, letter in sides.items()
+        for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    } | {"nose": at("Nose")}  # fmt: skip
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(POSES_DEFINITION, POSES))
+    types = store.types
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
+        connections = {
+            name: bag.add_connection(topic.format(name), POSES, typestore=store)
+            for name in captures.RIG.names
+        }
+        for view in views:
+            seconds, rest = divmod(view.stamp_ns, 10**9)
+            stamp = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
+            bodies = np.concatenate([view.points, view.scores[..., None]], -1)[:, [*joints.values()]]
+            bodies = np.nan_to_num(np.pad(bodies, ((0, 0), (0, 0), (0, values - 3))).astype(np.float32))
+            message = types[POSES](
+                header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="other"), extra_data="",
+                bodies_flat=bodies.ravel(), bodies_shape=np.array(bodies.shape, np.int32),
+                joint_names=list(joints),
+            )  # fmt: skip
+            bag.write(connections[view.camera], view.stamp_ns, store.serialize_cdr(message, POSES))
+    return path
+
+
+@pytest.mark.parametrize("topic", ["/poses/{}", "/{}/people"])
+def test_people_of_another_stack(tmp_path, capsys, usual, topic):
+    bag, rig = write_foreign_bag(tmp_path / "b", VIEWS, topic), tmp_path / "rig.json"
+    assert run(tmp_path, "--bag", bag)[0] == 2 and "--rig" in capsys.readouterr().err
+    write_rig(rig, captures.RIG)
+    code, result = run(tmp_path, "--bag", bag, "--rig", rig)
+    assert code == 0
+    (names, own), (other_names, theirs) = (
+        (a["joint_names"], [{p["id"]: p["joints"] for p in frame["skeletons"]} for frame in a["frames"]])
+        for a in map(json.loads, (usual, result))
+    )
+    assert [set(frame) for frame in theirs] == [set(frame) for frame in own]
+    for joint in ("rWrist", "lAnkle", "lHip"):
+        here, there = own[5][0][names.index(joint)], theirs[5][0][other_names.index(joint)]
+        assert np.linalg.norm(np.subtract(here, there)) < 0.02
+
+
+def test_people_of_another_stack_in_3d(tmp_path, capsys):
+    write_rig(tmp_path / "rig.json", captures.RIG)
+    bag = write_foreign_bag(tmp_path / "b", VIEWS, values=4)
+    assert run(tmp_path, "--bag", bag, "--rig", tmp_path / "rig.json")[0] == 2
+    assert "/poses/cam0" in (error := capsys.readouterr().err) and "people in 3D" in error
 
 
 def test_stamps_that_stand_still(tmp_path, capsys):
