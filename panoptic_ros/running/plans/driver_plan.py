@@ -64,8 +64,9 @@ def plan_drivers(
         cameras={name: with_info(topics, calibrated is None) for name, topics in file.cameras.items()},
         sensors={name: with_info(topics, True) for name, topics in file.sensors.items()},
     )
+    why = {"camera_info": ", needed without --rig"} if calibrated is None else {}
     drivers = find_drivers({
-        topic: f"{key} of {'depth sensor' if name in file.sensors else 'camera'} {name}"
+        topic: f"{key} of {'depth sensor' if name in file.sensors else 'camera'} {name}{why.get(key, '')}"
         for name, topics in file.everything.items() for key, topic in topics.named.items()
     })  # fmt: skip
     notices: list[str] = []
