@@ -11,14 +11,18 @@ but the prediction tells becomes less and less certain, until the joint is given
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import Prediction
-from panoptic_ros.geometry.symmetric import largest_eigenvalue
+from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue, solve_symmetric
+from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.order import median
 from panoptic_ros.solving.bodies import Body, Known, Rays, begin, estimate
 from panoptic_ros.solving.joint_records import Candidates
-from panoptic_ros.solving.scene import Scene, seeing_views
+from panoptic_ros.solving.scene import SEEN, Observations, Scene, look_at
 
 Array = np.ndarray
 
@@ -38,25 +42,51 @@ LEVEL = 10.0  # weight of the right axes of cameras against their upper edges
 SAME_PLACE = 0.5  # m, median distance of the joints of one person
 
 
+class Shown(NamedTuple):
+    """What the 2D people of P candidates show, and who these are: see `Candidates` and its guides.
+
+    member (P, V), source (P, V, J), who (P,), expected (P, J, 3) m, shifts (P, J, 3) m/s; scores (D, J) of
+    the 2D joints.
+    """
+
+    member: Array
+    source: Array
+    who: Array
+    expected: Array
+    shifts: Array
+    scores: Array
+    seen: Observations
+
+    @classmethod
+    def of(cls, scene: Scene, found: Candidates) -> Shown:
+        """In a scene."""
+        guide, scores = found.guide, scene.evidence.scores
+        return cls(
+            found.grouping.member, found.source, found.who, guide.positions, guide.shifts, scores,
+            scene.observations,
+        )  # fmt: skip
+
+
+class Followed(NamedTuple):
+    """Everybody who is followed, see `Prediction`, and which way (3,) is up."""
+
+    positions: Array
+    velocities: Array
+    ages: Array
+    variances: Array
+    lengths: Array
+    up: Array
+
+
 def place_shown(scene: Scene, found: Candidates, joints: Joints, body: Body) -> None:
     """Place missing joints of people of few views, in place, that these views show.
 
     Args:
         joints: of all candidates.
     """
-    member, missing = found.grouping.member, np.isnan(joints.positions[..., 0])
-    supporting = (member >= 0).sum(axis=1)
-    few = np.flatnonzero(missing.any(axis=1) & (supporting >= 1) & (supporting <= FEW_VIEWS))
-    if len(few):
-        few = few[seeing_views(scene, joints.positions[few]).sum(axis=1) <= FEW_SEEING]
-    for k in few.tolist():
-        rays, scores, number = _rays_of(scene, found, k)
-        known = _of_solved(joints, k, body)
-        begin(known, rays, body, found.guide.positions[k].copy())
-        places, covariances, _ = estimate(known, rays, body)
-        placed = missing[k] & np.isfinite(places[:, 0])
-        joints.positions[k, placed], joints.covariances[k, placed] = places[placed], covariances[placed]
-        joints.scores[k, placed], joints.views[k, placed] = scores[placed], number[placed]
+    rows = lacking_people(found.grouping.member, joints.positions)
+    if len(rows):
+        place_joints(rows, Shown.of(scene, found), joints, body, scene.sight)
 
 
 def hold_people(
@@ -72,111 +102,195 @@ def hold_people(
     Returns:
         rows of the candidates, joints, and which joints (P, J) were placed.
     """
-    views = (found.grouping.member >= 0).sum(axis=1)
-    wanted = (found.who >= 0) & (views >= 1) & (views <= FEW_VIEWS)
-    wanted &= prediction.lengths.shape[1] == len(body.bones)
-    lacking = np.flatnonzero(wanted[kept] & np.isnan(joints.positions[..., 0]).any(axis=1))
-    wanted[kept] = False
-    held = np.flatnonzero(wanted)
-    placed = np.zeros((len(kept) + len(held), joints.views.shape[1]), bool)
-    if not len(lacking) and not len(held):
-        return kept, joints, placed
-    fresh = joints.positions[found.who[kept] < 0]
-    there = np.arange(len(placed)) < len(kept)
-    kept, joints = np.concatenate([kept, held]), joints.joined(Joints.nothing(len(held), placed.shape[1]))
-    up = upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others may look anywhere
-    for row in [*lacking.tolist(), *np.flatnonzero(~there).tolist()]:
-        rays, scores, number = _rays_of(scene, found, int(kept[row]))
-        if np.count_nonzero(number) < FEWEST_JOINTS:
+    member, count = found.grouping.member, joints.views.shape[1]
+    held = others_of_few_views(member, found.who, kept)
+    lengths_known = prediction.lengths.shape[1] == len(body.bones)
+    if not lengths_known or not (len(held) or len(lacking_people(member[kept], joints.positions))):
+        return kept, joints, np.zeros((len(kept), count), bool)
+    p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others look anywhere
+    followed = Followed(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
+    rows, all_joints = np.concatenate([kept, held]), joints.joined(Joints.nothing(len(held), count))
+    there, placed = hold_joints(rows, len(kept), Shown.of(scene, found), followed, all_joints, body, worst)
+    return rows[there], all_joints.rows(there), placed[there]
+
+
+@njit(cache=True, error_model="numpy")
+def lacking_people(member, positions):
+    """Rows of the people (P, J, 3) m of few views who lack joints; member: (P, V) 2D people, -1 = none."""
+    rows, count = np.empty(len(member), np.int64), 0
+    for p in range(len(member)):
+        if 1 <= np.sum(member[p] >= 0) <= FEW_VIEWS and np.isnan(positions[p, :, 0]).any():
+            rows[count] = p
+            count += 1
+    return rows[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def others_of_few_views(member, who, kept):
+    """Rows of the people of few views who are followed, see `Shown`, and are not among those kept (P,)."""
+    rows, count = np.empty(len(member), np.int64), 0
+    for p in range(len(member)):
+        if who[p] >= 0 and 1 <= np.sum(member[p] >= 0) <= FEW_VIEWS and not (kept == p).any():
+            rows[count] = p
+            count += 1
+    return rows[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def place_joints(rows, shown, joints, body, sight):
+    """The loop of `place_shown` over people `rows` (K,); whom more views should see may be false."""
+    cams = shown.seen.cams
+    for k in rows:
+        found = look_at(joints.positions[k], cams.rotations, cams.translations, sight)
+        if np.sum(found == SEEN) > FEW_SEEING:
             continue
-        known = _expected(prediction, int(found.who[kept[row]]), number > 0, body, up)
+        rays, scores, number = _rays_of(shown, k)
+        known = _of_solved(joints, k, body)
+        begin(known, rays, body, shown.expected[k])
+        places, covariances, _ = estimate(known, rays, body)
+        for j in range(len(number)):
+            if np.isnan(joints.positions[k, j, 0]) and np.isfinite(places[j, 0]):
+                joints.positions[k, j], joints.covariances[k, j] = places[j], covariances[j]
+                joints.scores[k, j], joints.views[k, j] = scores[j], number[j]
+
+
+@njit(cache=True, error_model="numpy")
+def hold_joints(rows, kept, shown, followed, joints, body, worst):
+    """The loop of `hold_people` over candidates `rows` (K,), of whom the first `kept` are people already.
+
+    Returns:
+        who are people (K,), and which joints (K, J) were placed.
+    """
+    there, placed = np.arange(len(rows)) < kept, np.zeros(joints.views.shape, np.bool_)
+    fresh = joints.positions[:kept][shown.who[rows[:kept]] < 0]
+    for row in range(len(rows)):
+        k, who = rows[row], shown.who[rows[row]]
+        few = 1 <= np.sum(shown.member[k] >= 0) <= FEW_VIEWS
+        if who < 0 or not few or not np.isnan(joints.positions[row, :, 0]).any():
+            continue
+        rays, scores, number = _rays_of(shown, k)
+        if np.sum(number > 0) < FEWEST_JOINTS:
+            continue
+        known = _expected(followed, who, number > 0, body)
         _take_solved(known, joints, row)
         places, covariances, residuals = estimate(known, rays, body)
-        fits = residuals[np.isfinite(residuals)]
-        if not len(fits) or np.median(fits) > WORST_FIT:
+        fits = residuals.ravel()[np.isfinite(residuals.ravel())]
+        if not len(fits) or median(fits) > WORST_FIT:
             continue
-        covariances *= GROWTH
-        sure = np.array([largest_eigenvalue(block) for block in covariances]) <= worst**2  # False for NaN
-        own = np.isnan(joints.positions[row, :, 0]) & sure
-        if there[row] or (own.any() and not _is_there(np.where(own[:, None], places, np.nan), fresh)):
-            there[row], placed[row] = True, own
-            joints.positions[row, own], joints.covariances[row, own] = places[own], covariances[own]
-            joints.scores[row, own], joints.views[row, own] = 0.5 * scores[own], number[own]
-    return kept[there], joints.rows(there), placed[there]
+        for j in range(len(number)):
+            sure = GROWTH * largest_eigenvalue(covariances[j]) <= worst**2  # False for NaN
+            placed[row, j] = sure and np.isnan(joints.positions[row, j, 0])
+            if not placed[row, j]:
+                places[j] = np.nan
+        there[row] |= placed[row].any() and not _is_there(places, fresh)
+        placed[row] &= there[row]
+        for j in np.flatnonzero(placed[row]):
+            joints.positions[row, j], joints.covariances[row, j] = places[j], GROWTH * covariances[j]
+            joints.scores[row, j], joints.views[row, j] = 0.5 * scores[j], number[j]
+    return there, placed
 
 
-def _is_there(person: Array, others: Array) -> bool:
-    """Whether a person (J, 3) stands where one of others (P, J, 3), who are new, was found."""
+@njit(cache=True, error_model="numpy")
+def _is_there(person, others):
+    """Whether a person (J, 3) m stands where one of others (P, J, 3) m, who are new, was found."""
+    gaps = np.empty(len(person))
     for other in others:
-        gaps = np.linalg.norm(person - other, axis=-1)
-        known = np.isfinite(gaps)
-        if known.any() and np.median(gaps[known]) < SAME_PLACE:
+        count = 0
+        for j in range(len(person)):
+            gap = np.sqrt(np.sum((person[j] - other[j]) ** 2))
+            if np.isfinite(gap):
+                gaps[count] = gap
+                count += 1
+        if count and median(gaps[:count]) < SAME_PLACE:
             return True
     return False
 
 
-def upwards(rotations: Array) -> Array:
+@njit(cache=True, error_model="numpy")
+def upwards(rotations):
     """Which way (3,) is up, for cameras (V, 3, 3) that are hardly rolled: across all of their right axes.
 
     Where these leave a choice, it is the one nearest to the upper edges of the images.
     """
-    across = LEVEL * np.einsum("vi,vj->ij", rotations[:, 0], rotations[:, 0])
-    found: Array = np.linalg.solve(across + np.eye(3), -rotations[:, 1].sum(axis=0))
-    return found / max(float(np.linalg.norm(found)), 1e-9)
+    across, edge, up = np.eye(3), np.zeros(3), np.zeros(3)
+    for v in range(len(rotations)):
+        for i in range(3):
+            edge[i] -= rotations[v, 1, i]
+            for k in range(3):
+                across[i, k] += LEVEL * rotations[v, 0, i] * rotations[v, 0, k]
+    lower = (across[0, 0], across[1, 0], across[1, 1], across[2, 0], across[2, 1], across[2, 2])
+    _, up[0], up[1], up[2] = solve_symmetric(lower, (edge[0], edge[1], edge[2]))
+    return up / max(np.sqrt(np.sum(up**2)), 1e-9)
 
 
-def _rays_of(scene: Scene, found: Candidates, k: int) -> tuple[Rays, Array, Array]:
+@njit(cache=True, error_model="numpy")
+def _rays_of(shown, k):
     """What the 2D people of candidate k show; mean scores (J,) and numbers (J,) of its rays."""
-    member, source = found.grouping.member[k], found.source[k]
-    views = np.flatnonzero(member >= 0)
-    rows = member[views, None], source[views]
-    shown = scene.precision[rows] > 0.0
-    number = shown.sum(axis=0)
-    scores = (shown * scene.evidence.scores[rows]).sum(axis=0) / np.maximum(number, 1)
-    rays = Rays(
-        member.copy(), source.copy(), found.guide.shifts[k].copy(), np.ones(len(number)), scene.observations
-    )
-    return rays, scores, number
+    views, joints = shown.source.shape[1:]
+    scores, number = np.zeros(joints), np.zeros(joints, np.int64)
+    for v in range(views):
+        d = shown.member[k, v]
+        for j in range(joints if d >= 0 else 0):
+            s = shown.source[k, v, j]
+            if shown.seen.precision[d, s] > 0.0:
+                number[j] += 1
+                scores[j] += shown.scores[d, s]
+    rays = Rays(shown.member[k], shown.source[k], shown.shifts[k], np.ones(joints), shown.seen)
+    return rays, scores / np.maximum(number, 1), number
 
 
-def _of_solved(joints: Joints, row: int, body: Body) -> Known:
+@njit(cache=True, error_model="numpy")
+def _of_solved(joints, row, body):
     """The joints of a person that are solved, and nothing else."""
-    shape, bones = joints.positions[row].shape, len(body.bones)
+    count, bones = joints.positions.shape[1], len(body.bones)
     known = Known(
-        np.full(shape, np.nan), np.zeros((*shape, 3)), np.zeros((bones, 3)), np.full(bones, np.inf),
-        np.full(bones, np.nan), np.full(bones, SIDES), np.zeros(shape), np.zeros(3), np.inf,
+        np.full((count, 3), np.nan), np.zeros((count, 3, 3)), np.zeros((bones, 3)), np.full(bones, np.inf),
+        np.full(bones, np.nan), np.full(bones, SIDES), np.zeros((count, 3)), np.zeros(3), np.inf,
     )  # fmt: skip
     _take_solved(known, joints, row)
     return known
 
 
-def _take_solved(known: Known, joints: Joints, row: int) -> None:
+@njit(cache=True, error_model="numpy")
+def _take_solved(known, joints, row):
     """Enter the joints of a person that are solved into what is known, in place."""
-    solved = np.isfinite(joints.positions[row, :, 0])
-    known.places[solved] = joints.positions[row, solved]
-    known.information[solved] = np.linalg.inv(joints.covariances[row, solved])
+    for j in range(len(known.places)):
+        if np.isfinite(joints.positions[row, j, 0]):
+            known.places[j] = joints.positions[row, j]
+            invert_symmetric(joints.covariances[row, j], 1.0, known.information[j])
 
 
-def _expected(prediction: Prediction, who: int, shown: Array, body: Body, up: Array) -> Known:
+@njit(cache=True, error_model="numpy")
+def _expected(followed, who, shown, body):
     """What is known of a person who is followed, of whom some joints are shown (J,).
 
     Joints that no view shows do not go on as they moved: they keep their place in the body.
     """
-    bones = body.bones
-    places, ages, speeds = prediction.positions[who].copy(), prediction.ages[who], prediction.velocities[who]
-    passed = max(float(ages.min()), 1e-3)
-    variances = prediction.variances[who, :, 0] + PLACE**2
-    variances[~shown] += (UNSEEN * passed) ** 2
-    information = np.where(np.isfinite(places[:, :1, None]), np.eye(3) / variances[:, None, None], 0.0)
-    still = places - passed * speeds
-    both = shown[bones].all(axis=1)
-    ends = np.where(both[:, None, None], places[bones], still[bones])
-    vectors = ends[:, 1] - ends[:, 0]
-    speed = float(np.median(np.linalg.norm(speeds[shown], axis=-1)))
-    slack = np.where(both, TURNING, STRAYING + SWINGING * speed) * passed + 0.5 * PLACE
-    slack[np.isnan(vectors[:, 0])] = np.inf
+    places, speeds, bones = followed.positions[who].copy(), followed.velocities[who], body.bones
+    passed = max(followed.ages[who].min(), 1e-3)
+    still, information = places - passed * speeds, np.zeros((len(places), 3, 3))
+    pace, count = np.empty(len(places)), 0
+    for j in range(len(places)):
+        variance = followed.variances[who, j, 0] + PLACE**2
+        if shown[j]:
+            pace[count] = np.sqrt(np.sum(speeds[j] ** 2))
+            count += 1
+        else:
+            variance += (UNSEEN * passed) ** 2
+        if np.isfinite(places[j, 0]):
+            for i in range(3):
+                information[j, i, i] = 1.0 / variance
+    straying = STRAYING + SWINGING * median(pace[:count])
+    vectors, slack = np.zeros((len(bones), 3)), np.full(len(bones), np.inf)
+    for b in range(len(bones)):
+        start, end = bones[b]
+        both = shown[start] and shown[end]
+        vector = places[end] - places[start] if both else still[end] - still[start]
+        if np.isfinite(vector[0]):
+            vectors[b] = vector
+            slack[b] = (TURNING if both else straying) * passed + 0.5 * PLACE
     bone = BONE * np.sqrt(max(1.0, BONE_MEMORY / passed))
     return Known(
-        places, information, np.nan_to_num(vectors), slack, prediction.lengths[who].copy(),
-        np.full(len(bones), bone), still, up, RISING * passed,
+        places, information, vectors, slack, followed.lengths[who].copy(), np.full(len(bones), bone), still,
+        followed.up, RISING * passed,
     )  # fmt: skip

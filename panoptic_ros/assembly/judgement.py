@@ -6,7 +6,7 @@ behind another camera, or at the far wall. (One whom two views see although more
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ DEPTHS = np.geomspace(0.5, 16.0, 21)  # m, along optical axes, where places are 
 ONE_PLACE = 0.05  # m, cameras that are closer together see a person from one side
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Joints:
+class Joints(NamedTuple):
     """Joints of P people; the arrays change in place where joints are placed anew.
 
     positions: (P, J, 3) m, NaN = missing. covariances: (P, J, 3, 3) m^2. scores, views: (P, J).
@@ -50,19 +49,11 @@ class Joints:
 
     def joined(self, other: Joints) -> Joints:
         """These people and the others."""
-        return Joints(
-            np.concatenate([self.positions, other.positions]),
-            np.concatenate([self.covariances, other.covariances]),
-            np.concatenate([self.scores, other.scores]), np.concatenate([self.views, other.views]),
-            np.concatenate([self.doubts, other.doubts]),
-        )  # fmt: skip
+        return Joints(*(np.concatenate(pair) for pair in zip(self, other)))
 
     def rows(self, which: Array | slice) -> Joints:
         """Those of some of the people, by a mask (P,) or by numbers."""
-        return Joints(
-            self.positions[which], self.covariances[which], self.scores[which], self.views[which],
-            self.doubts[which],
-        )  # fmt: skip
+        return Joints(*(array[which] for array in self))
 
     def derive(self, skeleton: SkeletonModel) -> None:
         """Fill missing joints that are means of others, with the covariance of the mean."""
@@ -77,77 +68,98 @@ class Joints:
             self.views[rows, joint] = self.views[rows][:, parts].min(axis=1)
 
 
+class Standards(NamedTuple):
+    """What joints and people must be to be reported; see `AssemblyConfig`.
+
+    Covariances are multiplied by inflation * (1 + (extra + unused) / (views - 1)): few views, and views
+    that disagree, may have met by chance. worst: m, standard deviation of a joint along its longest axis.
+    longest: m, of a bone. share: of the joints seen in two or more views, on which they agree.
+    fewest: joints. lowest: m, of the median height.
+    """
+
+    inflation: float
+    extra: float
+    worst: float
+    longest: float
+    share: float
+    fewest: int
+    lowest: float
+
+
 @njit(cache=True, error_model="numpy")
-def judge_joints(solved, scores, observed, inflation, extra):
-    """Covariances, their largest deviations, scores and numbers of views of solved joints.
+def judge_joints(solved, observed, scores, bones, standards):
+    """The solved joints that are certain enough, as `Joints`, and which (P, J) are.
+
+    Joints whose covariance is singular are not. Of a bone that is too long the less certain end is not.
 
     Args:
-        solved: `SolvedJoints`. scores: (D, J) of the 2D joints.
+        solved: `SolvedJoints`. scores: (D, J) of the 2D joints. bones: (B, 2). standards: `Standards`.
         observed: (P, J) number of views whose 2D person shows each joint, also where that was not used.
-        inflation, extra: covariances are multiplied by inflation * (1 + (extra + unused) / (views - 1)):
-            few views, and views that disagree, may have met by chance.
-
-    Returns:
-        covariances (P, J, 3, 3) m^2, NaN where singular or where there is no position;
-        worst (P, J) m^2, the variance along the longest axis, 0 where the covariance is NaN;
-        mean (P, J), score of the used observations; views (P, J).
     """
-    positions, normals, residuals, picks = solved
-    people, joints, count_views = residuals.shape
-    covariances = np.full((people, joints, 3, 3), np.nan)
+    people, joints, count_views = solved.residuals.shape
+    places, covariances = solved.positions.copy(), np.full((people, joints, 3, 3), np.nan)
     worst, mean = np.zeros((people, joints)), np.zeros((people, joints))
-    views = np.zeros((people, joints), np.int64)
+    views, good = np.zeros((people, joints), np.int64), np.zeros((people, joints), np.bool_)
     for p in range(people):
         for j in range(joints):
             total = 0.0
             for v in range(count_views):
-                if residuals[p, j, v] >= 0.0:
+                if solved.residuals[p, j, v] >= 0.0:
                     views[p, j] += 1
-                    total += scores[picks[p, j, v, 0], picks[p, j, v, 1]]
+                    total += scores[solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]]
             mean[p, j] = total / max(views[p, j], 1)
-            if np.isfinite(positions[p, j, 0]):
+            if np.isfinite(places[p, j, 0]):
                 unused = max(observed[p, j] - views[p, j], 0)
-                factor = inflation * (1.0 + (extra + unused) / max(views[p, j] - 1, 1))
-                invert_symmetric(normals[p, j], factor, covariances[p, j])
+                doubt = 1.0 + (standards.extra + unused) / max(views[p, j] - 1, 1)
+                invert_symmetric(solved.normals[p, j], standards.inflation * doubt, covariances[p, j])
                 if np.isfinite(covariances[p, j, 0, 0]):
                     worst[p, j] = largest_eigenvalue(covariances[p, j])
-    return covariances, worst, mean, views
+                    good[p, j] = worst[p, j] <= standards.worst**2
+        for b in range(len(bones)):
+            start, end = bones[b]
+            gap = _gap(places[p, start], places[p, end])
+            if good[p, start] and good[p, end] and gap > standards.longest:
+                good[p, start if worst[p, start] > worst[p, end] else end] = False
+        for j in range(joints):
+            if not good[p, j]:
+                places[p, j], covariances[p, j] = np.nan, np.nan
+                mean[p, j], views[p, j] = 0.0, 0
+    return Joints(places, covariances, mean, views, np.zeros((people, joints))), good
 
 
 @njit(cache=True, error_model="numpy")
-def drop_long_bones(positions, worst, good, bones, longest):
-    """Remove (in `good`, in place) the less certain end of bones (B, 2) longer than `longest` m."""
-    for p in range(len(positions)):
-        for i in range(len(bones)):
-            a, b = bones[i]
-            if good[p, a] and good[p, b] and _gap(positions[p, a], positions[p, b]) > longest:
-                good[p, a if worst[p, a] > worst[p, b] else b] = False
+def kept_people(joints, good, observed, member, standards):
+    """Rows of the skeletons that can be people, once each.
 
-
-@njit(cache=True, error_model="numpy")
-def possible_people(positions, good, observed, min_share, min_joints, lowest):
-    """Which skeletons (P,) have enough joints, at a possible height, with views that agree on most.
+    They have enough joints, at a possible height, and views that agree on most. People who are at nodes of
+    score maps and in no 2D person need the joints alone.
 
     Args:
-        observed: (P, J) number of views whose 2D person shows each joint.
-        min_share: of the joints seen in two or more views. lowest: m, of the median height.
+        joints: `Joints`. good: (P, J) of them that views agree on. observed: (P, J) number of views whose 2D
+            person shows each joint. member: (P, V) 2D people, -1 = none.
     """
-    people, joints = good.shape
-    possible = np.zeros(people, np.bool_)
-    heights = np.empty(joints)
+    people, count_joints = good.shape
+    kept, count = np.empty(people, np.int64), 0
+    heights = np.empty(count_joints)
     for p in range(people):
-        count = agreed = shown = known = 0
-        for j in range(joints):
-            count += good[p, j]
+        lost = np.all(member[p] < 0)
+        number = agreed = shown = known = 0
+        for j in range(count_joints):
+            there = np.isfinite(joints.positions[p, j, 2])
+            sure = good[p, j] or (lost and there)
+            number += sure
             if observed[p, j] >= 2:
                 shown += 1
-                agreed += good[p, j]
-            if np.isfinite(positions[p, j, 2]):
-                heights[known] = positions[p, j, 2]
+                agreed += sure
+            if there:
+                heights[known] = joints.positions[p, j, 2]
                 known += 1
-        if known and count >= min_joints and agreed >= min_share * shown:
-            possible[p] = median(heights[:known]) > lowest
-    return possible
+        if known and number >= standards.fewest and agreed >= standards.share * shown:
+            if median(heights[:known]) > standards.lowest:
+                kept[count] = p
+                count += 1
+    kept = kept[:count]
+    return kept[~second_skeletons(joints.positions[kept], joints.views[kept])]
 
 
 @njit(cache=True, error_model="numpy")

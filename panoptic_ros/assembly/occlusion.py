@@ -9,7 +9,8 @@ import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.scene import MIN_DEPTH
+from panoptic_ros.solving.joint_records import Candidates
+from panoptic_ros.solving.scene import MIN_DEPTH, Cameras
 
 Array = np.ndarray
 
@@ -33,6 +34,18 @@ def body_bones(skeleton: SkeletonModel, torso: tuple[tuple[int, int], ...] | Non
             bones.append((shoulder, hip))
             radii.append(TRUNK_RADIUS)
     return np.array(bones, np.int64).reshape(-1, 2), np.array(radii)
+
+
+def hidden_marks(found: Candidates, bones: tuple[Array, Array], cams: Cameras, rows: int) -> Array:
+    """How hidden the joints are that D = `rows` 2D people show, (D, J), by the first estimate of the people.
+
+    Args:
+        bones: see `body_bones`.
+    """
+    places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
+    hidden = hidden_joints(places, found.guide.shifts, *bones, cams)
+    kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, rows)
+    return kinds
 
 
 @njit(cache=True, error_model="numpy")

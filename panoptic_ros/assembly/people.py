@@ -7,13 +7,7 @@ import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.few_views import hold_people, place_shown
-from panoptic_ros.assembly.judgement import (
-    Joints,
-    drop_long_bones,
-    judge_joints,
-    possible_people,
-    second_skeletons,
-)
+from panoptic_ros.assembly.judgement import Joints, Standards, judge_joints, kept_people
 from panoptic_ros.assembly.map_votes import move_to_votes
 from panoptic_ros.assembly.time_shift import Motion
 from panoptic_ros.domain import (
@@ -86,7 +80,10 @@ class Finisher:
         self._config, self._skeleton = config, skeleton
         self._bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
         self._body = Body.of(skeleton)
-        self._inflation = covariance_correction(config.cauchy)
+        self._standards = Standards(
+            covariance_correction(config.cauchy), config.covariance_inflation, config.max_joint_sigma,
+            config.max_bone, config.min_agreed_share, config.min_person_joints, config.lowest,
+        )  # fmt: skip
 
     def finish(
         self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
@@ -99,8 +96,8 @@ class Finisher:
             observed: (P, J) number of views whose 2D person shows each joint.
             motion: None where all stamps are equal.
         """
-        config = self._config
-        joints, good = self._judged(scene, solved, observed)
+        config, member = self._config, found.grouping.member
+        joints, good = judge_joints(solved, observed, scene.evidence.scores, self._bones, self._standards)
         if config.vote_distance > 0.0 and item.of_maps:
             expected = found.guide.positions
             shifts = _since_voting(item, found, motion)
@@ -110,13 +107,7 @@ class Finisher:
         if config.two_view_joints:
             place_shown(scene, found, joints, self._body)
         joints.derive(self._skeleton)
-        lost = np.all(found.grouping.member < 0, axis=1)  # they have nodes and nothing else
-        good |= lost[:, None] & np.isfinite(joints.positions[..., 0])
-        possible = possible_people(
-            joints.positions, good, observed, config.min_agreed_share, config.min_person_joints, config.lowest
-        )
-        kept = np.flatnonzero(possible)
-        kept = kept[~second_skeletons(joints.positions[kept], joints.views[kept])]
+        kept = kept_people(joints, good, observed, member, self._standards)
         own, placed = joints.rows(kept), np.zeros((len(kept), len(self._skeleton)), bool)
         if config.held_sigma > 0.0:
             kept, own, placed = hold_people(
@@ -124,21 +115,6 @@ class Finisher:
             )
         sources = view_sources(item.detections, scene.evidence, found, solved, kept)
         return People(kept, own, sources, placed)
-
-    def _judged(self, scene: Scene, solved: SolvedJoints, observed: Array) -> tuple[Joints, Array]:
-        """The joints that are certain enough, and which (P, J) are."""
-        config = self._config
-        covariances, worst, scores, views = judge_joints(
-            solved, scene.evidence.scores, observed, self._inflation, config.covariance_inflation
-        )
-        good = np.isfinite(covariances[..., 0, 0]) & (worst <= config.max_joint_sigma**2)
-        drop_long_bones(solved.positions, worst, good, self._bones, config.max_bone)
-        joints = Joints(
-            np.where(good[..., None], solved.positions, np.nan),
-            np.where(good[..., None, None], covariances, np.nan),
-            np.where(good, scores, 0.0), np.where(good, views, 0), np.zeros(good.shape),
-        )  # fmt: skip
-        return joints, good
 
 
 def _since_voting(item: ProposalSet, found: Candidates, motion: Motion | None) -> Array | float:

@@ -8,24 +8,24 @@ import numpy as np
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.judgement import in_capture_space, needed_views
 from panoptic_ros.assembly.lost_people import with_lost_people
-from panoptic_ros.assembly.noise import NoiseGrowth, NoiseTable, residuals_to_learn
-from panoptic_ros.assembly.occlusion import body_bones, hidden_joints, hidden_observations
+from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares
+from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
 from panoptic_ros.assembly.people import Finisher, People
+from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
-from panoptic_ros.domain import BiasTable, Evidence, PoseSet, Prediction, ProposalSet
+from panoptic_ros.domain import BiasTable, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
-from panoptic_ros.solving.evidence import RigArrays, box_diagonals, carried_ages, check_association
+from panoptic_ros.solving.evidence import RigArrays, carried_ages, check_association
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
-from panoptic_ros.solving.scene import Scene, scene_of
+from panoptic_ros.solving.scene import Scene, cameras_of, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
-CARRIED_NOISE = 0.022  # of the diagonal of a 2D person, after a second of being carried by motion
 
 
 class AssemblyStage(Stateful):
@@ -37,10 +37,7 @@ class AssemblyStage(Stateful):
     LAYOUT = StateLayout(
         "assembly", ("_noise",),
         (
-            Fields.named(
-                NoiseTable, "_initial _memory _low _width _scores _views shares factors growth learnt"
-            ),
-            Fields.named(NoiseGrowth, "_memory _sums _middle exponent"),
+            Fields.named(NoiseTable, "_initial _memory _learnt learnt"), Shares,
         ),
         same={"configuration": "_config", "cameras": "_context.rig.names", "skeleton": "_hash"},
     )  # fmt: skip
@@ -95,11 +92,12 @@ class AssemblyStage(Stateful):
     def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
         """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
         evidence, prediction = item.association.evidence, item.association.prediction
-        sizes, ages = self._sizes(evidence), carried_ages(item.detections, evidence)
-        scene = self._scene(item, sizes, ages)
         found = Candidates.of(item.association, self._mirror)
-        kinds = self._kinds(scene, found)
-        scene = replace(scene, precision=self._precision(evidence, kinds, sizes, ages))
+        cams = cameras_of(evidence, self._rig)
+        kinds = hidden_marks(found, self._bones, cams, len(evidence.view))
+        marks = Marks.of(evidence, kinds, carried_ages(item.detections, evidence))
+        precision = self._noise.precisions(marks, self._rig)
+        scene = scene_of(item.detections, evidence, precision, self._mirror, self._rig)
         found, solved, motion = solve_in_motion(scene, found, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
@@ -110,8 +108,10 @@ class AssemblyStage(Stateful):
         if not inside.all():
             people = people.rows(inside)
         if self._config.learn_noise:
-            seen = ages == 0.0
-            self._learn(scene, solved, found.guide.shifts, kinds, sizes, people.kept, seen)
+            residuals = residuals_to_learn(
+                people.kept, solved, found.guide.shifts, scene.observations, scene.focals
+            )
+            self._noise.learn(marks, residuals, self._rig)
         return people, found, observed, motion
 
     def _without_biases(self, poses: PoseSet) -> PoseSet:
@@ -120,40 +120,6 @@ class AssemblyStage(Stateful):
             return poses
         corrections = self._biases.corrections(poses.positions)
         return replace(poses, positions=poses.positions + corrections, corrections=corrections)
-
-    def _scene(self, item: ProposalSet, sizes: Array, ages: Array) -> Scene:
-        """The evidence with the noise learnt so far, as if all joints were visible."""
-        evidence = item.association.evidence
-        precision = self._precision(evidence, np.zeros(evidence.scores.shape, np.int64), sizes, ages)
-        return scene_of(item.detections, evidence, precision, self._mirror, self._rig)
-
-    def _precision(self, evidence: Evidence, kinds: Array, sizes: Array, ages: Array) -> Array:
-        """1 / standard deviation (D, J) on the normalised plane of 2D joints of these kinds, 0 = missing.
-
-        People who were carried for `ages` (D,) s have gone astray by a random walk besides.
-        """
-        cameras = evidence.cameras[evidence.view]
-        sigmas = self._noise.sigmas(evidence.scores, kinds, cameras, sizes, self._rig.diagonals)
-        if ages.any():
-            astray = CARRIED_NOISE * np.sqrt(ages) * sizes * self._rig.diagonals[cameras]
-            sigmas = np.hypot(sigmas, astray[:, None])
-        focals = self._rig.focals[cameras][:, None] * evidence.magnification
-        return np.where(evidence.scores > 0.0, focals / sigmas, 0.0)
-
-    def _sizes(self, evidence: Evidence) -> Array:
-        """Sizes (D,) of the 2D people as a share of their image's diagonal."""
-        cameras = evidence.cameras[evidence.view]
-        sizes: Array = box_diagonals(evidence.plane, evidence.scores)
-        scale = (self._rig.focals / self._rig.diagonals)[cameras]
-        relative: Array = sizes * evidence.person_magnification * scale
-        return relative
-
-    def _kinds(self, scene: Scene, found: Candidates) -> Array:
-        """Which 2D joints (D, J) show hidden joints, from the first estimate of the people."""
-        places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
-        hidden = hidden_joints(places, found.guide.shifts, *self._bones, scene.cams)
-        kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, len(scene.precision))
-        return kinds
 
     def _with_lost(
         self, scene: Scene, item: ProposalSet, people: tuple[Candidates, SolvedJoints, Motion | None],
@@ -167,20 +133,6 @@ class AssemblyStage(Stateful):
         if motion is not None and more is not found:
             motion = motion_of(scene, solved, more.guide.shifts, self._config.cauchy)
         return more, solved, motion
-
-    def _learn(
-        self, scene: Scene, solved: SolvedJoints, shifts: Array, kinds: Array, sizes: Array, kept: Array,
-        seen: Array,
-    ) -> None:  # fmt: skip
-        """Update the noise table from this instant's residuals of 2D people who were seen (D,)."""
-        evidence = scene.evidence
-        rows, joints, pixels = residuals_to_learn(kept, solved, shifts, scene.observations, scene.focals)
-        own = seen[rows]
-        rows, joints, pixels = rows[own], joints[own], pixels[own]
-        pixels = pixels * evidence.magnification[rows, joints]
-        cameras = evidence.cameras[evidence.view[rows]]
-        scores, kinds = evidence.scores[rows, joints], kinds[rows, joints]
-        self._noise.learn(scores, kinds, cameras, sizes[rows], pixels, self._rig.diagonals)
 
 
 def _bias_table(config: AssemblyConfig, context: StageContext) -> BiasTable | None:

@@ -89,11 +89,16 @@ def scene_of(
     detections: DetectionSet, evidence: Evidence, precision: Array, mirror: Array, arrays: RigArrays
 ) -> Scene:
     """The scene of a detection set and its evidence."""
-    rows = evidence.cameras
-    cams = Cameras(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
+    rows, cams = evidence.cameras, cameras_of(evidence, arrays)
     views = [detections.views[slot] for slot in evidence.slots]
     sight = sight_of(arrays.boxes[rows], [arrays.cameras[row] for row in rows], views)
     return Scene(evidence, precision, mirror, cams, arrays.centres[rows], arrays.focals[rows], sight)
+
+
+def cameras_of(evidence: Evidence, arrays: RigArrays) -> Cameras:
+    """The cameras of the views."""
+    rows = evidence.cameras
+    return Cameras(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
 
 
 def even_precision(evidence: Evidence, arrays: RigArrays, noise: float) -> Array:

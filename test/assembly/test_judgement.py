@@ -3,15 +3,16 @@ import captures
 import numpy as np
 
 from panoptic_ros.assembly.judgement import (
-    drop_long_bones,
+    Joints,
+    Standards,
     in_capture_space,
     judge_joints,
+    kept_people,
     most_overlap,
     needed_views,
-    possible_people,
     second_skeletons,
 )
-from panoptic_ros.assembly.noise import residuals_to_learn
+from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.domain import Camera
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.solving.joint_records import SolvedJoints
@@ -19,6 +20,8 @@ from panoptic_ros.solving.scene import Cameras, Observations
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 CAMERAS = captures.RIG.cameras
+STANDARDS = Standards(1.1, 0.8, 1e3, 100.0, 0.5, 5, -2.0)
+NO_BONES = np.zeros((0, 2), np.int64)
 
 
 def solved(seed):
@@ -48,39 +51,51 @@ def test_covariances_are_inverse_normals_inflated():
     there, used = np.isfinite(positions[..., 0]), residuals >= 0.0
     unused = np.arange(JOINTS) % 3
     joints = SolvedJoints(positions, normals, residuals, picks)
-    result, worst, mean, views = judge_joints(joints, scores, used.sum(-1) + unused, 1.1, 0.8)
-    assert (views == used.sum(-1)).all() and (np.isfinite(result[..., 0, 0]) == there).all()
+    result, good = judge_joints(joints, used.sum(-1) + unused, scores, NO_BONES, STANDARDS)
+    views = np.where(there, used.sum(-1), 0)
+    assert (good == there).all() and (result.views == views).all()
     factor = 1.1 * (1.0 + (0.8 + unused) / np.maximum(views - 1, 1))
     expected = np.linalg.inv(full(normals)) * factor[..., None, None]
-    assert np.allclose(result[there], expected[there], rtol=1e-9, atol=0.0)
-    assert np.allclose(worst[there], np.linalg.eigvalsh(expected)[there][:, -1])
-    assert (worst[~there] == 0.0).all()
+    assert np.allclose(result.covariances[there], expected[there], rtol=1e-9, atol=0.0)
+    assert np.isnan(result.covariances[~there]).all()
     chosen = np.where(used, scores[picks[..., 0], picks[..., 1]], 0.0)
-    assert np.allclose(mean, chosen.sum(-1) / np.maximum(used.sum(-1), 1))
+    assert np.allclose(result.scores, np.where(there, chosen.sum(-1) / np.maximum(used.sum(-1), 1), 0.0))
+    middle = float(np.median(np.sqrt(np.linalg.eigvalsh(expected[there])[:, -1])))
+    _, good = judge_joints(
+        joints, used.sum(-1) + unused, scores, NO_BONES, STANDARDS._replace(worst=middle)
+    )
+    assert (good[there] == (np.sqrt(np.linalg.eigvalsh(expected[there])[:, -1]) <= middle)).all()
 
 
-def test_singular_normals_give_no_covariance():
+def test_singular_normals_give_no_joint():
     joints = SolvedJoints.nothing(1, 1, 2)._replace(positions=np.zeros((1, 1, 3)))
-    result, worst, *_ = judge_joints(joints, np.ones((1, 1)), np.zeros((1, 1), np.int64), 1.0, 0.8)
-    assert np.isnan(result).all() and worst[0, 0] == 0.0
+    result, good = judge_joints(joints, np.zeros((1, 1), np.int64), np.ones((1, 1)), NO_BONES, STANDARDS)
+    assert not good.any() and np.isnan(result.positions).all() and np.isnan(result.covariances).all()
 
 
 def test_the_less_certain_end_of_a_long_bone_is_dropped():
-    positions = np.array([[[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [2.0, 0.0, 0.0]]])
-    good = np.ones((1, 3), bool)
-    drop_long_bones(positions, np.array([[1.0, 2.0, 1.0]]), good, np.array([[0, 1], [1, 2]]), 0.9)
+    joints = SolvedJoints.nothing(1, 3, 2)._replace(
+        positions=np.array([[[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [2.0, 0.0, 0.0]]]),
+        normals=np.eye(3) / np.array([1.0, 2.0, 1.0])[None, :, None, None],
+    )
+    bones, standards = np.array([[0, 1], [1, 2]]), STANDARDS._replace(longest=0.9)
+    _, good = judge_joints(joints, np.zeros((1, 3), np.int64), np.ones((1, 1)), bones, standards)
     assert good.tolist() == [[True, False, True]]
 
 
 def test_people_need_joints_agreement_and_height():
-    positions = np.ones((4, 6, 3)) * np.array([1.0, 1.0, 1.0, -9.0])[:, None, None]
-    good = np.ones((4, 6), bool)
+    places = np.arange(6.0)[:, None] * np.ones(3) + 10.0 * np.arange(5.0)[:, None, None]
+    places[3] -= 99.0  # under the floor
+    good = np.ones((5, 6), bool)
     good[1, 3:] = False  # too few joints
     good[2, :1] = False
-    positions[~good] = np.nan
-    observed = np.full((4, 6), 3)
-    assert possible_people(positions, good, observed, 0.5, 5, -2.0).tolist() == [True, False, True, False]
-    assert not possible_people(positions, good, observed, 0.9, 5, -2.0)[2]
+    places[~good] = np.nan
+    good[4] = False  # at nodes, in no 2D person
+    joints = Joints.nothing(5, 6)._replace(positions=places)
+    member, observed = np.zeros((5, 2), np.int64), np.full((5, 6), 3)
+    member[4], observed[4] = -1, 0
+    assert kept_people(joints, good, observed, member, STANDARDS).tolist() == [0, 2, 4]
+    assert kept_people(joints, good, observed, member, STANDARDS._replace(share=0.9)).tolist() == [0, 4]
 
 
 def test_of_two_skeletons_in_one_place_that_of_more_views_stays():

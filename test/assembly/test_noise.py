@@ -1,59 +1,75 @@
 """The noise table finds the truth whatever it started from."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from standing_people import ring
 
-from panoptic_ros.assembly.noise import NoiseGrowth, NoiseTable
+from panoptic_ros.assembly.noise import CARRIED_NOISE, Marks, NoiseTable
+from panoptic_ros.solving.evidence import RigArrays
+
+RIG = replace(RigArrays.of(ring(2)), diagonals=np.array([2000.0, 1000.0]), focals=np.array([900.0, 800.0]))
+
+
+def marks(scores, cameras, ages=None, zoom=1.0, kinds=0, sizes=1.0):
+    """2D people of such joints, at two corners of a box of the plane, half of these sizes."""
+    plane = np.resize([[0.0, 0.0], [0.3, 0.4]], (*scores.shape, 2)) * np.reshape(sizes, (-1, 1, 1))
+    ages = np.zeros(len(scores)) if ages is None else ages
+    kinds = kinds + np.zeros(scores.shape, int)
+    return Marks(plane, np.full(scores.shape, zoom), scores, kinds, cameras, ages)
+
+
+def sigmas(table, seen):
+    """Standard deviations (D, J) px."""
+    return RIG.focals[seen.cameras][:, None] * seen.magnification / table.precisions(seen, RIG)
 
 
 @pytest.mark.parametrize("start", [0.0002, 0.002, 0.02])
 def test_learns_scores_and_views(start):
     rng = np.random.default_rng(0)
-    diagonals = np.array([2000.0, 1000.0])
     table = NoiseTable(2, start, 4000.0)
     true_share = np.array([0.004, 0.001])  # scores below and above 0.5
     true_factor = np.array([1.0, 3.0])
+    rows, joints = np.arange(600), np.zeros(600, int)
     for _ in range(100):
         scores, cameras = rng.choice([0.25, 0.75], 600), rng.integers(0, 2, 600)
         kinds = rng.integers(0, 3, 600)
-        sigma = true_share[(scores > 0.5).astype(int)] * true_factor[cameras] * diagonals[cameras]
+        sigma = true_share[(scores > 0.5).astype(int)] * true_factor[cameras] * RIG.diagonals[cameras]
         sigma *= 1.0 + 0.2 * kinds
         pixels = np.hypot(*rng.standard_normal((2, 600))) * sigma
         outlier = rng.random(600) < 0.1
-        sizes = np.full(600, 0.2)
-        table.learn(scores, kinds, cameras, sizes, np.where(outlier, 400.0, pixels), diagonals)
+        seen = marks(scores[:, None], cameras, kinds=kinds[:, None])
+        table.learn(seen, (rows, joints, np.where(outlier, 400.0, pixels)), RIG)
     for kind in range(3):
-        kinds = np.full((2, 2), kind)
-        scores, sizes = np.array([[0.25, 0.75], [0.25, 0.75]]), np.array([0.2, 0.2])
-        got = table.sigmas(scores, kinds, np.array([0, 1]), sizes, diagonals)
-        expected = (1.0 + 0.2 * kind) * true_share[None] * (true_factor * diagonals)[:, None]
-        assert np.abs(np.log(got / expected)).max() < 0.3
+        seen = marks(np.array([[0.25, 0.75], [0.25, 0.75]]), np.array([0, 1]), kinds=kind)
+        expected = (1.0 + 0.2 * kind) * true_share[None] * (true_factor * RIG.diagonals)[:, None]
+        assert np.abs(np.log(sigmas(table, seen) / expected)).max() < 0.3
 
 
-def test_nothing_learnt_is_the_start():
-    table = NoiseTable(1, 0.002, 1000.0)
-    nothing, none = np.empty(0), np.empty(0, int)
-    table.learn(nothing, none, none, nothing, nothing, np.array([1000.0]))
-    sizes, diagonals = np.array([0.2]), np.array([1000.0])
-    assert table.sigmas(np.array([[0.5]]), np.array([[0]]), np.array([0]), sizes, diagonals) == 2.0
+def test_nothing_learnt_is_the_start_and_those_who_were_carried_teach_nothing():
+    table, seen = NoiseTable(2, 0.002, 1000.0), marks(np.array([[0.5, 0.0]]), np.array([1]))
+    carried = seen._replace(ages=np.array([0.1]))
+    nothing = np.empty(0, int)
+    table.learn(seen, (nothing, nothing, np.empty(0)), RIG)
+    table.learn(carried, (np.array([0]), np.array([0]), np.array([90.0])), RIG)
+    assert not table.learnt and table.exponent == 0.0
+    assert table.precisions(seen, RIG) == pytest.approx(np.array([[800.0 / 2.0, 0.0]]))
 
 
-@pytest.mark.parametrize("exponent", [0.0, 0.5, 1.0])
-def test_learns_the_growth_with_size_beside_the_scores(exponent):
-    rng = np.random.default_rng(1)
-    diagonals = np.array([1000.0])
-    table = NoiseTable(1, 0.002, 4000.0)
-    for _ in range(60):
-        scores, sizes = rng.choice([0.25, 0.75], 400), rng.uniform(0.1, 0.6, 400)
-        sigma = np.where(scores > 0.5, 1.0, 3.0) * (sizes / 0.3) ** exponent
-        pixels = np.hypot(*rng.standard_normal((2, 400))) * sigma
-        pixels = np.where(rng.random(400) < 0.05, 40.0, pixels)
-        none = np.zeros(400, int)
-        table.learn(scores, none, none, sizes, pixels, diagonals)
-    sizes = np.array([0.15, 0.3, 0.6])
-    kinds = np.zeros((3, 2), int)
-    got = table.sigmas(np.tile([0.25, 0.75], (3, 1)), kinds, np.zeros(3, int), sizes, diagonals)
-    expected = np.array([3.0, 1.0]) * (sizes[:, None] / 0.3) ** exponent
-    assert np.abs(np.log(got / expected)).max() < 0.15
+def test_who_was_carried_has_gone_astray_by_a_share_of_the_size():
+    scores, zoom = np.array([[0.5, 0.5]]), 0.8
+    seen = marks(scores, np.array([0]), np.array([0.25]), zoom)
+    astray = CARRIED_NOISE * 0.5 * (0.5 * zoom * RIG.focals[0])  # a box of 0.5 on the plane
+    got = sigmas(NoiseTable(2, 0.002, 1000.0), seen)
+    assert got == pytest.approx(np.full((1, 2), np.hypot(0.002 * 2000.0, astray)))
+
+
+def learnt_growth(table, sizes, pixels):
+    """Let a table learn residuals of the first of two joints of people of these sizes."""
+    rows = np.arange(len(sizes))
+    seen = marks(np.full((len(sizes), 2), 0.8), np.zeros(len(sizes), int), sizes=sizes)
+    table.learn(seen, (rows, np.zeros(len(sizes), int), pixels), RIG)
+    return table.exponent
 
 
 def rayleigh(rng, count):
@@ -61,36 +77,32 @@ def rayleigh(rng, count):
 
 
 @pytest.mark.parametrize("exponent", [0.0, 0.4, 1.0])
-def test_finds_the_exponent_among_outliers(exponent):
-    rng = np.random.default_rng(0)
-    growth = NoiseGrowth(4000.0)
-    for _ in range(40):
-        sizes = rng.uniform(0.1, 0.8, 300)
-        ratios = rayleigh(rng, 300) * sizes**exponent
-        growth.learn(sizes, np.where(rng.random(300) < 0.05, 20.0, ratios))
-    assert growth.exponent == pytest.approx(exponent, abs=0.1)
-    assert growth.factors(np.array([0.2]))[0] / growth.factors(np.array([0.4]))[0] == pytest.approx(
-        0.5**exponent, rel=0.1
-    )
+def test_learns_the_growth_with_size_among_outliers(exponent):
+    rng, table = np.random.default_rng(1), NoiseTable(2, 0.002, 4000.0)
+    for _ in range(60):
+        sizes = rng.uniform(0.2, 1.6, 300)
+        pixels = 3.0 * rayleigh(rng, 300) * sizes**exponent
+        learnt_growth(table, sizes, np.where(rng.random(300) < 0.05, 60.0, pixels))
+    assert table.exponent == pytest.approx(exponent, abs=0.1)
+    sizes = np.array([0.4, 0.8])
+    got = sigmas(table, marks(np.full((2, 2), 0.8), np.zeros(2, int), sizes=sizes))[:, 0]
+    assert got / got[1] == pytest.approx((sizes / 0.8) ** exponent, rel=0.1)
 
 
 def test_equal_sizes_few_residuals_and_falling_noise_say_nothing():
     rng = np.random.default_rng(0)
-    equal, few, falling = (NoiseGrowth(4000.0) for _ in range(3))
-    equal.learn(np.full(3000, 0.3), 5.0 * rayleigh(rng, 3000))
-    few.learn(np.array([0.2, 0.4]), np.array([0.1, 10.0]))
-    sizes = rng.uniform(0.1, 0.8, 3000)
-    falling.learn(sizes, rayleigh(rng, 3000) / sizes)
-    assert equal.exponent == pytest.approx(0.0, abs=1e-6) and falling.exponent == 0.0
-    assert few.exponent < 0.1
-    assert equal.factors(sizes) == pytest.approx(1.0, abs=1e-6)
+    equal, few, falling = (NoiseTable(2, 0.002, 4000.0) for _ in range(3))
+    same, large = np.full(3000, 0.6), 20.0 * rayleigh(rng, 3000)
+    assert learnt_growth(equal, same, large) == pytest.approx(0.0, abs=1e-6)
+    assert learnt_growth(few, np.array([0.4, 0.8]), np.array([0.4, 40.0])) < 0.1
+    sizes = rng.uniform(0.2, 1.6, 3000)
+    assert learnt_growth(falling, sizes, 4.0 * rayleigh(rng, 3000) / sizes) == 0.0
 
 
 def test_follows_a_change_and_forgets():
-    rng = np.random.default_rng(2)
-    growth = NoiseGrowth(2000.0)
+    rng, table = np.random.default_rng(2), NoiseTable(2, 0.002, 2000.0)
     for exponent in (1.0, 0.0):
         for _ in range(40):
-            sizes = rng.uniform(0.1, 0.8, 300)
-            growth.learn(sizes, rayleigh(rng, 300) * sizes**exponent)
-        assert growth.exponent == pytest.approx(exponent, abs=0.15)
+            sizes = rng.uniform(0.2, 1.6, 300)
+            learnt_growth(table, sizes, 4.0 * rayleigh(rng, 300) * sizes**exponent)
+        assert table.exponent == pytest.approx(exponent, abs=0.15)
