@@ -20,6 +20,7 @@ Array = np.ndarray
 ROUNDS = 8
 SOFTNESS = 1.0 / 2.0**2  # of the Cauchy weight: scale of two standard deviations
 SETTLED = 1e-5  # m and rad, steps below which a motion is found
+FREEDOM = 6  # numbers of a motion
 AGREES = 9.0  # squared standard deviations of a track that agrees with the motion
 
 
@@ -102,9 +103,12 @@ def _solve(tracks, bodies, which, views, priors, result):
             if np.abs(step).max() < SETTLED:
                 break
         _accumulate(tracks, bodies, part, motion, views, sums, result)
-        for i in range(6):
+        # as large as the residuals are; six of them the motion took for itself, of a variance of 1 by prior
+        found = max(result.agreeing[part], 1)
+        normal /= result.spreads[part] ** 2 + 0.5 * FREEDOM / found
+        for i in range(FREEDOM):
             normal[i, i] += priors[i]
-        result.covariances[part] = np.linalg.inv(normal) * max(1.0, result.spreads[part] ** 2)
+        result.covariances[part] = np.linalg.inv(normal)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -27,6 +27,16 @@ class RefinementConfig(Config):
         2.0, unit="1/s", ge=0.0, le=1e4,
         doc="How it grows with the squared speed of a joint against the body, the largest lately.",
     )
+    acceleration_memory: float = param(
+        0.05, unit="s", ge=0.0, le=10.0,
+        doc="Time for which accelerations last, once the motion of the surface shows them; 0 = they are at "
+        "random from instant to instant, as they are without patches.",
+    )
+    fading: float = param(
+        0.4, ge=0.0, le=10.0,
+        doc="Share of the lag over which a joint follows what later views tell of its place, while its "
+        "surface shows how it moves; 0 = at once.",
+    )
     cauchy: float = param(
         3.0, unit="sigma", ge=0.5, le=100.0,
         doc="Scale of the Cauchy weight: the larger an innovation is, the less a measurement counts.",

@@ -10,6 +10,7 @@ from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.joint_states import FILLED, MEASURED, Judged, judge, take_measurements
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
+from panoptic_ros.refinement.motion_model import LASTING, MOVING, density, lasting_variance, transition
 from panoptic_ros.refinement.motion_rows import started, update_moving, update_velocities
 from panoptic_ros.refinement.records import (
     Measured,
@@ -18,14 +19,17 @@ from panoptic_ros.refinement.records import (
     joined,
     new_people,
     of_all,
+    padded,
     selected,
     unknown,
+    widened,
 )
 from panoptic_ros.refinement.start_motion import likely_velocities
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
 Array = np.ndarray
 
+LEAST = 1e-6  # s, over which a change of place is faded in
 TELLING = 3  # views of a joint, of which one that errs can be told from the others
 SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
 
@@ -38,6 +42,7 @@ class FilterBank:
         self._config, self._share = config, lasting_share
         self._parts = [list(part.joints) for part in rigid_parts(skeleton)]
         self._joints, self._bones = len(skeleton), np.array(skeleton.bones, np.int64).reshape(-1, 2)
+        self.memory = 0.0  # s for which accelerations last
         self.moments: list[Moment] = []
         self.people = new_people([], len(skeleton), len(self._bones))
         self.departed: dict[int, tuple[Array, Array]] = {}  # lengths and frames of those who may come back
@@ -45,6 +50,8 @@ class FilterBank:
 
     def take(self, item: TrackedPoseSet, motions: PartMotions | None = None) -> None:
         """Filter everybody up to this set; motions: of parts since the set before, by the surface."""
+        if motions is not None and self.memory != self._config.acceleration_memory:
+            self._widen()
         self._predict(item, motions)
         known = self.people.ids.tolist()
         new = [number for number in item.ids.tolist() if number not in known]
@@ -53,29 +60,47 @@ class FilterBank:
         if len(item.ids):
             self._update(item)
 
+    @property
+    def _size(self) -> int:
+        """Of the states of joints."""
+        return LASTING if self.memory > 0.0 else MOVING
+
+    def _widen(self) -> None:
+        """From now on accelerations last, as displacements of the surface show them."""
+        self.memory = self._config.acceleration_memory
+        self.moments = [widened(moment, self._size) for moment in self.moments]
+        for moment in self.moments[-1:]:
+            self._at_random(moment.motion, moment.noise)
+
+    def _at_random(self, motion: Motion, noise: Array) -> None:
+        """Accelerations of which nothing is known, under process noise m^2/s^3, in place."""
+        last = range(MOVING, self._size)
+        motion.covariances[..., last, last] = lasting_variance(noise, self.memory)[..., None]
+
     def _predict(self, item: TrackedPoseSet, motions: PartMotions | None) -> None:
         """Predict all motion to the instant of a set."""
         config, people, stamp_ns = self._config, self.people, item.stamp_ns
-        last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints)
+        last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints, self._size)
         dt = 1e-9 * (stamp_ns - last.stamp_ns)
-        now = unknown(stamp_ns, dt, len(people.ids), self._joints)
+        now = unknown(stamp_ns, dt, len(people.ids), self._joints, self._size)
         people.speeds[...] *= np.exp(-dt / SPEED_MEMORY)
         states, least, growth = last.motion.states, config.process_noise, config.limb_noise
         process_noise(people.speeds, people.factors, states, least, growth, now.noise)
-        predict(last.motion, dt, now.noise, now.predicted)
+        step = transition(dt, self.memory)
+        predict(last.motion, step, now.noise, now.predicted)
         if config.lag > 0.0:  # else nothing is smoothed
-            smoother_gains(last.motion, dt, now.predicted, now.gains)
+            smoother_gains(last.motion, step, now.predicted, now.gains)
         links = links_of(motions, self._parts, people.ids, states) if motions is not None else None
         if links is not None:
-            now = now._replace(linked=True)
             if config.difference_share > 0.0 and item.time_shift is None:
                 links = self._with_views(links, last.measured, item)
+            now.linked[...] = linked = np.isfinite(links.displacements[..., 0])
+            now.noise[linked] *= density(self.memory)
             turns = np.full_like(people.turns, np.nan)
             predict_linked(
-                last.motion, dt, now.noise, links, config.cauchy, now.predicted, now.gains, turns
+                last.motion, step, now.noise, links, config.cauchy, now.predicted, now.gains, turns
             )
             learn_turns(people, turns)
-            linked = np.isfinite(links.displacements[..., 0])
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
         else:
             people.turns[...] = np.nan
@@ -99,7 +124,7 @@ class FilterBank:
     def _add(self, ids: list[int]) -> None:
         """Add people of whom nothing is known but, if they were there before, the lengths of their bones."""
         people = new_people(ids, self._joints, len(self._bones))
-        nobody = unknown(0, 0.0, len(ids), self._joints)
+        nobody = unknown(0, 0.0, len(ids), self._joints, self._size)
         nobody.noise[...] = self._config.process_noise
         for row, number in enumerate(ids):
             if number in self.departed:
@@ -139,7 +164,8 @@ class FilterBank:
         else:
             delays = shift.delays[0]
             velocities, spreads = likely_velocities(shift.velocities[0], shift.information[0], fast, cauchy)
-        begun = started(points, now.measured.noises[row], delays, velocities, spreads)
+        begun = padded(started(points, now.measured.noises[row], delays, velocities, spreads), self._size)
+        self._at_random(begun, now.noise[row])
         for whole, part in zip(now.motion, begun):
             whole[row, new] = part[new]
 
@@ -151,15 +177,41 @@ class FilterBank:
         for now, after in zip(kept[-2::-1], kept[:0:-1]):
             before, gains, predicted = now.motion, after.gains, after.predicted
             if now is target and ahead > 0.0:
-                before, gains = _ahead(before, ahead, after.noise), np.empty_like(gains)
+                before, gains = self._ahead(before, ahead, after.noise), np.empty_like(gains)
                 # what the surface showed is of the whole interval, and has told the velocity
-                if after.linked:
-                    predicted = _ahead(before, after.dt - ahead, after.noise)
-                smoother_gains(before, after.dt - ahead, predicted, gains)
+                if after.linked.any():
+                    predicted = self._ahead(before, after.dt - ahead, after.noise)
+                smoother_gains(before, transition(after.dt - ahead, self.memory), predicted, gains)
             smooth(before, gains, predicted, after.measured.joints, motion, again)
         if len(kept) == 1 and ahead > 0.0:
-            motion = _ahead(motion, ahead, target.noise)
+            motion = self._ahead(motion, ahead, target.noise)
+        self._fade(index, motion, 0.0 < ahead)
         return self._judged(target, motion, again)
+
+    def _fade(self, index: int, motion: Motion, between: bool) -> None:
+        """Fade in what changes the places that were given for the moment before, in place.
+
+        What came after that moment moves it as a whole, along with this one, by single measurements: a step
+        that nobody made. How joints moved since is known by their surface and is taken at once.
+
+        between: the motion is not of the moment but of later, and nothing is faded.
+        """
+        target, shown = self.moments[index], self.people.shown
+        if index > 0 and target.linked.any() and not between:
+            before = of_all(np.copy, motion)
+            again = np.zeros_like(target.measured.joints)
+            smooth(self.moments[index - 1].motion, target.gains, target.predicted, again, before, again)
+            change = before.states[..., :3] - shown
+            change[np.isnan(change) | ~target.linked[..., None]] = 0.0
+            span = max(self._config.fading * self._config.lag, LEAST)
+            motion.states[..., :3] -= np.exp(-target.dt / span) * change
+        shown[...] = np.nan if between else motion.states[..., :3]
+
+    def _ahead(self, motion: Motion, dt: float, noise: Array) -> Motion:
+        """The motion dt s later."""
+        moved = of_all(np.empty_like, motion)
+        predict(motion, transition(dt, self.memory), noise, moved)
+        return moved
 
     def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:
         """Joints with their states, on bones of the learnt lengths, and with errors that last.
@@ -197,10 +249,3 @@ class FilterBank:
             self.moments = [selected(moment, ~gone) for moment in self.moments]
         while len(self.moments) > 1 and self.moments[1].stamp_ns <= stamp_ns:
             self.moments.pop(0)
-
-
-def _ahead(motion: Motion, dt: float, noise: Array) -> Motion:
-    """The motion dt s later."""
-    moved = of_all(np.empty_like, motion)
-    predict(motion, dt, noise, moved)
-    return moved

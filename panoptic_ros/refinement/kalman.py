@@ -1,8 +1,7 @@
 """Kalman filter and Rauch-Tung-Striebel smoother of all joints of all people, compiled.
 
-State of each joint: position m and velocity m/s (6), covariance (6, 6). White acceleration of
-spectral density q: Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]] on each axis, so results do not depend on
-the frame rate.
+State of each joint: position m, velocity m/s and, by some models, acceleration m/s^2 (S = 6 or 9), covariance
+(S, S). A `motion_model.Transition` tells how it goes on, the same on each axis.
 """
 from __future__ import annotations
 
@@ -14,22 +13,41 @@ from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whit
 
 
 @njit(cache=True, error_model="numpy")
-def predict(motion, dt, noise, ahead):
-    """ahead becomes the motion dt s later under process noise (P, J) m^2/s^3."""
+def predict(motion, transition, noise, ahead):
+    """ahead becomes the motion after a transition under process noise (P, J) m^2/s^3."""
+    size, forward, spread = motion.states.shape[2], transition.forward, transition.spread
+    half = np.empty((size, size))
     for p, j in np.ndindex(noise.shape):
         state, cov, q = motion.states[p, j], motion.covariances[p, j], noise[p, j]
         moved, grown = ahead.states[p, j], ahead.covariances[p, j]
-        for i in range(3):
-            moved[i], moved[3 + i] = state[i] + dt * state[3 + i], state[3 + i]
-            for k in range(3):
-                grown[i, k] = cov[i, k] + dt * (cov[i, 3 + k] + cov[3 + i, k])
-                grown[i, k] += dt * dt * cov[3 + i, 3 + k]
-                grown[i, 3 + k] = grown[3 + k, i] = cov[i, 3 + k] + dt * cov[3 + i, 3 + k]
-                grown[3 + i, 3 + k] = cov[3 + i, 3 + k]
-            grown[i, i] += q * dt**3 / 3.0
-            grown[i, 3 + i] += q * dt**2 / 2.0
-            grown[3 + i, i] += q * dt**2 / 2.0
-            grown[3 + i, 3 + i] += q * dt
+        carried(forward, state, moved)
+        carried_rows(forward, cov, half)
+        for i in range(size):
+            carried(forward, half[i], grown[i])
+            for m in range(i % 3, size, 3):
+                grown[i, m] += q * spread[i // 3, m // 3]
+
+
+@njit(cache=True, error_model="numpy")
+def carried(forward, vector, result):
+    """result (S,) = F vector, for the upper triangle F that is `forward` (S / 3, S / 3) on each axis."""
+    for i in range(len(vector)):
+        value = forward[i // 3, i // 3] * vector[i]
+        for m in range(i + 3, len(vector), 3):
+            value += forward[i // 3, m // 3] * vector[m]
+        result[i] = value
+
+
+@njit(cache=True, error_model="numpy")
+def carried_rows(forward, matrix, result):
+    """result (S, S) = F matrix."""
+    size = len(matrix)
+    for i in range(size):
+        for k in range(size):
+            result[i, k] = forward[i // 3, i // 3] * matrix[i, k]
+        for m in range(i + 3, size, 3):
+            for k in range(size):
+                result[i, k] += forward[i // 3, m // 3] * matrix[m, k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -46,7 +64,8 @@ def update(motion, rows, points, noises, cauchy, innovations):
             innovation (measured minus predicted) where a point is used.
     """
     total, lower, innovation = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    row, gain, softness = np.empty(6), np.empty(6), 1.0 / (cauchy * cauchy)
+    size, softness = motion.states.shape[2], 1.0 / (cauchy * cauchy)
+    row, gain = np.zeros(size), np.empty(size)
     for r, j in np.ndindex(points.shape[:2]):
         state, cov = motion.states[rows[r], j], motion.covariances[rows[r], j]
         noise, whitened = noises[rows[r], j], innovations[rows[r], j]
@@ -67,7 +86,7 @@ def update(motion, rows, points, noises, cauchy, innovations):
                 total[i, k] = noise[i, k] * growth
         cholesky(total, lower, False)
         for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
-            whitened_row(lower, k, row)
+            whitened_row(lower, k, row[:3])
             value = 0.0
             for i in range(3):
                 value += row[i] * (points[r, j, i] - state[i])
@@ -76,17 +95,18 @@ def update(motion, rows, points, noises, cauchy, innovations):
 
 @njit(cache=True, error_model="numpy")
 def update_row(state, covariance, row, innovation, cauchy, gain):
-    """Update with one row (6,) of the measurement matrix, of noise 1, with a Cauchy weight; gain: scratch."""
+    """Update with one row (S,) of the measurement matrix, of noise 1, with a Cauchy weight; gain: scratch."""
     spread, softness = 0.0, 1.0 / (cauchy * cauchy)
-    for i in range(6):
+    size = len(state)
+    for i in range(size):
         gain[i] = 0.0
-        for k in range(6):
+        for k in range(size):
             gain[i] += covariance[i, k] * row[k]
-    for k in range(6):
+    for k in range(size):
         spread += row[k] * gain[k]
     spread += relative_growth(innovation**2 / (spread + 1.0), softness)
     scaled = innovation / spread
-    for i in range(6):
+    for i in range(size):
         state[i] += gain[i] * scaled
         for k in range(i + 1):
             covariance[i, k] -= gain[i] * gain[k] / spread
@@ -94,15 +114,12 @@ def update_row(state, covariance, row, innovation, cauchy, gain):
 
 
 @njit(cache=True, error_model="numpy")
-def smoother_gains(motion, dt, ahead, gains):
-    """gains (P, J, 6, 6), transposed, become (covariance ahead)^-1 F P, from dt s ahead back to now."""
-    lower = np.empty((6, 6))
+def smoother_gains(motion, transition, ahead, gains):
+    """gains (P, J, S, S), transposed, become (covariance ahead)^-1 F P, from ahead back over a transition."""
+    lower = np.empty(gains.shape[2:])
     for p, j in np.ndindex(gains.shape[:2]):
-        cov, gain = motion.covariances[p, j], gains[p, j]
-        for k in range(3):
-            for i in range(6):
-                gain[k, i], gain[3 + k, i] = cov[i, k] + dt * cov[i, 3 + k], cov[i, 3 + k]
-        solve(ahead.covariances[p, j], gain, lower)
+        carried_rows(transition.forward, motion.covariances[p, j], gains[p, j])
+        solve(ahead.covariances[p, j], gains[p, j], lower)
 
 
 @njit(cache=True, error_model="numpy")
@@ -114,27 +131,28 @@ def smooth(motion, gains, predicted, measured, later, again):
         measured: (P, J) joints that are, at the next instant. again: (P, J) those that are later,
             becomes those that are after this instant, without an interruption.
     """
-    half, change, difference = np.empty(6), np.empty(6), np.empty((6, 6))
+    size = motion.states.shape[2]
+    half, change, difference = np.empty(size), np.empty(size), np.empty((size, size))
     for p, j in np.ndindex(again.shape):
         state, cov, gain = motion.states[p, j], motion.covariances[p, j], gains[p, j]
         ahead, ahead_cov = predicted.states[p, j], predicted.covariances[p, j]
         out, out_cov = later.states[p, j], later.covariances[p, j]
         again[p, j] = (again[p, j] or measured[p, j]) and np.isfinite(ahead[0])
         known = np.isfinite(out[0] + state[0] + ahead[0])  # here and later, with no start in between
-        for i in range(6):
+        for i in range(size):
             change[i] = out[i] - ahead[i]
             out[i] = state[i]
-            for k in range(6):
+            for k in range(size):
                 difference[i, k] = out_cov[i, k] - ahead_cov[i, k]
                 out_cov[i, k] = cov[i, k]
-        for i in range(6 if known else 0):
-            for k in range(6):
+        for i in range(size if known else 0):
+            for k in range(size):
                 out[i] += gain[k, i] * change[k]
                 half[k] = 0.0
-                for m in range(6):
+                for m in range(size):
                     half[k] += gain[m, i] * difference[m, k]
             for k in range(i + 1):
                 value = 0.0
-                for m in range(6):
+                for m in range(size):
                     value += half[m] * gain[m, k]
                 out_cov[i, k] = out_cov[k, i] = cov[i, k] + value

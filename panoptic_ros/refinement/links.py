@@ -18,7 +18,7 @@ from panoptic_ros.geometry.robust import relative_growth
 from panoptic_ros.geometry.rotations import rotation_of
 from panoptic_ros.kernels import njit
 from panoptic_ros.refinement.kalman import update_row
-from panoptic_ros.refinement.small_matrices import cholesky, solve, whitened_row
+from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whitened_row
 
 Array = np.ndarray
 
@@ -94,88 +94,86 @@ def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links
 
 
 @njit(cache=True, error_model="numpy")
-def predict_linked(motion, dt, noise, links, cauchy, ahead, gains, innovations):
+def predict_linked(motion, transition, noise, links, cauchy, ahead, gains, innovations):
     """`kalman.predict` and `kalman.smoother_gains` of the joints that were measured to move, in place.
 
     Their motion before is updated with what its velocity was. Large innovations multiply the covariance of
     the displacement (`geometry.robust`).
 
     Args:
-        noise: (P, J) m^2/s^3. ahead: the motion dt s later. gains: (P, J, 6, 6), transposed.
+        noise: (P, J) m^2/s^3. ahead: the motion after the transition. gains: (P, J, S, S), transposed.
         innovations: (P, J, 3) become those of the displacements, whitened; others stay.
     """
-    total, lower, row, gain = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
-    spread, inverse, step, factor = np.empty((3, 3)), np.empty((3, 3)), np.empty((6, 6)), np.empty((6, 6))
-    softness = 1.0 / (cauchy * cauchy)
+    size, forward, shape = motion.states.shape[2], transition.forward, transition.spread
+    total, lower, spread, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    row, gain, change, white = np.empty(size), np.empty(size), np.empty(3), np.empty(3)
+    step, factor = np.empty((size, size)), np.empty((size, size))
+    softness, orders = 1.0 / (cauchy * cauchy), size // 3
     for p, j in np.ndindex(noise.shape):
         state, cov, q = motion.states[p, j], motion.covariances[p, j], noise[p, j]
         moved, own = links.displacements[p, j], links.spreads[p, j]
         if not np.isfinite(moved[0] + state[0]):
             continue
-        place, cross = q * dt**3 / 3.0, q * dt**2 / 2.0
         for i in range(3):
+            change[i] = moved[i]
+            for m in range(1, orders):
+                change[i] -= forward[0, m] * state[i + 3 * m]
             for k in range(3):
-                total[i, k] = own[i, k] + dt * dt * cov[3 + i, 3 + k]
-            total[i, i] += place
+                total[i, k] = own[i, k]
+                for m in range(1, orders):
+                    for n in range(1, orders):
+                        total[i, k] += forward[0, m] * forward[0, n] * cov[i + 3 * m, k + 3 * n]
+            total[i, i] += q * shape[0, 0]
         cholesky(total, lower, False)
+        whiten(lower, change, innovations[p, j])
         squared = 0.0
         for k in range(3):
-            whitened_row(lower, k, row[:3])
-            value = 0.0
-            for i in range(3):
-                value += row[i] * (moved[i] - dt * state[3 + i])
-            squared += value * value / 3.0
-            innovations[p, j, k] = value
+            squared += innovations[p, j, k] ** 2 / 3.0
         growth = relative_growth(squared, softness)
         for i in range(3):
             for k in range(3):
                 spread[i, k] = own[i, k] * growth
                 total[i, k] = spread[i, k]
-            total[i, i] += place
+            total[i, i] += q * shape[0, 0]
         inverse[:] = np.linalg.inv(total)
-        # given the displacement: K = [place I; cross I] inverse
+        # given the displacement: step = F - K (H F - H), K = Q H^T inverse
         step[:] = 0.0
-        for i in range(3):
-            step[i, i], step[i, 3 + i], step[3 + i, 3 + i] = 1.0, dt, 1.0
+        for i in range(size):
+            for m in range(i // 3, orders):
+                step[i, i % 3 + 3 * m] = forward[i // 3, m]
             for k in range(3):
-                step[i, 3 + k] -= dt * place * inverse[i, k]
-                step[3 + i, 3 + k] -= dt * cross * inverse[i, k]
+                for m in range(1, orders):
+                    step[i, k + 3 * m] -= q * shape[i // 3, 0] * inverse[i % 3, k] * forward[0, m]
         cholesky(total, lower, False)
-        for k in range(3):  # the velocity before
-            whitened_row(lower, k, gain[:3])
-            value = 0.0
+        for k in range(3):  # the motion before
+            whitened_row(lower, k, white)
+            value, row[:] = 0.0, 0.0
             for i in range(3):
-                row[i], row[3 + i] = 0.0, dt * gain[i]
-                value += gain[i] * (moved[i] - dt * state[3 + i])
+                value += white[i] * moved[i]
+                for m in range(1, orders):
+                    row[i + 3 * m] = forward[0, m] * white[i]
+            for i in range(3, size):
+                value -= row[i] * state[i]
             update_row(state, cov, row, value, np.inf, gain)
-        later, grown = ahead.states[p, j], ahead.covariances[p, j]
-        for i in range(6):
+        later, grown, gains_here = ahead.states[p, j], ahead.covariances[p, j], gains[p, j]
+        for i in range(size):
             later[i] = 0.0
-            for k in range(6):
+            for k in range(size):
                 later[i] += step[i, k] * state[k]
-        for i in range(3):
             for k in range(3):
-                later[i] += place * inverse[i, k] * moved[k]
-                later[3 + i] += cross * inverse[i, k] * moved[k]
-        for i in range(6):
-            for k in range(6):
+                later[i] += q * shape[i // 3, 0] * inverse[i % 3, k] * moved[k]
+        for i in range(size):
+            for k in range(size):
                 factor[i, k] = 0.0
-                for m in range(6):
+                for m in range(size):
                     factor[i, k] += step[i, m] * cov[m, k]
-        for i in range(6):
-            for k in range(6):
+        for i in range(size):
+            for k in range(size):
                 grown[i, k] = 0.0
-                for m in range(6):
+                for m in range(size):
                     grown[i, k] += factor[i, m] * step[k, m]
-                gains[p, j, i, k] = factor[i, k]
-        for i in range(3):
-            grown[i, i] += place
-            grown[i, 3 + i] += cross
-            grown[3 + i, i] += cross
-            grown[3 + i, 3 + i] += q * dt
-            for k in range(3):
-                grown[i, k] -= place * place * inverse[i, k]
-                grown[i, 3 + k] -= place * cross * inverse[i, k]
-                grown[3 + i, k] -= place * cross * inverse[i, k]
-                grown[3 + i, 3 + k] -= cross * cross * inverse[i, k]
-        solve(grown, gains[p, j], factor)
+                grown[i, k] -= q * q * shape[i // 3, 0] * shape[k // 3, 0] * inverse[i % 3, k % 3]
+                gains_here[i, k] = factor[i, k]
+            for m in range(i % 3, size, 3):
+                grown[i, m] += q * shape[i // 3, m // 3]
+        solve(grown, gains_here, factor)

@@ -36,7 +36,8 @@ def update_moving(motion, rows, points, noises, delays, cauchy, innovations):
 
     All else is as in `kalman.update`, which this is for delays of 0.
     """
-    row, ahead, gain = np.empty(6), np.empty((3, 6)), np.empty(6)
+    size = motion.states.shape[2]
+    row, ahead, gain = np.zeros(size), np.empty((3, size)), np.empty(size)
     total, lower, innovation = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     softness = 1.0 / (cauchy * cauchy)
     for r, j in np.ndindex(points.shape[:2]):
@@ -46,7 +47,7 @@ def update_moving(motion, rows, points, noises, delays, cauchy, innovations):
             continue
         for i in range(3):
             innovation[i] = points[r, j, i] - state[i]
-            for k in range(6):
+            for k in range(size):
                 ahead[i, k] = cov[i, k]
                 for m in range(3):
                     ahead[i, k] += delay[i, m] * cov[3 + m, k]
@@ -67,7 +68,8 @@ def update_moving(motion, rows, points, noises, delays, cauchy, innovations):
                 total[i, k] = noise[i, k] * growth
         cholesky(total, lower, False)
         for k in range(3):
-            whitened_row(lower, k, row)
+            whitened_row(lower, k, row[:3])
+            row[3:6] = 0.0
             value = 0.0
             for i in range(3):
                 value += row[i] * points[r, j, i]
@@ -84,7 +86,8 @@ def update_velocities(motion, rows, velocities, information, cauchy):
 
     Unknown joints and information of 0 change nothing.
     """
-    row, gain, lower = np.empty(6), np.empty(6), np.empty((3, 3))
+    size = motion.states.shape[2]
+    row, gain, lower = np.zeros(size), np.empty(size), np.empty((3, 3))
     for r, j in np.ndindex(velocities.shape[:2]):
         state, cov = motion.states[rows[r], j], motion.covariances[rows[r], j]
         scale = information[r, j, 0, 0] + information[r, j, 1, 1] + information[r, j, 2, 2]

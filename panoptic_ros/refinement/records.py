@@ -6,6 +6,8 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from panoptic_ros.refinement.motion_model import MOVING
+
 Array = np.ndarray
 Record = TypeVar("Record", bound=tuple[Any, ...])
 
@@ -15,8 +17,8 @@ PRIOR = 8.0  # weight of a new person's level, in measurements
 class Motion(NamedTuple):
     """Positions and velocities of joints."""
 
-    states: Array  # (P, J, 6) m and m/s, NaN = unknown
-    covariances: Array  # (P, J, 6, 6)
+    states: Array  # (P, J, S) m, m/s and by some models m/s^2, NaN = unknown
+    covariances: Array  # (P, J, S, S)
 
 
 class Measured(NamedTuple):
@@ -41,10 +43,10 @@ class Moment(NamedTuple):
     dt: float  # s since the moment before
     noise: Array  # (P, J) m^2/s^3, process noise since then
     predicted: Motion  # from the moment before
-    gains: Array  # (P, J, 6, 6) of the smoother back to that moment, transposed
+    gains: Array  # (P, J, S, S) of the smoother back to that moment, transposed
     motion: Motion  # with this instant's measurements
     measured: Measured
-    linked: bool = False  # some motion since the moment before was measured on the surface
+    linked: Array  # (P, J) bool, whose motion since the moment before was measured on the surface
 
 
 class People(NamedTuple):
@@ -58,20 +60,37 @@ class People(NamedTuple):
     counts: Array  # (P,) measurements of a person
     innovations: Array  # (P, 3, J, 3) whitened, of one, two, three measurements ago; NaN = none
     turns: Array  # (P, J, 3) whitened innovations of displacements, of the instant before; NaN = none
+    shown: Array  # (P, J, 3) m, places that were given last; NaN = none
     lengths: Array  # (P, B) m, means of bones
     frames: Array  # (P, B) of which they are
 
 
-def unknown(stamp_ns: int, dt: float, people: int, joints: int) -> Moment:
-    """A moment of people of whom nothing is known."""
+def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVING) -> Moment:
+    """A moment of people of whom nothing is known; size: S of their motion."""
     shape = (people, joints)
-    predicted, motion = (Motion(np.full((*shape, 6), np.nan), np.zeros((*shape, 6, 6))) for _ in range(2))
+    nothing = Motion(np.full((*shape, size), np.nan), np.zeros((*shape, size, size)))
+    predicted, motion = (of_all(np.copy, nothing) for _ in range(2))
     measured = Measured(
         np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
         np.zeros((*shape, 3, 3)), np.full((*shape, 3), np.nan), np.zeros(shape), np.zeros(shape, bool),
         np.zeros(people), np.zeros(shape, bool),
     )  # fmt: skip
-    return Moment(stamp_ns, dt, np.zeros(shape), predicted, np.zeros((*shape, 6, 6)), motion, measured)
+    noise, gains = np.zeros(shape), np.zeros((*shape, size, size))
+    return Moment(stamp_ns, dt, noise, predicted, gains, motion, measured, np.zeros(shape, bool))
+
+
+def padded(motion: Motion, size: int) -> Motion:
+    """With states of another size; what they have more of is 0, and known to be."""
+    more = [(0, size - motion.states.shape[-1])]
+    whole = [(0, 0)] * (motion.states.ndim - 1)
+    return Motion(np.pad(motion.states, whole + more), np.pad(motion.covariances, whole + more + more))
+
+
+def widened(moment: Moment, size: int) -> Moment:
+    """The same moment with states of another size."""
+    more = [(0, 0), (0, 0), *[(0, size - moment.gains.shape[-1])] * 2]
+    motion, predicted = padded(moment.motion, size), padded(moment.predicted, size)
+    return moment._replace(motion=motion, predicted=predicted, gains=np.pad(moment.gains, more))
 
 
 def new_people(ids: list[int], joints: int, bones: int) -> People:
@@ -80,7 +99,7 @@ def new_people(ids: list[int], joints: int, bones: int) -> People:
     return People(
         np.array(ids, np.int64), np.zeros((count, joints)), np.ones((count, joints)), np.ones(count),
         np.full(count, PRIOR), np.zeros(count, np.int64), np.full((count, 3, joints, 3), np.nan),
-        np.full((count, joints, 3), np.nan),
+        np.full((count, joints, 3), np.nan), np.full((count, joints, 3), np.nan),
         np.zeros((count, bones)), np.zeros((count, bones)),
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Cholesky factors of small positive matrices, 3x3 of positions and 6x6 of motions; compiled."""
+"""Cholesky factors of small positive matrices, 3x3 of positions, 6x6 or 9x9 of motions; compiled."""
 from __future__ import annotations
 
 import numpy as np
@@ -50,17 +50,18 @@ def whitened_row(lower, k, row):
 
 @njit(cache=True, error_model="numpy")
 def solve(matrix, columns, lower):
-    """columns (6, 6) become matrix^-1 columns; lower is scratch."""
+    """columns (S, S) become matrix^-1 columns; lower is scratch."""
+    size = len(matrix)
     cholesky(matrix, lower, True)
-    for i in range(6):
+    for i in range(size):
         for m in range(i):
-            for c in range(6):
+            for c in range(size):
                 columns[i, c] -= lower[i, m] * columns[m, c]
-        for c in range(6):
+        for c in range(size):
             columns[i, c] *= lower[i, i]
-    for i in range(5, -1, -1):
-        for m in range(i + 1, 6):
-            for c in range(6):
+    for i in range(size - 1, -1, -1):
+        for m in range(i + 1, size):
+            for c in range(size):
                 columns[i, c] -= lower[m, i] * columns[m, c]
-        for c in range(6):
+        for c in range(size):
             columns[i, c] *= lower[i, i]

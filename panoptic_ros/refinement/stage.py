@@ -37,7 +37,8 @@ class RefinementStage(Stateful):
 
     LAYOUT = StateLayout(
         "refinement",
-        "_waiting _last_ns _clock _patches _bodies _bank.moments _bank.people _bank.departed _bank.lasting"
+        "_waiting _last_ns _clock _patches _bodies _bank.moments _bank.people _bank.departed _bank.lasting "
+        "_bank.memory"
         .split(),
         (
             Posed, Learnt, Fields.named(BodyFill, "_kept _learnt"),

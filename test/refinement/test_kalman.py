@@ -1,7 +1,9 @@
 """Filter and smoother against least squares over the whole sequence."""
 import numpy as np
+import pytest
 
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
+from panoptic_ros.refinement.motion_model import transition
 from panoptic_ros.refinement.records import Motion, of_all
 
 FOREVER = 1e9  # Cauchy scale: plain Gaussian
@@ -20,35 +22,35 @@ def updated(motion, point, noise, cauchy=FOREVER):
     return result
 
 
-def predicted(motion, dt, q):
+def predicted(motion, dt, q, memory=0.0):
     ahead = of_all(np.empty_like, motion)
-    predict(motion, dt, np.array([[q]]), ahead)
+    predict(motion, transition(dt, memory), np.array([[q]]), ahead)
     return ahead
 
 
-def smoothed(motion, dt, ahead, later):
+def smoothed(motion, dt, ahead, later, memory=0.0):
     """One step backwards, and whether a joint that is measured then is so without an interruption."""
-    gains, result, again = np.empty((1, 1, 6, 6)), of_all(np.copy, later), np.zeros((1, 1), bool)
-    smoother_gains(motion, dt, ahead, gains)
+    gains, result, again = np.empty_like(motion.covariances), of_all(np.copy, later), np.zeros((1, 1), bool)
+    smoother_gains(motion, transition(dt, memory), ahead, gains)
     smooth(motion, gains, ahead, np.ones((1, 1), bool), result, again)
     return result, again[0, 0]
 
 
-def filtered(points, noises, dts, q, speed=1.5):
-    """All filtered and predicted moments of one point."""
-    covariance = np.zeros((6, 6))
-    covariance[:3, :3], covariance[3:, 3:] = noises[0], speed**2 * np.eye(3)
-    moments = [(motion_of(np.concatenate([points[0], np.zeros(3)]), covariance), None)]
+def filtered(points, noises, dts, q, memory, first):
+    """All filtered and predicted moments of one point; first: variances of velocity, and acceleration."""
+    covariance = np.diag([0.0] * 3 + first)
+    covariance[:3, :3] = noises[0]
+    moments = [(motion_of(np.concatenate([points[0], np.zeros(len(first))]), covariance), None)]
     for point, noise, dt in zip(points[1:], noises[1:], dts):
-        ahead = predicted(moments[-1][0], dt, q)
+        ahead = predicted(moments[-1][0], dt, q, memory)
         moments.append((updated(ahead, point, noise), ahead))
     return moments
 
 
-def least_squares(points, noises, dts, q, speed=1.5):
-    """Means (T, 6) and covariances of the same model, solved at once."""
-    count = len(points)
-    information, right = np.zeros((6 * count, 6 * count)), np.zeros(6 * count)
+def least_squares(points, noises, dts, q, memory, first):
+    """Means (T, S) and covariances of the same model, solved at once."""
+    count, size = len(points), 3 + len(first)
+    information, right = np.zeros((size * count, size * count)), np.zeros(size * count)
 
     def add(columns, matrix, value, noise):
         weight = np.linalg.inv(noise)
@@ -57,33 +59,35 @@ def least_squares(points, noises, dts, q, speed=1.5):
 
     for i in range(count):
         if np.isfinite(points[i, 0]):
-            add(np.arange(6 * i, 6 * i + 3), np.eye(3), points[i], noises[i])
-    add(np.arange(3, 6), np.eye(3), np.zeros(3), speed**2 * np.eye(3))
+            add(np.arange(size * i, size * i + 3), np.eye(3), points[i], noises[i])
+    add(np.arange(3, size), np.eye(size - 3), np.zeros(size - 3), np.diag(first))
     for i, dt in enumerate(dts):
-        transition = np.block([[np.eye(3), dt * np.eye(3)], [np.zeros((3, 3)), np.eye(3)]])
-        process = q * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(3))
-        columns = np.arange(6 * i, 6 * i + 12)
-        add(columns, np.hstack([transition, -np.eye(6)]), np.zeros(6), process)
+        step = transition(dt, memory)
+        process = q * np.kron(step.spread, np.eye(3))
+        columns = np.arange(size * i, size * (i + 2))
+        forward = np.kron(step.forward, np.eye(3))
+        add(columns, np.hstack([forward, -np.eye(size)]), np.zeros(size), process)
     covariance = np.linalg.inv(information)
-    blocks = [covariance[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(count)]
-    return (covariance @ right).reshape(count, 6), np.stack(blocks)
+    blocks = [covariance[size * i : size * (i + 1), size * i : size * (i + 1)] for i in range(count)]
+    return (covariance @ right).reshape(count, size), np.stack(blocks)
 
 
-def test_smoother_equals_least_squares_at_uneven_rates_with_gaps():
+@pytest.mark.parametrize(("memory", "first"), [(0.0, [2.25] * 3), (0.1, [2.25] * 3 + [20.0] * 3)])
+def test_smoother_equals_least_squares_at_uneven_rates_with_gaps(memory, first):
     rng = np.random.default_rng(1)
     points = np.cumsum(rng.normal(0, 0.05, (12, 3)), axis=0)
     shapes = rng.normal(0, 0.01, (12, 3, 3))
     noises = shapes @ shapes.swapaxes(1, 2) + 1e-5 * np.eye(3)
     points[[4, 5]] = np.nan
     dts, q = rng.uniform(0.01, 0.08, 11), 4.0
-    moments = filtered(points, noises, dts, q)
-    means, covariances = least_squares(points, noises, dts, q)
+    moments = filtered(points, noises, dts, q, memory, first)
+    means, covariances = least_squares(points, noises, dts, q, memory, first)
     later = moments[-1][0]
-    assert np.allclose(later.states[0, 0], means[-1], atol=1e-6)
+    assert np.allclose(later.states[0, 0], means[-1], atol=1e-6, rtol=1e-4)
     for i in range(10, -1, -1):
-        later, again = smoothed(moments[i][0], dts[i], moments[i + 1][1], later)
-        assert np.allclose(later.states[0, 0], means[i], atol=1e-6) and again
-        assert np.allclose(later.covariances[0, 0], covariances[i], atol=1e-7, rtol=1e-4)
+        later, again = smoothed(moments[i][0], dts[i], moments[i + 1][1], later, memory)
+        assert np.allclose(later.states[0, 0], means[i], atol=1e-6, rtol=1e-4) and again
+        assert np.allclose(later.covariances[0, 0], covariances[i], atol=1e-7, rtol=1e-3)
 
 
 def test_large_innovations_count_less():

@@ -9,7 +9,8 @@ from panoptic_ros.domain import JointState, PartMotions, TrackedPoseSet
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
-from panoptic_ros.refinement.records import Motion
+from panoptic_ros.refinement.motion_model import transition
+from panoptic_ros.refinement.records import Motion, of_all
 
 DT, NOISE = 0.04, 3.0
 PARTS = [list(part.joints) for part in rigid_parts(captures.SKELETON)]
@@ -20,28 +21,29 @@ def spread(rng, size, scale):
     return scale * (root @ root.T + np.eye(size))
 
 
-def test_a_displacement_conditions_both_states_exactly():
+@pytest.mark.parametrize("memory", [0.0, 0.05])
+def test_a_displacement_conditions_both_states_exactly(memory):
+    size, step = (9 if memory else 6), transition(DT, memory)
     rng = np.random.default_rng(1)
-    state, cov = rng.normal(size=6), spread(rng, 6, 1e-3)
-    moved, own = DT * state[3:] + 0.01 * rng.normal(size=3), spread(rng, 3, 1e-5)
+    state, cov = rng.normal(size=size), spread(rng, size, 1e-3)
+    moved, own = DT * state[3:6] + 0.01 * rng.normal(size=3), spread(rng, 3, 1e-5)
     motion = Motion(state[None, None].copy(), cov[None, None].copy())
-    ahead, gains = Motion(np.zeros((1, 1, 6)), np.zeros((1, 1, 6, 6))), np.zeros((1, 1, 6, 6))
+    ahead, gains = of_all(np.zeros_like, motion), np.zeros_like(motion.covariances)
     links = Links(moved[None, None], own[None, None])
-    predict_linked(motion, DT, np.full((1, 1), NOISE), links, 1e9, ahead, gains, np.empty((1, 1, 3)))
-    forward = np.eye(6)
-    forward[:3, 3:] = DT * np.eye(3)
-    process = NOISE * np.kron(np.array([[DT**3 / 3, DT**2 / 2], [DT**2 / 2, DT]]), np.eye(3))
+    predict_linked(motion, step, np.full((1, 1), NOISE), links, 1e9, ahead, gains, np.empty((1, 1, 3)))
+    forward = np.kron(step.forward, np.eye(3))
+    process = NOISE * np.kron(step.spread, np.eye(3))
     whole = np.block([[cov, cov @ forward.T], [forward @ cov, forward @ cov @ forward.T + process]])
     mean = np.concatenate([state, forward @ state])
-    rows = np.zeros((3, 12))
-    rows[:, :3], rows[:, 6:9] = -np.eye(3), np.eye(3)
+    rows = np.zeros((3, 2 * size))
+    rows[:, :3], rows[:, size : size + 3] = -np.eye(3), np.eye(3)
     gain = whole @ rows.T @ np.linalg.inv(rows @ whole @ rows.T + own)
     mean, whole = mean + gain @ (moved - rows @ mean), whole - gain @ rows @ whole
-    assert motion.states[0, 0] == pytest.approx(mean[:6], abs=1e-10)
-    assert motion.covariances[0, 0] == pytest.approx(whole[:6, :6], abs=1e-12)
-    assert ahead.states[0, 0] == pytest.approx(mean[6:], abs=1e-10)
-    assert ahead.covariances[0, 0] == pytest.approx(whole[6:, 6:], abs=1e-12)
-    backward = whole[:6, 6:] @ np.linalg.inv(whole[6:, 6:])
+    assert motion.states[0, 0] == pytest.approx(mean[:size], abs=1e-10)
+    assert motion.covariances[0, 0] == pytest.approx(whole[:size, :size], abs=1e-12)
+    assert ahead.states[0, 0] == pytest.approx(mean[size:], abs=1e-10)
+    assert ahead.covariances[0, 0] == pytest.approx(whole[size:, size:], abs=1e-12)
+    backward = whole[:size, size:] @ np.linalg.inv(whole[size:, size:])
     assert gains[0, 0].T == pytest.approx(backward, abs=1e-6)
 
 
@@ -159,3 +161,17 @@ def test_a_gap_is_filled_where_the_surface_shows_the_motion(lag):
     errors = [np.linalg.norm(item.positions[0, wrist] - truth[k, wrist]) for k, item in zip(hidden, filled)]
     assert np.mean(errors) < 0.02
     assert any(item.states[0, wrist] == JointState.MISSING for item in refined(without, lag)[8:21])
+
+
+def test_what_later_views_tell_is_faded_in_and_motion_is_not_delayed():
+    with_motion, _, truth = noisy(24, 0.015)
+    told = {}
+    for fading in (0.0, 0.5):
+        own = {"refinement": {"lag": 0.12, "bone_sigma": 0.0, "fading": fading}}
+        stage = make_stage("refinement", configure(own)["refinement"], captures.CONTEXT)
+        items = [output for item in with_motion for output in stage.step(item).outputs]
+        errors = np.array([item.positions[0] for item in items]) - truth[: len(items)]
+        turns = np.linalg.norm(np.diff(errors[6:], 2, axis=0), axis=2).mean()
+        told[fading] = np.linalg.norm(errors[6:], axis=2).mean(), turns
+    assert told[0.5][1] < 0.9 * told[0.0][1]
+    assert told[0.5][0] < 1.1 * told[0.0][0]
