@@ -12,11 +12,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
+from panoptic_ros.kernels.assignment import best_assignment
 
 Array = np.ndarray
 
@@ -98,7 +98,7 @@ def chosen_nodes(
     )
     for joint in choose_clear(choice, _mapped_joints(item, len(skeleton)), chosen):
         nodes, cost = choice_costs(choice, joint, *compared_bones(skeleton, joint))
-        people, columns = linear_sum_assignment(cost)
+        people, columns = best_assignment(cost)
         taken = (columns < len(nodes)) & (cost[people, columns] < _NEVER)
         chosen[people[taken], joint] = nodes[columns[taken]]
     return chosen

@@ -13,7 +13,6 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from panoptic_ros.clocks.line import fit_line
 from panoptic_ros.clocks.timeline import SECOND, day_length_ns, day_ns
@@ -38,6 +37,8 @@ def align_timecodes(
     Raises:
         ClockError: if a channel has too few readings, or the two do not overlap.
     """
+    from scipy.interpolate import CubicSpline  # takes long to load, which most runs do not need
+
     for name, readings in (("master", master), (device, other)):
         if len(readings) < LEAST_READINGS:
             raise ClockError(f"{len(readings)} timecode words of {name} are too few to align two clocks")

@@ -4,7 +4,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from panoptic_ros.domain import TrackedPoseSet
 from panoptic_ros.evaluation.sequences import SkeletonFrame
@@ -17,6 +16,8 @@ def savitzky_golay(raw: Sequence[TrackedPoseSet], frames: int = 7, order: int = 
 
     Where a joint is missing it is put in by a line, filtered over, and missing again.
     """
+    from scipy.signal import savgol_filter  # takes a second to load, which most runs do not need
+
     found: list[dict[int, Array]] = [{} for _ in raw]
     for number, rows in _by_person(raw).items():
         points = np.array([row[1] for row in rows])

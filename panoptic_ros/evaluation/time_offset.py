@@ -4,7 +4,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.evaluation.pairing import TruthMotion, match_people, nearest_frames
@@ -33,6 +32,8 @@ def find_time_offset(
     Raises:
         DataError: if nobody of the result can be matched to somebody whose motion is known.
     """
+    from scipy.optimize import minimize_scalar  # takes long to load, which runs do not need
+
     motion = TruthMotion(truth)
     tracks = _matched_tracks(motion, truth, result.with_joints(truth.joint_names))
     if not tracks:

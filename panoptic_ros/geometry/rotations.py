@@ -130,3 +130,15 @@ def mean_rotation(rotations: Array) -> Array:
     u, _, v = np.linalg.svd(rotations.mean(0))
     mean: Array = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
     return mean
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """Quaternion (4,) w x y z of a rotation (3, 3), from its largest entry (Shepperd 1978)."""
+    r, trace = rotation, np.trace(rotation)
+    squares = np.array([trace, *(2.0 * np.diag(r) - trace)])  # 4 w^2 - 1, 4 x^2 - 1, ...
+    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    xy, xz, yz = r[1, 0] + r[0, 1], r[2, 0] + r[0, 2], r[2, 1] + r[1, 2]
+    w2, x2, y2, z2 = 1.0 + squares
+    rows = np.array([[w2, wx, wy, wz], [wx, x2, xy, xz], [wy, xy, y2, yz], [wz, xz, yz, z2]])
+    row = rows[squares.argmax()]
+    return np.asarray(row / np.linalg.norm(row))

@@ -10,7 +10,7 @@ from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model
 from panoptic_ros.io.kinematic_files import read_subject
-from panoptic_ros.io.recorded_motions import read_prior
+from panoptic_ros.io.pose_prior import read_prior
 
 
 def body_extras(subjects: Sequence[Path], segments: str = "", prior: str = "") -> Mapping[str, Any]:

@@ -7,7 +7,6 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from scipy.io import wavfile
 
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.files import file_errors, read_bytes, write_bytes
@@ -58,6 +57,8 @@ class WavFile:
 
 def _read(path: Path, mapped: bool = False) -> tuple[int, Array]:
     """Sample rate and samples (N, C) as they are stored; mapped: in the file, where its format allows."""
+    from scipy.io import wavfile  # takes long to load, which most runs do not need
+
     data = None if mapped else read_bytes(path)
     try:
         with warnings.catch_warnings(), file_errors(path, "read"):
@@ -86,6 +87,8 @@ def _as_float(path: Path, samples: Array) -> Array:
 
 def write_wav(path: Path, sample_rate: int, samples: Array) -> None:
     """Write samples (N,) or (N, C) in -1..1 as 16-bit PCM; what is beyond is clipped."""
+    from scipy.io import wavfile  # takes long to load, which most runs do not need
+
     levels = np.clip(np.round(np.asarray(samples, np.float64) * 32767.0), -32768, 32767)
     buffer = io.BytesIO()
     wavfile.write(buffer, sample_rate, levels.astype(np.int16))

@@ -16,7 +16,7 @@ from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.kinematic_files import read_imus, read_subject
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
-from panoptic_ros.io.recorded_motions import read_prior
+from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics

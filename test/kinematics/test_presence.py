@@ -11,7 +11,7 @@ from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.io.body_models import read_body_model
-from panoptic_ros.io.recorded_motions import read_prior
+from panoptic_ros.io.pose_prior import read_prior
 
 RATE = 30
 LEAVES, RETURNS, END = 30, 60, 80  # frames

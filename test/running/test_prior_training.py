@@ -8,7 +8,8 @@ from bodies import CHAIN, MODEL, S, placed, some_pose
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.motion_files import read_bvh, read_sites
-from panoptic_ros.io.recorded_motions import MOTION, read_prior
+from panoptic_ros.io.pose_prior import read_prior
+from panoptic_ros.io.recorded_motions import MOTION
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.kinematics.fitting import fit_motion
 

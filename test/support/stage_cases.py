@@ -40,7 +40,7 @@ from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.body_models import read_body_model
-from panoptic_ros.io.recorded_motions import read_prior
+from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.simulation.ltc_signal import AudioFaults, degrade_audio, encode_ltc, timecode_rate
 from panoptic_ros.stage import StageContext
 from panoptic_ros.timecode.signal.buffer import Buffer

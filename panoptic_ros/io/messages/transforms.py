@@ -4,10 +4,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Rigid
+from panoptic_ros.geometry.rotations import from_quaternions, quaternion_of
 from panoptic_ros.io.messages.family import Messages
 
 
@@ -15,7 +15,7 @@ def transform_message(
     family: Messages, stamp_ns: int, parent: str, child: str, parent_from_child: Rigid
 ) -> Any:
     """A TransformStamped."""
-    x, y, z, w = (float(v) for v in Rotation.from_matrix(parent_from_child.rotation).as_quat())
+    w, x, y, z = quaternion_of(parent_from_child.rotation).tolist()
     position = dict(zip("xyz", map(float, parent_from_child.translation)))
     return family.make(
         "geometry_msgs/msg/TransformStamped",
@@ -40,4 +40,4 @@ def read_transform(message: Any) -> tuple[str, str, Rigid]:
     parent, child = (str(name).lstrip("/") for name in (message.header.frame_id, message.child_frame_id))
     if not np.isfinite(numbers).all() or np.linalg.norm(numbers[3:]) < 1e-6 or not (parent and child):
         raise DataError(f"the transform from {child!r} to {parent!r} is none: {numbers.tolist()}")
-    return parent, child, Rigid(Rotation.from_quat(numbers[3:]).as_matrix(), numbers[:3])
+    return parent, child, Rigid(from_quaternions(np.roll(numbers[3:], 1)), numbers[:3])

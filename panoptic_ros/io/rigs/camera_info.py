@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from scipy.spatial.transform import Rotation
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError, UsageError
@@ -57,6 +56,8 @@ def parse(folder: Path) -> Rig:
 
 def _camera(folder: Path, name: str, pose: Any) -> Camera:
     where = f"{name}.yaml"
+    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+
     document = read_yaml(folder / where)
     model = entry(document, "distortion_model", where)
     lens = next((lens for lens, name in DISTORTION_MODELS.items() if name == model), None)
@@ -89,6 +90,8 @@ def dump(rig: Rig) -> dict[str, str]:
     Raises:
         UsageError: if a camera's name cannot be that of a file.
     """
+    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+
     files, poses = {}, {}
     for item in rig.cameras:
         if "/" in item.name or item.name.startswith(".") or f"{item.name}.yaml" == POSES:

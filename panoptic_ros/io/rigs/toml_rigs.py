@@ -13,8 +13,6 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from scipy.spatial.transform import Rotation
-
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.io.rigs.fields import camera, image_size, name_of, numbers, per_metre
@@ -75,6 +73,8 @@ def _camera(name: str, item: Mapping[str, Any], scale: float) -> Camera:
         raise CalibrationError(f"{where}: 'fisheye' is {fisheye!r}, expected true or false")
     rotation = numbers(item, "rotation", where, (3,), (3, 3))
     if rotation.ndim == 1:
+        from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+
         rotation = Rotation.from_rotvec(rotation).as_matrix()
     return camera(
         name,
@@ -111,6 +111,8 @@ def dump_caliscope(rig: Rig) -> str:
 
 
 def _rows(item: Camera) -> list[tuple[str, str]]:
+    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+
     pose, lens = item.cam_from_world, item.intrinsics
     return [
         ("size", f"[{item.image_size[0]}, {item.image_size[1]}]"),

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 Array = np.ndarray
 QUIET = 0.1  # share of the time that is quieter than the noise floor
@@ -19,6 +18,8 @@ def onsets(energies: Array, rate: float, rise_s: float, squared: bool, level: fl
     """
     if not len(energies):
         return np.empty_like(energies)
+    from scipy.ndimage import uniform_filter1d  # takes long to load, which most runs do not need
+
     floor = np.maximum(np.quantile(energies, level, axis=0), LEAST)
     loudness = np.log1p(energies / floor)
     steps = max(1, round(rise_s * rate))

@@ -8,7 +8,6 @@ window tells where its source stands, roughly.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ive
 
 from panoptic_ros.offsets.sound.directness import HIGH, LOW, PARTS, Directness
 
@@ -75,6 +74,8 @@ class Places:
 
 def _resultant(ratio: Array) -> Array:
     """Mean cosine between the phase of a steady wave and that of it with noise, by their energies' ratio."""
+    from scipy.special import ive  # takes long to load, which most runs do not need
+
     half = 0.5 * ratio
     return np.asarray(0.5 * np.sqrt(np.pi * ratio) * (ive(0, half) + ive(1, half)))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 Array = np.ndarray
 PHASES = 32  # places between two samples
@@ -33,6 +32,8 @@ def step_guess(sample_rate: int, reach: int) -> Array:
 @lru_cache(maxsize=8)
 def spline_tables(reach: int, knot: float) -> Array:
     """(J, 2, P + 1, 2 R): cubic B-splines inside of the reach and their slopes."""
+    from scipy.interpolate import BSpline  # takes long to load, which most runs do not need
+
     places = _places(reach)
     knots = np.arange(-reach, reach + 0.5 * knot, knot)
     out = []
