@@ -88,11 +88,11 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
     return parser
 
 
-def program() -> None:
+def program() -> NoReturn:
     """The installed program.
 
-    Leaves at once unless all is well: after an interruption of code that was run by exec(), the
-    interpreter would otherwise forget our exit code and kill itself with the signal.
+    Leaves at once: taking the interpreter down takes half a second, and after an interruption of code that
+    was run by exec() it would forget our exit code and kill itself with the signal.
     """
     listen_to_signals()
     if not SMALL_MATRICES.isdisjoint(sys.argv[1:2]):
@@ -101,9 +101,7 @@ def program() -> None:
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()
-    if code:
-        os._exit(code)
-    sys.exit(0)
+    os._exit(code)
 
 
 if __name__ == "__main__":

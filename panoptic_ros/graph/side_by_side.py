@@ -21,7 +21,8 @@ from panoptic_ros.graph.nodes import DEPTH, NODES, NodeSpec
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Stage, StageContext, StepResult
 
-AHEAD = 2  # images of a camera that wait at most with what was found in them
+AHEAD = 2  # images of a camera that may wait in any case with what was found in them
+HELD = 1 << 26  # bytes of images of all cameras up to which more may: while other stages load their kernels
 TABLE: Mapping[str, NodeSpec] = {
     **NODES, "detection": replace(NODES["detection"], stage=f"{__name__}:LookedAt")
 }  # fmt: skip
@@ -82,6 +83,7 @@ class SideBySide:
         self._stage, self._inputs, self._clock = stage, inputs, clock
         self._ready: dict[str, deque[_Look]] = {name: deque() for name in inputs}
         self._given: dict[str, deque[_Look]] = {name: deque() for name in inputs}  # to the pipeline
+        self._held = 0  # bytes of the images that are ready
         self._busy: set[str] = set()
         self._ended: set[str] = set()
         self._changed = threading.Condition()
@@ -122,6 +124,7 @@ class SideBySide:
                         raise self._fault
                     return
                 look = ready.popleft()
+                self._held -= look.frame.image.nbytes
                 self._changed.notify_all()
             self._given[camera].append(look)
             yield look.frame
@@ -148,7 +151,7 @@ class SideBySide:
         with self._changed:
             while not self._closed and self._fault is None:
                 left = [name for name in self._inputs if name not in self._ended]
-                free = [name for name in left if name not in self._busy and len(self._ready[name]) < AHEAD]
+                free = [name for name in left if name not in self._busy and self._may_wait(name)]
                 if free:
                     camera = min(free, key=lambda name: len(self._ready[name]))
                     self._busy.add(camera)
@@ -157,6 +160,9 @@ class SideBySide:
                     return None
                 self._changed.wait()
         return None
+
+    def _may_wait(self, camera: str) -> bool:
+        return len(self._ready[camera]) < AHEAD or self._held < HELD
 
     def _look(self, camera: str) -> None:
         """Let the stage look at the next image of a camera."""
@@ -171,6 +177,7 @@ class SideBySide:
                 self._ended.add(camera)
             else:
                 self._ready[camera].append(look)
+                self._held += look.frame.image.nbytes
             self._changed.notify_all()
 
     def _step(self, frame: ViewFrame) -> _Look:

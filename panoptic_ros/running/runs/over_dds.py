@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
+from panoptic_ros.nodes.executor import make_executor
 from panoptic_ros.nodes.runtime import in_namespace, start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
 from panoptic_ros.params import config_of
@@ -53,7 +53,7 @@ def _run(
     document = json.loads(launch.read_text())
     names = [name for nodes in document["processes"].values() for node in nodes for name in _told_of(node)]
     start_ros(arguments)
-    executor = SingleThreadedExecutor()
+    executor = make_executor()
     bodies = plan.imu_devices if config_of(plan.configs, KinematicsConfig).runs else None
     flow = make_flow(flow_name, window)
     collector = CollectorNode(flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan))
