@@ -20,6 +20,7 @@ from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.io.detector_context import bias_extras, detector_extras
 from panoptic_ros.io.models import DEFAULT_MODEL
 from panoptic_ros.io.occluders import read_occluders
+from panoptic_ros.io.output import print_to
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.heat_maps_node import HeatMapsNode
@@ -146,8 +147,9 @@ def camera() -> None:
 
 
 def host(arguments: Sequence[str] | None = None) -> int:
-    """Run one process of a launcher's file, as long as the launcher lives: `host FILE PROCESS PID`."""
-    path, process, launcher = list(sys.argv[1:] if arguments is None else arguments)
+    """Run one process of a launcher's file, as long as the launcher lives: `host FILE PROCESS PID`; without
+    these words the launcher tells them later."""
+    path, process, launcher = list(sys.argv[1:] if arguments is None else arguments) or _told()
     document = json.loads(Path(path).read_text())
     rig_of_run = read_rig(Path(document["rig"])) if document["rig"] else NO_CAMERAS
 
@@ -155,6 +157,16 @@ def host(arguments: Sequence[str] | None = None) -> int:
         return [_hosted(entry, rig_of_run) for entry in document["processes"][process]]
 
     return run_nodes(make, in_namespace(document.get("namespace", "")), lambda: os.getppid() == int(launcher))
+
+
+def _told() -> list[str]:
+    """The arguments of `host`, and where to print, by a line of standard input; ends where none comes."""
+    line = sys.stdin.readline()
+    if not line:
+        leave(0)
+    path, process, launcher, log = map(str, json.loads(line))
+    print_to(log)
+    return [path, process, launcher]
 
 
 def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:

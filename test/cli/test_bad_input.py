@@ -277,13 +277,14 @@ def start(bag, out, *more):
 
 
 def hosts(out):
-    """Process ids of the nodes of a run."""
+    """Process ids of the nodes of a run: they print to its folder."""
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
             words = path.read_bytes().decode().split("\0")
             folder = str(out.with_name(f".{out.name}."))
-            if "panoptic_ros.nodes.main" in words and any(folder in word for word in words):
+            log = os.readlink(path.with_name("fd") / "1")
+            if "panoptic_ros.nodes.main" in words and log.startswith(folder):
                 found.append(int(path.parent.name))
     return found
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from panoptic_ros.cli.offsets import add_apart_option, add_saved_option
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, number, program_shown
 from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+
+if TYPE_CHECKING:
+    from panoptic_ros.running.processes.children import Ahead
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +94,14 @@ def run(args: argparse.Namespace) -> int:
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     check_usage(args, parser.parse_args(["--out", ""]))
-    from panoptic_ros.cli.run.source import make_plan  # only now: --help must be quick
+    from panoptic_ros.running.processes.children import Ahead  # only now: --help must be quick
+
+    with Ahead(not (args.in_process or args.offline)) as ahead:  # loads while this process does
+        return _run(args, ahead)
+
+
+def _run(args: argparse.Namespace, ahead: Ahead) -> int:
+    from panoptic_ros.cli.run.source import make_plan
     from panoptic_ros.cli.run.watch import Watch
     from panoptic_ros.running.runs.run import run as run_plan
 
@@ -100,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
         outcome = run_plan(
             plan, args.out, in_process=args.in_process, offline=args.offline, jpeg_quality=args.jpeg,
             node_per_stage=args.node_per_stage, duration_s=args.duration, pictures=not args.no_pictures,
-            observer=watch,
+            observer=watch, ahead=ahead,
         )  # fmt: skip
     print(outcome.report.table())
     print(f"\nresults in {args.out}: {', '.join(outcome.files)}")

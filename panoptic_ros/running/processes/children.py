@@ -1,6 +1,7 @@
 """Child processes of a launcher: started, watched, and ended in any case."""
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -20,6 +21,49 @@ RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 MOST_REVIVALS = 5  # of one process in a minute
 
 
+HOST = (sys.executable, "-m", "panoptic_ros.nodes.main", "host")
+
+
+class Ahead:
+    """A process that loads nodes while the launcher still plans and waits; a context manager that ends it if
+    nobody needed it.
+    """
+
+    def __init__(self, wanted: bool = True):
+        self._process: subprocess.Popen[bytes] | None = None
+        if wanted:
+            prepare_environment()
+            self._process = subprocess.Popen(
+                HOST, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                env=child_environment(), start_new_session=True,
+            )  # fmt: skip
+
+    def become(self, launch_file: Path, name: str, log: Path) -> Child | None:
+        """Let it run a process of a launch file; None if there is none any more."""
+        process, self._process = self._process, None
+        if process is None or process.stdin is None:
+            return None
+        words = [str(launch_file), name, str(os.getpid()), str(log)]
+        try:
+            process.stdin.write(json.dumps(words).encode() + b"\n")
+            process.stdin.close()
+        except BrokenPipeError:  # it broke down; started anew it will tell why
+            process.wait()
+            return None
+        return process
+
+    def __enter__(self) -> Ahead:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+
+
+NOBODY_AHEAD = Ahead(wanted=False)
+
+
 class Processes:
     """The processes of one launch file; a context manager that leaves none behind.
 
@@ -28,9 +72,13 @@ class Processes:
 
     Args:
         revived: whether `revive` will be called: a process stands by then that has everything loaded.
+        ahead: becomes the first of them.
     """
 
-    def __init__(self, launch_file: Path, names: Iterable[str], logs: Path, revived: bool = False):
+    def __init__(
+        self, launch_file: Path, names: Iterable[str], logs: Path, revived: bool = False,
+        ahead: Ahead = NOBODY_AHEAD,
+    ):  # fmt: skip
         self._logs = logs
         self._launch_file = launch_file
         self._children: dict[str, Child] = {}
@@ -40,7 +88,11 @@ class Processes:
             logs.mkdir(parents=True, exist_ok=True)
         try:
             for name in names:
-                self._start(name)
+                loaded = ahead.become(launch_file, name, logs / f"{name}.log")
+                if loaded is None:
+                    self._start(name)
+                else:
+                    self._children[name] = loaded
             if revived:
                 self._server = ForkServer(launch_file, logs / "successors.log", child_environment())
         except BaseException:  # nobody else knows of those that run already
@@ -48,11 +100,10 @@ class Processes:
             raise
 
     def _start(self, name: str) -> None:
-        host = [sys.executable, "-m", "panoptic_ros.nodes.main", "host"]
         mode = "ab" if name in self._children else "wb"
         with file_errors(self._logs, "write"), (self._logs / f"{name}.log").open(mode) as log:
             self._children[name] = subprocess.Popen(
-                [*host, str(self._launch_file), name, str(os.getpid())],
+                [*HOST, str(self._launch_file), name, str(os.getpid())],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                 env=child_environment(), start_new_session=True,
             )  # fmt: skip

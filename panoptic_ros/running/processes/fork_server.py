@@ -18,6 +18,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TextIO
 
+from panoptic_ros.io.output import print_to
 from panoptic_ros.running.compiling.kernel_tasks import TASKS
 
 TASK_OF = {"voting": "votes"}  # what loads the kernels of a stage, where it is not called like it
@@ -77,9 +78,7 @@ def _fork(launch_file: str, name: str, log: str) -> int:
     code = 1
     try:
         os.setsid()
-        output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-        for number, descriptor in ((0, os.open(os.devnull, os.O_RDONLY)), (1, output), (2, output)):
-            os.dup2(descriptor, number)
+        print_to(log)
         code = sys.modules["panoptic_ros.nodes.main"].host([launch_file, name, str(server)])
     except BaseException:
         traceback.print_exc()

@@ -19,7 +19,7 @@ from panoptic_ros.nodes.statics_node import StaticsNode
 from panoptic_ros.params import config_of
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.processes.children import Processes, prepare_environment
+from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead, Processes, prepare_environment
 from panoptic_ros.running.runs.launch import write_launch_file
 from panoptic_ros.running.runs.results import Results, patch_topics
 
@@ -29,7 +29,7 @@ LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
 
 def run_over_dds(
     plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int = 0,
-    node_per_stage: bool = False,
+    node_per_stage: bool = False, ahead: Ahead = NOBODY_AHEAD,
 ) -> dict[str, dict[str, str]]:
     """Run the plan to its end, or until `stop()` is true; returns each node's last diagnostics.
 
@@ -40,12 +40,12 @@ def run_over_dds(
     prepare_environment()
     arguments = in_namespace(plan.namespace)
     with claim_domain(plan.namespace.strip("/")):
-        return _run(plan, results, stop, jpeg_quality, node_per_stage, arguments)
+        return _run(plan, results, stop, jpeg_quality, node_per_stage, arguments, ahead)
 
 
 def _run(
     plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool,
-    arguments: list[str],
+    arguments: list[str], ahead: Ahead,
 ) -> dict[str, dict[str, str]]:
     flow_name = "live" if plan.live else "replay"
     window = WINDOW + math.ceil(plan.frame_rate * config_of(plan.configs, RefinementConfig).lag)
@@ -62,7 +62,8 @@ def _run(
         require_no_other_graph(collector)
         for node in (collector, statics):
             executor.add_node(node)
-        with Processes(launch, document["processes"], results.folder / "logs", plan.live) as processes:
+        logs = results.folder / "logs"
+        with Processes(launch, document["processes"], logs, plan.live, ahead) as processes:
             _spin(executor, collector, processes, stop, plan.live)
             deadline = time.monotonic() + LAST_WORDS_S
             while not plan.live and not collector.finished(names) and time.monotonic() < deadline:

@@ -14,6 +14,7 @@ from typing import Any
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead
 from panoptic_ros.running.runs.finish import finish
 from panoptic_ros.running.runs.in_process import run_in_process
 from panoptic_ros.running.runs.observer import RunObserver
@@ -52,6 +53,7 @@ def run(
     duration_s: float | None = None,
     pictures: bool = True,
     observer: RunObserver = NOBODY,
+    ahead: Ahead = NOBODY_AHEAD,
 ) -> RunOutcome:
     """Run a plan to its end and leave the results in a folder.
 
@@ -64,6 +66,7 @@ def run(
         duration_s: stop after so many seconds.
         pictures: also draw overlays, a video and a plot.
         observer: is told what goes on.
+        ahead: becomes a process of the graph.
 
     Raises:
         UserError: on whatever the user can mend; nothing is left in `out` then.
@@ -90,7 +93,7 @@ def run(
             try:
                 counted = (
                     _in_process(plan, results, stop, offline) if in_process or offline
-                    else _over_dds(plan, results, stop, jpeg_quality, node_per_stage)
+                    else _over_dds(plan, results, stop, jpeg_quality, node_per_stage, ahead)
                 )  # fmt: skip
             except PanopticError as error:
                 if not (plan.live and results.has_something):
@@ -120,8 +123,9 @@ def _in_process(plan: Plan, results: Results, stop: Callable[[], bool], offline:
 
 
 def _over_dds(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool
+    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool,
+    ahead: Ahead,
 ) -> Counted:
     from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, the other way does not
 
-    return run_over_dds(plan, results, stop, jpeg_quality, node_per_stage)
+    return run_over_dds(plan, results, stop, jpeg_quality, node_per_stage, ahead)

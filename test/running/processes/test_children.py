@@ -9,7 +9,7 @@ import pytest
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
 from panoptic_ros.running.processes import children as module
-from panoptic_ros.running.processes.children import MOST_REVIVALS, Processes
+from panoptic_ros.running.processes.children import MOST_REVIVALS, Ahead, Processes
 
 
 @pytest.fixture
@@ -27,6 +27,39 @@ def launched(tmp_path, monkeypatch):
         return Processes(tmp_path / "launch.json", ["fusion"], tmp_path / "logs")
 
     return start
+
+
+@pytest.fixture
+def told(tmp_path, monkeypatch):
+    """A process that prints what it is told, in place of nodes, and where processes of a launch print."""
+    child = tmp_path / "ahead.py"
+    child.write_text("import json, pathlib, sys; words = json.loads(sys.stdin.readline()); "
+                     "pathlib.Path(words[-1]).write_text(f'panoptic: {words[1]}'); raise SystemExit(2)")
+    monkeypatch.setattr(module, "HOST", (sys.executable, str(child)))
+    return child
+
+
+def test_the_first_process_may_have_been_loaded_ahead(told, tmp_path):
+    launch, logs = tmp_path / "launch.json", tmp_path / "logs"
+    with Ahead() as ahead, Processes(launch, ["fusion"], logs, ahead=ahead) as running:
+        with pytest.raises(UserError, match="^fusion$"):
+            until(running.check)
+
+
+def test_what_broke_down_ahead_is_started_anew_and_tells_why(told, tmp_path):
+    told.write_text("print('it is broken'); raise SystemExit(1)")
+    with Ahead() as ahead:
+        ahead._process.wait()
+        with Processes(tmp_path / "l.json", ["fusion"], tmp_path / "logs", ahead=ahead) as running:
+            with pytest.raises(ContractError, match="it is broken"):
+                until(running.check)
+
+
+def test_what_nobody_needed_ahead_is_ended(told):
+    with Ahead() as ahead:
+        process = ahead._process
+        assert process.poll() is None
+    assert process.returncode == -9
 
 
 def until(condition, seconds=20.0):
