@@ -10,6 +10,20 @@ NOBODY = -1
 
 
 @_jit
+def levels_of(maps, cut):
+    """Maps (K, h, w) float32 in 0..1 as uint8, 0 below `cut`."""
+    levels = np.zeros(maps.shape, np.uint8)
+    one, whole = np.float32(1.0), np.float32(255.0)
+    for joint in range(maps.shape[0]):
+        for row in range(maps.shape[1]):
+            for column in range(maps.shape[2]):
+                value = maps[joint, row, column]
+                if value >= cut and value > 0.0:
+                    levels[joint, row, column] = np.uint8(np.rint(min(value, one) * whole))
+    return levels
+
+
+@_jit
 def patches_of(levels, cells, seen, radius):
     """What people claim of maps, then one patch for each connected blob (8 neighbours) of the rest.
 
@@ -28,8 +42,9 @@ def _blobs(levels):
     """Rows and data of the blobs of maps (K, h, w); the maps are 0 afterwards."""
     joints, height, width = levels.shape
     most = 0
-    for value in levels.flat:
-        most += value > 0
+    cells = levels.reshape(-1)
+    for i in range(len(cells)):
+        most += cells[i] > 0
     queue, values = np.empty((most, 2), np.int64), np.empty(most, np.uint8)
     ends, rows = np.empty(most, np.int64), np.empty((most, 7), np.int64)
     last = count = room = 0

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.detection.resemblance import distinct
+
 Array = np.ndarray
 
 
@@ -99,18 +101,5 @@ def without_duplicates(people: People, seen: Array, overlap: float) -> Array:
     """
     if overlap >= 1.0 or len(people) < 2:
         return np.arange(len(people))
-    boxes = boxes_of_points(people.points, seen)
-    sizes = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
-    kept: list[int] = []
-    for index in range(len(people)):
-        if not any(_likeness(people.points, seen, i, index, sizes[i]) > overlap for i in kept):
-            kept.append(index)
-    return np.array(kept)
-
-
-def _likeness(points: Array, seen: Array, better: int, other: int, size: float) -> float:
-    both = seen[better] & seen[other]
-    if not both.any():
-        return 0.0
-    squared = ((points[better, both] - points[other, both]) ** 2).sum(axis=-1)
-    return float(np.exp(-squared / (2.0 * (0.05 * max(size, 1.0)) ** 2)).mean())
+    kept: Array = np.flatnonzero(distinct(np.array(people.points, np.float64, order="C"), seen, overlap))
+    return kept

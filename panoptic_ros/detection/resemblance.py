@@ -57,6 +57,33 @@ def _extents(points, there):
     return extents
 
 
+@njit(cache=True, error_model="numpy")
+def distinct(points, seen, overlap):
+    """Which of 2D people (P, J, 2), seen (P, J), best first, do not coincide with a better one (P,).
+
+    See `people.without_duplicates`.
+    """
+    kept = np.ones(len(points), np.bool_)
+    sizes = _extents(points, seen)
+    for other in range(len(points)):
+        for better in range(other):
+            if not kept[better]:
+                continue
+            spread = 2.0 * (0.05 * max(sizes[better], 1.0)) ** 2
+            total, common = 0.0, 0
+            for j in range(points.shape[1]):
+                if seen[better, j] and seen[other, j]:
+                    across = points[better, j, 0] - points[other, j, 0]
+                    down = points[better, j, 1] - points[other, j, 1]
+                    total += np.exp(-(across * across + down * down) / spread)
+                    common += 1
+            if common and total / common > overlap:
+                kept[other] = False
+                break
+    return kept
+
+
 def warm_up() -> None:
     """Compile what distances need."""
+    distinct(np.zeros((1, COMMON, 2)), np.ones((1, COMMON), np.bool_), 0.5)
     apart(np.zeros((1, COMMON, 2)), np.ones((1, COMMON)), np.zeros((1, COMMON, 2)), np.ones((1, COMMON)))

@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from panoptic_ros.detection.patch_kernels import NOBODY, patches_of
+from panoptic_ros.detection.patch_kernels import NOBODY, levels_of, patches_of
 from panoptic_ros.domain import JointMap, ScoreMaps
 
 Array = np.ndarray
@@ -79,13 +80,12 @@ class PatchSet:
 
     def score_maps(self, joint_map: JointMap) -> ScoreMaps:
         """The record, in the joints of the working skeleton; joints that are means have no maps."""
-        targets: dict[int, list[int]] = {}
-        for working, sources in enumerate(joint_map.sources):
-            if len(sources) == 1:
-                targets.setdefault(sources[0], []).append(working)
-        joints = self.patches.rows[:, 0].tolist()
-        pairs = [(i, target) for i, joint in enumerate(joints) for target in targets.get(joint, ())]
-        index, own = np.array(pairs, np.int64).reshape(-1, 2).T
+        joints = self.patches.rows[:, 0]
+        targets, counts, begins = _targets(joint_map)
+        times = counts[joints]
+        index = np.repeat(np.arange(len(joints)), times)
+        which = np.arange(len(index)) - np.repeat(np.cumsum(times) - times, times)
+        own = targets[begins[joints[index]] + which]
         patches = self.patches.chosen(index)
         rows = patches.rows.astype(np.int32)
         return ScoreMaps(
@@ -107,10 +107,22 @@ class PatchSet:
         return len(set(rows[(rows[:, 1] == NOBODY) & (peaks >= level), 0].tolist()))
 
 
+@lru_cache(maxsize=64)
+def _targets(joint_map: JointMap) -> tuple[Array, Array, Array]:
+    """Working joints that are taken from one joint of the network, one network joint (K) after the other, and
+    how many each of these has and where they begin (K,)."""
+    lists: list[list[int]] = [[] for _ in range(joint_map.source_count)]
+    for working, sources in enumerate(joint_map.sources):
+        if len(sources) == 1:
+            lists[sources[0]].append(working)
+    counts = np.array([len(own) for own in lists], np.int64)
+    targets = np.array([joint for own in lists for joint in own], np.int64)
+    return targets, counts, np.cumsum(counts) - counts
+
+
 def quantised(maps: Array, cut: float) -> Array:
     """Maps in 0..1 as uint8, 0 below `cut`."""
-    levels: Array = np.rint(np.clip(maps, 0.0, 1.0) * 255.0).astype(np.uint8)
-    levels[maps < cut] = 0
+    levels: Array = levels_of(np.ascontiguousarray(maps, np.float32), np.float32(cut))
     return levels
 
 
@@ -184,4 +196,5 @@ def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) ->
 
 def warm_up() -> None:
     """Compile what patches need."""
+    quantised(np.zeros((1, 2, 2), np.float32), 0.1)
     merged_patches(np.zeros((1, 2, 2), np.uint8), np.zeros((1, 1, 2)), np.ones((1, 1), bool), np.ones(1))

@@ -48,8 +48,8 @@ def test_patches_together_are_the_maps_above_the_cut(seed, people):
 
 
 def test_quantising_cuts_and_rounds():
-    levels = quantised(np.array([-1.0, 0.0, 0.049, 0.05, 0.5, 1.0, 2.0]), 0.05)
-    assert levels.tolist() == [0, 0, 0, 13, 128, 255, 255] and levels.dtype == np.uint8
+    levels = quantised(np.array([-1.0, 0.0, 0.049, 0.05, 0.5, 1.0, 2.0]).reshape(1, 1, -1), 0.05)
+    assert levels.ravel().tolist() == [0, 0, 0, 13, 128, 255, 255] and levels.dtype == np.uint8
 
 
 def test_each_person_gets_the_blob_at_his_joint_and_the_rest_is_nobodys():

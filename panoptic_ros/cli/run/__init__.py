@@ -105,8 +105,7 @@ def _run(args: argparse.Namespace, ahead: Ahead) -> int:
     from panoptic_ros.cli.run.watch import Watch
     from panoptic_ros.running.runs.run import run as run_plan
 
-    words = tuple(names(args.publish) or ())
-    plan = replace(make_plan(args), publish=words, namespace=args.namespace)
+    plan = replace(make_plan(args), publish=tuple(names(args.publish) or ()), namespace=args.namespace)
     with Watch(args.live_view) as watch:
         outcome = run_plan(
             plan, args.out, in_process=args.in_process, offline=args.offline, jpeg_quality=args.jpeg,

@@ -37,12 +37,23 @@ def people_of(heads, most, threshold, variance):
         for k in range(count):
             guess_y = np.float64(regress[2 * k, y, x]) + y
             guess_x = np.float64(regress[2 * k + 1, y, x]) + x
-            for column in range(first_column, last_column):
+            near_y = _inside(np.rint(guess_y), first_row, last_row)
+            near_x = _inside(np.rint(guess_x), first_column, last_column)
+            weight = np.exp(-((near_y - guess_y) ** 2) / variance)
+            least = heat[k, near_y, near_x] * weight * np.exp(-((near_x - guess_x) ** 2) / variance)
+            # beyond this a cell's closeness alone is less than what the cell at the guess has
+            reach = 1.0 + np.sqrt(-variance * np.log(least)) if 0.0 < least <= 1.0 else np.inf
+            left_end = _inside(guess_x - reach, first_column, last_column)
+            right_end = _inside(guess_x + reach, first_column, last_column) + 1
+            for column in range(left_end, right_end):
                 across[column - first_column] = np.exp(-((column - guess_x) ** 2) / variance)
             best, best_row, best_column = -np.inf, first_row, first_column
-            for row in range(first_row, last_row):
+            for row in range(
+                _inside(guess_y - reach, first_row, last_row),
+                _inside(guess_y + reach, first_row, last_row) + 1,
+            ):
                 down = np.exp(-((row - guess_y) ** 2) / variance)
-                for column in range(first_column, last_column):
+                for column in range(left_end, right_end):
                     value = heat[k, row, column] * down * across[column - first_column]
                     if value > best:
                         best, best_row, best_column = value, row, column
@@ -81,6 +92,12 @@ def _peaks(center, most, threshold):
                 at -= 1
             values[at], cells[at, 0], cells[at, 1] = value, y, x
     return cells[:count]
+
+
+@_jit
+def _inside(place, first, last):
+    """The cell from `first` to before `last` that holds or is nearest to a place."""
+    return np.int64(min(max(place, np.float64(first)), np.float64(last - 1)))
 
 
 @_jit
