@@ -36,7 +36,7 @@ class AssemblyConfig(Config):
         doc="Standard deviation of 2D joints before any was learnt, as a share of the image's diagonal.",
     )
     learn_noise: bool = param(
-        True, doc="Learn the noise of 2D joints from residuals, by score, view and size."
+        True, doc="Learn the noise of 2D joints from residuals, by score, view and being hidden."
     )
     noise_memory: float = param(
         4000.0, unit="observations", ge=50.0, le=1e9, doc="How many residuals the noise table remembers."

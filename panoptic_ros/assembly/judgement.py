@@ -1,4 +1,4 @@
-"""How certain solved joints are, and which skeletons are people in the space that the rig covers.
+"""Skeletons: how certain their joints are, and which of them are people in the space that the rig covers.
 
 A person in the fields of view of two cameras alone, where four or more look at one place, is a bystander:
 behind another camera, or at the far wall. (One whom two views see although more could is inside.)
@@ -6,17 +6,28 @@ behind another camera, or at the far wall. (One whom two views see although more
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, SkeletonModel
+from panoptic_ros.domain import (
+    Camera,
+    JointState,
+    PoseSet,
+    ProposalSet,
+    SkeletonModel,
+    TimeShift,
+    ViewSources,
+)
+from panoptic_ros.domain.checks import known_good
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
 
+MISSING, MEASURED, _, FILLED = (int(state) for state in JointState)  # members are slow to look up
 SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
 SAME_JOINTS = 3  # joints that such skeletons must share
 FEW_CAMERAS = 3  # where no more look at one place, the rig covers whatever two cameras see
@@ -66,6 +77,47 @@ class Joints(NamedTuple):
             self.doubts[rows, joint] = self.doubts[rows][:, parts].sum(axis=1) / len(parts) ** 2
             self.scores[rows, joint] = self.scores[rows][:, parts].min(axis=1)
             self.views[rows, joint] = self.views[rows][:, parts].min(axis=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class People:
+    """Skeletons of one instant: P people of the K solved.
+
+    kept: (P,) which of the solved. joints: theirs. sources: their 2D people. placed: (P, J) joints that bones
+    have placed, with the help of the prediction.
+    """
+
+    kept: Array
+    joints: Joints
+    sources: ViewSources
+    placed: Array
+
+    def rows(self, which: Array) -> People:
+        """Some of the people, by a mask (P,)."""
+        return People(
+            self.kept[which], self.joints.rows(which), self.sources.rows(np.flatnonzero(which)),
+            self.placed[which],
+        )  # fmt: skip
+
+    def pose_set(
+        self, item: ProposalSet, votes: Array | None = None, shift: TimeShift | None = None
+    ) -> PoseSet:
+        """The record, with votes (P, G) about the sides of limbs."""
+        joints = self.joints
+        measured = np.isfinite(joints.positions[..., 0])
+        states = np.where(measured, np.where(self.placed, FILLED, MEASURED), MISSING)
+        newest = max((view.stamp_ns for view in item.detections.views), default=-1)
+        person = joints.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
+        covariances = joints.covariances + joints.doubts[..., None, None] * np.eye(3)
+        return known_good(PoseSet, {
+            "index": item.index, "stamp_ns": item.stamp_ns, "skeleton_hash": item.detections.skeleton_hash,
+            "positions": joints.positions, "covariances": covariances, "scores": joints.scores,
+            "views": joints.views.astype(np.int32), "states": states.astype(np.uint8),
+            "person_scores": person, "newest_ns": max(newest, item.stamp_ns),
+            "time_shift": shift if len(states) else None,
+            "sources": self.sources if self.sources.cameras else None, "side_votes": votes,
+            "corrections": None,
+        })  # fmt: skip
 
 
 class Standards(NamedTuple):

@@ -1,10 +1,6 @@
-"""How noisy 2D joints are, learnt online from residuals: by score, by being hidden, by view and by size.
+"""How noisy 2D joints are, learnt online from residuals: by score, by being hidden, and by view.
 
-Detectors place joints relative to the person: a large one has larger errors in pixels. COCO's object keypoint
-similarity takes errors as proportional to the size; nets of a coarse grid have a floor of some pixels. So
-noise is size ** exponent, with an exponent between 0 and 1: the slope of log residuals over log sizes.
-
-Residuals are of well-supported joints, and their leverage is taken out (`residuals`).
+Residuals are of well-supported joints, and their leverage is taken out (`residuals_to_learn`).
 """
 from __future__ import annotations
 
@@ -13,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Evidence
+from panoptic_ros.geometry.symmetric import invert_symmetric
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.evidence import RigArrays
+from panoptic_ros.solving.scene import MIN_DEPTH
 
 Array = np.ndarray
 
@@ -28,11 +26,12 @@ RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
 PRIOR_COUNT = 40.0  # weight of the initial values, in residuals
 HIDDEN_PRIOR_COUNT = 5.0  # the same for joints that are hidden or may be, which are few
 VIEW_PRIOR_COUNT = 200.0
-GROWTH_PRIOR = 20.0  # weight of the exponent 0, in residuals times variance of their log sizes
-CLIP = 4.0  # of log residuals; outliers are clipped to it
-REACH = 1.4  # of log sizes from their mean, at which they are clipped
-SMALLEST = 1e-4  # of a size: people of one joint have none
 CARRIED_NOISE = 0.022  # of the diagonal of a 2D person, after a second of being carried by motion
+MOST = 1000  # residuals per instant, about
+THINNING = 1e7  # the digits of an observation that say whether it is taken
+LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
+TWO_VIEW_LEVERAGE = 0.9
+TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
 
 
 class Marks(NamedTuple):
@@ -57,23 +56,20 @@ class Marks(NamedTuple):
 
 class Shares(NamedTuple):
     """What is learnt: histograms of residuals, scores (B, LEVELS) by kind and score, and views (C, LEVELS) by
-    camera; shares (B,) of the diagonal and factors (C,) that follow from them; sums (5,) of 1, x, y, x x and
-    x y with x the log of sizes, as shares of the diagonal, and y of residuals."""
+    camera; shares (B,) of the diagonal and factors (C,) that follow from them."""
 
     scores: Array
     views: Array
     shares: Array
     factors: Array
-    sums: Array
 
 
 class NoiseTable:
     """Standard deviations of 2D joints as a share of the image's diagonal.
 
-    sigma = share[kind, score bin] * factor[camera] * growth(size). The first two are medians of residuals
-    (with leverage taken out), so they adapt to calibration errors of whole views however wrong the start was,
-    and outliers do not matter; the exponent of the third is by linear regression. Deterministic: a function
-    of the residuals in their order.
+    sigma = share[kind, score bin] * factor[camera]. Both are medians of residuals (with leverage taken out),
+    so they adapt to calibration errors of whole views however wrong the start was, and outliers do not
+    matter. Deterministic: a function of the residuals in their order.
     """
 
     def __init__(self, cameras: int, initial: float, memory: float):
@@ -82,14 +78,8 @@ class NoiseTable:
         middle = int((np.log(RAYLEIGH_MEDIAN) - LOW) / WIDTH)
         scores[:, middle], views[:, middle] = HIDDEN_PRIOR_COUNT, VIEW_PRIOR_COUNT
         scores[:SCORE_BINS, middle] = PRIOR_COUNT
-        shares, factors = np.full(len(scores), initial), np.ones(cameras)
-        self._learnt = Shares(scores, views, shares, factors, np.zeros(5))
+        self._learnt = Shares(scores, views, np.full(len(scores), initial), np.ones(cameras))
         self.learnt = False  # whether any residual was used
-
-    @property
-    def exponent(self) -> float:
-        """0 = noise does not depend on the size of people, 1 = it is proportional."""
-        return float(growth_of(self._learnt.sums)[1])
 
     def precisions(self, marks: Marks, rig: RigArrays) -> Array:
         """1 / standard deviation (D, J) on the normalised plane of 2D joints, 0 = missing.
@@ -104,19 +94,19 @@ class NoiseTable:
 
         People who were carried teach nothing.
         """
-        start, sizes = (self._initial, self._memory), (rig.focals, rig.diagonals)
-        self.learnt |= count_residuals(marks, residuals, self._learnt, sizes, start)
+        start = self._initial, self._memory
+        self.learnt |= count_residuals(marks, residuals, self._learnt, rig.diagonals, start)
 
 
 @njit(cache=True, error_model="numpy")
 def look_up(marks, learnt, focals, diagonals):
     """The loops of `NoiseTable.precisions`; focals, diagonals: (C,) px."""
-    result, growth = np.zeros(marks.scores.shape), growth_of(learnt.sums)
+    result = np.zeros(marks.scores.shape)
     for d in range(len(result)):
         camera = marks.cameras[d]
-        size = _size(marks, d) * focals[camera]
-        scale = learnt.factors[camera] * diagonals[camera] * _grown(size / diagonals[camera], growth)
-        astray = CARRIED_NOISE * np.sqrt(marks.ages[d]) * size
+        scale, astray = learnt.factors[camera] * diagonals[camera], 0.0
+        if marks.ages[d] > 0.0:
+            astray = CARRIED_NOISE * np.sqrt(marks.ages[d]) * _size(marks, d) * focals[camera]
         for j in range(result.shape[1]):
             if marks.scores[d, j] > 0.0:
                 sigma = np.hypot(learnt.shares[_bin(marks, d, j)] * scale, astray)
@@ -145,48 +135,24 @@ def _size(marks, d):
 
 
 @njit(cache=True, error_model="numpy")
-def growth_of(sums):
-    """Mean log size, at which noise is as stated, and the exponent by which it grows with the size."""
-    if sums[0] == 0.0:
-        return 0.0, 0.0
-    count, x, y, xx, xy = sums
-    slope = (xy - x * y / count) / (xx - x * x / count + GROWTH_PRIOR)
-    return x / count, min(max(slope, 0.0), 1.0)
-
-
-@njit(cache=True, error_model="numpy")
-def _grown(size, growth):
-    """Noise of somebody of this size, relative to that of the mean size."""
-    middle, exponent = growth
-    return np.exp(exponent * min(REACH, max(-REACH, np.log(max(size, SMALLEST)) - middle)))
-
-
-@njit(cache=True, error_model="numpy")
-def count_residuals(marks, residuals, learnt, rig, start):
+def count_residuals(marks, residuals, learnt, diagonals, start):
     """The loops of `NoiseTable.learn`, in place; whether there were any.
 
     Args:
-        rig: focals and diagonals (C,) px. start: initial share and memory.
+        diagonals: (C,) px. start: initial share and memory.
     """
-    (rows, joints, pixels), (focals, diagonals), (initial, memory) = residuals, rig, start
-    sizes, shares, used = np.empty(len(rows)), np.full(len(rows), np.nan), 0
+    (rows, joints, pixels), (initial, memory) = residuals, start
+    shares, used = np.full(len(rows), np.nan), 0
     for i in range(len(rows)):
         d, camera = rows[i], marks.cameras[rows[i]]
         if marks.ages[d] > 0.0:
             continue
         used += 1
-        shares[i] = pixels[i] * marks.magnification[d, joints[i]] / diagonals[camera] / learnt.factors[camera]
-        sizes[i] = _size(marks, d) * focals[camera] / diagonals[camera]
-        _add_logs(learnt.sums, sizes[i], shares[i] / learnt.shares[_bin(marks, d, joints[i])])
+        shares[i] = pixels[i] * marks.magnification[d, joints[i]] / diagonals[camera]
+        level = _level(shares[i] / learnt.factors[camera] / initial)
+        learnt.scores[_bin(marks, d, joints[i]), level] += 1.0
     if used == 0:
         return False
-    learnt.sums[:] *= min(1.0, memory / learnt.sums[0])
-    growth = growth_of(learnt.sums)
-    for i in range(len(rows)):
-        if np.isfinite(shares[i]):
-            shares[i] /= _grown(sizes[i], growth)
-            learnt.scores[_bin(marks, rows[i], joints[i]), _level(shares[i] / initial)] += 1.0
-            shares[i] *= learnt.factors[marks.cameras[rows[i]]]
     _forget_and_halve(learnt.scores, memory, learnt.shares)
     for k in range(len(learnt.shares)):
         learnt.shares[k] *= initial
@@ -196,18 +162,6 @@ def count_residuals(marks, residuals, learnt, rig, start):
             learnt.views[marks.cameras[rows[i]], level] += 1.0
     _forget_and_halve(learnt.views, memory, learnt.factors)
     return True
-
-
-@njit(cache=True, error_model="numpy")
-def _add_logs(sums, size, ratio):
-    """Add a residual, in units of the noise at the mean size, of somebody of this size, in place."""
-    x = np.log(max(size, SMALLEST))
-    y = min(CLIP, max(-CLIP, np.log(max(ratio, 1e-9))))
-    sums[0] += 1.0
-    sums[1] += x
-    sums[2] += y
-    sums[3] += x * x
-    sums[4] += x * y
 
 
 @njit(cache=True, error_model="numpy")
@@ -236,3 +190,94 @@ def _forget_and_halve(table, memory, result):
             level += 1
         middle = level + (half - below) / max(table[i, level], 1e-9)
         result[i] = np.exp(LOW + WIDTH * middle) / RAYLEIGH_MEDIAN
+
+
+@njit(cache=True, error_model="numpy")
+def residuals_to_learn(kept, solved, shifts, seen, focals):
+    """Rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
+
+    They come from joints of three and more views, and from those of two only if there are no others. Of too
+    many residuals about every n-th is used, chosen by the digits of its observation, so that the order of the
+    views does not matter. Observations outside of the gate are used too: their residuals are noise.
+
+    Args:
+        solved: `SolvedJoints`. shifts: (P, J, 3) m/s, velocities by which views were moved to the set's
+            instant. seen: `Observations`. focals: (V,) px.
+    """
+    positions, normals, residuals, picks = solved
+    plane, precision = seen.plane, seen.precision
+    joints, views = residuals.shape[1:]
+    rotations, translations, delays = seen.cams
+    support = np.zeros((len(kept), joints), np.int64)
+    few = True
+    for i in range(len(kept)):
+        for j in range(joints):
+            if np.isfinite(positions[kept[i], j, 0]):
+                for v in range(views):
+                    support[i, j] += residuals[kept[i], j, v] >= 0.0
+                few &= support[i, j] < 3
+    least = 2 if few else 3
+    count = 0
+    for i in range(len(kept)):
+        for j in range(joints):
+            if support[i, j] >= least:
+                for v in range(views):
+                    count += picks[kept[i], j, v, 0] >= 0
+    stride = 1 + count // MOST
+    rows, columns = np.empty(count, np.int64), np.empty(count, np.int64)
+    pixels, spread = np.empty(count), np.zeros((3, 3))
+    taken = 0
+    for i in range(len(kept)):
+        p = kept[i]
+        for j in range(joints):
+            if support[i, j] < least:
+                continue
+            invert_symmetric(normals[p, j], 1.0, spread)
+            for v in range(views):
+                d, s = picks[p, j, v]
+                if d < 0:
+                    continue
+                if stride > 1 and np.int64(THINNING * abs(plane[d, s, 0] + plane[d, s, 1])) % stride:
+                    continue
+                x = (
+                    positions[p, j, 0] + shifts[p, j, 0] * delays[v],
+                    positions[p, j, 1] + shifts[p, j, 1] * delays[v],
+                    positions[p, j, 2] + shifts[p, j, 2] * delays[v],
+                )
+                error, leverage = _residual(
+                    x, spread, rotations[v], translations[v], plane[d, s], precision[d, s]
+                )
+                if residuals[p, j, v] < 0.0:
+                    leverage = 0.0
+                if leverage < (TWO_VIEW_LEVERAGE if few else LEVERAGE):
+                    rows[taken], columns[taken] = d, s
+                    pixels[taken] = error * focals[v] / np.sqrt(max(1.0 - leverage, 0.1))
+                    if few:
+                        pixels[taken] *= TWO_VIEW_FACTOR
+                    taken += 1
+    return rows[:taken], columns[:taken], pixels[:taken]
+
+
+@njit(cache=True, error_model="numpy")
+def _residual(x, spread, rotation, translation, point, precision):
+    """Distance on the plane between a joint and its observation, and the leverage of that observation.
+
+    spread: (3, 3) m^2, inverse of the normal matrix of the joint.
+    """
+    x0, x1, x2 = x
+    r = rotation
+    z = translation[2] + r[2, 0] * x0 + r[2, 1] * x1 + r[2, 2] * x2
+    inverse = 1.0 / max(z, MIN_DEPTH)
+    u = (translation[0] + r[0, 0] * x0 + r[0, 1] * x1 + r[0, 2] * x2) * inverse
+    w = (translation[1] + r[1, 0] * x0 + r[1, 1] * x1 + r[1, 2] * x2) * inverse
+    row = np.empty(3)
+    error = np.sqrt((point[0] - u) ** 2 + (point[1] - w) ** 2)
+    total = 0.0  # trace of J N^-1 J^T
+    for i in range(2):
+        slope = u if i == 0 else w
+        for k in range(3):
+            row[k] = r[i, k] - slope * r[2, k]
+        for k in range(3):
+            for m in range(3):
+                total += row[k] * spread[k, m] * row[m]
+    return error, 0.5 * total * inverse * inverse * precision * precision

@@ -12,8 +12,7 @@ import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.dynamic_programming import assemble
-from panoptic_ros.assembly.judgement import Joints
-from panoptic_ros.assembly.people import People
+from panoptic_ros.assembly.judgement import Joints, People
 from panoptic_ros.domain import DetectionSet, ProposalSet, Rig, SkeletonModel, ViewSources
 from panoptic_ros.geometry import ProjectionStack, Triangulated, triangulate_robust
 

@@ -6,19 +6,28 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.judgement import in_capture_space, needed_views
+from panoptic_ros.assembly.few_views import hold_people, place_shown
+from panoptic_ros.assembly.judgement import (
+    People,
+    Standards,
+    in_capture_space,
+    judge_joints,
+    kept_people,
+    needed_views,
+)
 from panoptic_ros.assembly.lost_people import with_lost_people
-from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares
+from panoptic_ros.assembly.map_votes import move_to_votes
+from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares, residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
-from panoptic_ros.assembly.people import Finisher, People
-from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, PoseSet, Prediction, ProposalSet
 from panoptic_ros.errors import ContractError
+from panoptic_ros.geometry.robust import covariance_correction
+from panoptic_ros.solving.bodies import Body
 from panoptic_ros.solving.evidence import RigArrays, carried_ages, check_association
-from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views
+from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views, view_sources
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, cameras_of, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
@@ -36,9 +45,7 @@ class AssemblyStage(Stateful):
 
     LAYOUT = StateLayout(
         "assembly", ("_noise",),
-        (
-            Fields.named(NoiseTable, "_initial _memory _learnt learnt"), Shares,
-        ),
+        (Fields.named(NoiseTable, "_initial _memory _learnt learnt"), Shares),
         same={"configuration": "_config", "cameras": "_context.rig.names", "skeleton": "_hash"},
     )  # fmt: skip
 
@@ -53,9 +60,12 @@ class AssemblyStage(Stateful):
         self._rules = SolverRules(
             config.truncation, config.cauchy, config.gate, config.foreign_penalty, config.max_pairs
         )
-        self._finisher = Finisher(config, self._skeleton)
+        self._standards = Standards(
+            covariance_correction(config.cauchy), config.covariance_inflation, config.max_joint_sigma,
+            config.max_bone, config.min_agreed_share, config.min_person_joints, config.lowest,
+        )  # fmt: skip
         self._sides = Sides(context.skeleton, self._limbs.groups)
-        self._bones = body_bones(context.skeleton, self._sides.torso)
+        self._hiding, self._body = body_bones(context.skeleton, self._sides.torso), Body.of(context.skeleton)
         self.reset()
         for example in example_sets(context.rig, context.skeleton):
             self.step(example)
@@ -94,7 +104,7 @@ class AssemblyStage(Stateful):
         evidence, prediction = item.association.evidence, item.association.prediction
         found = Candidates.of(item.association, self._mirror)
         cams = cameras_of(evidence, self._rig)
-        kinds = hidden_marks(found, self._bones, cams, len(evidence.view))
+        kinds = hidden_marks(found, self._hiding, cams, len(evidence.view))
         marks = Marks.of(evidence, kinds, carried_ages(item.detections, evidence))
         precision = self._noise.precisions(marks, self._rig)
         scene = scene_of(item.detections, evidence, precision, self._mirror, self._rig)
@@ -102,7 +112,7 @@ class AssemblyStage(Stateful):
         if self._config.lost_people and item.of_maps:
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(found, scene.precision)
-        people = self._finisher.finish(scene, item, solved, found, observed.sum(axis=1), motion)
+        people = self._finish(scene, item, solved, found, observed.sum(axis=1), motion)
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
         if not inside.all():
@@ -113,6 +123,38 @@ class AssemblyStage(Stateful):
             )
             self._noise.learn(marks, residuals, self._rig)
         return people, found, observed, motion
+
+    def _finish(
+        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
+        motion: Motion | None,
+    ) -> People:  # fmt: skip
+        """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
+
+        Args:
+            found: the people that were solved; where they expect joints, nodes are looked for.
+            observed: (P, J) number of views whose 2D person shows each joint.
+            motion: None where all stamps are equal.
+        """
+        config, member = self._config, found.grouping.member
+        bones, standards = self._body.bones, self._standards
+        joints, good = judge_joints(solved, observed, scene.evidence.scores, bones, standards)
+        if config.vote_distance > 0.0 and item.of_maps:
+            expected = found.guide.positions
+            shifts = _since_voting(item, found, motion)
+            joints.positions[...] += shifts
+            move_to_votes(joints, expected, item, self._skeleton, config.vote_distance, config.node_sigma)
+            joints.positions[...] -= shifts
+        if config.two_view_joints:
+            place_shown(scene, found, joints, self._body)
+        joints.derive(self._skeleton)
+        kept = kept_people(joints, good, observed, member, standards)
+        own, placed = joints.rows(kept), np.zeros((len(kept), len(self._skeleton)), bool)
+        if config.held_sigma > 0.0:
+            kept, own, placed = hold_people(
+                scene, found, item.association.prediction, kept, own, self._body, config.held_sigma
+            )
+        sources = view_sources(item.detections, scene.evidence, found, solved, kept)
+        return People(kept, own, sources, placed)
 
     def _without_biases(self, poses: PoseSet) -> PoseSet:
         """The skeletons without known biases of the detector; the record tells what was taken out."""
@@ -133,6 +175,17 @@ class AssemblyStage(Stateful):
         if motion is not None and more is not found:
             motion = motion_of(scene, solved, more.guide.shifts, self._config.cauchy)
         return more, solved, motion
+
+
+def _since_voting(item: ProposalSet, found: Candidates, motion: Motion | None) -> Array | float:
+    """By how much (P, J, 3) m joints would lie elsewhere with the predicted velocities, which votes go by."""
+    if motion is None:
+        return 0.0
+    known, slower = found.who >= 0, np.zeros_like(found.guide.shifts)
+    slower[known] = found.guide.shifts[known]
+    slower[known] -= item.association.prediction.velocities[found.who[known]]
+    shifts: Array = (motion.delays @ slower[..., None])[..., 0]
+    return shifts
 
 
 def _bias_table(config: AssemblyConfig, context: StageContext) -> BiasTable | None:

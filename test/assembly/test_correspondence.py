@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.assembly.correspondence import Correspondence
+from panoptic_ros.assembly.dynamic_programming import Correspondence
 from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.simulation.studio import scaled

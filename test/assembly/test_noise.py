@@ -11,9 +11,9 @@ from panoptic_ros.solving.evidence import RigArrays
 RIG = replace(RigArrays.of(ring(2)), diagonals=np.array([2000.0, 1000.0]), focals=np.array([900.0, 800.0]))
 
 
-def marks(scores, cameras, ages=None, zoom=1.0, kinds=0, sizes=1.0):
-    """2D people of such joints, at two corners of a box of the plane, half of these sizes."""
-    plane = np.resize([[0.0, 0.0], [0.3, 0.4]], (*scores.shape, 2)) * np.reshape(sizes, (-1, 1, 1))
+def marks(scores, cameras, ages=None, zoom=1.0, kinds=0):
+    """2D people of such joints, at two corners of a box of the plane."""
+    plane = np.resize([[0.0, 0.0], [0.3, 0.4]], (*scores.shape, 2))
     ages = np.zeros(len(scores)) if ages is None else ages
     kinds = kinds + np.zeros(scores.shape, int)
     return Marks(plane, np.full(scores.shape, zoom), scores, kinds, cameras, ages)
@@ -52,7 +52,7 @@ def test_nothing_learnt_is_the_start_and_those_who_were_carried_teach_nothing():
     nothing = np.empty(0, int)
     table.learn(seen, (nothing, nothing, np.empty(0)), RIG)
     table.learn(carried, (np.array([0]), np.array([0]), np.array([90.0])), RIG)
-    assert not table.learnt and table.exponent == 0.0
+    assert not table.learnt
     assert table.precisions(seen, RIG) == pytest.approx(np.array([[800.0 / 2.0, 0.0]]))
 
 
@@ -62,47 +62,3 @@ def test_who_was_carried_has_gone_astray_by_a_share_of_the_size():
     astray = CARRIED_NOISE * 0.5 * (0.5 * zoom * RIG.focals[0])  # a box of 0.5 on the plane
     got = sigmas(NoiseTable(2, 0.002, 1000.0), seen)
     assert got == pytest.approx(np.full((1, 2), np.hypot(0.002 * 2000.0, astray)))
-
-
-def learnt_growth(table, sizes, pixels):
-    """Let a table learn residuals of the first of two joints of people of these sizes."""
-    rows = np.arange(len(sizes))
-    seen = marks(np.full((len(sizes), 2), 0.8), np.zeros(len(sizes), int), sizes=sizes)
-    table.learn(seen, (rows, np.zeros(len(sizes), int), pixels), RIG)
-    return table.exponent
-
-
-def rayleigh(rng, count):
-    return np.hypot(*rng.standard_normal((2, count))) / 1.17741
-
-
-@pytest.mark.parametrize("exponent", [0.0, 0.4, 1.0])
-def test_learns_the_growth_with_size_among_outliers(exponent):
-    rng, table = np.random.default_rng(1), NoiseTable(2, 0.002, 4000.0)
-    for _ in range(60):
-        sizes = rng.uniform(0.2, 1.6, 300)
-        pixels = 3.0 * rayleigh(rng, 300) * sizes**exponent
-        learnt_growth(table, sizes, np.where(rng.random(300) < 0.05, 60.0, pixels))
-    assert table.exponent == pytest.approx(exponent, abs=0.1)
-    sizes = np.array([0.4, 0.8])
-    got = sigmas(table, marks(np.full((2, 2), 0.8), np.zeros(2, int), sizes=sizes))[:, 0]
-    assert got / got[1] == pytest.approx((sizes / 0.8) ** exponent, rel=0.1)
-
-
-def test_equal_sizes_few_residuals_and_falling_noise_say_nothing():
-    rng = np.random.default_rng(0)
-    equal, few, falling = (NoiseTable(2, 0.002, 4000.0) for _ in range(3))
-    same, large = np.full(3000, 0.6), 20.0 * rayleigh(rng, 3000)
-    assert learnt_growth(equal, same, large) == pytest.approx(0.0, abs=1e-6)
-    assert learnt_growth(few, np.array([0.4, 0.8]), np.array([0.4, 40.0])) < 0.1
-    sizes = rng.uniform(0.2, 1.6, 3000)
-    assert learnt_growth(falling, sizes, 4.0 * rayleigh(rng, 3000) / sizes) == 0.0
-
-
-def test_follows_a_change_and_forgets():
-    rng, table = np.random.default_rng(2), NoiseTable(2, 0.002, 2000.0)
-    for exponent in (1.0, 0.0):
-        for _ in range(40):
-            sizes = rng.uniform(0.2, 1.6, 300)
-            learnt_growth(table, sizes, 4.0 * rayleigh(rng, 300) * sizes**exponent)
-        assert table.exponent == pytest.approx(exponent, abs=0.15)

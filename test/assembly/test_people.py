@@ -2,7 +2,7 @@
 import numpy as np
 from fed_stages import FedAssembly
 
-from panoptic_ros.assembly.people import main_people
+from panoptic_ros.solving.joint_records import main_people
 
 NO_PICKS = np.zeros((0, 19, 3, 2), np.int64)
 
