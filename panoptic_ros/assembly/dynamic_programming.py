@@ -1,8 +1,9 @@
 """Skeletons from scored parts by dynamic programming, one after another (Joo et al. 2017, 5.3).
 
-The best skeleton is the choice of one node per joint that maximises the sum of its part scores. Where voting
-gives parts that skip a joint, which the paper has not, a joint may be missing: then its children hang on its
-parent, so that one missing joint does not cut off a limb; a missing root is replaced by one of its children.
+The best skeleton is the choice of one node per joint that maximises the sum of its part scores. Where there
+are parts that skip a joint, which the paper has not (`lost_people` has), a joint may be missing: then its
+children hang on its parent, so that one missing joint does not cut off a limb; a missing root is replaced by
+one of its children.
 """
 from __future__ import annotations
 

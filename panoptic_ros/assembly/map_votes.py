@@ -1,7 +1,7 @@
 """Joints at the votes of the score maps, where the detections carry maps.
 
 A pose net's joint is the best cell of one view, and that cell may be another person's wrist, or the wrist of
-the other side. The maps hold more: the soft vote of all views about a node (voting, `refine_nodes`) weighs
+the other side. The maps hold more: the soft vote of all views about a node (`voting.soft_vote`) weighs
 every cell and lies 5 to 15 % closer to the joint; and where the views' 2D people disagree, a node with
 many votes close to where the joint should be is the better choice. Joints that no map shows keep their
 triangulated position.

@@ -5,12 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.association.occluder_kernels import nearest_depths
 from panoptic_ros.domain import Camera, DetectionSet, Occluders, Rig, ViewDetections, VisibilityLimit
 from panoptic_ros.domain.visibility import LONGER_SIDE
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 MARGIN = 0.05  # m, how far calibrations and models of things are off
+MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
+SLACK = 1e-9  # of borders in the plane at 1 m
+
+_jit = njit(cache=True, error_model="numpy")
 
 
 def occluded_depths(camera: Camera, occluders: Occluders) -> Array:
@@ -53,3 +57,80 @@ class KnownOccluders:
         if known is None:
             return view
         return replace(view, limit=known if view.limit is None else known.combined(view.limit))
+
+
+@_jit
+def nearest_depths(plane, corners):
+    """Depth (R, C) m of the first triangle that the rays (x, y, 1) of plane (R, C, 2) hit; inf where none.
+
+    Args:
+        plane: rows and columns of a grid, bent by a lens; NaN = no ray.
+        corners: (M, 3, 3) m, of the triangles in the camera's frame.
+    """
+    nearest = np.full(plane.shape[:2], np.inf)
+    rows, columns = _ranges(plane, True), _ranges(plane, False)
+    for m in range(len(corners)):
+        left, right, top, bottom = _box(corners[m])
+        first, last = _span(columns, left, right)
+        for r in range(*_span(rows, top, bottom)):
+            for c in range(first, last):
+                depth = _hit(corners[m], plane[r, c, 0], plane[r, c, 1])
+                if depth < nearest[r, c]:
+                    nearest[r, c] = depth
+    return nearest
+
+
+@_jit
+def _ranges(plane, of_rows):
+    """Least and largest y (R, 2) of each row of plane (R, C, 2), or x (C, 2) of each column."""
+    ranges = np.empty((plane.shape[0] if of_rows else plane.shape[1], 2))
+    for k in range(len(ranges)):
+        ranges[k, 0], ranges[k, 1] = np.inf, -np.inf
+    for r in range(plane.shape[0]):
+        for c in range(plane.shape[1]):
+            k, value = (r, plane[r, c, 1]) if of_rows else (c, plane[r, c, 0])
+            if np.isfinite(value):
+                ranges[k, 0], ranges[k, 1] = min(ranges[k, 0], value), max(ranges[k, 1], value)
+    return ranges
+
+
+@_jit
+def _span(ranges, low, high):
+    """The first range (R, 2) that may have something between low and high, and the one after the last."""
+    first, last = len(ranges), 0
+    for r in range(len(ranges)):
+        if ranges[r, 0] <= high and ranges[r, 1] >= low:
+            first, last = min(first, r), r + 1
+    return first, last
+
+
+@_jit
+def _box(triangle):
+    """Least and largest x and y of a triangle (3, 3) in the plane at 1 m; any if it is not all in front."""
+    left = top = np.inf
+    right = bottom = -np.inf
+    for k in range(3):
+        x, y, z = triangle[k, 0], triangle[k, 1], triangle[k, 2]
+        if z <= MIN_DEPTH:
+            return -np.inf, np.inf, -np.inf, np.inf
+        left, right = min(left, x / z - SLACK), max(right, x / z + SLACK)
+        top, bottom = min(top, y / z - SLACK), max(bottom, y / z + SLACK)
+    return left, right, top, bottom
+
+
+@_jit
+def _hit(triangle, x, y):
+    """Depth at which the ray (x, y, 1) meets a triangle (3, 3); inf if it does not."""
+    a, b, c = triangle
+    p, q, r = _volume(a, b, x, y), _volume(b, c, x, y), _volume(c, a, x, y)
+    if not ((p >= 0.0 and q >= 0.0 and r >= 0.0) or (p <= 0.0 and q <= 0.0 and r <= 0.0)):
+        return np.inf
+    total = p + q + r  # weights of the corners opposite to the edges; the ray meets their mean
+    depth = (p * c[2] + q * a[2] + r * b[2]) / total
+    return depth if depth > MIN_DEPTH else np.inf
+
+
+@_jit
+def _volume(a, b, x, y):
+    """(a x b) . (x, y, 1): on which side of the plane through the camera, a and b a ray is."""
+    return (a[1] * b[2] - a[2] * b[1]) * x + (a[2] * b[0] - a[0] * b[2]) * y + a[0] * b[1] - a[1] * b[0]

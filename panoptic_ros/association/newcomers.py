@@ -14,7 +14,7 @@ from panoptic_ros.association.grouping import MIN_COMMON, AssignmentRules, assig
 from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.agreement import agreement_of_pairs
-from panoptic_ros.solving.scene import HIDDEN, SEEN, Observations, Scene, Sight, look_at
+from panoptic_ros.solving.scene import HIDDEN, SEEN, Observations, Scene, Sight, look_at, spread_views
 from panoptic_ros.solving.triangulation import triangulate_linear
 
 Array = np.ndarray
@@ -112,7 +112,10 @@ def search_people(free, seen, room, rules):
 @njit(cache=True, error_model="numpy")
 def _candidates(free, precision, view, centres):
     """Rows (L,) of the 2D people that form pairs, and which of all (D,) are free and have joints."""
-    used = spread_views(view, centres)
+    used = np.zeros(len(centres), np.bool_)
+    for d in range(len(view)):
+        used[view[d]] = True
+    used = spread_views(centres, used, MAX_PAIR_VIEWS)
     left = free.copy()
     count = 0
     for d in range(len(free)):
@@ -125,31 +128,6 @@ def _candidates(free, precision, view, centres):
             chosen[count] = d
             count += 1
     return chosen, left
-
-
-@njit(cache=True, error_model="numpy")
-def spread_views(view, centres):
-    """Up to MAX_PAIR_VIEWS views (V,) with 2D people, spread over the rig farthest first."""
-    seen, distance, count = np.zeros(len(centres), np.bool_), np.full(len(centres), -1.0), 0
-    for d in range(len(view)):
-        count += not seen[view[d]]
-        seen[view[d]], distance[view[d]] = True, np.inf
-    if count <= MAX_PAIR_VIEWS:
-        return seen
-    picked = np.zeros(len(centres), np.bool_)
-    for _ in range(MAX_PAIR_VIEWS):
-        last = 0
-        for v in range(1, len(centres)):
-            if distance[v] > distance[last]:
-                last = v
-        picked[last] = True
-        for v in range(len(centres)):
-            square = (
-                (centres[v, 0] - centres[last, 0]) ** 2 + (centres[v, 1] - centres[last, 1]) ** 2
-                + (centres[v, 2] - centres[last, 2]) ** 2
-            )  # fmt: skip
-            distance[v] = min(distance[v], np.sqrt(square))
-    return picked
 
 
 @njit(cache=True, error_model="numpy")

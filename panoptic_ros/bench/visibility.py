@@ -17,8 +17,8 @@ from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.simulation import SCENES, SKELETON, simulate
 from panoptic_ros.stage import Progress, StageContext, each, untold
-from panoptic_ros.voting import kernels
 from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.votes import at_rest, vote_points
 
 Array = np.ndarray
 SIMULATED = "rooms-4p31v"
@@ -121,7 +121,7 @@ def _votes(world: World, item: DetectionSet, frame: SkeletonFrame) -> Array:
     cameras = [world.rig.camera(view.camera) for view in item.views]
     joints, places = _joints(frame)
     scene = build_scene(cameras, item.views, len(world.skeleton))
-    votes: Array = kernels.vote_points(scene, joints, places, 0.1)[0]
+    votes: Array = vote_points(scene, joints, places, at_rest(places, scene), 0.1)[0]
     return votes
 
 

@@ -14,7 +14,7 @@ from panoptic_ros.kinematics.person import Person
 from panoptic_ros.kinematics.presence import Looked, middle_expected, people_of
 from panoptic_ros.kinematics.seen_people import SeenPoints
 from panoptic_ros.kinematics.session import nearest_to_start
-from panoptic_ros.solving.evidence import lens_records, undistort_points
+from panoptic_ros.solving.evidence import camera_records, undistort_points
 
 Array = np.ndarray
 Rows = set[tuple[int, int]]  # cameras and rows of 2D people
@@ -39,7 +39,7 @@ class Allotment:
     """
 
     def __init__(self, rig: Rig, gate: float):
-        self._lenses, self._gate = lens_records(rig), gate
+        self._lenses, self._gate = camera_records(rig.cameras), gate
         self._cameras = {name: k for k, name in enumerate(rig.names)}
         self._planes(SeenView(0, 0, 0, np.zeros((0, 1, 2)), np.zeros((0, 1))), [])
 

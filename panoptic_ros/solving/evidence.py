@@ -5,6 +5,7 @@ The undistortion is that of `Intrinsics.undistort`, of all 2D joints of all view
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from panoptic_ros.solving.lens_kernels import fisheye_factor, fisheye_slope, str
 
 Array = np.ndarray
 FARTHEST = 1e3  # undistorted radius beyond which no joint is believed
-_NUMBERS = "fx fy cx cy skew k1 k2 p1 p2 k3 k4 fisheye limit".split()
-LENS = np.dtype([(name, np.float64) for name in _NUMBERS])
+_NUMBERS = (
+    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 fisheye fold "
+    "limit width height columns rows a0 a1 a2 b0 b1 b2"
+).split()
+CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # see `camera_records`
 
 _jit = njit(cache=True, error_model="numpy")
 
@@ -27,7 +31,7 @@ class RigArrays:
 
     Args:
         rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
-        focals: (C,) px. lenses: (C,) see `lens_records`.
+        focals: (C,) px. lenses: (C,) see `camera_records`.
         boxes: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
         diagonals: (C,) px. index: row of each camera by its name. cameras: the cameras of the rig.
     """
@@ -48,7 +52,7 @@ class RigArrays:
         stack = rig.stack()
         return cls(
             np.ascontiguousarray(stack.rotations), np.ascontiguousarray(stack.translations),
-            np.ascontiguousarray(stack.centres), stack.focals, lens_records(rig),
+            np.ascontiguousarray(stack.centres), stack.focals, camera_records(rig.cameras),
             np.stack([_plane_box(camera) for camera in rig.cameras]),
             np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
             {name: i for i, name in enumerate(rig.names)},
@@ -169,24 +173,28 @@ def check_association(
         )
 
 
-def lens_records(rig: Rig) -> Array:
-    """The lenses (C,) of a rig for `undistort_points`.
+@lru_cache(maxsize=256)
+def camera_records(cameras: tuple[Camera, ...]) -> Array:
+    """Cameras (C,) as kernels take them, not to be changed.
 
-    Records `LENS`: the matrix; the terms k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; limit,
-    the undistorted radius at which the distortion folds back.
+    Records `CAMERA`: rotation r00 to r22 and translation tx ty tz of cam_from_world; centre ox oy oz; matrix
+    fx skew cx fy cy; terms of the lens k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; the
+    undistorted radius at which the distortion folds back, squared (fold), and up to which points are
+    undistorted (limit); width and height, px. The others are of score maps, see `VoteScene`, and 0.
     """
-    return np.array([_lens(camera) for camera in rig.cameras], LENS)
-
-
-def _lens(camera: Camera) -> tuple[float, ...]:
-    lens, matrix = camera.intrinsics, camera.intrinsics.matrix
-    if lens.lens == "fisheye":
-        k1, k2, k3, k4 = lens.distortion
-        terms = (k1, k2, 0.0, 0.0, k3, k4, 1.0)
-    else:
+    records = np.zeros(len(cameras), CAMERA)
+    for record, camera in zip(records, cameras):
+        lens, pose = camera.intrinsics, camera.cam_from_world
         terms = (*lens.distortion, 0.0, 0.0)
-    numbers = (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], matrix[0, 1], *terms)
-    return (*(float(number) for number in numbers), min(lens.radius_limit, FARTHEST))
+        if lens.lens == "fisheye":
+            terms = (*lens.distortion[:2], 0.0, 0.0, *lens.distortion[2:], 1.0)
+        numbers = (
+            *pose.rotation.ravel(), *pose.translation, *camera.centre, *lens.matrix.ravel()[[0, 1, 2, 4, 5]],
+            *terms, lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size,
+        )  # fmt: skip
+        for name, number in zip(_NUMBERS, numbers):
+            record[name] = number
+    return records
 
 
 @_jit
@@ -194,7 +202,7 @@ def undistort_points(pixels, usable, cameras, lenses):
     """Undistorted normalised points by Newton's method.
 
     Args:
-        pixels: (D, J, 2) px. usable: (D, J) bool. cameras: (D,) row of `lenses` (C,), see `lens_records`.
+        pixels: (D, J, 2) px. usable: (D, J) bool. cameras: (D,) row of `lenses` (C,), see `camera_records`.
 
     Returns:
         plane (D, J, 2), 0 where unusable; magnification (D, J): how large a small thing of the plane is in

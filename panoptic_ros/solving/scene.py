@@ -4,7 +4,7 @@ How far is said on the undistorted plane, so that kernels need no lenses.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -50,8 +50,7 @@ class Sight(NamedTuple):
     """What V views see.
 
     boxes: (V, 4) m/m, the smallest and largest undistorted x and y that the image shows.
-    limits: (V * 3 + cells,) of each view the first cell of its limits (0 = none), columns, rows, which
-        divide its box evenly; then the cells of all views, row by row, m.
+    limits: see `limits_of`; columns and rows divide the box of a view evenly.
     """
 
     boxes: Array
@@ -119,14 +118,28 @@ def seeing_views(scene: Scene, positions: Array) -> Array:
 
 def sight_of(boxes: Array, cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Sight:
     """The sight of V views with their cameras and boxes (V, 4)."""
+    def on_plane(v: int, limit: VisibilityLimit) -> Array:
+        return _on_plane(limit, cameras[v], *boxes[v].tolist())
+
+    return Sight(boxes, limits_of(views, on_plane))
+
+
+def limits_of(views: Sequence[ViewDetections], metres: Callable[[int, VisibilityLimit], Array]) -> Array:
+    """How far V views see, in one array (V * 3 + cells,).
+
+    Of each view the first cell of its limit (0 = none), columns, rows; then the cells of all, row by row.
+
+    Args:
+        metres: the cells of the limit of a view of this number, m.
+    """
     parts, end = [np.zeros(3 * len(views))], 3 * len(views)
-    for v, (camera, view) in enumerate(zip(cameras, views)):
+    for v, view in enumerate(views):
         if view.limit is not None:
             rows, columns = view.limit.cells.shape
             parts[0][3 * v : 3 * v + 3] = end, columns, rows
-            parts.append(_on_plane(view.limit, camera, *boxes[v].tolist()))
+            parts.append(metres(v, view.limit))
             end += rows * columns
-    return Sight(boxes, np.concatenate(parts))
+    return np.concatenate(parts)
 
 
 @lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
@@ -205,3 +218,20 @@ def look_at(position, rotations, translations, sight):
         if seen + hidden >= 0.5 * max(known, 1):
             found[v] = SEEN if seen >= 0.5 * max(known, 1) else HIDDEN
     return found
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def spread_views(centres, used, most):
+    """Up to `most` of the used views (V,) that are far from each other; centres (V, 3) m of the cameras."""
+    if used.sum() <= most:
+        return used
+    distance, picked = np.where(used, np.inf, -1.0), np.zeros(len(used), np.bool_)
+    for _ in range(most):
+        last = distance.argmax()
+        picked[last] = True
+        for v in range(len(used)):
+            square = 0.0
+            for axis in range(3):
+                square += (centres[v, axis] - centres[last, axis]) ** 2
+            distance[v] = min(distance[v], square)
+    return picked

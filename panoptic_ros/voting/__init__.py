@@ -11,8 +11,7 @@ without maps then has a Gaussian round its place in 2D.
 
 `exact` finds all of these maxima in a working volume: boxes that the rays of too few views touch are skipped,
 in all others every voxel is voted on. `seeds` (the default) begins where viewing rays of 2D peaks meet, and
-moves to the centre of the votes there. `off` votes for none. Positions are refined below the voxel by a
-soft vote.
+moves below the voxel to the centre of the votes there, by a soft vote. `off` votes for none.
 
 With `explain_away` (the default) `seeds` starts from people: the 2D people of all views, guided by the
 instant before, are solved roughly; each joint moves to the centre of the votes about it and is a node. 2D

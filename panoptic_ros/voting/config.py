@@ -49,26 +49,6 @@ class VotingConfig(Config):
         "exact, everywhere if seeds.",
         when="all of it is searched (`voting.method=exact`): the box that people use.",
     )
-    ray_gap: float = param(
-        0.15, unit="m", ge=0.0, le=1.0, doc="Largest distance between two rays that may be of one joint."
-    )
-    pair_views: int = param(
-        10, ge=2, doc="Rays of at most so many views, spread over the rig, are paired for seeds."
-    )
-    max_depth: float = param(25.0, unit="m", ge=1.0, doc="Seeds farther from a camera are dropped.")
-    keypoint_width: float = param(
-        0.03,
-        ge=0.001,
-        le=0.5,
-        doc="Without maps: standard deviation of a joint's Gaussian, as a fraction of the square root of "
-        "the area of the person's box.",
-    )
-    person_gate: float = param(
-        4.0,
-        ge=0.5,
-        doc="A map of all people counts for one person within so many of those standard deviations "
-        "of the person's joint.",
-    )
     parts: bool = param(
         False, doc="Score parts between nodes; assembly.method=dynamic_programming switches it on."
     )
@@ -76,13 +56,3 @@ class VotingConfig(Config):
         0.05, ge=0.0, le=1.0, doc="Score that both ends of a part need in a view."
     )
     max_bone: float = param(0.8, unit="m", ge=0.01, doc="Longest part.")
-    max_skip: float = param(
-        1.1, unit="m", ge=0.01, doc="Longest part across a missing joint, e.g. from hip to ankle."
-    )
-    skip_parts: bool = param(True, doc="Also score parts across one missing joint.")
-    refine_nodes: bool = param(
-        True, doc="With exact: refine node proposals below the voxel by a soft vote, as seeds always are."
-    )
-    merge_distance: float = param(
-        0.03, unit="m", ge=0.0, doc="Refined proposals of one joint that are closer become one."
-    )

@@ -11,11 +11,9 @@ from panoptic_ros.solving.joint_records import Candidates
 from panoptic_ros.solving.joints import solve_joints
 from panoptic_ros.solving.scene import Cameras, Observations, even_precision
 from panoptic_ros.solving.triangulation import SolverRules
-from panoptic_ros.voting import explain_kernels, kernels, soft_vote
-from panoptic_ros.voting.image_peaks import ImagePeaks
+from panoptic_ros.voting.peaks import ImagePeaks, unexplained_peaks
 from panoptic_ros.voting.proposals import Nodes, no_nodes
 from panoptic_ros.voting.scene import VoteScene
-from panoptic_ros.voting.soft_kernels import Moving
 
 Array = np.ndarray
 
@@ -42,16 +40,6 @@ def rough_people(
     return positions, found.guide.shifts
 
 
-def moved(
-    scene: VoteScene, joints: Array, points: Array, view_threshold: float, moving: Moving | None = None
-) -> Nodes:
-    """Nodes of joints (N,) at the centres of the votes about points (N, 3) m, at the points' instant."""
-    moving = moving or soft_vote.at_rest(points, scene)
-    points = soft_vote.move(points, joints, scene, moving=moving)
-    votes, support = kernels.vote_moving(scene, joints, points, moving, view_threshold)
-    return Nodes(points, joints, votes, support)
-
-
 class Explainer(NamedTuple):
     """What is known: nodes, their velocities (N, 3) m/s, and when each view was taken, (V,) s from then."""
 
@@ -70,5 +58,5 @@ class Explainer(NamedTuple):
 
     def unexplained(self, scene: VoteScene, peaks: ImagePeaks) -> ImagePeaks:
         """The 2D peaks without those near to where a node of their kind is seen."""
-        left = explain_kernels.unexplained_peaks(scene, peaks, self)
+        left = unexplained_peaks(scene, peaks, self)
         return ImagePeaks(np.concatenate([[0], np.cumsum(left)])[peaks.start], peaks.pixels[left])

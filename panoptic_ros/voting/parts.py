@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.voting.lanes import (
+from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.votes import (
     BELOW,
     CELL,
     COVERED,
@@ -21,22 +21,12 @@ from panoptic_ros.voting.lanes import (
     see,
     strides,
 )
-from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
 
 
-class Bone(NamedTuple):
-    """A kind of part: joints, which of `SkeletonModel.bones` (-1 = skips a joint), longest length in m."""
-
-    parent: int
-    child: int
-    bone: int
-    length: float
-
-
 class Parts(NamedTuple):
-    """Parts (M, 2) nodes, bones (M,) index into `SkeletonModel.bones` or -1, and scores (M,)."""
+    """Parts (M, 2) nodes, bones (M,) index into `SkeletonModel.bones`, and scores (M,)."""
 
     nodes: Array
     bones: Array
@@ -46,62 +36,42 @@ class Parts(NamedTuple):
 NO_PARTS = Parts(np.zeros((0, 2), np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 
-def bones_and_skips(skeleton: SkeletonModel, max_bone: float, max_skip: float | None) -> tuple[Bone, ...]:
-    """The bones of a skeleton and, if wanted, the pairs of joints that one missing joint lies between.
-
-    These are grandparents and grandchildren, and the children of the root among each other.
-    """
-    kinds = [Bone(u, v, k, max_bone) for k, (u, v) in enumerate(skeleton.bones)]
-    if max_skip is None:
-        return tuple(kinds)
-    parents = skeleton.parents
-    for _, joint in skeleton.bones:
-        grandparent = parents[parents[joint]] if parents[joint] >= 0 else -1
-        if grandparent >= 0:
-            kinds.append(Bone(grandparent, joint, -1, max_skip))
-    top = [child for parent, child in skeleton.bones if parent == skeleton.root]
-    kinds += [Bone(a, b, -1, max_skip) for k, a in enumerate(top) for b in top[k + 1 :]]
-    return tuple(kinds)
-
-
 def score_parts(
-    scene: VoteScene, nodes: Array, joints: Array, kinds: tuple[Bone, ...], threshold: float
-) -> Parts:
+    scene: VoteScene, nodes: Array, joints: Array, bones: tuple[tuple[int, int], ...], longest: float,
+    threshold: float,
+) -> Parts:  # fmt: skip
     """Parts between nodes (N, 3) m of the joints (N,), and their connectivity scores.
 
     Phi = mean over the views that see both ends of max_i of (h_iu + h_iv) / 2 where both are above the
     threshold, else 0; i runs over the 2D people of the view. Parts without any score are left out.
+
+    Args:
+        bones: parent and child of each, as in `SkeletonModel`. longest: m, a part.
     """
-    table = np.array([kind[:3] for kind in kinds], np.int64).reshape(-1, 3)
-    lengths = np.array([kind.length for kind in kinds], np.float64)
     joints = np.ascontiguousarray(joints, np.int64)
-    parts, bones = _near_pairs(nodes, joints, table, lengths)
+    parts, which = _near_pairs(nodes, joints, np.array(bones, np.int64).reshape(-1, 2), longest)
     scores, seen = person_scores(scene, joints, nodes)
     phi = connectivity(scores, seen, parts, threshold)
     connected = phi > 0.0
-    return Parts(parts[connected], bones[connected], phi[connected])
+    return Parts(parts[connected], which[connected], phi[connected])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _near_pairs(nodes, joints, kinds, lengths):
-    """Pairs (M, 2) of nodes that a kind of part (K, 3) may join, by kind, and the bones (M,) they are."""
-    pairs, bones, count = np.zeros((256, 2), np.int64), np.zeros(256, np.int64), 0
-    for k in range(len(kinds)):
+def _near_pairs(nodes, joints, bones, longest):
+    """Pairs (M, 2) of nodes that a bone (K, 2) may join, by bone, and which bones (M,) they are."""
+    pairs, which, count = np.zeros((256, 2), np.int64), np.zeros(256, np.int64), 0
+    for k in range(len(bones)):
         for a in range(len(nodes)):
-            if joints[a] != kinds[k, 0]:
-                continue
-            for b in range(len(nodes)):
-                if joints[b] != kinds[k, 1]:
-                    continue
+            for b in range(len(nodes) if joints[a] == bones[k, 0] else 0):
                 x, y, z = nodes[a, 0] - nodes[b, 0], nodes[a, 1] - nodes[b, 1], nodes[a, 2] - nodes[b, 2]
-                if x * x + y * y + z * z > lengths[k] * lengths[k]:
+                if joints[b] != bones[k, 1] or x * x + y * y + z * z > longest * longest:
                     continue
-                if count == len(bones):
+                if count == len(which):
                     pairs = np.concatenate((pairs, np.zeros_like(pairs)))
-                    bones = np.concatenate((bones, np.zeros_like(bones)))
-                pairs[count, 0], pairs[count, 1], bones[count] = a, b, kinds[k, 2]
+                    which = np.concatenate((which, np.zeros_like(which)))
+                pairs[count, 0], pairs[count, 1], which[count] = a, b, k
                 count += 1
-    return pairs[:count], bones[:count]
+    return pairs[:count], which[:count]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

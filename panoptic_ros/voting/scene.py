@@ -8,34 +8,30 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
-from panoptic_ros.solving.evidence import FARTHEST
-from panoptic_ros.voting.scene_kernels import Patches, Widths, merged_maps, people_of_views
+from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.solving.evidence import CAMERA, camera_records
+from panoptic_ros.solving.scene import limits_of
 
 Array = np.ndarray
 MIN_WIDTH = 0.002  # least standard deviation of a 2D joint, as a fraction of the image's diagonal
-_NUMBERS = (
-    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 fisheye fold "
-    "limit width height columns rows a0 a1 a2 b0 b1 b2"
-).split()
-CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # the record of a view, see `VoteScene`
-OF_CAMERA = _NUMBERS.index("columns")  # so many numbers are those of the camera, the others of its maps
+KEYPOINT_WIDTH = 0.03  # standard deviation of a 2D joint's Gaussian, of the root of its person's box's area
+PERSON_GATE = 4.0  # standard deviations from a 2D joint, within which maps of all people count for its person
+MIN_ASPECT = 0.25  # a person's box is taken to be at least so wide, relative to its longer side
+
+_jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 class VoteScene(NamedTuple):
     """V views of an instant, J joints, at most P people in a view; what `ViewField` says, as arrays.
 
-    cameras: (V,) records `CAMERA`: rotation r00 to r22 and translation tx ty tz; centre ox oy oz; matrix
-        fx skew cx fy cy; terms of the lens k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; the
-        largest undistorted radius, squared (fold) and for `undistort_points` (limit); width and height of
-        the image, px; columns and rows of the maps, cells (0 without maps); cells from pixels a0 a1 a2,
-        b0 b1 b2.
+    cameras: (V,) see `camera_records`; with columns and rows of the maps, cells (0 without maps), and cells
+        from pixels a0 a1 a2, b0 b1 b2.
     people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN pixels and score 0 where missing.
     gates: (V, P) squared px.
     map_start: (V, J) first value of the merged map in `map_data` (B,) uint8, -1 where keypoints count.
     patch_start: (V * J + 1) first patch of each view and joint in `patch_table`: (K, 6) person, column,
         row, width, height, first value in `patch_data` (B,) uint8.
-    limits: (V * 3 + cells,) of each view the first cell of its `VisibilityLimit` (0 = none), columns, rows;
-        then the cells of all views, row by row, m.
+    limits: see `limits_of`; columns and rows divide the image of a view evenly.
     """
 
     cameras: Array
@@ -49,59 +45,41 @@ class VoteScene(NamedTuple):
     limits: Array
 
 
-def build_scene(
-    cameras: Sequence[Camera],
-    views: Sequence[ViewDetections],
-    joint_count: int,
-    relative_width: float = 0.03,
-    gate: float = 4.0,
-) -> VoteScene:
-    """The scene of V views and their cameras.
+class Patches(NamedTuple):
+    """The patches of all views, one after another.
 
-    Args:
-        relative_width: standard deviation of a 2D joint's Gaussian, a fraction of the square root of the
-            area of the box round the person's joints; not below `MIN_WIDTH` of the image's diagonal.
-        gate: in standard deviations, within which maps of all people count for a person.
+    grids: (V, 2) columns and rows of the maps; counts: (V,) patches; joints, persons (K,), corners, sizes
+    (K, 2), data (B,): as in `ScoreMaps`.
     """
+
+    grids: Array
+    counts: Array
+    joints: Array
+    persons: Array
+    corners: Array
+    sizes: Array
+    data: Array
+
+
+def build_scene(cameras: Sequence[Camera], views: Sequence[ViewDetections], joint_count: int) -> VoteScene:
+    """The scene of V views and their cameras."""
     sizes = np.array([view.image_size for view in views], np.float64).reshape(-1, 2)
-    widths = Widths(relative_width, gate, MIN_WIDTH * np.hypot(*sizes.T))
     points = np.concatenate([np.zeros((0, joint_count, 2)), *(view.points for view in views)])
     scores = np.concatenate([np.zeros((0, joint_count)), *(view.scores for view in views)])
     counts = np.array([len(view.points) for view in views], np.int64)
-    people, gates = people_of_views(points, scores, counts, widths)
+    people, gates = people_of_views(points, scores, counts, MIN_WIDTH * np.hypot(*sizes.T))
     patches = _patches(views)
-    table = _view_numbers(tuple(cameras), views, patches.grids)
-    map_start, map_data, patch_start, patch_table = merged_maps(patches, joint_count)
-    return VoteScene(
-        table, people, gates, map_start, map_data, patch_start, patch_table, patches.data, _limits(views)
-    )
-
-
-def _view_numbers(cameras: tuple[Camera, ...], views: Sequence[ViewDetections], grids: Array) -> Array:
-    table = np.zeros((len(views), len(_NUMBERS)))
-    table[:, :OF_CAMERA] = _camera_numbers(cameras)
-    table[:, OF_CAMERA : OF_CAMERA + 2] = grids
-    for v, view in enumerate(views):
+    records = camera_records(tuple(cameras)).copy()
+    numbers = records.view(np.float64).reshape(len(views), len(CAMERA.names or ()))
+    numbers[:, -8:-6] = patches.grids
+    for row, view in zip(numbers, views):
         if view.maps is not None:
-            table[v, OF_CAMERA + 2 :] = view.maps.grid_from_image.ravel()
-    return table.view(CAMERA).reshape(-1)
-
-
-@lru_cache(maxsize=256)
-def _camera_numbers(cameras: tuple[Camera, ...]) -> Array:
-    """The numbers (V, OF_CAMERA) of views that are those of their cameras."""
-    rows = []
-    for camera in cameras:
-        lens, pose = camera.intrinsics, camera.cam_from_world
-        if lens.lens == "fisheye":
-            k1, k2, k3, k4 = lens.distortion
-            terms = (k1, k2, 0.0, 0.0, k3, k4, 1.0)
-        else:
-            terms = (*lens.distortion, 0.0, 0.0)
-        ends = (lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size)
-        matrix = lens.matrix.ravel()[[0, 1, 2, 4, 5]]
-        rows.append((*pose.rotation.ravel(), *pose.translation, *camera.centre, *matrix, *terms, *ends))
-    return np.array(rows, np.float64).reshape(-1, OF_CAMERA)
+            row[-6:] = view.maps.grid_from_image.ravel()
+    map_start, map_data, patch_start, patch_table = merged_maps(patches, joint_count)
+    limits = limits_of(views, lambda _, limit: _limit_metres(limit))
+    return VoteScene(
+        records, people, gates, map_start, map_data, patch_start, patch_table, patches.data, limits
+    )
 
 
 def _patches(views: Sequence[ViewDetections]) -> Patches:
@@ -119,17 +97,92 @@ def _patches(views: Sequence[ViewDetections]) -> Patches:
     )
 
 
-def _limits(views: Sequence[ViewDetections]) -> Array:
-    parts, end = [np.zeros(3 * len(views))], 3 * len(views)
-    for v, view in enumerate(views):
-        if view.limit is not None:
-            rows, columns = view.limit.cells.shape
-            parts[0][3 * v : 3 * v + 3] = end, columns, rows
-            parts.append(_limit_metres(view.limit))
-            end += rows * columns
-    return np.concatenate(parts)
-
-
 @lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
 def _limit_metres(limit: VisibilityLimit) -> Array:
     return limit.metres.ravel()
+
+
+@_jit
+def people_of_views(points, scores, counts, least_widths):
+    """`VoteScene.people` and `gates`.
+
+    Args:
+        points, scores: (D, J, 2) px, (D, J), of the 2D people. counts: (V,) of them in each view.
+        least_widths: (V,) px, of their Gaussians.
+    """
+    views, joints, most = len(counts), points.shape[1], 0
+    for v in range(views):
+        most = max(most, counts[v])
+    people, gates = np.zeros((views, joints, most, 4)), np.zeros((views, most))
+    people[..., :2] = np.nan
+    d = np.int64(0)  # no literal, which would be a type of its own
+    for v in range(views):
+        for i in range(counts[v]):
+            width = max(KEYPOINT_WIDTH * np.sqrt(_area(points, d)), least_widths[v])
+            gates[v, i] = (PERSON_GATE * width) ** 2
+            for j in range(joints):
+                people[v, j, i, 0], people[v, j, i, 1] = points[d, j, 0], points[d, j, 1]
+                people[v, j, i, 2], people[v, j, i, 3] = 0.5 / width**2, scores[d, j]
+            d += 1
+    return people, gates
+
+
+@inlined
+def _area(points, d):
+    """Of the box round the joints of person d, px^2."""
+    left = top = np.inf
+    right = bottom = -np.inf
+    for j in range(points.shape[1]):
+        u, w = points[d, j, 0], points[d, j, 1]
+        if np.isfinite(u) and np.isfinite(w):
+            left, right, top, bottom = min(left, u), max(right, u), min(top, w), max(bottom, w)
+    wide, high = max(right - left, 0.0), max(bottom - top, 0.0)
+    longer = max(wide, high)
+    return max(min(wide, high), MIN_ASPECT * longer) * longer
+
+
+@_jit
+def merged_maps(patches, joint_count):
+    """`VoteScene.map_start`, `map_data`, `patch_start` and `patch_table`."""
+    views = len(patches.counts)
+    start, table = _sorted_patches(patches, joint_count)
+    map_start, cells = np.full((views, joint_count), -1, np.int64), 0
+    for v in range(views):
+        for j in range(joint_count):
+            if start[v * joint_count + j] < start[v * joint_count + j + 1]:
+                map_start[v, j] = cells
+                cells += patches.grids[v, 0] * patches.grids[v, 1]
+    data, values = np.zeros(cells, np.uint8), patches.data
+    for v in range(views):
+        for j in range(joint_count):
+            for k in range(start[v * joint_count + j], start[v * joint_count + j + 1]):
+                column, row, width, height, first = table[k, 1:]
+                for y in range(height):
+                    at = map_start[v, j] + (row + y) * patches.grids[v, 0] + column
+                    for x in range(width):
+                        data[at + x] = max(data[at + x], values[first + y * width + x])
+    return map_start, data, start, table
+
+
+@_jit
+def _sorted_patches(patches, joint_count):
+    """`VoteScene.patch_start` and `patch_table`: by view and joint, else in the order in which they came."""
+    joints, persons, corners, sizes = patches.joints, patches.persons, patches.corners, patches.sizes
+    start = np.zeros(len(patches.counts) * joint_count + 1, np.int64)
+    keys, table = np.empty(len(joints), np.int64), np.empty((len(joints), 6), np.int64)
+    k = 0
+    for v in range(len(patches.counts)):
+        for _ in range(patches.counts[v]):
+            keys[k] = v * joint_count + joints[k]
+            start[keys[k] + 1] += 1
+            k += 1
+    for key in range(1, len(start)):
+        start[key] += start[key - 1]
+    free, first = start.copy(), 0
+    for k in range(len(joints)):
+        at, width, height = free[keys[k]], sizes[k, 0], sizes[k, 1]
+        free[keys[k]] += 1
+        table[at, 0], table[at, 1], table[at, 2] = persons[k], corners[k, 0], corners[k, 1]
+        table[at, 3], table[at, 4], table[at, 5] = width, height, first
+        first += width * height
+    return start, table

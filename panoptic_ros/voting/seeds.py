@@ -1,84 +1,192 @@
 """The sparse search: nodes where viewing rays of 2D peaks meet."""
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.voting import kernels, ray_kernels
-from panoptic_ros.voting.explaining import Explainer, moved
-from panoptic_ros.voting.image_peaks import find_peaks
+from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.solving.evidence import undistort_points
+from panoptic_ros.solving.scene import spread_views
+from panoptic_ros.voting.explaining import Explainer
+from panoptic_ros.voting.peaks import find_peaks
 from panoptic_ros.voting.proposals import Demands, Nodes, distinct, no_nodes
 from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.soft_vote import moved
+from panoptic_ros.voting.votes import at_rest, vote_points
 
 Array = np.ndarray
+GAP = 0.15  # m, largest distance between two rays that may be of one joint
+MAX_DEPTH = 25.0  # m, of seeds from a camera
+PAIRED_VIEWS = 10  # whose rays are paired, at most; of more, those that are spread over the rig
 SPACING = 0.12  # m, of the seeds of a joint that are followed
 PROMISE = 0.9  # a seed is followed if its vote is above this, relative to what a node needs
 
 
-class SeedSearch(NamedTuple):
-    """Finds nodes from seeds.
+class _Rays(NamedTuple):
+    """Rays of one joint, in the order of their views (K,): directions (K, 3); centres (V, 3) of the views."""
+
+    views: Array
+    directions: Array
+    centres: Array
+
+
+def nodes_at_seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> Nodes:
+    """Nodes at seeds, moved to the centre of the votes about them.
+
+    Of seeds of one joint that are close to each other only that with most votes is followed.
+    """
+    joints, points = seeds(scene, wanted, known)
+    if not len(joints):
+        return no_nodes()
+    votes, _ = vote_points(scene, joints, points, at_rest(points, scene), 1.0)
+    good = votes > PROMISE * wanted.threshold
+    joints, points, votes = joints[good], points[good], votes[good]
+    first = distinct(points, joints, votes, SPACING)
+    nodes = moved(scene, joints[first], points[first], wanted.view_threshold)
+    return nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, SPACING))
+
+
+def seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> tuple[Array, Array]:
+    """Joints (S,) and points (S, 3) m where rays of `wanted.min_views` (two or more) views meet.
 
     Args:
-        gap: m, largest distance between two rays that may be of one joint.
-        pair_views: rays of at most so many views are paired.
-        max_depth: m, largest distance of a seed from a camera.
+        known: what explains peaks that then give no seeds.
     """
-
-    gap: float
-    pair_views: int
-    max_depth: float
-
-    def nodes(self, scene: VoteScene, wanted: Demands, known: Explainer) -> Nodes:
-        """Nodes at seeds, moved to the centre of the votes about them.
-
-        Of seeds of one joint that are close to each other only that with most votes is followed.
-        """
-        joints, points = self.seeds(scene, wanted, known)
-        if not len(joints):
-            return no_nodes()
-        votes, _ = kernels.vote_points(scene, joints, points, 1.0)
-        good = votes > PROMISE * wanted.threshold
-        joints, points, votes = joints[good], points[good], votes[good]
-        first = distinct(points, joints, votes, SPACING)
-        nodes = moved(scene, joints[first], points[first], wanted.view_threshold)
-        return nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, SPACING))
-
-    def seeds(self, scene: VoteScene, wanted: Demands, known: Explainer) -> tuple[Array, Array]:
-        """Joints (S,) and points (S, 3) m where rays of `wanted.min_views` (two or more) views meet.
-
-        Args:
-            known: what explains peaks that then give no seeds.
-        """
-        peaks = known.unexplained(scene, find_peaks(scene, wanted.view_threshold))
-        centres = np.stack([scene.cameras["ox"], scene.cameras["oy"], scene.cameras["oz"]], axis=-1)
-        paired = _paired(centres.tobytes(), self.pair_views)
-        meeting = ray_kernels.Meeting(self.gap, self.max_depth, max(wanted.min_views, 2), paired)
-        found: tuple[Array, Array] = ray_kernels.pair_seeds(scene, peaks, meeting)
-        return found
+    peaks = known.unexplained(scene, find_peaks(scene, wanted.view_threshold))
+    found: tuple[Array, Array] = pair_seeds(scene, peaks, max(wanted.min_views, 2))
+    return found
 
 
-@lru_cache(maxsize=256)
-def _paired(centres: bytes, count: int) -> Array:
-    """Which `count` views are far from each other (V,), of the centres (V, 3) m of all."""
-    return spread(np.frombuffer(centres).reshape(-1, 3), count)
+@njit(cache=True, error_model="numpy", nogil=True)
+def pixel_rays(cameras, views, pixels):
+    """Unit viewing rays (K, 3) in the world of pixels (K, 2) of the views (K,); NaN if there is none.
 
-
-def spread(centres: Array, count: int) -> Array:
-    """Which of the views (V,) to take so that `count` of them are far from each other.
-
-    Starts with the one farthest from the middle and adds the farthest from those taken.
+    Args:
+        cameras: see `camera_records`.
     """
-    taken = np.ones(len(centres), bool)
-    if len(centres) <= count:
-        return taken
-    taken[:] = False
-    distance = np.linalg.norm(centres - centres.mean(axis=0), axis=1)
-    for _ in range(count):
-        farthest = int(np.argmax(distance))
-        gaps = np.linalg.norm(centres - centres[farthest], axis=1)
-        distance = gaps if not taken.any() else np.minimum(distance, gaps)
-        taken[farthest] = True
-        distance[taken] = -1.0
-    return taken
+    rays = np.full((len(pixels), 3), np.nan)
+    usable = np.ones((len(pixels), 1), np.bool_)
+    plane, _, found = undistort_points(pixels.reshape((-1, 1, 2)), usable, views, cameras)
+    for n in range(len(pixels)):
+        camera, x, y = cameras[views[n]], plane[n, 0, 0], plane[n, 0, 1]
+        if found[n, 0] and x * x + y * y < camera.fold:
+            length = np.sqrt(x * x + y * y + 1.0)
+            rays[n, 0] = (camera.r00 * x + camera.r10 * y + camera.r20) / length
+            rays[n, 1] = (camera.r01 * x + camera.r11 * y + camera.r21) / length
+            rays[n, 2] = (camera.r02 * x + camera.r12 * y + camera.r22) / length
+    return rays
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pair_seeds(scene, peaks, enough):
+    """Points where rays of `ImagePeaks` of a joint meet: joints (S,), seeds (S, 3).
+
+    A pair of rays of two views that pass within the gap gives its middle; that moves twice to the point
+    closest to the rays that pass nearest to it in each view, within the gap and half of it, and counts if it
+    still has enough such rays. These are not paired with each other again.
+    """
+    start, pixels = peaks
+    count, joint_count = len(scene.cameras), scene.map_start.shape[1]
+    centres, views = np.empty((count, 3)), np.empty(len(pixels), np.int64)
+    for v in range(count):
+        camera = scene.cameras[v]
+        centres[v, 0], centres[v, 1], centres[v, 2] = camera.ox, camera.oy, camera.oz
+        views[start[v * joint_count] : start[(v + 1) * joint_count]] = v
+    rays = pixel_rays(scene.cameras, views, pixels)
+    paired = spread_views(centres, np.ones(count, np.bool_), PAIRED_VIEWS)
+    joints, seeds = np.zeros(0, np.int64), np.zeros((0, 3))
+    for joint in range(joint_count):
+        mine = np.zeros(len(pixels), np.bool_)
+        for v in range(count):
+            key = v * joint_count + joint
+            mine[start[key] : start[key + 1]] = True
+        found = _seeds_of_joint(_Rays(views[mine], rays[mine], centres), paired, enough)
+        joints = np.concatenate((joints, np.full(len(found), joint)))
+        seeds = np.concatenate((seeds, found))
+    return joints, seeds
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _seeds_of_joint(rays, paired, enough):
+    """Seeds (S, 3) from the rays of one joint."""
+    views, count = rays.views, len(rays.views)
+    together = np.zeros((count, count), np.bool_)
+    seeds, total = np.empty((count * (count - 1) // 2, 3)), 0
+    nearest = np.empty(len(paired), np.int64)
+    for a in range(count):
+        for b in range(a + 1, count if paired[views[a]] else 0):
+            if views[a] == views[b] or together[a, b] or not paired[views[b]]:
+                continue
+            point, met = _meeting(rays, a, b)
+            for step in range(2 if met else 0):
+                point, near = _closest_to_rays(rays, point, GAP / (1 + step), nearest)
+                met = met and near >= enough
+            if not met:
+                continue
+            seeds[total, 0], seeds[total, 1], seeds[total, 2] = point
+            total += 1
+            for k in range(near):
+                for m in range(k + 1, near):
+                    together[nearest[k], nearest[m]] = True
+    return seeds[:total].copy()
+
+
+@inlined
+def _meeting(rays, p, q):
+    """The middle of where rays p and q come closest, and whether they do so within the limits."""
+    ax, ay, az = rays.directions[p, 0], rays.directions[p, 1], rays.directions[p, 2]
+    bx, by, bz = rays.directions[q, 0], rays.directions[q, 1], rays.directions[q, 2]
+    v, w, centres = rays.views[p], rays.views[q], rays.centres
+    ox, oy, oz = centres[w, 0] - centres[v, 0], centres[w, 1] - centres[v, 1], centres[w, 2] - centres[v, 2]
+    ab = ax * bx + ay * by + az * bz
+    ao, bo = ax * ox + ay * oy + az * oz, bx * ox + by * oy + bz * oz
+    sine2 = 1.0 - ab * ab
+    a, b = (ao - ab * bo) / sine2, (ab * ao - bo) / sine2  # depths
+    near = sine2 > 1e-6 and 0.0 < a < MAX_DEPTH and 0.0 < b < MAX_DEPTH  # not if NaN
+    dx, dy, dz = ox + b * bx - a * ax, oy + b * by - a * ay, oz + b * bz - a * az
+    middle = (
+        centres[v, 0] + a * ax + 0.5 * dx,
+        centres[v, 1] + a * ay + 0.5 * dy,
+        centres[v, 2] + a * az + 0.5 * dz,
+    )
+    return middle, near and dx * dx + dy * dy + dz * dz <= GAP * GAP
+
+
+@inlined
+def _closest_to_rays(rays, point, gate, nearest):
+    """The point closest to the nearest ray of each view within the gate, and the number of these views.
+
+    Writes which rays these are to `nearest`.
+    """
+    views, directions, centres = rays.views, rays.directions, rays.centres
+    x, y, z = point
+    xx, xy, xz, yy, yz, zz, rx, ry, rz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    count, k = 0, 0
+    while k < len(views):
+        v, best, found = views[k], gate * gate, False
+        ox, oy, oz = x - centres[v, 0], y - centres[v, 1], z - centres[v, 2]
+        square = ox * ox + oy * oy + oz * oz
+        while k < len(views) and views[k] == v:
+            along = directions[k, 0] * ox + directions[k, 1] * oy + directions[k, 2] * oz
+            aside = square - along * along
+            if along > 0.0 and aside <= best:
+                nearest[count], best, found = k, aside, True
+            k += 1
+        if not found:
+            continue
+        n = nearest[count]
+        count += 1
+        dx, dy, dz = directions[n, 0], directions[n, 1], directions[n, 2]
+        along = dx * ox + dy * oy + dz * oz
+        xx, yy, zz = xx + (1.0 - dx * dx), yy + (1.0 - dy * dy), zz + (1.0 - dz * dz)
+        xy, xz, yz = xy - dx * dy, xz - dx * dz, yz - dy * dz
+        rx, ry, rz = rx + (ox - along * dx), ry + (oy - along * dy), rz + (oz - along * dz)
+    cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    det = xx * cx + xy * cy + xz * cz
+    if count < 2 or det < 1e-9:
+        return point, count
+    step_x = (cx * rx + cy * ry + cz * rz) / det
+    step_y = (cy * rx + (xx * zz - xz * xz) * ry + (xy * xz - xx * yz) * rz) / det
+    step_z = (cz * rx + (xy * xz - xx * yz) * ry + (xx * yy - xy * xy) * rz) / det
+    return (x - step_x, y - step_y, z - step_z), count

@@ -1,16 +1,48 @@
-"""Positions below the voxel: the soft-argmax of the vote of eq. 1 about a point."""
+"""Positions below the voxel: the soft-argmax of the vote of eq. 1 about a point.
+
+A view sees the middle of a ball and six points of its rim; from these the cells and pixels of all others
+follow as in a pinhole camera, as lenses bend little within a ball.
+"""
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.voting import kernels, soft_kernels
+from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.voting.proposals import Nodes
 from panoptic_ros.voting.scene import VoteScene
-from panoptic_ros.voting.soft_kernels import Moving
+from panoptic_ros.voting.votes import (
+    COVERED,
+    DEPTH,
+    GAUSSIAN_END,
+    LANES,
+    SIZE,
+    A,
+    B,
+    Moving,
+    U,
+    W,
+    at_rest,
+    gaussian,
+    locate,
+    place,
+    sample,
+    see,
+    strides,
+    vote_points,
+)
 
 Array = np.ndarray
+MANY_VIEWS = 10  # place a joint so well that the widest ball would find nothing better
 SOFTNESS = 0.05  # vote difference that counts 1/e
 RADII = np.array([0.12, 0.08, 0.03])  # m, of the balls of points looked at
-ROUNDS = 6  # steps at most for each ball until a proposal stays, wherever its voxel was
+POINTS = 40  # of a ball at most: a whole number of vectors
+BALL_X, BALL_Y, BALL_Z, CELLS, RIGHTS, BELOWS, VOTES, SCORES, WEIGHTS = range(0, 9 * POINTS, POINTS)
+ROWS = 9 * POINTS
+WIDEST = 2.0  # no point of a ball is farther from its middle in an image, relative to those of the rim
+CLOSE = 2.0  # balls that are nearer to a view than so many times their radius are too large for it
 
 
 def ball(steps: int) -> Array:
@@ -23,35 +55,223 @@ def ball(steps: int) -> Array:
 BALL = ball(2)
 
 
-def refine(points: Array, joints: Array, scene: VoteScene) -> tuple[Array, Array]:
-    """Move points (N, 3) m for the joints (N,) to where the votes about them hold them.
+def moved(
+    scene: VoteScene, joints: Array, points: Array, view_threshold: float, moving: Moving | None = None
+) -> Nodes:
+    """Nodes of joints (N,) at the centres of the votes about points (N, 3) m, at the points' instant.
 
-    Steps go to the mean of the votes S of the points of a ball, weighted by exp((S - S_max) / 0.05):
-    balls of 12 (where fewer than ten views see the point), 8 and 3 cm, each until the point stays.
-    Points without any vote near them stay where they are.
-
-    Returns:
-        points (N, 3) m and their votes (N,).
-    """
-    moved = move(points, joints, scene, ROUNDS)
-    votes, _ = kernels.vote_points(scene, np.ascontiguousarray(joints, np.int64), moved, 0.0)
-    return moved, votes
-
-
-def move(
-    points: Array, joints: Array, scene: VoteScene, rounds: int = 1, moving: Moving | None = None
-) -> Array:
-    """The points (N, 3) m of `refine`; one round per ball does where points are close to joints.
+    Steps go to the mean of the votes S of the points of a ball, weighted by exp((S - S_max) / SOFTNESS), one
+    for each of `RADII`; the first is for points that few views see. Points without any vote near them stay.
 
     Args:
         moving: how the points move from stamp to stamp of the views; None: they rest.
     """
-    starts, which = np.ascontiguousarray(points, np.float64), np.ascontiguousarray(joints, np.int64)
-    ball = soft_kernels.Ball(BALL, RADII, rounds, SOFTNESS)
-    moved: Array = soft_kernels.move_to_votes(scene, which, starts, moving or at_rest(starts, scene), ball)
-    return moved
+    moving = moving or at_rest(points, scene)
+    points = move_to_votes(scene, joints, points, moving, RADII, BALL)
+    return Nodes(points, joints, *vote_points(scene, joints, points, moving, view_threshold))
 
 
-def at_rest(points: Array, scene: VoteScene) -> Moving:
-    """Points (N, 3) that do not move, or views of one instant."""
-    return Moving(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)))
+class _Line(NamedTuple):
+    """A number in the middle of a ball, and by how much it grows to the rim along each axis."""
+
+    middle: float
+    x: float
+    y: float
+    z: float
+
+
+class _Scratch(NamedTuple):
+    """The lanes, and rows of numbers of all points of the ball."""
+
+    lanes: Array
+    rows: Array
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def move_to_votes(scene, joints, starts, moving, radii, ball):
+    """Where starts (N, 3) m of joints (N,) come to; see `moved`. radii: m; ball: (3, G) points of radius 1.
+
+    Every view is asked for where the points are at its own stamp. The vote is that of the views that see the
+    place. The points lie along the axes of the nearest camera that sees the start, so that the frame of the
+    world does not matter.
+    """
+    places, scratch = starts.copy(), _Scratch(np.zeros(SIZE), np.zeros(ROWS))
+    for g in range(ball.shape[1]):
+        for axis in range(3):
+            scratch.rows[axis * POINTS + g] = ball[axis, g]
+    for n in range(len(starts)):
+        nearest, seeing = _nearest_view(scene, places, n, scratch.lanes)
+        for m in range(1 if seeing >= MANY_VIEWS else 0, len(radii) if seeing > 0 else 0):
+            _step(scene, joints[n], (places, n, moving), nearest, radii[m], ball.shape[1], scratch)
+    return places
+
+
+@inlined
+def _nearest_view(scene, places, n, lanes):
+    """The view that sees a place from the smallest depth, and how many see it."""
+    nearest, least, seeing = 0, np.inf, 0
+    for c in range(LANES):
+        place(lanes, c, places[n, 0], places[n, 1], places[n, 2])
+    for v in range(len(scene.cameras)):
+        see(scene.cameras, scene.limits, v, lanes)
+        if lanes[COVERED] > 0.0:
+            seeing += 1
+            if lanes[DEPTH] < least:
+                nearest, least = v, lanes[DEPTH]
+    return nearest, seeing
+
+
+@inlined
+def _step(scene, joint, at, nearest, radius, count, scratch):
+    """One step of places[n], `at` being (places, n, moving), in place, by so many points of the ball."""
+    places, n, moving = at
+    camera = scene.cameras[nearest]
+    placed = np.inf  # delay for which the ball lies in the lanes
+    for g in range(POINTS):
+        scratch.rows[VOTES + g] = 0.0
+    covering = np.int64(0)  # no literal, which would be a type of its own
+    for v in range(len(scene.cameras)):
+        if moving.delays[v] != placed:
+            placed = moving.delays[v]
+            _place_ball(
+                camera, places[n, 0] + placed * moving.velocities[n, 0],
+                places[n, 1] + placed * moving.velocities[n, 1],
+                places[n, 2] + placed * moving.velocities[n, 2], radius, scratch.lanes,
+            )  # fmt: skip
+        see(scene.cameras, scene.limits, v, scratch.lanes)
+        if scratch.lanes[COVERED] > 0.0 and scratch.lanes[DEPTH] > CLOSE * radius:
+            covering += 1
+            if scene.map_start[v, joint] < 0:
+                _add_keypoints(scene, v, joint, scratch)
+            elif _near_patch(scene, v, joint, scratch.lanes):
+                _add_map(scene, v, joint, count, scratch)
+    x, y, z = _mean(count, covering, scratch.rows)
+    x, y, z = radius * x, radius * y, radius * z
+    places[n, 0] += camera.r00 * x + camera.r10 * y + camera.r20 * z
+    places[n, 1] += camera.r01 * x + camera.r11 * y + camera.r21 * z
+    places[n, 2] += camera.r02 * x + camera.r12 * y + camera.r22 * z
+
+
+@inlined
+def _place_ball(camera, x, y, z, radius, lanes):
+    """Points 1 to 6: on a ball's rim, on both sides along the axes of a camera; 0 and 7: its middle."""
+    place(lanes, 0, x, y, z)
+    place(lanes, 7, x, y, z)
+    for side in range(2):
+        r = radius if side == 0 else -radius
+        place(lanes, 1 + side, x + r * camera.r00, y + r * camera.r01, z + r * camera.r02)
+        place(lanes, 3 + side, x + r * camera.r10, y + r * camera.r11, z + r * camera.r12)
+        place(lanes, 5 + side, x + r * camera.r20, y + r * camera.r21, z + r * camera.r22)
+
+
+@inlined
+def _near_patch(scene, v, joint, lanes):
+    """Whether a patch of a view and joint has a cell that a sample in the ball may read."""
+    wide_a, wide_b = 1.0, 1.0
+    for axis in range(3):
+        c, k = 1 + 2 * axis, 2 + 2 * axis
+        wide_a += max(abs(lanes[A + c] - lanes[A]), abs(lanes[A + k] - lanes[A]))
+        wide_b += max(abs(lanes[B + c] - lanes[B]), abs(lanes[B + k] - lanes[B]))
+    table, key = scene.patch_table, v * scene.map_start.shape[1] + joint
+    near = False
+    for k in range(scene.patch_start[key], scene.patch_start[key + 1]):
+        column, row = table[k, 1], table[k, 2]
+        beside = lanes[A] - wide_a < column + table[k, 3] and lanes[A] + wide_a >= column
+        near = near or (beside and lanes[B] - wide_b < row + table[k, 4] and lanes[B] + wide_b >= row)
+    return near
+
+
+@inlined
+def _add_map(scene, v, joint, count, scratch):
+    """Add bilinear samples of a view's map to the votes of so many points."""
+    lanes, rows, camera = scratch.lanes, scratch.rows, scene.cameras[v]
+    depth, a, b = _line(lanes, DEPTH), _per_depth(lanes, A), _per_depth(lanes, B)
+    columns, height, around, first = camera.columns, camera.rows, strides(camera), scene.map_start[v, joint]
+    for g in range(POINTS):
+        x, y, z = rows[BALL_X + g], rows[BALL_Y + g], rows[BALL_Z + g]
+        scale = 1.0 / _at(depth, x, y, z)
+        cell, right, below = locate(columns, height, scale * _at(a, x, y, z), scale * _at(b, x, y, z))
+        rows[CELLS + g], rows[RIGHTS + g], rows[BELOWS + g] = cell, right, below
+    for g in range(count):
+        rows[VOTES + g] += sample(
+            scene.map_data, first, around, rows[CELLS + g], rows[RIGHTS + g], rows[BELOWS + g]
+        )
+
+
+@inlined
+def _add_keypoints(scene, v, joint, scratch):
+    """Add the largest Gaussian of a view's 2D joints to the votes."""
+    lanes, rows = scratch.lanes, scratch.rows
+    reach, middle_u, middle_w = 0.0, lanes[U], lanes[W]
+    for c in range(1, 7):
+        reach = max(reach, math.hypot(lanes[U + c] - middle_u, lanes[W + c] - middle_w))
+    depth, u, w = _line(lanes, DEPTH), _per_depth(lanes, U), _per_depth(lanes, W)
+    for g in range(POINTS):
+        rows[SCORES + g] = 0.0
+    for i in range(scene.people.shape[2]):
+        away = math.hypot(scene.people[v, joint, i, 0] - middle_u, scene.people[v, joint, i, 1] - middle_w)
+        if away < WIDEST * reach + math.sqrt(GAUSSIAN_END / scene.people[v, joint, i, 2]):  # not if missing
+            for g in range(POINTS):
+                x, y, z = rows[BALL_X + g], rows[BALL_Y + g], rows[BALL_Z + g]
+                scale = 1.0 / _at(depth, x, y, z)
+                value = gaussian(scene.people, v, joint, i, scale * _at(u, x, y, z), scale * _at(w, x, y, z))
+                rows[SCORES + g] = max(rows[SCORES + g], value)
+    for g in range(POINTS):
+        rows[VOTES + g] += rows[SCORES + g]
+
+
+@inlined
+def _line(lanes, row):
+    """How a row of the lanes changes in the ball."""
+    return _Line(
+        lanes[row], 0.5 * (lanes[row + 1] - lanes[row + 2]), 0.5 * (lanes[row + 3] - lanes[row + 4]),
+        0.5 * (lanes[row + 5] - lanes[row + 6]),
+    )  # fmt: skip
+
+
+@inlined
+def _per_depth(lanes, row):
+    """How a row times depth, which would be linear without a lens, changes in the ball; changes the row."""
+    for c in range(LANES):
+        lanes[row + c] *= lanes[DEPTH + c]
+    return _line(lanes, row)
+
+
+@inlined
+def _at(line, x, y, z):
+    """The number at a point of the ball of radius 1."""
+    return line.middle + line.x * x + line.y * y + line.z * z
+
+
+@inlined
+def _mean(count, covering, rows):
+    """The mean of so many points of the ball of radius 1, weighted by their votes of so many views."""
+    best = 0.0
+    for g in range(count):
+        best = max(best, rows[VOTES + g])
+    rate = 1.0 / (SOFTNESS * max(covering, 1))
+    for g in range(POINTS):
+        rows[WEIGHTS + g] = _decay((best - rows[VOTES + g]) * rate)
+    total, x, y, z = 0.0, 0.0, 0.0, 0.0
+    for g in range(count if best > 0.0 else 0):
+        weight = rows[WEIGHTS + g]
+        total += weight
+        x += weight * rows[BALL_X + g]
+        y += weight * rows[BALL_Y + g]
+        z += weight * rows[BALL_Z + g]
+    total = max(total, 1e-300)
+    return x / total, y / total, z / total
+
+
+@inlined
+def _decay(x):
+    """exp(-x) for x >= 0, 0 from 12 on; relative error below 1e-5. Without calls, for vector instructions."""
+    part = min(x, 12.0) / 64.0
+    value = 1.0 - part * (1.0 - part * (0.5 - part * (1.0 / 6.0 - part / 24.0)))
+    value *= value
+    value *= value
+    value *= value
+    value *= value
+    value *= value
+    value *= value
+    return value if x < 12.0 else 0.0

@@ -8,19 +8,20 @@ from panoptic_ros.solving.evidence import RigArrays, check_association
 from panoptic_ros.solving.example import easy_associations
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
-from panoptic_ros.voting import soft_vote
-from panoptic_ros.voting.cone_search import maxima
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.explaining import Explainer, moved, rough_people
-from panoptic_ros.voting.parts import NO_PARTS, bones_and_skips, score_parts
+from panoptic_ros.voting.exact import maxima
+from panoptic_ros.voting.explaining import Explainer, rough_people
+from panoptic_ros.voting.parts import NO_PARTS, score_parts
 from panoptic_ros.voting.proposals import Demands, Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
-from panoptic_ros.voting.seeds import SeedSearch
-from panoptic_ros.voting.soft_kernels import Moving
+from panoptic_ros.voting.seeds import nodes_at_seeds
+from panoptic_ros.voting.soft_vote import moved
 from panoptic_ros.voting.volume import Volume, volume_of_rig
+from panoptic_ros.voting.votes import Moving
 
 Array = np.ndarray
 SURE_VIEWS = 3  # that support a node which explains away
+ONE_PLACE = 0.03  # m; nodes of one joint that are closer become one, as of people who are shown twice
 
 
 def demands(config: VotingConfig, view_count: int) -> Demands:
@@ -56,9 +57,6 @@ class VotingStage(Stateful):
             self.volume = volume_of_rig(context.rig, config.voxel)
         else:
             self.volume = Volume.everywhere(config.voxel)
-        skip = config.max_skip if config.skip_parts else None
-        self._kinds = bones_and_skips(context.skeleton, config.max_bone, skip)
-        self._search = SeedSearch(config.ray_gap, config.pair_views, config.max_depth)
         self._cameras = {camera.name: camera for camera in context.rig.cameras}
         self._arrays = RigArrays.of(context.rig)
         for example in easy_associations(context.rig, context.skeleton):
@@ -87,20 +85,23 @@ class VotingStage(Stateful):
         views = sorted(item.views, key=lambda view: view.camera)  # rays are paired in the order of names
         cameras = [self._cameras[view.camera] for view in views]
         config = self.config
-        scene = build_scene(cameras, views, len(self.skeleton), config.keypoint_width, config.person_gate)
+        scene = build_scene(cameras, views, len(self.skeleton))
         wanted = demands(config, sum(has_anything(view) for view in views))
         if config.method == "exact":
-            nodes = self._exact(scene, wanted)
+            nodes = maxima(scene, self.volume, wanted)
         else:
             delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
             known = Explainer.of_nobody(delays)
             if config.explain_away:
                 known = self._known(scene, wanted, association, delays)
             sure = known.rows(known.nodes.support >= SURE_VIEWS)
-            nodes = self._distinct(known.nodes.joined(self.unexplained(scene, wanted, sure)))
+            nodes = known.nodes.joined(self.unexplained(scene, wanted, sure))
+            nodes = nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, ONE_PLACE))
         parts = NO_PARTS
         if config.parts:
-            parts = score_parts(scene, nodes.points, nodes.joints, self._kinds, config.part_threshold)
+            parts = score_parts(
+                scene, nodes.points, nodes.joints, self.skeleton.bones, config.max_bone, config.part_threshold
+            )
         nodes = nodes._replace(votes=np.clip(nodes.votes, 0.0, 1.0))
         return ProposalSet(association, *nodes, *parts)
 
@@ -125,25 +126,14 @@ class VotingStage(Stateful):
 
     def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:
         """Nodes at what known joints leave of a scene."""
-        found = self._search.nodes(scene, wanted, explainer)
+        found = nodes_at_seeds(scene, wanted, explainer)
         return found.rows(self._good(found, wanted))
 
     def _good(self, nodes: Nodes, wanted: Demands) -> Array:
         """Which nodes (N,) satisfy the demands and lie in the volume."""
         good = (nodes.votes > wanted.threshold) & (nodes.support >= wanted.min_views)
-        inside: Array = good & self.volume.contains(self.volume.voxels(nodes.points))
+        inside: Array = good & self.volume.contains(nodes.points)
         return inside
-
-    def _exact(self, scene: VoteScene, wanted: Demands) -> Nodes:
-        """Nodes at all peaks of a scene."""
-        nodes = maxima(scene, self.volume, wanted)
-        if not self.config.refine_nodes:
-            return nodes
-        points, votes = soft_vote.refine(nodes.points, nodes.joints, scene)
-        return self._distinct(nodes._replace(points=points, votes=votes))
-
-    def _distinct(self, nodes: Nodes) -> Nodes:
-        return nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, self.config.merge_distance))
 
 
 def has_anything(view: ViewDetections) -> bool:

@@ -46,14 +46,11 @@ class Volume(NamedTuple):
         (x0, y0, z0), (x1, y1, z1) = self.lower, self.upper
         return x1 - x0, y1 - y0, z1 - z0
 
-    def contains(self, voxels: Array) -> Array:
-        """Whether voxels (N, 3) are in the volume (N,)."""
+    def contains(self, points: Array) -> Array:
+        """Which points (N, 3) m are in voxels of the volume (N,)."""
+        voxels = np.floor(points / self.side)
         inside: Array = np.all((voxels >= self.lower) & (voxels < self.upper), axis=-1)
         return inside
-
-    def voxels(self, points: Array) -> Array:
-        """Indices (N, 3) int64 of the voxels of points (N, 3) m."""
-        return np.floor(np.clip(points / self.side, -EVERYWHERE, EVERYWHERE)).astype(np.int64)
 
     def centres(self, voxels: Array) -> Array:
         """Centres (N, 3) m of voxels (N, 3)."""

@@ -4,8 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from panoptic_ros.association.known_occluders import MARGIN, occluded_depths
-from panoptic_ros.association.occluder_kernels import nearest_depths
+from panoptic_ros.association.known_occluders import MARGIN, nearest_depths, occluded_depths
 from panoptic_ros.domain import Camera, Occluders, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics, Rigid
 

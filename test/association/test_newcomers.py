@@ -4,12 +4,10 @@ import pytest
 
 from panoptic_ros.association.config import AssociationConfig
 from panoptic_ros.association.newcomers import (
-    MAX_PAIR_VIEWS,
     PAIRS_PER_ROUND,
     NewcomerRules,
     best_pairs,
     enough_support,
-    spread_views,
 )
 from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, Sight, look_at
 
@@ -24,19 +22,6 @@ def test_best_pairs_are_the_first_of_a_stable_sort(seed):
     order = np.argsort(-there, kind="stable")[:PAIRS_PER_ROUND]
     expected = [divmod(i, 12) for i in order if there[i] > 0.0]
     assert [tuple(pair) for pair in best_pairs(rank, np.arange(len(left)), left)] == expected
-
-
-def test_few_views_are_all_used_and_many_spread_farthest_first():
-    centres = np.random.default_rng(3).normal(size=(40, 3))
-    view = np.repeat(np.arange(2, 38), 3)
-    few = spread_views(view[: 3 * MAX_PAIR_VIEWS], centres)
-    assert np.flatnonzero(few).tolist() == list(range(2, 2 + MAX_PAIR_VIEWS))
-    seen = np.unique(view)
-    picked = [int(seen[0])]
-    while len(picked) < MAX_PAIR_VIEWS:
-        gaps = np.linalg.norm(centres[seen, None] - centres[picked], axis=-1).min(axis=1)
-        picked.append(int(seen[gaps.argmax()]))
-    assert np.flatnonzero(spread_views(view, centres)).tolist() == sorted(picked)
 
 
 def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():

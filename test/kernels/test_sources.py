@@ -40,7 +40,7 @@ def test_compiled_code_does_not_depend_on_the_command_line():
 
 def test_the_hash_of_all_sources_is_that_of_their_contents():
     assert sources.all_sources_hash() == sources.all_sources_hash()
-    assert sources.closure_hash("panoptic_ros.voting.kernels") != sources.closure_hash("panoptic_ros.errors")
+    assert sources.closure_hash("panoptic_ros.voting.votes") != sources.closure_hash("panoptic_ros.errors")
 
 
 def _targets(node: ast.AST, module: str) -> list[str]:

@@ -3,7 +3,7 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.solving.evidence import box_diagonals, lens_records, undistort_points
+from panoptic_ros.solving.evidence import box_diagonals, camera_records, undistort_points
 
 
 def test_undistortion_equals_the_camera_model(scenes):
@@ -11,7 +11,7 @@ def test_undistortion_equals_the_camera_model(scenes):
     rng = np.random.default_rng(0)
     pixels = rng.uniform([0, 0], [1280, 960], (3, 50, 2))
     usable = np.ones((3, 50), bool)
-    plane, magnification, good = undistort_points(pixels, usable, np.arange(3), lens_records(rig))
+    plane, magnification, good = undistort_points(pixels, usable, np.arange(3), camera_records(rig.cameras))
     expected = np.stack([c.intrinsics.undistort(p) for c, p in zip(rig.cameras, pixels)])
     assert (good == np.isfinite(expected[..., 0])).all()
     assert np.abs(plane - expected)[good].max() < 1e-9
@@ -23,7 +23,7 @@ def test_undistortion_of_a_fisheye_equals_the_camera_model():
     rig = Rig((Camera("a", (1280, 960), lens, Rigid.identity()),))
     pixels = np.random.default_rng(0).uniform([0, 0], [1280, 960], (1, 400, 2))
     plane, magnification, good = undistort_points(
-        pixels, np.ones((1, 400), bool), np.zeros(1, int), lens_records(rig)
+        pixels, np.ones((1, 400), bool), np.zeros(1, int), camera_records(rig.cameras)
     )
     expected = lens.undistort(pixels)
     assert (good == np.isfinite(expected[..., 0])).all()

@@ -8,7 +8,7 @@ import pytest
 from panoptic_ros.domain import DetectionSet, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.solving.evidence import RigArrays, gather
-from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, look, scene_of
+from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, look, scene_of, spread_views
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 
@@ -43,3 +43,16 @@ def test_a_wall_with_a_hole_hides_the_same_as_in_the_image(distortion):
     assert (found == np.where(expected, SEEN, HIDDEN))[clear].all()
     assert look(sight, 1, 0.0, 0.0, 1e9) == SEEN and look(sight, 0, 9.0, 0.0, 1.0) == OUTSIDE
     assert isinstance(lens, Intrinsics)
+
+
+def test_few_views_are_all_used_and_many_spread_farthest_first():
+    centres = np.random.default_rng(3).normal(size=(40, 3))
+    used = np.zeros(40, bool)
+    used[2:38] = True
+    assert np.array_equal(spread_views(centres, used, 36), used)
+    picked = [2]
+    while len(picked) < 24:
+        gaps = np.linalg.norm(centres[2:38, None] - centres[picked], axis=-1).min(axis=1)
+        picked.append(2 + int(gaps.argmax()))
+    assert np.flatnonzero(spread_views(centres, used, 24)).tolist() == sorted(picked)
+    assert spread_views(np.zeros((0, 3)), np.zeros(0, bool), 3).shape == (0,)

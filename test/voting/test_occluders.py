@@ -47,6 +47,6 @@ def test_a_joint_keeps_its_vote_though_a_wall_hides_it_from_half_of_the_views(sc
         limited = [view.limit is not None for view in found.detections.views]
         assert all(limited) if occluders is not None else not any(limited)
     assert len(hidden) == 2
-    assert votes["open"] == pytest.approx(0.45, abs=0.02)
-    assert votes["walled"] == pytest.approx(0.9, abs=0.03)
+    assert votes["open"] == pytest.approx(0.45, abs=0.02 if method == "seeds" else 0.1)  # of a voxel's centre
+    assert votes["walled"] == pytest.approx(2.0 * votes["open"], abs=0.03)
     assert MARGIN < 0.1

@@ -2,19 +2,8 @@ import numpy as np
 import pytest
 from score_fields import ViewField
 
-from panoptic_ros.domain import SkeletonModel
-from panoptic_ros.voting.parts import Bone, bones_and_skips, score_parts
+from panoptic_ros.voting.parts import score_parts
 from panoptic_ros.voting.scene import build_scene
-
-MODEL = SkeletonModel("s", ("root", "left", "right", "hand"), 0, ((0, 1), (0, 2), (1, 3)), 1)
-
-
-def test_bones_and_what_skips_one_joint():
-    kinds = bones_and_skips(MODEL, 0.8, 1.1)
-    assert kinds[:3] == (Bone(0, 1, 0, 0.8), Bone(0, 2, 1, 0.8), Bone(1, 3, 2, 0.8))
-    assert {(k.parent, k.child) for k in kinds[3:]} == {(0, 3), (1, 2)}
-    assert {(k.bone, k.length) for k in kinds[3:]} == {(-1, 1.1)}
-    assert bones_and_skips(MODEL, 0.8, None) == kinds[:3]
 
 
 def phi(fields, cameras, a, joint_a, b, joint_b, threshold, people):
@@ -43,17 +32,17 @@ def test_scores_are_those_of_the_paper(scenes, maps):
     rng = np.random.default_rng(0)
     joints = np.repeat([3, 4, 5], 8)
     nodes = np.stack([people[n % 2][j] + rng.normal(0.0, 0.02, 3) for n, j in enumerate(joints)])
-    kinds = (Bone(3, 4, 7, 0.8), Bone(4, 5, 8, 0.4), Bone(3, 5, -1, 9.0))
-    parts, bones, scores = score_parts(scene, nodes, joints, kinds, 0.05)
+    kinds = ((3, 4), (4, 5))
+    parts, bones, scores = score_parts(scene, nodes, joints, kinds, 0.25, 0.05)
     found = {(a, b): (k, s) for (a, b), k, s in zip(parts.tolist(), bones.tolist(), scores.tolist())}
-    for kind in kinds:
-        for a in np.flatnonzero(joints == kind.parent):
-            for b in np.flatnonzero(joints == kind.child):
-                expected = phi(fields, rig.cameras, nodes[a], kind.parent, nodes[b], kind.child, 0.05, 2)
-                if np.linalg.norm(nodes[a] - nodes[b]) > kind.length:
+    for bone, (parent, child) in enumerate(kinds):
+        for a in np.flatnonzero(joints == parent):
+            for b in np.flatnonzero(joints == child):
+                expected = phi(fields, rig.cameras, nodes[a], parent, nodes[b], child, 0.05, 2)
+                if np.linalg.norm(nodes[a] - nodes[b]) > 0.25:
                     expected = 0.0
-                got = found.pop((a, b), (kind.bone, 0.0))
-                assert got == (kind.bone, pytest.approx(expected, abs=1e-12))
+                got = found.pop((a, b), (bone, 0.0))
+                assert got == (bone, pytest.approx(expected, abs=1e-12))
     assert not found
     assert scores.max() > 0.5
 
@@ -61,8 +50,7 @@ def test_scores_are_those_of_the_paper(scenes, maps):
 def test_without_nodes_there_are_no_parts(scenes):
     rig = scenes.ring(2)
     scene = build_scene(rig.cameras, scenes.detect(rig, []).views, 19)
-    parts, bones, scores = score_parts(
-        scene, np.zeros((0, 3)), np.zeros(0, int), bones_and_skips(MODEL, 0.8, 1.1), 0.05
-    )
+    bones = scenes.skeleton.bones
+    parts, which, scores = score_parts(scene, np.zeros((0, 3)), np.zeros(0, int), bones, 0.8, 0.05)
     assert parts.shape == (0, 2)
-    assert len(bones) == len(scores) == 0
+    assert len(which) == len(scores) == 0

@@ -5,7 +5,7 @@ from score_fields import keypoint_widths
 
 from panoptic_ros.domain import Camera, ScoreMaps, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.scene import KEYPOINT_WIDTH, PERSON_GATE, build_scene
 
 CAMERA = Camera("a", (60, 30), Intrinsics(np.diag([50.0, 50.0, 1.0]), np.zeros(5)), Rigid.identity())
 
@@ -57,13 +57,13 @@ def test_gaussians_are_as_wide_as_their_people_are_large(seed):
         points = rng.uniform(0.0, 60.0, (count, 5, 2))
         points[scores == 0.0] = np.nan
         views.append(view_of(points, scores))
-    scene = build_scene([CAMERA] * 3, views, 5, 0.04, 3.0)
+    scene = build_scene([CAMERA] * 3, views, 5)
     assert scene.people.shape == (3, 5, 3, 4) and scene.gates.shape == (3, 3)
     for v, view in enumerate(views):
-        widths, count = keypoint_widths(view.points, view.image_size, 0.04), len(view.points)
+        widths, count = keypoint_widths(view.points, view.image_size, KEYPOINT_WIDTH), len(view.points)
         mine = scene.people[v].swapaxes(0, 1)
         assert np.array_equal(mine[:count, :, :2], view.points, equal_nan=True)
         assert np.array_equal(mine[:count, :, 3], view.scores)
         assert mine[:count, :, 2] == pytest.approx(np.tile(0.5 / widths[:, None] ** 2, 5), rel=1e-12)
-        assert scene.gates[v, :count] == pytest.approx((3.0 * widths) ** 2, rel=1e-12)
+        assert scene.gates[v, :count] == pytest.approx((PERSON_GATE * widths) ** 2, rel=1e-12)
         assert np.isnan(mine[count:, :, :2]).all() and (mine[count:, :, 2:] == 0.0).all()

@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.voting import ray_kernels
 from panoptic_ros.voting.explaining import Explainer
-from panoptic_ros.voting.image_peaks import find_peaks
+from panoptic_ros.voting.peaks import find_peaks
 from panoptic_ros.voting.proposals import Demands
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.seeds import SeedSearch, spread
+from panoptic_ros.voting.seeds import pixel_rays, seeds
 
 WANTED = Demands(0.1, 3, 0.1)
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
@@ -20,7 +19,7 @@ def test_rays_are_those_of_the_cameras(scenes, lens):
     scene = build_scene(rig.cameras, scenes.detect(rig, []).views, 19)
     rng = np.random.default_rng(0)
     pixels, views = rng.uniform((0, 0), (640, 480), (60, 2)), np.arange(60) % 3
-    rays = ray_kernels.pixel_rays(scene.cameras, views, pixels)
+    rays = pixel_rays(scene.cameras, views, pixels)
     for v, camera in enumerate(rig.cameras):
         assert rays[views == v] == pytest.approx(camera.rays(pixels[views == v]), abs=1e-9)
 
@@ -29,7 +28,7 @@ def test_a_pixel_beyond_the_fold_of_a_lens_has_no_ray(scenes):
     rig = scenes.ring(1, (-0.5,))
     scene = build_scene(rig.cameras, scenes.detect(rig, []).views, 19)
     pixels = np.array([[320.0, 240.0], [3000.0, 240.0]])
-    rays = ray_kernels.pixel_rays(scene.cameras, np.zeros(2, int), pixels)
+    rays = pixel_rays(scene.cameras, np.zeros(2, int), pixels)
     assert np.isfinite(rays).all(1).tolist() == [True, False]
 
 
@@ -38,7 +37,7 @@ def test_there_is_a_seed_at_every_joint(scenes, maps, lens):
     rig = scenes.ring(4, lens)
     people = np.stack([scenes.person(0.4, 0.3), scenes.person(-0.3, -0.4, 2.0)])
     scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
-    joints, points = SeedSearch(0.15, 10, 25.0).seeds(scene, WANTED, Explainer.of_nobody(np.zeros(len(rig))))
+    joints, points = seeds(scene, WANTED, Explainer.of_nobody(np.zeros(len(rig))))
     for j in range(19):
         for person in people:
             assert np.linalg.norm(points[joints == j] - person[j], axis=1).min() < 0.02
@@ -47,7 +46,7 @@ def test_there_is_a_seed_at_every_joint(scenes, maps, lens):
 def test_rays_that_meet_give_one_seed(scenes):
     rig = scenes.ring(6, LENS)
     scene = build_scene(rig.cameras, scenes.detect(rig, [scenes.person(0.1, 0.2)]).views, 19)
-    joints, _ = SeedSearch(0.15, 10, 25.0).seeds(scene, WANTED, Explainer.of_nobody(np.zeros(len(rig))))
+    joints, _ = seeds(scene, WANTED, Explainer.of_nobody(np.zeros(len(rig))))
     assert joints.tolist() == list(range(19))
 
 
@@ -59,11 +58,3 @@ def test_keypoints_are_the_peaks_of_joints_without_maps(scenes):
         for j in range(19):
             mine = pixels[start[19 * v + j] : start[19 * v + j + 1]]
             assert np.array_equal(mine, view.points[view.scores[:, j] > 0.1, j])
-
-
-def test_spread_takes_views_that_are_far_apart():
-    centres = np.array([[0.0, 0, 0], [0.1, 0, 0], [10.0, 0, 0], [10.1, 0, 0], [5.0, 8, 0], [5.0, 8.1, 0]])
-    taken = spread(centres, 3)
-    assert [taken[k : k + 2].sum() for k in (0, 2, 4)] == [1, 1, 1]
-    assert spread(centres, 6).all()
-    assert spread(np.zeros((0, 3)), 3).shape == (0,)

@@ -4,11 +4,9 @@ from score_fields import ViewField, vote_reference
 
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.voting import kernels
-from panoptic_ros.voting.explaining import moved
 from panoptic_ros.voting.scene import build_scene
-from panoptic_ros.voting.soft_kernels import MANY_VIEWS, Moving
-from panoptic_ros.voting.soft_vote import BALL, RADII, SOFTNESS, move, refine
+from panoptic_ros.voting.soft_vote import BALL, MANY_VIEWS, RADII, SOFTNESS, moved
+from panoptic_ros.voting.votes import Moving, at_rest, vote_points
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
@@ -39,24 +37,10 @@ def test_it_is_the_soft_vote_of_numpy(scenes, maps, count, lens):
     rig, people, scene, fields = setting(scenes, maps, lens, count=count)
     joints = np.array([1, 3, 8, 12, 2])
     starts = people[0, joints] + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 3))
-    points = move(starts, joints, scene)
+    points = moved(scene, joints, starts, 0.1).points
     for n, joint in enumerate(joints):
         expected = reference(fields, rig.cameras, int(joint), starts[n])
         assert points[n] == pytest.approx(expected, abs=6e-5)  # lenses bend within a ball, too
-
-
-@pytest.mark.parametrize("maps", ["none", "merged"])
-def test_a_proposal_comes_to_the_same_point_from_all_of_its_voxel(scenes, maps):
-    rig, people, scene, fields = setting(scenes, maps)
-    joints = np.arange(19)
-    starts = people[0] + np.random.default_rng(0).uniform(-0.02, 0.02, (20, 19, 3))
-    points = np.stack([refine(each, joints, scene)[0] for each in starts])
-    assert np.median(np.ptp(points, axis=0)) < 2e-4
-    assert np.ptp(points, axis=0).max() < 2e-3
-    votes = refine(starts[0], joints, scene)[1]
-    for joint in joints:
-        vote, _ = vote_reference(fields, rig.cameras, int(joint), points[0, joint : joint + 1])
-        assert votes[joint] == pytest.approx(vote[0], abs=1e-9)
 
 
 @pytest.mark.parametrize("maps", ["none", "merged"])
@@ -64,18 +48,18 @@ def test_it_comes_closer_to_the_joint(scenes, maps):
     _, people, scene, _ = setting(scenes, maps, count=6)
     true = people.reshape(-1, 3)
     starts = true + np.random.default_rng(1).uniform(-0.02, 0.02, true.shape)
-    points, votes = refine(starts, np.tile(np.arange(19), 2), scene)
-    assert np.linalg.norm(points - true, axis=1).max() < 0.012
-    assert votes.min() > 0.7
+    nodes = moved(scene, np.tile(np.arange(19), 2), starts, 0.1)
+    assert np.linalg.norm(nodes.points - true, axis=1).max() < 0.012
+    assert nodes.votes.min() > 0.7
 
 
 def test_where_nothing_votes_a_point_stays(scenes):
     _, _, scene, _ = setting(scenes, "none")
     away = np.array([[1.5, 1.5, 0.2], [50.0, 0.0, 1.0]])
-    points, votes = refine(away, np.array([1, 1]), scene)
-    assert np.array_equal(points, away)
-    assert (votes == 0.0).all()
-    assert refine(np.zeros((0, 3)), np.zeros(0, int), scene)[0].shape == (0, 3)
+    nodes = moved(scene, np.array([1, 1]), away, 0.1)
+    assert np.array_equal(nodes.points, away)
+    assert (nodes.votes == 0.0).all()
+    assert moved(scene, np.zeros(0, int), np.zeros((0, 3)), 0.1).points.shape == (0, 3)
 
 
 @pytest.mark.parametrize("maps", ["none", "merged", "mixed"])
@@ -100,7 +84,8 @@ def test_views_of_several_stamps_vote_where_the_joint_was_at_theirs(scenes, maps
 def test_votes_of_one_stamp_do_not_depend_on_motion(scenes, maps):
     _, people, scene, _ = setting(scenes, maps)
     joints, moving = np.arange(19), Moving(np.ones((19, 3)), np.zeros(4))
-    assert move(people[0], joints, scene, moving=moving).tobytes() == move(people[0], joints, scene).tobytes()
-    one = kernels.vote_points(scene, joints, people[0], 0.1)
-    other = kernels.vote_moving(scene, joints, people[0], moving, 0.1)
+    nodes, still = moved(scene, joints, people[0], 0.1, moving), moved(scene, joints, people[0], 0.1)
+    assert all(a.tobytes() == b.tobytes() for a, b in zip(nodes, still))
+    one = vote_points(scene, joints, people[0], at_rest(people[0], scene), 0.1)
+    other = vote_points(scene, joints, people[0], moving, 0.1)
     assert all(np.array_equal(a, b) for a, b in zip(one, other))

@@ -54,7 +54,6 @@ NO_LIMIT = 100.0  # standard deviations
 MECHANISMS: tuple[Mechanism, ...] = (
     _voting("votes", "3D votes from score maps", method="off"),
     _voting("explain-away", "search only what known people leave", explain_away=False),
-    _voting("merged-nodes", "nodes of one place become one", merge_distance=0.0),
     _association("guidance", "known people first, from the last instant", temporal_guidance=False),
     _association("view-share", "new people need a share of the views that should see them", view_share=0.0),
     _association("three-views", "new people need three views where enough see them", min_views=2),

@@ -12,8 +12,8 @@ from panoptic_ros.domain import AssociationSet, DetectionSet, PoseSet, ProposalS
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.stage import StageContext
-from panoptic_ros.voting.cone_search import maxima
 from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.exact import maxima
 from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.stage import VotingStage

@@ -4,17 +4,17 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.voting.lanes import COVERED, LANES, SIZE, place, score, see, strides
 from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.volume import Volume
+from panoptic_ros.voting.votes import COVERED, LANES, SIZE, place, score, see, strides
 
 Array = np.ndarray
 BLOCK_VALUES = 4_000_000  # votes that are held in memory at a time
 
 
 def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
-    """What `cone_search.maxima` finds. Works slab by slab, so memory stays bounded."""
+    """What `exact.maxima` finds. Works slab by slab, so memory stays bounded."""
     nx, ny, nz = volume.shape
     joint_count = scene.map_start.shape[1]
     thick = max(1, BLOCK_VALUES // max(joint_count * ny * nz, 1))

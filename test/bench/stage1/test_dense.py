@@ -4,10 +4,10 @@ import pytest
 
 from panoptic_ros.bench.stage1 import dense
 from panoptic_ros.bench.stage1.world import make_world
-from panoptic_ros.voting import kernels
 from panoptic_ros.voting.proposals import Demands
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.volume import Volume
+from panoptic_ros.voting.votes import at_rest, vote_points
 
 WANTED = Demands(0.1, 2, 0.1)
 
@@ -30,7 +30,7 @@ def seeds(scene):
     """Where the vote of a joint is high, and which joint."""
     rng = np.random.default_rng(0)
     points, joints = rng.uniform((-2, -2, 0), (2, 2, 2), (20000, 3)), rng.integers(0, 19, 20000)
-    best = int(np.argmax(kernels.vote_points(scene, joints, points, 0.1)[0]))
+    best = int(np.argmax(vote_points(scene, joints, points, at_rest(points, scene), 0.1)[0]))
     return points[best], joints[best]
 
 
@@ -38,9 +38,8 @@ def test_a_block_of_voxels_holds_the_votes_of_its_centres(scene, box):
     votes, support = dense.vote_block(scene, box, 0.1)
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in box.shape), indexing="ij"), -1).reshape(-1, 3)
     for joint in (seeds(scene)[1], 2):
-        one, views = kernels.vote_points(
-            scene, np.full(len(grid), joint), box.centres(grid + box.lower), 0.1
-        )
+        points = box.centres(grid + box.lower)
+        one, views = vote_points(scene, np.full(len(grid), joint), points, at_rest(points, scene), 0.1)
         assert (votes[joint].ravel() == one).all()
         assert (support[joint].ravel() == views).all()
     assert votes.max() > 0.3
@@ -55,7 +54,8 @@ def test_nodes_are_the_voxels_that_beat_their_neighbours(scene, box):
         window = eligible[j, max(x - 1, 0) : x + 2, max(y - 1, 0) : y + 2, max(z - 1, 0) : z + 2]
         if eligible[j, x, y, z] >= window.max():
             expected.add((j, *(np.array([x, y, z]) + box.lower).tolist()))
-    found = {(j, *voxel) for j, voxel in zip(nodes.joints.tolist(), box.voxels(nodes.points).tolist())}
+    voxels = np.floor(nodes.points / box.side).astype(int)
+    found = {(j, *voxel) for j, voxel in zip(nodes.joints.tolist(), voxels.tolist())}
     assert found == expected
     assert len(found) > 3
 

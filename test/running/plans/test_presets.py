@@ -25,7 +25,6 @@ def test_the_papers_first_stage():
     assert len(load_skeleton(preset.skeleton)) == 15
     voting = preset.parameters["voting"]
     assert voting["method"] == "exact" and voting["voxel"] == 0.04 and voting["threshold"] == 0.05
-    assert not voting["skip_parts"]
     assert preset.parameters["assembly"] == {"method": "dynamic_programming", "correspondence_px": 10.0}
     assert preset.parameters["tracking"]["method"] == "head"
     assert preset.parameters["refinement"] == {"enabled": False}

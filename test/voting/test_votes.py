@@ -7,9 +7,10 @@ from score_fields import ViewField, vote_reference
 
 from panoptic_ros.domain import VisibilityLimit
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.voting import kernels, soft_vote
 from panoptic_ros.voting.parts import person_scores
 from panoptic_ros.voting.scene import build_scene
+from panoptic_ros.voting.soft_vote import moved
+from panoptic_ros.voting.votes import at_rest, vote_points
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
@@ -44,7 +45,9 @@ def test_votes_are_those_of_numpy(scenes, maps, distortion, limits):
     points = points_about(people, rng)
     for joint in (0, 1, 5, 12):
         expected, support = vote_reference(fields, rig.cameras, joint, points)
-        votes, views_found = kernels.vote_points(scene, np.full(len(points), joint), points, 0.1)
+        votes, views_found = vote_points(
+            scene, np.full(len(points), joint), points, at_rest(points, scene), 0.1
+        )
         assert votes == pytest.approx(expected, abs=1e-12)
         assert (views_found == support).all()
         assert expected.max() > 0.3
@@ -72,7 +75,9 @@ def test_eq_1_divides_by_the_views_that_see_the_point(scenes):
     people = [scenes.person(0.0, 0.0)]
     views = scenes.detect(rig, people, score=0.8).views
     scene = build_scene(rig.cameras, views, 19)
-    votes, support = kernels.vote_points(scene, np.array([1]), people[0][1:2], 0.1)
+    votes, support = vote_points(
+        scene, np.array([1]), people[0][1:2], at_rest(people[0][1:2], scene), 0.1
+    )
     assert votes == pytest.approx([0.8])
     assert support.tolist() == [4]
     behind = np.array([[4.5 * np.cos(0.1 * np.pi), 4.5 * np.sin(0.1 * np.pi), 1.0]])  # behind camera 0
@@ -95,10 +100,10 @@ def test_a_view_behind_a_wall_neither_counts_nor_adds(scenes):
         "dreaming": replace(item.views[0], limit=wall),
     }.items():  # fmt: skip
         scene = build_scene(rig.cameras, (first, *item.views[1:]), 19)
-        votes[name] = tuple(float(x[0]) for x in kernels.vote_points(scene, joint, head, 0.1))
+        votes[name] = tuple(float(x[0]) for x in vote_points(scene, joint, head, at_rest(head, scene), 0.1))
         _, seen = person_scores(scene, joint, head)
         assert seen[0].tolist() == [first.limit is None, True, True, True]
-        assert soft_vote.move(head, joint, scene) == pytest.approx(head, abs=0.01)
+        assert moved(scene, joint, head, 0.1).points == pytest.approx(head, abs=0.01)
     assert votes == {
         "open": pytest.approx((0.8, 4)), "empty": pytest.approx((0.6, 3)),
         "walled": pytest.approx((0.8, 3)), "dreaming": pytest.approx((0.8, 3)),

@@ -3,7 +3,7 @@ import pytest
 
 from panoptic_ros.domain import Camera, ScoreMaps, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.voting.image_peaks import find_peaks
+from panoptic_ros.voting.peaks import find_peaks
 from panoptic_ros.voting.scene import build_scene
 
 AFFINE = np.array([[0.25, 0.0, -0.375], [0.0, 0.5, 0.25]])

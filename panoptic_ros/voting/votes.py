@@ -1,4 +1,4 @@
-"""Eight points side by side: where a view sees them, and what its maps hold there.
+"""Votes (eq. 1 of Joo et al. 2017), of eight points side by side: where views see them, what maps hold there.
 
 `lanes` is a flat array of rows of eight numbers, one number for each point. Loops over the points have no
 branches, so that compilers make vector instructions of them. All votes and searches project with `see`.
@@ -6,17 +6,35 @@ branches, so that compilers make vector instructions of them. All votes and sear
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from panoptic_ros.geometry.pinhole import MIN_DEPTH
-from panoptic_ros.kernels import inlined
+from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.lens_kernels import fisheye_factor
+from panoptic_ros.voting.scene import VoteScene
 
+Array = np.ndarray
 GAUSSIAN_END = 6.0  # half of the squared distance in standard deviations beyond which a Gaussian is 0
 LANES = 8
-X, Y, Z, DEPTH, U, W, A, B, COVERED, CELL, RIGHT, BELOW, VOTE, SEEING, SUPPORT = range(0, 120, LANES)
-SIZE = 120  # of an array of lanes
+X, Y, Z, DEPTH, U, W, A, B, COVERED, CELL, RIGHT, BELOW = range(0, 96, LANES)
+SIZE = 96  # of an array of lanes
+
+
+class Moving(NamedTuple):
+    """How N points move.
+
+    velocities: (N, 3) m/s. delays: (V,) s, stamp of each view minus the instant of the points.
+    """
+
+    velocities: Array
+    delays: Array
+
+
+def at_rest(points: Array, scene: VoteScene) -> Moving:
+    """Points (N, 3) that do not move, or views of one instant."""
+    return Moving(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)))
 
 
 @inlined
@@ -133,37 +151,31 @@ def score(scene, v, joint, strides, lanes, c):
     return best
 
 
-@inlined
-def vote(scene, joints, view_threshold, lanes):
-    """Eq. 1 at the points for the joints (8,): VOTE, the mean over the views that see them, and SUPPORT."""
-    begin_vote(lanes)
-    for v in range(len(scene.cameras)):
-        add_vote(scene, v, joints, view_threshold, lanes)
-    end_vote(lanes)
+@njit(cache=True, error_model="numpy", nogil=True)
+def vote_points(scene, joints, points, moving, view_threshold):
+    """Eq. 1 at points (N, 3) m for the joints (N,): the mean over the views that see them at their stamps.
 
-
-@inlined
-def begin_vote(lanes):
-    """No view has voted."""
-    for c in range(LANES):
-        lanes[VOTE + c] = lanes[SEEING + c] = lanes[SUPPORT + c] = 0.0
-
-
-@inlined
-def add_vote(scene, v, joints, view_threshold, lanes):
-    """What view v says of the points."""
-    see(scene.cameras, scene.limits, v, lanes)
-    around = strides(scene.cameras[v])
-    for c in range(LANES):
-        if lanes[COVERED + c] > 0.0:
-            value = score(scene, v, joints[c], around, lanes, c)
-            lanes[VOTE + c] += value
-            lanes[SEEING + c] += 1.0
-            lanes[SUPPORT + c] += value > view_threshold
-
-
-@inlined
-def end_vote(lanes):
-    """Sums become means."""
-    for c in range(LANES):
-        lanes[VOTE + c] /= max(lanes[SEEING + c], 1.0)
+    Returns:
+        votes (N,), and the number (N,) of views with scores above the threshold.
+    """
+    votes, support = np.zeros(len(points)), np.zeros(len(points), np.int64)
+    seeing, lanes = np.zeros(len(points)), np.zeros(SIZE)
+    for first in range(0, len(points), LANES):
+        count = min(LANES, len(points) - first)
+        for v in range(len(scene.cameras)):
+            late, around = moving.delays[v], strides(scene.cameras[v])
+            for c in range(LANES):
+                n = first + min(c, count - 1)
+                place(
+                    lanes, c, points[n, 0] + late * moving.velocities[n, 0],
+                    points[n, 1] + late * moving.velocities[n, 1],
+                    points[n, 2] + late * moving.velocities[n, 2],
+                )  # fmt: skip
+            see(scene.cameras, scene.limits, v, lanes)
+            for c in range(count):
+                if lanes[COVERED + c] > 0.0:
+                    value = score(scene, v, joints[first + c], around, lanes, c)
+                    votes[first + c] += value
+                    seeing[first + c] += 1.0
+                    support[first + c] += value > view_threshold
+    return votes / np.maximum(seeing, 1.0), support

@@ -11,8 +11,8 @@ from panoptic_ros.bench.stage1.dense import dense_nodes, is_maximum
 from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.stage import StageContext
-from panoptic_ros.voting.cone_search import highest, maxima
 from panoptic_ros.voting.config import VotingConfig
+from panoptic_ros.voting.exact import highest, maxima
 from panoptic_ros.voting.proposals import Demands
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.stage import demands
@@ -151,7 +151,7 @@ def test_proposals_of_the_stage_are_those_of_dense(scenes, maps, lens):
     rig = scenes.ring(4, lens)
     item = scenes.detect(rig, [scenes.person(0.3, 0.2)], maps)
     bounds = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
-    config = VotingConfig(method="exact", volume=bounds, without_maps=True, refine_nodes=False)
+    config = VotingConfig(method="exact", volume=bounds, without_maps=True)
     (found,) = FedVoting(config, StageContext(Rig(rig.cameras), scenes.skeleton)).step(item).outputs
     volume = Volume.between(bounds, config.voxel)
     expected = dense_nodes(build_scene(rig.cameras, item.views, 19), volume, demands(config, 4))

@@ -1,0 +1,288 @@
+"""The exact search: local maxima of eq. 1 at the centres of all voxels, without visiting empty space.
+
+A view can only vote for a joint within cones of viewing rays, round its patches and 2D joints. Boxes of
+voxels that the cones of too few views touch are skipped; in all others every voxel is voted on.
+"""
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.kernels import njit
+from panoptic_ros.voting.proposals import Demands, Nodes
+from panoptic_ros.voting.scene import VoteScene
+from panoptic_ros.voting.seeds import pixel_rays
+from panoptic_ros.voting.volume import Volume
+from panoptic_ros.voting.votes import COVERED, GAUSSIAN_END, LANES, SIZE, place, score, see, strides
+
+Array = np.ndarray
+STEPS = sorted(np.ndindex(3, 3, 3), key=lambda step: sum(axis != 1 for axis in step))[1:]  # few axes first
+TILE = 4  # cells of a score map, across and down, that share a cone
+RIM = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2], [0, 1]]) / 2.0  # round a rectangle
+BULGE = 0.25  # of the distance of two places on the rim, by which a lens bends the edge between them at most
+WIDEST = 1.5  # rad, half of the angle of a cone
+ROUNDING = 1e-6  # rad
+MARGIN = 1e-9  # m, more than rounding can do
+LARGEST, SPLIT = 32, 2  # voxels along a side of the first boxes; each is split into so many, down to 2
+
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+class Cones(NamedTuple):
+    """Cones (N,) in the order of views and joints.
+
+    axes: (N, 3) in the world. cosines, sines: of half of the angle; the cosine is below -1 where anything may
+    be in the cone.
+    """
+
+    views: Array
+    joints: Array
+    axes: Array
+    cosines: Array
+    sines: Array
+
+
+def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
+    """Nodes at the centres of all local maxima, in the order of joint and voxel.
+
+    These are voxels that satisfy the demands, and none of whose 26 neighbours that do has more votes (nor
+    equally many and comes before it).
+    """
+    found = visit(scene, cones_of(scene), volume, wanted)
+    at = found[:, :4].astype(np.int64)
+    top = highest(at - (0, *volume.lower), found[:, 5])
+    return Nodes(volume.centres(at[:, 1:]), at[:, 0], found[:, 5], found[:, 4].astype(np.int64)).rows(top)
+
+
+def highest(at: Array, votes: Array) -> Array:
+    """Of joints and voxels (N, 4), from 0, which none of the neighbours among them beats, in their order."""
+    shape = at.max(axis=0, initial=0) + 3  # nobody is the neighbour of one on the other side
+    keys = np.ravel_multi_index(tuple(at.T), shape)
+    order = np.argsort(keys)
+    keys, votes, left = keys[order], votes[order], np.arange(len(keys))
+    for step in STEPS:  # one of the first mostly beats
+        move = int(np.dot(np.array(step) - 1, [shape[2] * shape[3], shape[3], 1]))
+        other = np.minimum(np.searchsorted(keys, keys[left] + move), len(keys) - 1)
+        more = votes[other] - votes[left]
+        beaten = (keys[other] == keys[left] + move) & ((more > 0.0) | ((more == 0.0) & (move < 0)))
+        left = left[~beaten]
+    return order[left]
+
+
+def cones_of(scene: VoteScene) -> Cones:
+    """Cones that hold all places with a score above 0.
+
+    A lens with tangential terms may show a place farther off its axis than some 80 degrees once more; such
+    second images, which no real lens has, are not held.
+    """
+    views, joints, low, high = (np.concatenate(p) for p in zip(_of_keypoints(scene), _of_patches(scene)))
+    last = np.stack([scene.cameras["width"], scene.cameras["height"]], -1)[views] - 0.5
+    low, high = np.maximum(low, -0.5), np.minimum(high, last)
+    order = np.lexsort([joints, views])
+    order = order[(low <= high).all(1)[order]]
+    views, joints, low, high = views[order], joints[order], low[order], high[order]
+    rim = low[:, None] + RIM * (high - low)[:, None]
+    rays = pixel_rays(scene.cameras, np.repeat(views, len(RIM)), rim.reshape(-1, 2))
+    rays = rays.reshape(*rim.shape[:2], 3)
+    axes = rays.sum(1)
+    axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-300)
+    steps = _angles(rays, np.roll(rays, 1, axis=1)).max(1)
+    half = _angles(rays, axes[:, None]).max(1) + BULGE * steps + ROUNDING
+    known = half < WIDEST  # not where a lens shows nothing at a part of the rim
+    return Cones(views, joints, axes, np.where(known, np.cos(half), -2.0), np.where(known, np.sin(half), 0.0))
+
+
+def _angles(ones: Array, others: Array) -> Array:
+    """Angles (N, K) between unit vectors (N, K, 3)."""
+    angles: Array = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(ones - others, axis=-1), 1.0))
+    return angles
+
+
+def _of_keypoints(scene: VoteScene) -> tuple[Array, ...]:
+    """Views, joints (N,), least and largest pixels (N, 2) of the Gaussians of joints without maps."""
+    people = scene.people
+    views, joints, persons = np.nonzero((people[..., 3] > 0.0) & (scene.map_start < 0)[..., None])
+    points, narrowness = people[views, joints, persons, :2], people[views, joints, persons, 2:3]
+    reach = np.sqrt(GAUSSIAN_END / narrowness)
+    return views, joints, points - reach, points + reach
+
+
+def _of_patches(scene: VoteScene) -> tuple[Array, ...]:
+    """As `_of_keypoints`, of tiles of patches that hold anything; bilinear samples reach a cell farther."""
+    key = np.repeat(np.arange(len(scene.patch_start) - 1), np.diff(scene.patch_start))
+    corners, sizes = scene.patch_table[:, 1:3], scene.patch_table[:, 3:5]
+    across = -(-sizes // TILE)  # tiles
+    mine, at = _cells(across)
+    patch, place = _cells(sizes)
+    first = np.cumsum(across.prod(1)) - across.prod(1)
+    some = np.zeros(len(mine), bool)
+    filled = scene.patch_data[scene.patch_table[patch, 5] + place[:, 1] * sizes[patch, 0] + place[:, 0]] > 0
+    some[(first[patch] + place[:, 1] // TILE * across[patch, 0] + place[:, 0] // TILE)[filled]] = True
+    mine, at = mine[some], at[some]
+    low = corners[mine] + TILE * at - 1.0
+    high = np.minimum(low + TILE + 1.0, corners[mine] + sizes[mine])
+    views, joints = np.divmod(key[mine], scene.map_start.shape[1])
+    cameras, rim = scene.cameras[views], low[:, None] + RIM[::2] * (high - low)[:, None]
+    a, b = rim[..., 0] - cameras["a2"][:, None], rim[..., 1] - cameras["b2"][:, None]
+    a0, a1, b0, b1 = (cameras[name][:, None] for name in ("a0", "a1", "b0", "b1"))
+    det = a0 * b1 - a1 * b0
+    places = np.stack([(b1 * a - a1 * b) / det, (a0 * b - b0 * a) / det], -1)
+    return views, joints, places.min(1), places.max(1)
+
+
+def _cells(sizes: Array) -> tuple[Array, Array]:
+    """All cells of grids of columns and rows (K, 2): which grid (C,), and column and row (C, 2) in it."""
+    counts = sizes.prod(1)
+    grid = np.repeat(np.arange(len(sizes)), counts)
+    at = np.arange(len(grid)) - (np.cumsum(counts) - counts)[grid]
+    return grid, np.stack([at % sizes[grid, 0], at // sizes[grid, 0]], -1)
+
+
+class _Votes(NamedTuple):
+    """Of each joint: the last view that counted (J,); sums (J, 8) and supporting views (J, 8) of voxels.
+
+    possible: (J,) views that may see it in a box. touching: (N,) cones that do. covering: (8,) views that see
+    each voxel. lanes: see `votes`.
+    """
+
+    last: Array
+    possible: Array
+    touching: Array
+    sums: Array
+    support: Array
+    covering: Array
+    lanes: Array
+
+
+@_jit
+def visit(scene, cones, volume, wanted):
+    """All voxels with votes above the threshold that `wanted.min_views` support.
+
+    Boxes are tested with those of the cones of the box around them that touch that one.
+
+    Args:
+        scene: `VoteScene`; cones: `Cones`; volume: `Volume`; wanted: `Demands`.
+
+    Returns:
+        found (N, 6): joint, voxel, supporting views, vote as of `vote_points`.
+    """
+    joints, (lower, upper, unit) = scene.map_start.shape[1], volume
+    votes = _Votes(
+        np.zeros(joints, np.int64), np.zeros(joints, np.int64), np.zeros(len(cones.views), np.int64),
+        np.zeros((joints, LANES)), np.zeros((joints, LANES), np.int64), np.zeros(LANES), np.zeros(SIZE),
+    )  # fmt: skip
+    found, total = np.empty((1024, 6)), 0
+    boxes = [(lower, LARGEST, np.arange(len(cones.views)))]
+    for corner in _corners(lower, upper, LARGEST)[1:]:
+        boxes.append((corner, LARGEST, boxes[0][2]))
+    while len(boxes):
+        corner, side, near = boxes.pop()
+        near = _touching(scene, cones, near, (corner, side, unit), wanted.min_views, votes)
+        if len(near) and side > 2:
+            x, y, z = corner
+            ends = (min(x + side, upper[0]), min(y + side, upper[1]), min(z + side, upper[2]))
+            for inner in _corners(corner, ends, side // SPLIT):
+                boxes.append((inner, side // SPLIT, near))
+        elif len(near):
+            if total + LANES * joints > len(found):
+                found = np.concatenate((found, np.empty((len(found) + LANES * joints, 6))))
+            _vote(scene, cones, near, corner, unit, wanted, votes)
+            total = _write(votes, corner, upper, wanted, found, total)
+    return found[:total]
+
+
+@_jit
+def _corners(lower, upper, step):
+    """The first voxels of boxes of so many voxels a side."""
+    return [
+        (x, y, z) for x in range(lower[0], upper[0], step) for y in range(lower[1], upper[1], step)
+        for z in range(lower[2], upper[2], step)
+    ]  # fmt: skip
+
+
+@_jit
+def _touching(scene, cones, near, box, least, votes):
+    """Those of some cones that touch the ball about a box's voxels, of joints of which enough views do."""
+    last, possible, touching = votes.last, votes.possible, votes.touching
+    corner, side, unit = box
+    half = 0.5 * side
+    x, y, z = (corner[0] + half) * unit, (corner[1] + half) * unit, (corner[2] + half) * unit
+    radius = math.sqrt(3.0) * (half - 0.5) * unit + MARGIN
+    for m in range(len(last)):
+        last[m], possible[m] = -1, 0
+    count, view, dx, dy, dz, tangent = 0, -1, 0.0, 0.0, 0.0, 0.0
+    for n in near:
+        v, m = cones.views[n], cones.joints[n]
+        if v != view:
+            view = v
+            dx, dy, dz = x - scene.cameras[v].ox, y - scene.cameras[v].oy, z - scene.cameras[v].oz
+            tangent = math.sqrt(max(dx * dx + dy * dy + dz * dz - radius * radius, 0.0))
+        along = dx * cones.axes[n, 0] + dy * cones.axes[n, 1] + dz * cones.axes[n, 2]
+        inside = along >= cones.cosines[n] * tangent - cones.sines[n] * radius
+        if inside or tangent == 0.0 or cones.cosines[n] < -1.0:  # 0: the view is within the ball
+            touching[count] = n
+            count += 1
+            possible[m] += last[m] != v
+            last[m] = v
+    kept = 0
+    for k in range(count):
+        if possible[cones.joints[touching[k]]] >= max(least, 1):
+            touching[kept] = touching[k]
+            kept += 1
+    return touching[:kept].copy()
+
+
+@_jit
+def _vote(scene, cones, near, corner, unit, wanted, votes):
+    """Eq. 1 at the voxels of one of the smallest boxes: sums, covering and support."""
+    last, _, _, sums, support, covering, lanes = votes
+    last[:] = -1
+    covering[:] = 0.0
+    for c in range(LANES):
+        i, j, k = corner[0] + (c >> 2), corner[1] + (c >> 1 & 1), corner[2] + (c & 1)
+        place(lanes, c, (i + 0.5) * unit, (j + 0.5) * unit, (k + 0.5) * unit)
+    view = -1
+    for n in near:
+        v, m = cones.views[n], cones.joints[n]
+        if last[m] < 0:
+            sums[m], support[m] = 0.0, 0
+        elif last[m] == v:
+            continue
+        last[m] = v
+        if v != view:
+            see(scene.cameras, scene.limits, v, lanes)
+            view = v
+        around = strides(scene.cameras[v])
+        for c in range(LANES):
+            if lanes[COVERED + c] > 0.0:
+                value = score(scene, v, m, around, lanes, c)
+                sums[m, c] += value
+                support[m, c] += value > wanted.view_threshold
+    best = 0.0
+    for m in range(len(last)):
+        for c in range(LANES if last[m] >= 0 else 0):
+            if support[m, c] >= wanted.min_views:
+                best = max(best, sums[m, c])
+    for v in range(len(scene.cameras)):
+        if covering.min() * wanted.threshold > best or best == 0.0:  # no vote can be above it any more
+            break
+        see(scene.cameras, scene.limits, v, lanes)
+        for c in range(LANES):
+            covering[c] += lanes[COVERED + c]
+
+
+@_jit
+def _write(votes, corner, upper, wanted, found, total):
+    """Write the voxels of a box that are wanted to found[total] and on; the new total."""
+    for m in range(len(votes.last)):
+        for c in range(LANES if votes.last[m] >= 0 else 0):
+            vote = votes.sums[m, c] / max(votes.covering[c], 1.0)
+            a, b, d = corner[0] + (c >> 2), corner[1] + (c >> 1 & 1), corner[2] + (c & 1)
+            good = vote > wanted.threshold and votes.support[m, c] >= wanted.min_views
+            if good and a < upper[0] and b < upper[1] and d < upper[2]:
+                found[total, 0], found[total, 1], found[total, 2], found[total, 3] = m, a, b, d
+                found[total, 4], found[total, 5] = votes.support[m, c], vote
+                total += 1
+    return total
