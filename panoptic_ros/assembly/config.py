@@ -59,7 +59,11 @@ class AssemblyConfig(Config):
     )
     vote_distance: float = param(
         0.1, unit="m", ge=0.0, le=1.0,
-        doc="Joints that score maps show move to the soft vote of the maps if it is this near; 0 = never.",
+        doc="Joints that score maps show move towards the maps' soft vote if it is this near; 0 = never.",
+    )
+    vote_sigma: float = param(
+        0.01, unit="m", ge=0.001, le=1.0,
+        doc="Standard deviation of the soft vote about a joint, which counts against triangulation's.",
     )
     two_view_joints: bool = param(
         True, doc="Place joints of people whom two views show also where these disagree or one lacks the "

@@ -2,8 +2,10 @@
 
 A pose net's joint is the best cell of one view, and that cell may be another person's wrist, or the wrist of
 the other side. The maps hold more: the soft vote of all views about a node (`voting.soft_vote`) weighs
-every cell and lies 5 to 15 % closer to the joint; and where the views' 2D people disagree, a node with
-many votes close to where the joint should be is the better choice. Joints that no map shows keep their
+every cell and lies 5 to 15 % closer to the joint than one view's; and where the views' 2D people disagree, a
+node with many votes close to where the joint should be is the better choice. A vote errs by what the network
+gets wrong in all views, however many there are: so it counts by a standard deviation of its own against what
+the triangulated position has, more where few views show the joint. Joints that no map shows keep their
 triangulated position.
 """
 from __future__ import annotations
@@ -56,22 +58,39 @@ def node_doubts(votes: Array) -> Array:
     return variances
 
 
+class VoteNoise(NamedTuple):
+    """How sure votes are.
+
+    gate: m, a node farther from the triangulated joint is another place. near: m, standard deviation along
+    each axis of a vote about the joint; far: of a node that is another place.
+    """
+
+    gate: float
+    near: float
+    far: float
+
+
 def move_to_votes(
-    joints: Joints, expected: Array, item: ProposalSet, skeleton: SkeletonModel, gate: float, sigma: float
+    joints: Joints, expected: Array, item: ProposalSet, skeleton: SkeletonModel, noise: VoteNoise
 ) -> None:
-    """Move joints to the votes of the maps, in place; a joint that moves far takes all values of the node.
+    """Move joints towards the votes of the maps, in place; one that moves far takes all values of the node.
+
+    A near vote is one more measurement of the position, but covariances stay: it is of the same images.
 
     Args:
-        expected: (P, J, 3) m, predictions, NaN = none. gate: m, a move beyond it is far.
-        sigma: m, standard deviation of nodes.
+        expected: (P, J, 3) m, predictions, NaN = none.
     """
-    chosen = chosen_nodes(joints.positions, expected, item, gate, skeleton)
+    chosen = chosen_nodes(joints.positions, expected, item, noise.gate, skeleton)
     p, j = np.nonzero(chosen >= 0)
     nodes = chosen[p, j]
-    far = ~(np.linalg.norm(item.nodes[nodes] - joints.positions[p, j], axis=-1) <= gate)
-    joints.positions[p, j] = item.nodes[nodes]
+    gaps = item.nodes[nodes] - joints.positions[p, j]
+    far = ~(np.linalg.norm(gaps, axis=-1) <= noise.gate)
+    own = joints.covariances[p[~far], j[~far]]
+    weighed = np.linalg.solve(own + noise.near**2 * np.eye(3), gaps[~far, :, None])
+    joints.positions[p[~far], j[~far]] += (own @ weighed)[..., 0]
     p, j, nodes = p[far], j[far], nodes[far]
-    joints.covariances[p, j] = sigma**2 * np.eye(3)
+    joints.positions[p, j] = item.nodes[nodes]
+    joints.covariances[p, j] = noise.far**2 * np.eye(3)
     joints.scores[p, j], joints.views[p, j] = item.node_scores[nodes], item.node_views[nodes]
     joints.doubts[p, j] = node_doubts(item.node_scores[nodes])
 

@@ -16,7 +16,7 @@ from panoptic_ros.assembly.judgement import (
     needed_views,
 )
 from panoptic_ros.assembly.lost_people import with_lost_people
-from panoptic_ros.assembly.map_votes import move_to_votes
+from panoptic_ros.assembly.map_votes import VoteNoise, move_to_votes
 from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares, residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
@@ -142,7 +142,8 @@ class AssemblyStage(Stateful):
             expected = found.guide.positions
             shifts = _since_voting(item, found, motion)
             joints.positions[...] += shifts
-            move_to_votes(joints, expected, item, self._skeleton, config.vote_distance, config.node_sigma)
+            noise = VoteNoise(config.vote_distance, config.vote_sigma, config.node_sigma)
+            move_to_votes(joints, expected, item, self._skeleton, noise)
             joints.positions[...] -= shifts
         if config.two_view_joints:
             place_shown(scene, found, joints, self._body)

@@ -2,7 +2,14 @@
 import numpy as np
 from fed_stages import unassociated
 
-from panoptic_ros.assembly.map_votes import chosen_nodes, compared_bones, sum_differences
+from panoptic_ros.assembly.judgement import Joints
+from panoptic_ros.assembly.map_votes import (
+    VoteNoise,
+    chosen_nodes,
+    compared_bones,
+    move_to_votes,
+    sum_differences,
+)
 from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps, SkeletonModel, ViewDetections
 
 HASH = "cafe0123"
@@ -36,6 +43,19 @@ def choose(positions, item, expected=None, skeleton=PAIR):
 def test_joint_goes_to_the_node_beside_it():
     item = proposals([[0.03, 0, 1], [0.53, 0, 1]], [0, 1])
     assert choose([[[0.0, 0, 1], [0.5, 0, 1]]], item) == [[0, -1]]  # no map shows joint 1
+
+
+def test_a_vote_counts_as_sure_as_it_is_against_the_triangulated_joint():
+    places = np.array([[[0.0, 0, 1], [0.5, 0, 1]], [[9.0, 0, 1], [9.5, 0, 1]]])
+    own = np.array([1e-8, 4e-4, 9.0])[:, None, None] * np.eye(3)  # sure, as sure as the vote, not at all
+    for covariance, moved in zip(own, (0.0, 0.015, 0.03)):
+        covariances, ones = np.tile(covariance, (2, 2, 1, 1)), np.ones((2, 2))
+        joints = Joints(places.copy(), covariances.copy(), ones, np.full((2, 2), 3), 0.0 * ones)
+        item = proposals([[0.03, 0, 1]], [0])
+        move_to_votes(joints, np.full_like(places, np.nan), item, PAIR, VoteNoise(0.08, 0.02, 0.03))
+        np.testing.assert_allclose(joints.positions[0, 0], [moved, 0, 1], atol=1e-4)
+        np.testing.assert_array_equal(joints.positions[1], places[1])
+        np.testing.assert_array_equal(joints.covariances, covariances)
 
 
 def test_far_nodes_and_single_maps_change_nothing():
