@@ -122,6 +122,28 @@ def slow_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
     return replace(base, timing=replace(base.timing, rate=rate), frames=round(7.0 * rate)), (1.5, 5.5)
 
 
+def stranger_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+    """Somebody goes for good, and the one who is nearest comes for the first time 0.3 to 1.5 s later."""
+    base, rng = scene("noisy-8p5v"), np.random.default_rng([seed, 80])
+    begin, end = 1.0, 1.0 + float(rng.uniform(0.3, 1.5))
+    then = np.array([begin])
+    places = np.stack([person.joints(then)[0, :, :2].mean(axis=0) for person in simulate(base, seed).people])
+    gone = int(rng.integers(len(places)))
+    away = np.linalg.norm(places - places[gone], axis=-1)
+    away[gone] = np.inf
+    absences = Absence(gone, begin, 100.0), Absence(int(away.argmin()), 0.0, end)
+    return replace(base, absences=absences, frames=round(30.0 * (end + 1.2 * SETTLED))), (begin, end)
+
+
+def told_apart(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
+    """Whether nobody has somebody else's id of before an event (from, until; s) when it is over for long."""
+    owners = {m.number: p for now in instants if now.seconds < event[0] for p, m in now.found.items()}
+    return all(
+        owners.get(match.number, person) == person
+        for now in instants if now.seconds >= event[1] + SETTLED for person, match in now.found.items()
+    )  # fmt: skip
+
+
 def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
     """Whether everybody who was there before an event (from, until; s) has the same id soon after it."""
     before: dict[int, int] = {}
@@ -140,18 +162,19 @@ def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
 def trials(
     count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
 ) -> dict[str, Any]:
-    """Shares of trials in which everybody kept the id."""
+    """Shares of trials in which everybody kept the id, and nobody got somebody else's."""
     kinds = {
-        "hidden for 1 s": hidden_trial, "crossing at 0.5 m": crossing_trial,
-        "all after a pause": pause_trial, "2 to 5 images/s": slow_trial,
+        "hidden for 1 s": (hidden_trial, kept_ids), "crossing at 0.5 m": (crossing_trial, kept_ids),
+        "all after a pause": (pause_trial, kept_ids), "2 to 5 images/s": (slow_trial, kept_ids),
+        "somebody else comes": (stranger_trial, told_apart),
     }  # fmt: skip
     kept: dict[str, int] = dict.fromkeys(kinds, 0)
     lost: dict[str, list[int]] = {kind: [] for kind in kinds}
     for k in range(count):
-        for j, (kind, make) in enumerate(kinds.items()):
+        for j, (kind, (make, is_good)) in enumerate(kinds.items()):
             progress((k * len(kinds) + j) / (count * len(kinds)), kind)
             what, event = make(seed + k)
-            good = kept_ids(follow(what, seed + k, settings), event)
+            good = is_good(follow(what, seed + k, settings), event)
             kept[kind] += good
             if not good:
                 lost[kind].append(seed + k)

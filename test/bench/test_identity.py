@@ -4,7 +4,7 @@ import numpy as np
 from panoptic_ros.bench import identity
 from panoptic_ros.bench.designated import designated, designated_figures
 from panoptic_ros.bench.dressed import dressed_scene, looks_of
-from panoptic_ros.bench.identity import Instant, Match, few_views, kept_ids, visit_figures
+from panoptic_ros.bench.identity import Instant, Match, few_views, kept_ids, told_apart, visit_figures
 from panoptic_ros.simulation import simulate
 from panoptic_ros.view.identity_table import identity_lines
 
@@ -31,6 +31,12 @@ def test_ids_are_kept_if_everybody_has_the_same_soon_after():
     assert kept_ids(instants(*before, *gone, *before), (3.0, 5.0))
     assert not kept_ids(instants(*before, *gone, *[{0: 2, 1: 1}] * 3), (3.0, 5.0))
     assert not kept_ids(instants(*before, *gone, *[{1: 2}] * 3), (3.0, 5.0))  # never found again
+
+
+def test_somebody_else_must_not_have_the_id_of_who_has_gone():
+    before = [{0: 1, 1: 2}] * 3
+    assert told_apart(instants(*before, {1: 2}, {1: 2, 2: 1}, {1: 2, 2: 3}), (3.0, 4.0))
+    assert not told_apart(instants(*before, {1: 2}, *[{1: 2, 2: 1}] * 2), (3.0, 4.0))
 
 
 def test_one_view_holds_somebody_who_was_seen_well():
