@@ -24,13 +24,13 @@ from panoptic_ros.kinematics.targets import Floor, Hinges, PosePrior
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.kinematics.tracker import SubjectTracker
 from panoptic_ros.kinematics.wearing import Wearing
-from panoptic_ros.kinematics.window import Motion, PoseWindow, _Eliminated
+from panoptic_ros.kinematics.window import Motion, PoseWindow, _Eliminated, _Linked
 from panoptic_ros.state import Fields
 
 CLASSES = (
     KinematicsConfig, Body, BodyState, Device, Subject, TPose, Chain, Pose, Behind, SeenJoints, SeenPoints,
     Floor, Hinges, PosePrior,
-    Motion, _Eliminated,
+    Motion, _Eliminated, _Linked,
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track seen_ever worn _alone _mounted "
@@ -64,7 +64,7 @@ CLASSES = (
     Fields.named(Wearing, "_looks _count"),
     Fields.named(
         PoseWindow,
-        "_chain _motion _lag _size _weights _poses _next _information _eliminated _own iterations",
+        "_chain _motion _lag _size _weights _poses _next _information _eliminated _linked iterations",
     ),
     Fields.named(
         MountingEstimate,

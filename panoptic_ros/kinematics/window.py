@@ -9,6 +9,7 @@ Striebel 1965, in information form) and costs next to nothing.
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -55,6 +56,16 @@ class _Eliminated(NamedTuple):
     rows: Array
 
 
+class _Linked(NamedTuple):
+    """What an instant added: (D, D) of second differences with the two before it, of first differences with
+    the one before, of its own evidence; and (2 D, 2 D) of that one and it, given all up to it."""
+
+    bend: Array
+    turn: Array
+    own: Array
+    joint: Array
+
+
 class PoseWindow:
     """Poses of one body, instant by instant.
 
@@ -68,17 +79,24 @@ class PoseWindow:
         self._weights = motion.weights(self._size)
         self._poses = [start.copy(), start.copy()]
         self._next: Pose | None = None  # what is predicted, once somebody asked
-        slow = np.diag(np.full(self._size, 1.0))
-        still = np.diag(np.r_[np.full(3, 1.0), np.full(self._size - 3, 0.5)] / (1.0 * motion.period) ** 2)
-        self._information = np.block([[slow + still, -still], [-still, slow + still]])
+        self._information = self.start
         self._eliminated: deque[_Eliminated] = deque(maxlen=lag + 1)
-        self._own: deque[Array] = deque(maxlen=lag + 1)
+        self._linked: deque[_Linked] = deque(maxlen=lag + 1)
         self.iterations = 0
 
     @property
     def last(self) -> Pose:
         """The newest pose."""
         return self._poses[1]
+
+    @property
+    def start(self) -> Array:
+        """What is known of the first two poses, (2 D, 2 D): about where they are, and that they are slow."""
+        slow = np.diag(np.full(self._size, 1.0))
+        speed = np.r_[np.full(3, 1.0), np.full(self._size - 3, 0.5)]
+        still = np.diag(speed / self._motion.period**2)
+        found: Array = np.block([[slow + still, -still], [-still, slow + still]])
+        return found
 
     def take_chain(self, chain: Chain) -> None:
         """Go on with other lengths."""
@@ -138,14 +156,24 @@ class PoseWindow:
         full[:n, :n], full[:n, n:], full[n:, :n] = rest[:n, :n], against[:, :-1], against[:, :-1].T
         full[n:, n:] = rest[n:-1, n:-1] + hessian - anchor.information
         self._information = full
-        self._own.append(hessian)
+        self._linked.append(_Linked(bend, turn, hessian - anchor.information, full))
         self._poses, self._next = [middle, pose], None
         return pose
 
     def information(self, back: int) -> Array:
-        """Of a step of the pose (D, D) of so many instants ago, given what was there then; what came later
-        only adds to it."""
-        return self._own[-1 - back]
+        """Of a step of the pose (D, D) of so many instants ago, given all so far.
+
+        What came up to it and what came after it speak of it and of the pose before; they are added, and the
+        pose before is eliminated (Fraser and Potter 1969).
+        """
+        n = self._size
+        later = np.zeros((2 * n, 2 * n))
+        for link in itertools.islice(reversed(self._linked), back):
+            later = _before(link, later)
+        both = self._linked[-1 - back].joint + later
+        solved = _forward(_factor(both[:n, :n]), both[:n, n:])
+        found: Array = both[n:, n:] - solved.T @ solved
+        return found
 
     def smoothed(self) -> list[Pose]:
         """Poses of the last instants given all so far, newest first: up to lag + 2."""
@@ -179,6 +207,21 @@ class PoseWindow:
         first_differences(self._chain, self._poses[1], guess, between.turning, between.standing, turn, pull)
         turn[np.arange(n), np.arange(n)] += RIDGE
         return bend, slope, turn, pull
+
+
+def _before(link: _Linked, later: Array) -> Array:
+    """What an instant and all after it say about the two before it, (2 D, 2 D), from what those after it say
+    about it and the one before, by eliminating it."""
+    n = len(link.own)
+    bend, turn = link.bend, link.turn
+    against = np.concatenate([bend, later[n:, :n] - 2.0 * bend - turn], axis=1)
+    solved = _forward(_factor(bend + turn + link.own + later[n:, n:]), against)
+    found = -(solved.T @ solved)
+    found[:n, :n] += bend
+    found[:n, n:] -= 2.0 * bend
+    found[n:, :n] -= 2.0 * bend
+    found[n:, n:] += 4.0 * bend + turn + later[:n, :n]
+    return found
 
 
 def _factor(matrix: Array) -> Array:

@@ -6,6 +6,7 @@ from bodies import CHAIN, MODEL, D, S, placed
 
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of
+from panoptic_ros.kinematics.normal_equations import assemble
 from panoptic_ros.kinematics.targets import (
     NO_FLOOR,
     NO_TURNS,
@@ -14,6 +15,7 @@ from panoptic_ros.kinematics.targets import (
     Between,
     Evidence,
     PointTargets,
+    no_anchor,
     no_prior,
 )
 from panoptic_ros.kinematics.window import Motion, PoseWindow
@@ -84,3 +86,37 @@ def test_accelerations_help(lag):
 def test_a_lag_helps():
     poses = moving(180)
     assert error_mm(poses, run(poses, 6)) < 0.8 * error_mm(poses, run(poses, 0))
+
+
+@pytest.mark.parametrize("back", [0, 1, 4])
+def test_the_information_of_a_pose_is_that_of_all_data_so_far(back):
+    """Against the dense matrix of all poses of a body that stands still."""
+    pose, count, motion = moving(1)[0], 9, Motion(8.0, 60.0, PERIOD)
+    window = PoseWindow(CHAIN, pose, motion, 5)
+    evidence = points(pose, 0.0, np.random.default_rng(0), 0.1)
+    for _ in range(count):
+        window.step(pose.copy(), evidence)
+    own, gradient = np.empty((D, D)), np.empty(D)
+    assemble(CHAIN, pose, evidence, no_anchor(S), own, gradient)
+    dense = np.zeros((count + 2, D, count + 2, D))
+    dense[:2, :, :2] = PoseWindow(CHAIN, pose, motion, 5).start.reshape(2, D, 2, D)
+    bend = np.diag(motion.weights(D))
+    for t in range(2, count + 2):
+        dense[t, :, t] += own
+        for a, left in enumerate((1.0, -2.0, 1.0)):
+            for b, right in enumerate((1.0, -2.0, 1.0)):
+                dense[t - 2 + a, :, t - 2 + b] += left * right * bend
+    covariance = np.linalg.inv(dense.reshape((count + 2) * D, -1)).reshape(dense.shape)
+    last = count + 1 - back
+    found = np.linalg.inv(window.information(back))
+    assert np.allclose(found, covariance[last, :, last], rtol=1e-3, atol=1e-9)
+
+
+def test_what_came_later_makes_a_pose_surer():
+    poses = moving(30)
+    rng = np.random.default_rng(1)
+    window = PoseWindow(CHAIN, poses[0], Motion(8.0, 60.0, PERIOD), 6)
+    for pose in poses[1:]:
+        window.step(window.predicted(), points(pose, 0.02, rng, 0.05))
+    newest, past = (np.linalg.inv(window.information(back)) for back in (0, 6))
+    assert np.all(np.diag(past) < 0.8 * np.diag(newest))
