@@ -216,7 +216,7 @@ def _before(link: _Linked, later: Array) -> Array:
     bend, turn = link.bend, link.turn
     against = np.concatenate([bend, later[n:, :n] - 2.0 * bend - turn], axis=1)
     solved = _forward(_factor(bend + turn + link.own + later[n:, n:]), against)
-    found = -(solved.T @ solved)
+    found: Array = -(solved.T @ solved)
     found[:n, :n] += bend
     found[:n, n:] -= 2.0 * bend
     found[n:, :n] -= 2.0 * bend
