@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the scores; raises UserError (exit code 2) on bad input and on missed bars."""
     if args.study is not None:
-        if args.truth is not None:
+        if args.truth is not None and args.study != "fill":
             raise UsageError(f"--study {args.study} simulates its own truth; leave out {args.truth}")
         return run_study(args)
     if args.result is None:

@@ -43,10 +43,11 @@ def run_fill(args: argparse.Namespace) -> int:
     from panoptic_ros.running.studies.fill import fill_lines, study_fill  # numba is slow to load
 
     if len(args.capture) != 1:
-        raise UsageError("--study fill needs one --capture DIR, a capture folder with its truth")
+        raise UsageError("--study fill needs one --capture DIR, a capture folder or the results of a run")
     cameras = args.cameras.split(",") if args.cameras else []
     with PassBar(args.study) as bar:
-        result = study_fill(args.capture[0], cameras, read_parameters(None, args.settings), bar.show)
+        parameters = read_parameters(None, args.settings)
+        result = study_fill(args.capture[0], cameras, parameters, bar.show, args.truth)
     if args.out is not None:
         write_json(args.out / "fill.json", result)
     print(json.dumps(result, indent=1) if args.json else "\n".join(fill_lines(result)))

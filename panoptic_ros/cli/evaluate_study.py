@@ -35,7 +35,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "bystanders, people who leave; identity: who stays who, and whom few "
         "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
         "(--capture); refine-faults: the same of true joints with noise, outliers and gaps (--seeds); fill: "
-        "joints that few views see, with and without bodies (--capture)",
+        "how bodies fit, and joints that few views see with and without them (--capture, also results of a "
+        "run, with TRUTH if it is elsewhere)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument(

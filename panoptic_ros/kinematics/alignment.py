@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject, TPose
-from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z, vectors_of
+from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject
+from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.resampling import resample
 
@@ -287,15 +287,3 @@ def taken_over(subject: Subject, found: Alignment, clocks: bool) -> tuple[float,
         offset_ns = round(1e9 * found.offset)
         lines.append(f"clock of the IMUs found from motion: {1e3 * found.offset:+.0f} ms")
     return heading, offset_ns, lines
-
-
-def t_pose_mount(pose: TPose, heading: float, held: Sequence[Array]) -> Array:
-    """Mounting (3, 3), segment from device, of a device with these orientations (3, 3) in a T-pose.
-
-    Args:
-        heading: rad, world from the IMUs' inertial frame.
-    """
-    facing = pose.facing if pose.facing is not None else np.array([1.0, 0.0, 0.0])
-    body = turn_about_z(float(np.arctan2(facing[1], facing[0])))
-    found: Array = body.T @ turn_about_z(heading) @ mean_rotation(np.array(held))
-    return found

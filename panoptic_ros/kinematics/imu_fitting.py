@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
-from panoptic_ros.kinematics.alignment import Felt, align, t_pose_mount, taken_over
+from panoptic_ros.kinematics.alignment import Felt, align, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.t_pose import t_pose_mount
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray

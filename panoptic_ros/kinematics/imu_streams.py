@@ -9,6 +9,7 @@ import numpy as np
 from panoptic_ros.domain.bodies import ImuSample
 from panoptic_ros.domain.subjects import ImuReading
 from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.imu_units import rate_sums, turned_by, unit_fault
 from panoptic_ros.kinematics.resampling import LONGEST_GAP_S, slerp
 from panoptic_ros.stage import Notice
 
@@ -21,6 +22,7 @@ FLOOD_S, FEWEST = 2.0, 100  # s that count, about; samples left out in them
 UPRIGHT_S = 3.0  # over which the mean specific force of somebody who moves is that of gravity
 UPRIGHT = 5.0  # m/s^2, by which it may differ
 GRAVITY = np.array([0.0, 0.0, 9.81])
+FEWEST_TURNS = 30  # between samples, that tell the unit of rates
 NONE = -1  # in place of a stamp
 
 
@@ -42,6 +44,8 @@ class ImuStreams:
         self._silent = np.zeros(count, bool)
         self._taken = np.zeros((count, 2))  # samples lately that were kept, and that were left out
         self._flooding = np.zeros(count, bool)
+        self._rates = np.zeros((count, 4))  # lately, see `rate_sums`
+        self._rates_told = np.zeros(count, bool)
 
     @property
     def last(self) -> Array:
@@ -69,6 +73,7 @@ class ImuStreams:
         self._stamps[d, -1] = sample.stamp_ns
         length = np.linalg.norm(sample.orientation)
         self._values[d, -1] = np.concatenate([sample.orientation / length, sample.force, sample.rate])
+        self._learn_rates(d)
         return ()
 
     def at(self, stamp_ns: int) -> dict[str, ImuReading]:
@@ -106,6 +111,7 @@ class ImuStreams:
             notices.append(_notice("imu_back", "info", f"{self.names[d]} is back", self.names[d]))
         self._silent = silent
         notices += self._floods(period)
+        notices += self._units(period)
         newest = self._values[:, -1]
         with np.errstate(invalid="ignore"):
             forces = (from_quaternions(newest[:, :4]) @ newest[:, 4:7, None])[..., 0]
@@ -124,6 +130,25 @@ class ImuStreams:
             )
             notices.append(_notice("imu_convention", "warning", text, self.names[d]))
         self._odd = odd
+        return notices
+
+    def _learn_rates(self, device: int) -> None:
+        """Compare how the newest sample turned from the one before with what its gyroscope tells."""
+        stamps, values = self._stamps[device, -2:], self._values[device, -2:]
+        told = values[:-1, 7:]
+        if stamps[0] != NONE and np.diff(stamps)[0] < LONGEST_GAP_S * 1e9 and np.isfinite(told).all():
+            sums = rate_sums(turned_by(stamps, values[:, :4]), told)
+            self._rates[device] += sums if np.isfinite(sums).all() else 0.0
+
+    def _units(self, period: float) -> list[Notice]:
+        """Of devices whose rates are of another unit: told once."""
+        notices = []
+        ready = (self._rates[:, 0] >= FEWEST_TURNS) & ~self._rates_told
+        for d in np.flatnonzero(ready).tolist():
+            if fault := unit_fault(self._rates[d]):
+                notices.append(_notice("imu_rates", "warning", f"{self.names[d]} {fault}", self.names[d]))
+                self._rates_told[d] = True
+        self._rates *= max(0.0, 1.0 - period / UPRIGHT_S)
         return notices
 
     def _floods(self, period: float) -> list[Notice]:

@@ -16,7 +16,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.geometry.chain import Pose, place_segments, place_sites
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.normal_equations import assemble
-from panoptic_ros.kinematics.targets import Evidence, ViewTargets, no_anchor
+from panoptic_ros.kinematics.targets import Evidence, PointTargets, ViewTargets, no_anchor
 
 Array = np.ndarray
 LENGTH_SD = 0.05  # share of a length, about what the stature tells
@@ -65,12 +65,17 @@ class LengthEstimate:
         """Learn from an instant, of which the pose is solved with this chain.
 
         Args:
-            evidence: all of the instant, with views.
+            evidence: all of the instant, with views or joints in space.
         """
         size = 3 + 3 * len(chain.parents)
         hessian, gradient = np.empty((size, size)), np.empty(size)
         assemble(chain, pose, evidence, no_anchor(len(chain.parents)), hessian, gradient)
-        by_pose, by_length, residuals = self._slopes(chain, pose, evidence.views)
+        grown = self._grown(chain, pose)
+        parts = (
+            _view_slopes(chain, pose, evidence.views, grown),
+            _point_slopes(chain, pose, evidence.points, grown),
+        )
+        by_pose, by_length, residuals = (np.concatenate(rows) for rows in zip(*parts))
         cross = by_length.T @ by_pose
         inner = cho_factor(hessian + 1e-6 * np.eye(size), check_finite=False)
         solved = cho_solve(inner, np.column_stack([cross.T, gradient]), check_finite=False)
@@ -88,28 +93,53 @@ class LengthEstimate:
         self.scales = -np.linalg.solve(looks * self._information + precision, looks * self._pull)
         return float(np.linalg.norm(self.offsets() - before, axis=-1).max())
 
-    def _slopes(self, chain: Chain, pose: Pose, views: ViewTargets) -> tuple[Array, Array, Array]:
-        """Slopes of the weighted residuals (2 N,) by pose (2 N, D) and by lengths (2 N, L), and these."""
+    def _grown(self, chain: Chain, pose: Pose) -> Array:
+        """How the joint of each segment moves in the world by the lengths, (S, 3, L)."""
         count = len(chain.parents)
         frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
         place_segments(chain, pose, frames, places)
-        slopes = np.empty((len(views.segments), 3, 3 + 3 * count))
-        sites = place_sites(chain, pose, views.segments, views.offsets, slopes)
-        grown = np.zeros((count, 3, len(self._lengths)))  # of each segment's joint, by the lengths
+        grown = np.zeros((count, 3, len(self._lengths)))
         for k, length in enumerate(self._lengths):
             for s, axis in length:
                 grown[s, :, k] += frames[chain.parents[s], :, axis] * chain.offsets[s, axis]
         for s in range(1, count):
             grown[s] += grown[chain.parents[s]]
-        rotation = views.rotations[views.cameras]
-        local = (rotation @ sites[..., None])[..., 0] + views.translations[views.cameras]
-        depth = np.maximum(local[:, 2], NEAREST)
-        plane = local[:, :2] / depth[:, None]
-        apart = plane - views.points
-        error = views.weights * (apart**2).sum(-1)
-        kept = 1.0 / (1.0 + error / views.scale) if views.scale > 0.0 else np.ones(len(error))
-        weight = np.sqrt(np.where(local[:, 2] > NEAREST, views.weights * kept, 0.0))
-        across = (rotation[:, :2] - plane[..., None] * rotation[:, 2:]) * (weight / depth)[:, None, None]
-        by_pose = (across @ slopes).reshape(-1, slopes.shape[-1])
-        by_length = (across @ grown[views.segments]).reshape(-1, len(self._lengths))
-        return by_pose, by_length, (apart * weight[:, None]).ravel()
+        return grown
+
+
+def _view_slopes(chain: Chain, pose: Pose, views: ViewTargets, grown: Array) -> tuple[Array, Array, Array]:
+    """Slopes of the weighted residuals (2 N,) by pose (2 N, D) and by lengths (2 N, L), and these."""
+    slopes = np.empty((len(views.segments), 3, 3 + 3 * len(chain.parents)))
+    sites = place_sites(chain, pose, views.segments, views.offsets, slopes)
+    rotation = views.rotations[views.cameras]
+    local = (rotation @ sites[..., None])[..., 0] + views.translations[views.cameras]
+    depth = np.maximum(local[:, 2], NEAREST)
+    plane = local[:, :2] / depth[:, None]
+    apart = plane - views.points
+    error = views.weights * (apart**2).sum(-1)
+    weight = np.sqrt(np.where(local[:, 2] > NEAREST, views.weights * _kept(error, views.scale), 0.0))
+    across = (rotation[:, :2] - plane[..., None] * rotation[:, 2:]) * (weight / depth)[:, None, None]
+    return _rows(across, slopes), _rows(across, grown[views.segments]), (apart * weight[:, None]).ravel()
+
+
+def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) -> tuple[Array, Array, Array]:
+    """The same (3 N,) of joints in space."""
+    slopes = np.empty((len(points.segments), 3, 3 + 3 * len(chain.parents)))
+    sites = place_sites(chain, pose, points.segments, points.offsets, slopes)
+    apart = (sites - points.goals)[..., None]
+    error = (apart.swapaxes(1, 2) @ points.information @ apart)[:, 0, 0]
+    kept = np.sqrt(_kept(error, points.scale))[:, None, None]
+    halves = kept * np.linalg.cholesky(points.information).swapaxes(1, 2)
+    return _rows(halves, slopes), _rows(halves, grown[points.segments]), (halves @ apart).ravel()
+
+
+def _kept(error: Array, scale: float) -> Array:
+    """What Cauchy's loss of this scale leaves of weights."""
+    found: Array = 1.0 / (1.0 + error / scale) if scale > 0.0 else np.ones(len(error))
+    return found
+
+
+def _rows(weights: Array, slopes: Array) -> Array:
+    """Slopes (N, 3, M) of sites as rows (K N, M) of residuals with weights (N, K, 3)."""
+    found: Array = (weights @ slopes).reshape(-1, slopes.shape[-1])
+    return found

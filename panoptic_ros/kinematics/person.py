@@ -71,14 +71,15 @@ class Person:
             readings: of all devices. half_period_ns: for so long a sample alone counts.
         """
         people = self.seen.views_at(stamp_ns, half_period_ns)
-        joints = None if people else self.seen.joints_at(stamp_ns, half_period_ns)
+        joints = self.seen.joints_at(stamp_ns, half_period_ns)
+        people = _of_others(people, joints)
         mine = {name: reading for name, reading in readings.items() if name in self.worn}
         notices = self.fitting.take(stamp_ns, self.subject, mine)
         seen = bool(people) or joints is not None
         self.seen_ever = self.seen_ever or seen
         instant = Instant(stamp_ns, {}, mine)
         if self.fitting.looking:
-            notices += self._look(instant, people)
+            notices += self._look(instant, people, joints)
         done = self._remount(stamp_ns)
         used = {name for name in mine if name in self._devices()}
         self._without = 0 if seen or used else self._without + 1
@@ -147,12 +148,16 @@ class Person:
         waited = self._unseen / self._config.rate_hz > AWAITED_S or not len(self.weighing.rotations)
         return waited and bool(self.fitting.mounts(stamp_ns, self.subject).keys() & used)
 
-    def _look(self, instant: Instant, people: dict[int, tuple[Array, Array]]) -> list[Notice]:
+    def _look(
+        self, instant: Instant, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None
+    ) -> list[Notice]:
         """Solve from cameras alone, and compare with the IMUs."""
         if self._alone is None and people:
             bare = replace(self.subject, devices=())
             self._alone = SubjectTracker(cameras_alone(self._config), bare, self.weighing, {})
-        states = self._alone.step(instant, people) if self._alone is not None and people else []
+        states = (
+            self._alone.step(instant, people, joints) if self._alone is not None and people else []
+        )
         notices = self.fitting.learn(self.subject, states, self._config.rate_hz)
         if not self.fitting.looking:
             self._alone = None
@@ -186,3 +191,16 @@ class Person:
         held = self.flush()
         self.tracker = None
         return held
+
+
+def _of_others(
+    people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None
+) -> dict[int, tuple[Array, Array]]:
+    """2D people (points (K, 2), scores (K,) by camera) without the joints that are told in space."""
+    if joints is None:
+        return people
+    told = np.isfinite(joints[0]).all(-1)
+    return {
+        camera: (np.where(told[:, None], np.nan, points), np.where(told, 0.0, scores))
+        for camera, (points, scores) in people.items()
+    }

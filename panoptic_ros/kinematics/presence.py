@@ -9,9 +9,10 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import Instant
 from panoptic_ros.kinematics.evidence import Weighing
+from panoptic_ros.kinematics.nearest_people import assign_people
 from panoptic_ros.kinematics.returning import Absence, People, appearances, without_others
 from panoptic_ros.kinematics.start import middle_of
-from panoptic_ros.kinematics.tracker import SubjectTracker, assign_people
+from panoptic_ros.kinematics.tracker import SubjectTracker
 
 Array = np.ndarray
 FEW, USUAL_SHARE = 0.5, 0.02  # of the views that usually see a subject: less, and others are told from it,

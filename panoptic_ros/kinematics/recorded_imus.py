@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from panoptic_ros.domain.subjects import ImuSeries
-from panoptic_ros.geometry.rotations import from_quaternions, vectors_of
+from panoptic_ros.geometry.rotations import from_quaternions
 from panoptic_ros.kinematics.imu_streams import GRAVITY, NEAREST_NS, SILENT_NS, UPRIGHT, UPRIGHT_S
+from panoptic_ros.kinematics.imu_units import ALIKE, LEAST_RATE, rate_sums, turned_by, unit_fault
 from panoptic_ros.kinematics.resampling import LONGEST_GAP_S
 
 Array = np.ndarray
 FEWEST = 10  # samples, of a device that is any use
-LEAST_RATE, ALIKE = 0.3, 0.5  # rad/s, of somebody who moves; cosine between the same in two ways
 
 
 def looked_through(
@@ -36,6 +36,7 @@ def looked_through(
             odd = [f"{useless}; it is left out"]
         else:
             found[name] = kept
+            odd += [fault] if (fault := unit_fault(_rates(kept))) else []
         for text in odd:
             told.setdefault(text, []).append(name)
     return found, [f"{', '.join(names)} {text}" for text, names in told.items()]
@@ -92,7 +93,7 @@ def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
     if known.sum() < FEWEST or lasted < UPRIGHT_S:
         return ""
     turned = from_quaternions(series.quaternions[known])
-    if _turns_otherwise(series.stamps[known], turned, series.rates[known]):
+    if _turns_otherwise(_rates(series)):
         return "turns otherwise by its quaternions, w x y z into its inertial frame, than by its rates"
     force = (turned @ series.forces[known][..., None])[..., 0].mean(0)
     if np.linalg.norm(force - GRAVITY) <= UPRIGHT:
@@ -104,12 +105,20 @@ def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
     )
 
 
-def _turns_otherwise(stamps: Array, turned: Array, rates: Array) -> bool:
-    """Whether rates (N, 3), whatever their unit, are not those with which orientations (N, 3, 3) turn."""
-    steps = 1e-9 * np.diff(stamps)
-    own = vectors_of(np.ascontiguousarray(turned[:-1].swapaxes(1, 2) @ turned[1:])) / steps[:, None]
-    near = (steps < LONGEST_GAP_S) & np.isfinite(rates[:-1]).all(-1)
-    own, told = own[near], rates[:-1][near]
-    if near.sum() < FEWEST or np.sqrt((own**2).sum(-1).mean()) < LEAST_RATE or not told.any():
+def _rates(series: ImuSeries) -> Array:
+    """Sums of the rates that orientations and gyroscope tell, see `rate_sums`."""
+    known = np.isfinite(series.quaternions).all(-1)
+    stamps, told = series.stamps[known], series.rates[known][:-1]
+    if len(stamps) < 2:
+        return np.zeros(4)
+    own = turned_by(stamps, series.quaternions[known])
+    near = (1e-9 * np.diff(stamps) < LONGEST_GAP_S) & np.isfinite(told).all(-1)
+    return rate_sums(own[near], told[near])
+
+
+def _turns_otherwise(sums: Array) -> bool:
+    """Whether rates, whatever their unit, are not those with which orientations turn."""
+    count, own, told, both = sums.tolist()
+    if count < FEWEST or own < count * LEAST_RATE**2 or not told:
         return False
-    return float((own * told).sum() / np.sqrt((own**2).sum() * (told**2).sum())) < ALIKE
+    return bool(both < ALIKE * np.sqrt(own * told))

@@ -43,8 +43,11 @@ CLASSES = (
         ImuFitting,
         "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _unseen",
     ),
-    Fields.named(ImuStreams, "names _stamps _values _force _weight _odd _silent _taken _flooding"),
-    Fields.named(MeasuredBody, "_lengths"),
+    Fields.named(
+        ImuStreams,
+        "names _stamps _values _force _weight _odd _silent _taken _flooding _rates _rates_told",
+    ),
+    Fields.named(MeasuredBody, "_seen"),
     Fields.named(
         Timeline, "_rate_hz _origin _count _before _first_imu _last _periods _ahead newest_ns"
     ),

@@ -67,6 +67,10 @@ class SeenPerson:
 
     def joints_at(self, stamp_ns: int, half_period_ns: int) -> tuple[Array, Array] | None:
         """Positions (K, 3) and covariances (K, 3, 3) at an instant; None if there are none about then."""
+        found = self._joints_about(stamp_ns, half_period_ns)
+        return found if found is not None and np.isfinite(found[0]).any() else None
+
+    def _joints_about(self, stamp_ns: int, half_period_ns: int) -> tuple[Array, Array] | None:
         begin, end = _around(self.joints, stamp_ns)
         if begin is None or end is None or end.stamp_ns - begin.stamp_ns > LONGEST_GAP_NS:
             one = _nearest(begin, end, stamp_ns, half_period_ns)

@@ -11,13 +11,14 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
 from panoptic_ros.errors import DataError
-from panoptic_ros.kinematics.alignment import align, cameras_alone, felt_of, t_pose_mount, taken_over
+from panoptic_ros.kinematics.alignment import align, cameras_alone, felt_of, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.presence import Looked, Presence, middle_expected, people_of
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.recorded_imus import looked_through
 from panoptic_ros.kinematics.resampling import instants_of
+from panoptic_ros.kinematics.t_pose import t_pose_mounts
 from panoptic_ros.kinematics.tracker import SubjectTracker
 
 Array = np.ndarray
@@ -145,45 +146,6 @@ def _aligned(
         if shift:
             devices |= {name: series.shifted(shift) for name, series in worn.items()}
     return replace(recording, devices=devices), headings
-
-
-def t_pose_mounts(
-    subject: Subject, instants: Sequence[Instant], worn: set[str], heading: float
-) -> tuple[dict[str, Array], list[str]]:
-    """Mounting (3, 3), segment from device, of every device worn, as stated or as the T-pose tells it; and a
-    line for each that has no samples in it.
-
-    Args:
-        heading: rad, world from the IMUs' inertial frame.
-
-    Raises:
-        DataError: if neither is there.
-    """
-    mounts, lines = {}, []
-    for device in subject.devices:
-        if device.name not in worn:
-            continue
-        if device.mount is not None:
-            mounts[device.name] = device.mount
-            continue
-        pose = subject.t_pose
-        if pose is None:
-            raise DataError(
-                f"subject {subject.id}: device {device.name} has no mount, and there is no t_pose to "
-                "tell it; state one of them"
-            )
-        held = [
-            instant.readings[device.name].orientation
-            for instant in instants
-            if pose.from_ns <= instant.stamp_ns <= pose.to_ns and device.name in instant.readings
-        ]
-        held = [r for r in held if np.isfinite(r).all()]
-        if held:
-            mounts[device.name] = t_pose_mount(pose, heading, held)
-        else:
-            text = f"device {device.name} has no samples in the T-pose; it is left out"
-            lines.append(f"subject {subject.id}: {text}")
-    return mounts, lines
 
 
 def _first_people(

@@ -6,7 +6,9 @@ import copy
 from collections import deque
 from typing import NamedTuple
 
-from panoptic_ros.domain import DetectionSet, TrackedPoseSet
+import numpy as np
+
+from panoptic_ros.domain import DetectionSet, JointState, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Subject
@@ -26,6 +28,7 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 IN_SPACE = -1  # the source of skeletons that come without 2D people
+SEVERAL = 2  # views that measured a joint: it is told in space, by those of them that agree
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
 
@@ -151,11 +154,19 @@ class KinematicsStage(Stateful):
         notices += self._take_waiting(None)
         if waiting is None or waiting.number < item.index:
             notices += self._came(IN_SPACE, item.stamp_ns)
-            for k, number in enumerate(item.ids.tolist()):
-                if number in self._people:
-                    joints = SeenJoints(item.stamp_ns, item.positions[k], item.covariances[k])
-                    self._people[number].seen.take_joints(joints)
+            self._take_joints(item)
         return notices
+
+    def _take_joints(self, item: TrackedPoseSet) -> None:
+        """Joints in space of those who are tracked; beside 2D people those that several views measured."""
+        known = np.isfinite(item.positions).all(-1)
+        if item.sources is not None:
+            known &= (item.states == JointState.MEASURED) & (item.views >= SEVERAL)
+        positions = np.where(known[..., None], item.positions, np.nan)
+        for k, number in enumerate(item.ids.tolist()):
+            if number in self._people:
+                joints = SeenJoints(item.stamp_ns, positions[k], item.covariances[k])
+                self._people[number].seen.take_joints(joints)
 
     def _take_waiting(self, item: TrackedPoseSet | None) -> list[Notice]:
         """The views that wait, with those who are tracked in them."""
@@ -170,8 +181,11 @@ class KinematicsStage(Stateful):
             notices += told
             if not any(notice.code == "kinematics.odd_stamp" for notice in told):
                 usable.append(view)
-        taken = self._allotment.by_tracks(self._people, usable, item) if item is not None else set()
-        tracked = set() if item is None else set(item.ids.tolist())
+        taken, tracked = set(), set()
+        if item is not None:
+            taken, tracked = self._allotment.by_tracks(self._people, usable, item), set(item.ids.tolist())
+            if item.sources is not None:
+                self._take_joints(item)
         # one camera alone tracks nobody
         tracks_begin = self._tracks_come and len(self._allotment.cameras) > 1
         self._allotment.by_places(self._people, usable, taken, tracked, tracks_begin)

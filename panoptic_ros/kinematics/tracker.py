@@ -20,7 +20,6 @@ from panoptic_ros.kinematics.evidence import Weighing
 from panoptic_ros.kinematics.lengths import LengthEstimate
 from panoptic_ros.kinematics.mounting import MountingEstimate
 from panoptic_ros.kinematics.noise_level import NoiseLevel
-from panoptic_ros.kinematics.sight import distances
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.start import first_pose, middle_of
 from panoptic_ros.kinematics.targets import (
@@ -151,13 +150,14 @@ class SubjectTracker:
         turns = self.weighing.turns(
             self.devices.segments[which], self.mounting.corrected(goals, which), self.devices.spreads(which)
         )
-        evidence = self.weighing.evidence(views, turns, self.weighing.points(joints))
+        points = self.weighing.points(joints)
+        evidence = self.weighing.evidence(views, turns, points)
         if self._config.window:
             self._step_window(guess, evidence, (which, goals))
         else:
             self._step_alone(evidence, period)
         assert self._pose is not None
-        seen = self.weighing.evidence(views, NO_TURNS)
+        seen = self.weighing.evidence(views, NO_TURNS, points)
         self.devices.look(instant, self._pose, seen, len(people), (which, goals))
         self.devices.remember(instant, which, goals)
         self._learn_lengths(evidence, len(people))
@@ -277,27 +277,3 @@ class SubjectTracker:
             self._stamps[-1 - back], self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
             spins, covariances,
         )  # fmt: skip
-
-
-def assign_people(
-    trackers: Sequence[SubjectTracker | None], instant: Instant, rotations: Array, translations: Array,
-    gate: float,
-) -> list[dict[int, tuple[Array, Array]]]:  # fmt: skip
-    """2D people of the views for each tracker that has started: nearest first, nobody twice, none beyond the
-    gate, m."""
-    found: list[dict[int, tuple[Array, Array]]] = [{} for _ in trackers]
-    expected = [None if tracker is None else tracker.expected_sites() for tracker in trackers]
-    for camera, people in sorted(instant.views.items()):
-        claims = []
-        for k, sites in enumerate(expected):
-            if sites is not None and len(people.points):
-                columns, places = sites
-                far = distances(people.points, columns, places, rotations[camera], translations[camera])
-                claims += [(apart, k, p) for p, apart in enumerate(far.tolist()) if apart < gate]
-        taken_trackers, taken_people = set(), set()
-        for _, k, p in sorted(claims):
-            if k not in taken_trackers and p not in taken_people:
-                taken_trackers.add(k)
-                taken_people.add(p)
-                found[k][camera] = (people.points[p], people.scores[p])
-    return found

@@ -1,6 +1,7 @@
 """Lengths are found again from joints that are seen exactly, whatever the pose."""
 
 import numpy as np
+import pytest
 from bodies import BODY, CHAIN, MODEL, D, S, cameras, some_pose
 
 from panoptic_ros.geometry.chain import place_sites
@@ -11,7 +12,9 @@ from panoptic_ros.kinematics.targets import (
     NO_FLOOR,
     NO_POINTS,
     NO_TURNS,
+    NO_VIEWS,
     Evidence,
+    PointTargets,
     ViewTargets,
     no_anchor,
     no_prior,
@@ -30,7 +33,16 @@ def exact_views(chain, pose):
     return Evidence(views, NO_POINTS, NO_TURNS, NO_FLOOR, no_prior(S), 1.0)
 
 
-def test_lengths_are_found_again():
+def exact_points(chain, pose):
+    views, *_ = exact_views(chain, pose)
+    segments, offsets = views.segments[::4], views.offsets[::4]
+    goals = place_sites(chain, pose, segments, offsets, np.empty((len(segments), 3, D)))
+    points = PointTargets(segments, offsets, goals, np.tile(1e6 * np.eye(3), (len(segments), 1, 1)), 9.0)
+    return Evidence(NO_VIEWS, points, NO_TURNS, NO_FLOOR, no_prior(S), 1.0)
+
+
+@pytest.mark.parametrize("exact", [exact_views, exact_points])
+def test_lengths_are_found_again(exact):
     rng = np.random.default_rng(6)
     true = Chain(CHAIN.parents, BODY.offsets.copy())
     for length, scale in zip(lengths_of(MODEL), rng.normal(0, 0.05, 20)):
@@ -41,7 +53,7 @@ def test_lengths_are_found_again():
     for _ in range(4):
         for n in range(5):
             goal = some_pose(10 + n, 0.3)
-            evidence, pose = exact_views(true, goal), goal.copy()
+            evidence, pose = exact(true, goal), goal.copy()
             solve_pose(chain, pose, evidence, no_anchor(S), 20, np.empty((D, D)))
             estimate.look(chain, pose, evidence)
         estimate.update()

@@ -64,18 +64,29 @@ def test_the_same_of_several_devices_is_one_line():
     assert list(found) == ["back"] and len(lines) == 1 and lines[0].startswith("arm, leg measures")
 
 
-@pytest.mark.parametrize(("way", "kept"), [(1.0, True), (-1.0, False)])
-def test_quaternions_the_other_way_round_contradict_the_gyroscope(way, kept):
+def turning(unit):
+    """An arm that waves, its gyroscope's rates in units of so many rad/s."""
     times = np.arange(COUNT) / 60.0
     frames = rotations_of(np.column_stack([0.3 * np.sin(2 * times), 0 * times, 1.5 * np.sin(3 * times)]))
     rates = 60.0 * vectors_of(np.ascontiguousarray(frames[:-1].swapaxes(1, 2) @ frames[1:]))
-    rates = np.degrees(np.concatenate([rates, rates[-1:]]))  # their unit does not count
+    rates = np.concatenate([rates, rates[-1:]]) / unit
     forces = frames.swapaxes(1, 2) @ [0.0, 0.0, 9.81]
-    quaternions = to_quaternions(frames) * [1.0, way, way, way]
-    found, lines = looked_through(
-        {"arm": spoilt(quaternions=quaternions, rates=rates, forces=forces)}, TIME
-    )
+    return spoilt(quaternions=to_quaternions(frames), rates=rates, forces=forces)
+
+
+@pytest.mark.parametrize(("way", "kept"), [(1.0, True), (-1.0, False)])
+def test_quaternions_the_other_way_round_contradict_the_gyroscope(way, kept):
+    arm = turning(1.0)
+    arm.quaternions[:, 1:] *= way
+    found, lines = looked_through({"arm": arm}, TIME)
     assert ("arm" in found) is kept and len(lines) == (not kept)
+
+
+@pytest.mark.parametrize(("unit", "told"), [(np.pi / 180, "deg/s"), (180 / np.pi, "once too often")])
+def test_rates_of_another_unit_are_told_and_harm_nobody(unit, told):
+    found, lines = looked_through({"arm": turning(unit), "leg": turning(unit), "back": turning(1.0)}, TIME)
+    assert set(found) == {"arm", "leg", "back"}
+    assert len(lines) == 1 and lines[0].startswith("arm, leg sends angular velocities") and told in lines[0]
 
 
 def test_good_devices_are_not_talked_about():

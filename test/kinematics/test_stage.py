@@ -141,6 +141,20 @@ def test_another_convention_of_forces_is_told_once(force, kept):
     assert set(streams.at(299 * 20_000_000)) == ({"back", "arm"} if kept else {"arm"})
 
 
+@pytest.mark.parametrize(("unit", "told"), [(1.0, 0), (np.pi / 180, 1), (180 / np.pi, 1)])
+def test_rates_of_another_unit_are_told_once_within_seconds(unit, told):
+    streams, notices = ImuStreams(("back", "arm")), []
+    for k in range(150):
+        time = 0.02 * k
+        turn = np.array([np.cos(0.5 * np.sin(3 * time)), 0.0, 0.0, np.sin(0.5 * np.sin(3 * time))])
+        rate = np.array([0.0, 0.0, 3.0 * np.cos(3 * (time + 0.01))])
+        for device, as_told in (("back", rate / unit), ("arm", rate)):
+            streams.take(ImuSample(device, k * 20_000_000, turn, as_told, UP))
+        notices += streams.judge(k * 20_000_000, 0.02)
+    assert [(n.code, n.values["device"]) for n in notices] == [("kinematics.imu_rates", "back")] * told
+    assert set(streams.at(149 * 20_000_000)) == {"back", "arm"}
+
+
 def test_a_device_that_dies_is_told_once_and_its_return():
     streams, told = ImuStreams(("back",)), []
     for k in range(400):

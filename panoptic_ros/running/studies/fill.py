@@ -1,4 +1,5 @@
-"""`panoptic evaluate --study fill`: what bodies are worth to skeletons, by how many views see a joint."""
+"""`panoptic evaluate --study fill`: how bodies fit, and what they are worth to skeletons, by how many views
+see a joint."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.capture.imus import imu_file, imu_samples
-from panoptic_ros.domain import DetectionSet, RefinedPoseSet
+from panoptic_ros.domain import DetectionSet, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.domain.bodies import BodyStateSet
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import FramePair, SkeletonFrame, SkeletonSequence, pair_sequences
@@ -25,16 +27,19 @@ from panoptic_ros.io.compared_skeletons import read_sequence
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.running.plans.bag_plan import plan_bags
+from panoptic_ros.running.plans.bag_topics import BagChoice
 from panoptic_ros.running.plans.designated import subject_files
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.parameters import Parameters
 from panoptic_ros.running.plans.planning import plan_capture
 from panoptic_ros.running.runs.in_process import run_in_process
 from panoptic_ros.running.solve import read_task
+from panoptic_ros.running.studies.body_poses import body_summary, both_at
 from panoptic_ros.stage import Progress, StageContext
 
 Array = np.ndarray
-TRUTH, DETECTIONS = "truth.json.gz", "detections.json.gz"
+TRUTH, DETECTIONS, BAG = "truth.json.gz", "detections.json.gz", "bag"
 FEW = 2  # views
 WITHOUT, WITH = "without bodies", "with bodies"
 CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
@@ -49,7 +54,7 @@ class _Capture:
     sets: Sequence[DetectionSet]
     subjects: tuple[Subject, ...]
     imus: Path | None
-    truth: SkeletonSequence
+    truth: SkeletonSequence | None
 
 
 class _Kept:
@@ -65,49 +70,68 @@ class _Kept:
 
 
 def study_fill(
-    folder: Path, cameras: Sequence[str], settings: Parameters, progress: Progress
-) -> dict[str, Any]:
-    """Errors of `/skeletons` with and without bodies, for JSON.
+    folder: Path, cameras: Sequence[str], settings: Parameters, progress: Progress,
+    truth: Path | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """How bodies fit images, and errors of `/skeletons` with and without bodies and of bodies, for JSON.
 
     Args:
-        folder: a capture with its truth: images, or 2D people in detections.json.gz; with imu.csv and
-            subject*.json, else everybody has a body. cameras: only these; empty = all.
+        folder: a capture: images, 2D people in detections.json.gz, or the results of a run, whose bag has
+            them; with imu.csv and subject*.json, else everybody has a body. cameras: only these; empty = all.
+        truth: in place of the folder's own, without which there are no errors.
 
     Raises:
-        UsageError: if there is no truth.
+        UsageError: if the truth that is named is not there.
     """
-    capture = _read(folder, cameras, settings)
+    capture = _read(folder, cameras, settings, truth)
     progress(0.4, "solving without bodies")
-    plain = _solved(capture, False)
+    plain, _ = _solved(capture, False)
     progress(0.6, "solving with bodies")
-    filled = _solved(capture, True)
-    rows = _scores(capture, plain, filled)
+    filled, bodies = _solved(capture, True)
+    both = both_at(plain, bodies)
+    tables = {} if capture.truth is None else {
+        "rows": _scores(capture, plain, filled), "bodies": _scores(capture, *both)
+    }  # fmt: skip
+    summary = body_summary(capture.context, capture.sets, bodies, both)
     progress(1.0, "scoring")
     return {
         "study": "fill", "capture": str(folder), "cameras": list(capture.context.rig.names),
-        "imus": sum(len(subject.devices) for subject in capture.subjects), "rows": rows,
+        "imus": sum(len(subject.devices) for subject in capture.subjects),
+        "summary": summary, **tables,
     }  # fmt: skip
 
 
 def fill_lines(result: Mapping[str, Any]) -> Iterator[str]:
     """The figures as a table."""
     yield f"{result['capture']}: {len(result['cameras'])} cameras, {result['imus']} IMUs"
+    found = result["summary"]
+    for key, text in (("px", "px, median"), ("px_90", "px, 90 %"), ("acceleration", "acceleration, m/s^2")):
+        yield f"{text:24}{found[key][0]:7.1f} of skeletons{found[key][1]:7.1f} of bodies"
+    yield f"{'beyond limits by 5 deg':24}{found['beyond']:7.2%}, most {found['most_deg']:.0f} deg"
+    for key, words in (("rows", ("without", "with")), ("bodies", ("skeletons", "bodies"))):
+        if key in result:
+            yield from _table(result[key], words)
+
+
+def _table(rows: Sequence[Mapping[str, Any]], words: tuple[str, str]) -> Iterator[str]:
     yield (
-        f"{'joints that':24}{'there':>8}{'only with':>11}{'mm without':>12}{'with':>7}{'less':>7}"
-        f"{'offset-free without':>21}{'with':>7}{'less':>7}"
+        f"{'joints that':24}{'there':>8}{'only ' + words[1]:>13}"
+        f"{'mm ' + words[0]:>14}{words[1]:>8}{'less':>7}"
+        f"{'offset-free ' + words[0]:>23}{words[1]:>8}{'less':>7}"
     )
-    for row in result["rows"]:
+    for row in rows:
         plain, free = row["mm"], row["offset_free_mm"]
         yield (
-            f"{row['joints']:24}{row['count']:8}{row['only_with']:11}{plain[0]:12.1f}{plain[1]:7.1f}"
-            f"{1.0 - plain[1] / plain[0]:7.0%}{free[0]:21.1f}{free[1]:7.1f}{1.0 - free[1] / free[0]:7.0%}"
+            f"{row['joints']:24}{row['count']:8}{row['only_with']:13}{plain[0]:14.1f}{plain[1]:8.1f}"
+            f"{1.0 - plain[1] / plain[0]:7.0%}{free[0]:23.1f}{free[1]:8.1f}{1.0 - free[1] / free[0]:7.0%}"
         )
 
 
-def _read(folder: Path, cameras: Sequence[str], settings: Parameters) -> _Capture:
-    truth = folder / TRUTH
-    if not truth.is_file():
-        raise UsageError(f"{folder} has no {TRUTH}: name a capture folder with its truth")
+def _read(folder: Path, cameras: Sequence[str], settings: Parameters, truth: Path | None) -> _Capture:
+    if truth is None and (folder / TRUTH).is_file():
+        truth = folder / TRUTH
+    if truth is not None and not truth.is_file():
+        raise UsageError(f"there is no truth at {truth}")
     chosen, paths = list(cameras) or None, subject_files(folder, ())
     extras = body_extras(paths)
     subjects: tuple[Subject, ...] = extras["subjects"]
@@ -121,7 +145,10 @@ def _read(folder: Path, cameras: Sequence[str], settings: Parameters) -> _Captur
         )  # fmt: skip
         context, configs, sets = task.context, task.configs, task.sets
     else:
-        plan = plan_capture(folder, RunOptions(settings), cameras=chosen, depth=False)
+        if (folder / BAG).is_dir():
+            plan = plan_bags([folder / BAG], RunOptions(settings), choice=BagChoice(cameras=chosen))
+        else:
+            plan = plan_capture(folder, RunOptions(settings), cameras=chosen, depth=False)
         kept = _Kept()
         run_in_process(plan, kept, lambda: False)
         context, sets = StageContext(plan.rig, plan.skeleton, plan.extras), kept.sets
@@ -130,7 +157,9 @@ def _read(folder: Path, cameras: Sequence[str], settings: Parameters) -> _Captur
             configs["kinematics"] = replace(config_of(configs, KinematicsConfig), everybody=True)
     context = replace(context, extras={**context.extras, **extras})
     names = context.skeleton.joint_names
-    joints = _truth_of(truth, subjects, names) if subjects else read_sequence(truth)
+    joints = None
+    if truth is not None:
+        joints = _truth_of(truth, subjects, names) if subjects else read_sequence(truth)
     return _Capture(context, configs, sets, subjects, imu_file(folder) if subjects else None, joints)
 
 
@@ -153,32 +182,34 @@ def _truth_of(path: Path, subjects: Sequence[Subject], names: Sequence[str]) -> 
     return SkeletonSequence(tuple(names), tuple(frames))
 
 
-def _solved(capture: _Capture, bodies: bool) -> list[RefinedPoseSet]:
-    """`/skeletons`, by the stages after sync."""
-    found: list[RefinedPoseSet] = []
+def _solved(capture: _Capture, bodies: bool) -> tuple[list[RefinedPoseSet], list[BodyStateSet]]:
+    """`/skeletons` and `/bodies`, by the stages after sync."""
+    found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     refinement = replace(config_of(capture.configs, RefinementConfig), bodies=bodies)
     pipeline = Pipeline(
         {**capture.configs, "refinement": refinement}, capture.context,
         (*FUSION, "kinematics") if bodies else FUSION,
-        on_record=lambda topic, record: found.append(record) if topic == "skeletons" else None,
+        on_record=lambda topic, record: found[topic].append(record) if topic in found else None,
     )  # fmt: skip
     devices = [device.name for subject in capture.subjects for device in subject.devices]
     samples = imu_samples(capture.imus, devices) if bodies and capture.imus is not None else ()
     for item in merge(samples, capture.sets, key=lambda item: item.stamp_ns):
         pipeline.push("detection_sets" if isinstance(item, DetectionSet) else "imu", item)
     pipeline.flush()
-    return found
+    return found["skeletons"], found["bodies"]
 
 
-def _pairs(capture: _Capture, items: Sequence[RefinedPoseSet]) -> list[FramePair]:
+def _pairs(capture: _Capture, items: Sequence[TrackedPoseSet]) -> list[FramePair]:
+    assert capture.truth is not None
     frames = tuple(SkeletonFrame(i.stamp_ns, i.ids, i.positions, views=i.views) for i in items)
     return pair_sequences(capture.truth, SkeletonSequence(capture.context.skeleton.joint_names, frames))
 
 
 def _scores(
-    capture: _Capture, plain: Sequence[RefinedPoseSet], filled: Sequence[RefinedPoseSet]
+    capture: _Capture, plain: Sequence[TrackedPoseSet], filled: Sequence[TrackedPoseSet]
 ) -> list[dict[str, Any]]:
     """Of joints by the views that measured them without bodies: errors without and with, mm."""
+    assert capture.truth is not None
     names = capture.truth.joint_names
     corners = [names.index(name) for name in CORNERS]
     errors: dict[int, list[tuple[Array, Array, Array]]] = {}  # views (J,), of both (J, 3) m, by person

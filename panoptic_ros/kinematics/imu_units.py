@@ -1,0 +1,49 @@
+"""The unit of a gyroscope's rates, told by how the orientation of the same device turns.
+
+Nothing is solved from rates, but who reads them besides should know, and a driver that errs there may err
+elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from panoptic_ros.geometry.rotations import from_quaternions, vectors_of
+
+Array = np.ndarray
+LEAST_RATE = 0.3  # rad/s, root mean square, of somebody who moves
+ALIKE = 0.5  # cosine between the same turns, told in two ways
+DEGREES = math.degrees(1.0)  # as rad/s, 57.3 times too much
+BETWEEN = math.sqrt(DEGREES)  # of being right and of being in degrees
+
+
+def turned_by(stamps: Array, quaternions: Array) -> Array:
+    """Angular velocities (N - 1, 3) rad/s in the device's frame, by orientations (N, 4) w x y z at stamps
+    (N,) ns."""
+    turns = from_quaternions(quaternions)
+    apart = vectors_of(np.ascontiguousarray(turns[:-1].swapaxes(1, 2) @ turns[1:]))
+    found: Array = apart / (1e-9 * np.diff(stamps))[:, None]
+    return found
+
+
+def rate_sums(own: Array, told: Array) -> Array:
+    """Number of samples, sum of squares of rates (N, 3) that orientations tell, of those that are told, and
+    of their products, (4,)."""
+    return np.array([len(own), (own**2).sum(), (told**2).sum(), (own * told).sum()])
+
+
+def unit_fault(sums: Array) -> str:
+    """What is odd about the unit of rates, of which these are the sums; "" if nothing is, or nobody moves."""
+    count, own, told, both = sums.tolist()
+    if not count or own < count * LEAST_RATE**2 or both < ALIKE * math.sqrt(own * told) or told <= 0.0:
+        return ""
+    ratio = math.sqrt(told / own)
+    if 1.0 / BETWEEN <= ratio <= BETWEEN:
+        return ""
+    guess = "deg/s" if ratio > 1.0 else "rad/s turned from deg once too often"
+    return (
+        f"sends angular velocities {ratio:.3g} times as large as its orientation turns, so perhaps {guess}; "
+        "rad/s is asked for; bodies do not rest on them"
+    )
