@@ -25,7 +25,7 @@ class MeasuredBody:
 
         A limb is a segment whose proximal joint and whose parent's are joints of the skeleton. The stature is
         that which explains the limbs, by the median; limbs then have their own lengths, left as right, and so
-        have the widths of shoulders and hips and the trunk between them.
+        have the widths of shoulders and hips, the trunk between them, and how far apart eyes and ears are.
         """
         limbs = limbs_of(model, joint_names)
         if not len(limbs):
@@ -50,7 +50,8 @@ class MeasuredBody:
             if own:
                 usual = body.offsets[s]
                 offsets[s] = usual * (np.mean(own) / np.linalg.norm(usual))
-        return body.with_offsets(dict(zip(model.names, offsets)))
+        body = body.with_offsets(dict(zip(model.names, offsets)))
+        return body.with_keypoints(_pairs_of(body, joint_names, seen))
 
 
 def limbs_of(model: SegmentModel, joint_names: Sequence[str]) -> list[tuple[int, int, int]]:
@@ -100,6 +101,25 @@ def _trunk(model: SegmentModel, joint_names: Sequence[str], usual: Array, seen: 
     if np.isfinite(length):
         offsets[parts, ALONG] *= length / expected
     return offsets
+
+
+def _pairs_of(body: Body, joint_names: Sequence[str], seen: Array) -> dict[str, tuple[str, Array]]:
+    """Joints of the detector that are in pairs on one segment, as far apart as in skeletons (N, J, 3) m."""
+    found, columns = {}, {name: k for k, name in enumerate(joint_names)}
+    for left, (segment, _) in body.keypoints.items():
+        right = f"r{left[1:]}"
+        if left[0] != "l" or right not in body.keypoints or body.keypoints[right][0] != segment:
+            continue
+        if left not in columns or right not in columns:
+            continue
+        apart = np.linalg.norm(seen[:, columns[left]] - seen[:, columns[right]], axis=-1)
+        width = _typical(apart[:, None])[0]
+        if np.isfinite(width):
+            for name, side in ((left, 1.0), (right, -1.0)):
+                place = np.array(body.keypoints[name][1])
+                place[ACROSS] = 0.5 * side * width
+                found[name] = (body.model.names[segment], place)
+    return found
 
 
 def _up(model: SegmentModel, segment: int) -> list[int]:
