@@ -80,6 +80,6 @@ class RefinementConfig(Config):
         "smoothing does not remove; negative = as its model card says (none without a card).",
     )
     bodies: bool = param(
-        False, doc="Joints that two views or fewer see are mended by the bodies that kinematics solves with "
-        "IMUs, joints of one view or none by those without; kinematics must run.",
+        False, doc="Joints that two views or fewer see are mended by the bodies that kinematics solves; "
+        "kinematics must run.",
     )
