@@ -18,6 +18,7 @@ from panoptic_ros.geometry.robust import relative_growth
 from panoptic_ros.geometry.rotations import rotation_of
 from panoptic_ros.kernels import njit
 from panoptic_ros.refinement.kalman import update_row
+from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX
 from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whitened_row
 
 Array = np.ndarray
@@ -176,4 +177,7 @@ def predict_linked(motion, transition, noise, links, cauchy, ahead, gains, innov
                 gains_here[i, k] = factor[i, k]
             for m in range(i % 3, size, 3):
                 grown[i, m] += q * shape[i // 3, m // 3]
-        solve(grown, gains_here, factor)
+        if size == MOVING:
+            solve(SIX, grown, gains_here, factor)
+        else:
+            solve(NINE, grown, gains_here, factor)

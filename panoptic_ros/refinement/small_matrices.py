@@ -49,9 +49,9 @@ def whitened_row(lower, k, row):
 
 
 @njit(cache=True, error_model="numpy")
-def solve(matrix, columns, lower):
-    """columns (S, S) become matrix^-1 columns; lower is scratch."""
-    size = len(matrix)
+def solve(sized, matrix, columns, lower):
+    """columns (S, S) become matrix^-1 columns; sized: of length S; lower is scratch."""
+    size = len(sized)
     cholesky(matrix, lower, True)
     for i in range(size):
         for m in range(i):

@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from panoptic_ros.refinement.motion_model import SIX
 from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whitened_row
 
 
@@ -40,5 +41,5 @@ def test_whitened_vectors_have_variance_one():
 def test_columns_are_solved_for():
     matrix, columns = positive(6), np.random.default_rng(1).standard_normal((6, 6))
     found = columns.copy()
-    solve(matrix, found, np.empty((6, 6)))
+    solve(SIX, matrix, found, np.empty((6, 6)))
     assert np.allclose(matrix @ found, columns)
