@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ from panoptic_ros.stage import Notice
 
 ALL = "*"
 LOSSY = 0.2  # of best-effort messages lost: more is told
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 FLOODED = 128  # messages that wait in the middleware while bad ones are sorted out from among them
 
 
@@ -204,7 +206,7 @@ def _subscribe(
         if arrivals.lost > lost:
             takers.lost(found, "lost", arrivals.lost - lost)
             if not subscription.is_reliable and arrivals.lost_share() > LOSSY:
-                takers.tell(found, _lossy(arrivals, len(data)))
+                takers.tell(found, lossy(arrivals, len(data)))
         if flood:
             leave_alone(flood, now_ns)
 
@@ -233,12 +235,15 @@ def _subscribe(
     return found
 
 
-def _lossy(arrivals: Arrivals, size: int) -> Notice:
-    """A driver that offers best effort loses much: its own middleware has room for little."""
+def lossy(arrivals: Arrivals, size: int) -> Notice:
+    """A driver that offers best effort loses much: its own middleware has room for little, or cuts images
+    into datagrams, as is needed between machines. On one machine it shall do as this graph does.
+    """
+    profile = os.environ.get(PROFILE) or share_folder() / "config" / "fastdds.xml"
     text = (
         f"{100 * arrivals.lost_share():.0f} % of {arrivals.name} ({size / 1e6:.2g} MB each) is lost on the "
-        "way, as its driver offers best effort: start the driver with FASTRTPS_DEFAULT_PROFILES_FILE="
-        f"{share_folder() / 'config' / 'fastdds.xml'}, or let it offer reliable, or smaller or fewer images"
+        f"way, as its driver offers best effort: start the driver with {PROFILE}={profile}, or let it offer "
+        "reliable, or smaller or fewer images"
     )
     return Notice("graph.lossy", "warning", text, {"camera": arrivals.owner})
 

@@ -12,9 +12,11 @@ from rclpy.serialization import deserialize_message  # noqa: E402
 
 from panoptic_ros.domain import ViewFrame  # noqa: E402
 from panoptic_ros.errors import EnvironmentProblem  # noqa: E402
+from panoptic_ros.graph.arrivals import Arrivals  # noqa: E402
 from panoptic_ros.io.messages import camera_info_message, image_message  # noqa: E402
 from panoptic_ros.nodes.drivers import CAMERA_INFO, find_drivers  # noqa: E402
 from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.inputs import lossy  # noqa: E402
 from panoptic_ros.nodes.negotiation import Negotiated  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -93,3 +95,14 @@ def test_types_and_camera_info_are_found(executor):
     assert found.types == {"/driver/image_raw": "sensor_msgs/msg/Image", "/driver/camera_info": CAMERA_INFO}
     assert found.infos["/driver/camera_info"].width == captures.RIG.cameras[0].image_size[0]
     assert images and timer
+
+
+def test_a_driver_that_loses_images_shall_have_the_profile_of_the_graph(monkeypatch):
+    arrivals = Arrivals("image", "left", "/driver/image", True, 0)
+    for k in range(10):
+        arrivals.came(k * 10**8, 1 + 4 * k)
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", "/tmp/ours.xml")
+    notice = lossy(arrivals, 6_300_000)
+    assert "73 % of /driver/image (6.3 MB each)" in notice.text and "FILE=/tmp/ours.xml," in notice.text
+    monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")
+    assert "config/fastdds.xml," in lossy(arrivals, 6_300_000).text
