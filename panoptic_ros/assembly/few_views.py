@@ -84,7 +84,7 @@ def place_shown(scene: Scene, found: Candidates, joints: Joints, body: Body) -> 
     Args:
         joints: of all candidates.
     """
-    rows = lacking_people(found.grouping.member, joints.positions)
+    rows = people_of_few_views(found.grouping.member)
     if len(rows):
         place_joints(rows, Shown.of(scene, found), joints, body, scene.sight)
 
@@ -102,11 +102,11 @@ def hold_people(
     Returns:
         rows of the candidates, joints, and which joints (P, J) were placed.
     """
-    member, count = found.grouping.member, joints.views.shape[1]
-    held = others_of_few_views(member, found.who, kept)
-    lengths_known = prediction.lengths.shape[1] == len(body.bones)
-    if not lengths_known or not (len(held) or len(lacking_people(member[kept], joints.positions))):
+    count, few = joints.views.shape[1], people_of_few_views(found.grouping.member)
+    few = few[found.who[few] >= 0]
+    if not len(few) or prediction.lengths.shape[1] != len(body.bones):
         return kept, joints, np.zeros((len(kept), count), bool)
+    held = np.setdiff1d(few, kept)
     p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others look anywhere
     followed = Followed(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
     rows, all_joints = np.concatenate([kept, held]), joints.joined(Joints.nothing(len(held), count))
@@ -115,22 +115,11 @@ def hold_people(
 
 
 @njit(cache=True, error_model="numpy")
-def lacking_people(member, positions):
-    """Rows of the people (P, J, 3) m of few views who lack joints; member: (P, V) 2D people, -1 = none."""
+def people_of_few_views(member):
+    """Rows of the people whom one or two views show; member: (P, V) 2D people, -1 = none."""
     rows, count = np.empty(len(member), np.int64), 0
     for p in range(len(member)):
-        if 1 <= np.sum(member[p] >= 0) <= FEW_VIEWS and np.isnan(positions[p, :, 0]).any():
-            rows[count] = p
-            count += 1
-    return rows[:count]
-
-
-@njit(cache=True, error_model="numpy")
-def others_of_few_views(member, who, kept):
-    """Rows of the people of few views who are followed, see `Shown`, and are not among those kept (P,)."""
-    rows, count = np.empty(len(member), np.int64), 0
-    for p in range(len(member)):
-        if who[p] >= 0 and 1 <= np.sum(member[p] >= 0) <= FEW_VIEWS and not (kept == p).any():
+        if 1 <= np.sum(member[p] >= 0) <= FEW_VIEWS:
             rows[count] = p
             count += 1
     return rows[:count]
@@ -142,7 +131,7 @@ def place_joints(rows, shown, joints, body, sight):
     cams = shown.seen.cams
     for k in rows:
         found = look_at(joints.positions[k], cams.rotations, cams.translations, sight)
-        if np.sum(found == SEEN) > FEW_SEEING:
+        if np.sum(found == SEEN) > FEW_SEEING or not np.isnan(joints.positions[k, :, 0]).any():
             continue
         rays, scores, number = _rays_of(shown, k)
         known = _of_solved(joints, k, body)

@@ -53,13 +53,6 @@ class Evidence:
         """Number of views."""
         return len(self.cameras)
 
-    @property
-    def person_magnification(self) -> Array:
-        """Mean magnification (D,) of the joints that each 2D person has."""
-        there = self.scores > 0.0
-        total = np.where(there, self.magnification, 0.0).sum(axis=1)
-        return np.where(there.any(axis=1), total / np.maximum(there.sum(axis=1), 1), 1.0)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:

@@ -274,19 +274,3 @@ def _undistort(lens, goal_x, goal_y):
             x *= limit / radius
             y *= limit / radius
     return x, y, miss < 1e-8
-
-
-@_jit
-def box_diagonals(plane, scores):
-    """Diagonals (D,) of the boxes of the joints plane (D, J, 2) that have a score (D, J)."""
-    result = np.zeros(len(plane))
-    for d in range(len(plane)):
-        left = top = np.inf
-        right = bottom = -np.inf
-        for j in range(plane.shape[1]):
-            if scores[d, j] > 0.0:
-                left, right = min(left, plane[d, j, 0]), max(right, plane[d, j, 0])
-                top, bottom = min(top, plane[d, j, 1]), max(bottom, plane[d, j, 1])
-        if right >= left:
-            result[d] = np.sqrt((right - left) ** 2 + (bottom - top) ** 2)
-    return result

@@ -3,7 +3,7 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.solving.evidence import box_diagonals, camera_records, undistort_points
+from panoptic_ros.solving.evidence import camera_records, undistort_points
 
 
 def test_undistortion_equals_the_camera_model(scenes):
@@ -31,10 +31,3 @@ def test_undistortion_of_a_fisheye_equals_the_camera_model():
     assert (np.abs(plane - expected) / np.hypot(*plane.T).T[..., None].clip(1.0))[good].max() < 1e-9
     growth = np.sqrt(np.linalg.det(lens.distort_jacobian(plane[good])))
     assert np.allclose(magnification[good], growth, rtol=1e-6)
-
-
-def test_box_diagonals_take_the_joints_that_are_there():
-    plane = np.array([[[0.0, 0.0], [3.0, 4.0], [9.0, 9.0]], [[1.0, 1.0], [5.0, 5.0], [7.0, 7.0]]])
-    scores = np.array([[0.5, 0.5, 0.0], [0.0, 0.9, 0.0]])
-    assert box_diagonals(plane, scores).tolist() == [5.0, 0.0]
-    assert box_diagonals(plane, np.zeros((2, 3))).tolist() == [0.0, 0.0]
