@@ -108,14 +108,6 @@ def even_precision(evidence: Evidence, arrays: RigArrays, noise: float) -> Array
     return precision
 
 
-def seeing_views(scene: Scene, positions: Array) -> Array:
-    """Which views (P, V) have at least half of the joints (P, J, 3) of a person in sight."""
-    seeing: Array = views_of_people(
-        positions, scene.cams.rotations, scene.cams.translations, scene.sight
-    )  # fmt: skip
-    return seeing
-
-
 def sight_of(boxes: Array, cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Sight:
     """The sight of V views with their cameras and boxes (V, 4)."""
     def on_plane(v: int, limit: VisibilityLimit) -> Array:
@@ -180,17 +172,6 @@ def look(sight, v, x, y, depth):
     i = min(int((x - left) / (right - left) * columns), columns - 1)
     k = min(int((y - top) / (bottom - top) * rows), rows - 1)
     return SEEN if depth <= sight.limits[start + k * columns + i] else HIDDEN
-
-
-@njit(cache=True, error_model="numpy")
-def views_of_people(positions, rotations, translations, sight):
-    """The loops of `seeing_views`."""
-    seeing = np.zeros((len(positions), len(rotations)), np.bool_)
-    for p in range(len(positions)):
-        found = look_at(positions[p], rotations, translations, sight)
-        for v in range(len(found)):
-            seeing[p, v] = found[v] == SEEN
-    return seeing
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,7 +11,8 @@ TOLD = {
     "clock forward 0.1 s": {"clocks.jump": 1},
     "clock forward 0.41 s": {"clocks.jump": 1}, "clock back 0.41 s": {"clocks.jump": 1},
     "clock forward 1 h": {"clocks.jump": 1}, "clock back 1 day": {"clocks.jump": 1},
-    "device stops and resumes": {"clocks.silent": 1, "sync.camera_silent": 1},
+    # after seconds of silence stamps are believed from the third on: sets do not wait for the two before
+    "device stops and resumes": {"clocks.silent": 1, "sync.camera_silent": 1, "sync.late_frame": 2},
     "timecode jumps by 10 s": {"clocks.timecode_jump": 3},
     "timecode jumps by -2 s": {"clocks.timecode_jump": 3},
     "re-jam by 3 frames at midnight": {"clocks.timecode_jump": 3},
