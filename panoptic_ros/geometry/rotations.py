@@ -111,12 +111,23 @@ def from_quaternions(quaternions: Array) -> Array:
 
 
 def to_quaternions(rotations: Array) -> Array:
-    """Quaternions (..., 4) w x y z with w from 0 of rotations (..., 3, 3)."""
-    flat = np.ascontiguousarray(rotations.reshape(-1, 3, 3), np.float64)
-    vectors = vectors_of(flat)
-    half = 0.5 * np.linalg.norm(vectors, axis=-1, keepdims=True)
-    found = np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vectors], axis=-1)
-    return found.reshape(*rotations.shape[:-2], 4)
+    """Quaternions (..., 4) w x y z with w from 0 of rotations (..., 3, 3).
+
+    Of the four ways to get one, that with the largest divisor (Shepperd 1978): exact near half turns too.
+    """
+    r = np.moveaxis(np.asarray(rotations, np.float64), (-2, -1), (0, 1))
+    w2, x2, y2, z2 = (  # four times the squares
+        1.0 + a * r[0, 0] + b * r[1, 1] + c * r[2, 2]
+        for a, b, c in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+    )
+    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    xy, xz, yz = r[1, 0] + r[0, 1], r[2, 0] + r[0, 2], r[2, 1] + r[1, 2]
+    rows = ((w2, wx, wy, wz), (wx, x2, xy, xz), (wy, xy, y2, yz), (wz, xz, yz, z2))
+    table = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)  # (..., 4, 4)
+    largest = np.stack((w2, x2, y2, z2), axis=-1).argmax(-1)
+    found = np.take_along_axis(table, largest[..., None, None], axis=-2)[..., 0, :]
+    found = np.where(found[..., :1] < 0.0, -found, found)
+    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
 
 def turn_about_z(angle: float) -> Array:
@@ -130,15 +141,3 @@ def mean_rotation(rotations: Array) -> Array:
     u, _, v = np.linalg.svd(rotations.mean(0))
     mean: Array = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
     return mean
-
-
-def quaternion_of(rotation: Array) -> Array:
-    """Quaternion (4,) w x y z of a rotation (3, 3), from its largest entry (Shepperd 1978)."""
-    r, trace = rotation, np.trace(rotation)
-    squares = np.array([trace, *(2.0 * np.diag(r) - trace)])  # 4 w^2 - 1, 4 x^2 - 1, ...
-    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    xy, xz, yz = r[1, 0] + r[0, 1], r[2, 0] + r[0, 2], r[2, 1] + r[1, 2]
-    w2, x2, y2, z2 = 1.0 + squares
-    rows = np.array([[w2, wx, wy, wz], [wx, x2, xy, xz], [wy, xy, y2, yz], [wz, xz, yz, z2]])
-    row = rows[squares.argmax()]
-    return np.asarray(row / np.linalg.norm(row))

@@ -7,7 +7,7 @@ import numpy as np
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Rigid
-from panoptic_ros.geometry.rotations import from_quaternions, quaternion_of
+from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
 from panoptic_ros.io.messages.family import Messages
 
 
@@ -15,7 +15,7 @@ def transform_message(
     family: Messages, stamp_ns: int, parent: str, child: str, parent_from_child: Rigid
 ) -> Any:
     """A TransformStamped."""
-    w, x, y, z = quaternion_of(parent_from_child.rotation).tolist()
+    w, x, y, z = to_quaternions(parent_from_child.rotation).tolist()
     position = dict(zip("xyz", map(float, parent_from_child.translation)))
     return family.make(
         "geometry_msgs/msg/TransformStamped",
