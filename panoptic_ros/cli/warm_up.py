@@ -14,6 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compile what is missing."""
     from panoptic_ros.errors import UsageError
+    from panoptic_ros.running.compiling.modules import compile_modules
     from panoptic_ros.running.compiling.warm_up import is_warm, warm_up  # numba is slow to load
 
     if args.processes is not None and args.processes < 1:
@@ -22,6 +23,7 @@ def run(args: argparse.Namespace) -> int:
         print("all kernels are compiled")
         return 0
     began = time.monotonic()
+    compile_modules()
     done = warm_up(_Progress().show, args.processes)
     seconds = time.monotonic() - began
     print(f"{done.kernels} kernels compiled in {seconds:.0f} s ({done.cpu_s:.0f} s of processor time)")
