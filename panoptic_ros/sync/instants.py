@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -16,6 +16,7 @@ LEAST_STEPS = 3
 PULL = 0.3  # gain of the update of instants by a frame of the master camera
 FARTHEST = 0.25  # of a period: an innovation counts no more than that
 PHASE_GAIN = 0.05  # of the update of a camera's phase against the master camera
+ALIKE = 0.05  # of the period: stamps that differ by less are those of one trigger
 
 
 class Pace:
@@ -70,6 +71,10 @@ class Grid:
         """The instant itself, whatever frames there are."""
         return instant
 
+    def stamp_of(self, instant: int, stamps: Sequence[int]) -> int:
+        """The stamp of the instant's set: the instant, whatever the stamps of its frames."""
+        return instant
+
     def _at(self, count: int) -> int:
         return self._phase + round(count * SECOND / self._rate)
 
@@ -114,6 +119,14 @@ class CameraInstants:
                 self._phases[camera] = known + PHASE_GAIN * (phase - known)
         self._last = settled
         return settled
+
+    def stamp_of(self, instant: int, stamps: Sequence[int]) -> int:
+        """The stamp of the instant's set: the instant; for cameras with one trigger, the median of theirs."""
+        if not stamps:
+            return instant
+        middle = sorted(stamps)[(len(stamps) - 1) // 2]
+        farthest = max(abs(other - instant) for other in (min(stamps), middle, max(stamps)))
+        return middle if farthest <= ALIKE * self.period else instant
 
 
 Instants = Grid | CameraInstants

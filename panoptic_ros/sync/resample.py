@@ -7,7 +7,7 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, ViewDetections
 from panoptic_ros.sync.links import link_people, person_sizes
-from panoptic_ros.sync.queue import Waiting
+from panoptic_ros.sync.queue import CameraQueue, Choice, Waiting
 
 Array = np.ndarray
 FARTHEST = 0.25  # of a person's size, that a joint may move between two frames
@@ -18,7 +18,7 @@ NOISE_PX = 2.0  # of a joint of score 1
 
 
 @dataclass(frozen=True)
-class View:
+class Neighbours:
     """A chosen frame of a camera with its neighbours."""
 
     before: Waiting | None
@@ -26,8 +26,17 @@ class View:
     after: Waiting | None
     camera: Camera
 
+    @classmethod
+    def of(cls, queue: CameraQueue, choice: Choice, camera: Camera) -> Neighbours:
+        """Those of the frame that was chosen of a queue, before it is taken out."""
+        assert choice.frame is not None
+        surplus = len(choice.surplus)
+        before = queue.frames[surplus - 1] if surplus else queue.last_given
+        after = next((frame for frame in queue.frames if frame.stamp > choice.frame.stamp), None)
+        return cls(before, choice.frame, after, camera)
 
-def interpolate(view: View, instant: int) -> ViewDetections:
+
+def interpolate(view: Neighbours, instant: int) -> ViewDetections:
     """The chosen frame's people at the instant, with its stamp; score maps are left out.
 
     If both frames around the instant have a joint of a linked person, the joint is interpolated linearly.
@@ -57,7 +66,7 @@ def interpolate(view: View, instant: int) -> ViewDetections:
     return replace(chosen, stamp_ns=instant, points=points, scores=np.clip(scores, 0.0, 1.0), maps=None)
 
 
-def _around(view: View, instant: int) -> tuple[ViewDetections, ViewDetections] | None:
+def _around(view: Neighbours, instant: int) -> tuple[ViewDetections, ViewDetections] | None:
     """The frames before and after the instant, if they are consecutive."""
     chosen = view.chosen
     pair = (chosen, view.after) if chosen.stamp < instant else (view.before, chosen)

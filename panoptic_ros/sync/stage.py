@@ -14,14 +14,13 @@ from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_ma
 from panoptic_ros.sync.jumps import JumpGuard
 from panoptic_ros.sync.liveness import Liveness
 from panoptic_ros.sync.outliers import StampOutliers
-from panoptic_ros.sync.queue import CameraQueue, Choice
+from panoptic_ros.sync.queue import CameraQueue
 from panoptic_ros.sync.remembered import LAYOUT
-from panoptic_ros.sync.resample import View, interpolate
+from panoptic_ros.sync.resample import Neighbours, interpolate
 
 SECOND = 1_000_000_000
 FIRST_FRAMES = 4  # of every camera, from which their rates are found
 REACH = 0.6  # of the time between sets
-ALIKE = 0.05  # of the time between sets: stamps that differ by less are those of one trigger
 USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
 
 
@@ -268,7 +267,7 @@ class SyncStage(Stateful):
         }
         chosen = {name: choice.frame for name, choice in choices.items() if choice.frame is not None}
         settled = instants.settle(instant, {name: frame.stamp for name, frame in chosen.items()})
-        stamp = self._stamp_of(instants, settled, [frame.stamp for frame in chosen.values()])
+        stamp = instants.stamp_of(settled, [frame.stamp for frame in chosen.values()])
         stamp = max(stamp, self._stamp + 1)
         views: list[ViewDetections] = []
         for name, choice in choices.items():
@@ -276,8 +275,10 @@ class SyncStage(Stateful):
             for view in choice.surplus:
                 why = "another frame of its camera is nearer to the set"
                 notices.append(_dropped("sync.surplus_frame", view, why, "info"))
-            if choice.frame is not None:
-                views.append(self._view_of(queue, choice, stamp))
+            if choice.frame is not None and self._interpolates:
+                views.append(interpolate(Neighbours.of(queue, choice, self._rig.camera(name)), stamp))
+            elif choice.frame is not None:
+                views.append(choice.frame.view)
             queue.take(choice)
         if isinstance(instants, CameraInstants) and instants.master in chosen:
             instants.period = chosen[instants.master].period or instants.period
@@ -290,26 +291,6 @@ class SyncStage(Stateful):
         self._stamp = stamp
         sets.append(DetectionSet(self._index, self._stamp, self._skeleton_hash, tuple(views)))
         self._index += 1
-
-    def _view_of(self, queue: CameraQueue, choice: Choice, stamp: int) -> ViewDetections:
-        """The chosen frame as it is, or moved to the set's stamp."""
-        assert choice.frame is not None
-        chosen = choice.frame
-        if not self._interpolates:
-            return chosen.view
-        rest = [frame for frame in queue.frames if frame.stamp > chosen.stamp]
-        surplus = len(choice.surplus)
-        before = queue.frames[surplus - 1] if surplus else queue.last_given
-        camera = self._rig.camera(chosen.view.camera)
-        return interpolate(View(before, chosen, rest[0] if rest else None, camera), stamp)
-
-    def _stamp_of(self, instants: Instants, instant: int, stamps: list[int]) -> int:
-        """The instant; for cameras with one trigger, the median of their stamps."""
-        if not stamps or isinstance(instants, Grid):
-            return instant
-        middle = sorted(stamps)[(len(stamps) - 1) // 2]
-        farthest = max(abs(other - instant) for other in (min(stamps), middle, max(stamps)))
-        return middle if farthest <= ALIKE * instants.period else instant
 
 
 def _dropped(code: str, view: ViewDetections, why: str, severity: Severity = "warning") -> Notice:
