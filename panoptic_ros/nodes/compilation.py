@@ -21,10 +21,13 @@ class Compilation:
 
     Args:
         tell: called when something begins to be compiled, at most once a second, in the thread that does it.
+        clock: s.
     """
 
-    def __init__(self, logger: Any, tell: Callable[[], None]):
-        self._logger, self._tell = logger, tell
+    def __init__(
+        self, logger: Any, tell: Callable[[], None], clock: Callable[[], float] = time.monotonic
+    ):  # fmt: skip
+        self._logger, self._tell, self._clock = logger, tell, clock
         self._under_way: list[str] = []  # a kernel, then what it needs
         self._logged = False
         self._told_s = -TELL_S
@@ -48,8 +51,9 @@ class Compilation:
         if not self._logged:
             self._logged = True
             self._logger.warning(TEXT)
-        if time.monotonic() - self._told_s >= TELL_S:
-            self._told_s = time.monotonic()
+        now_s = self._clock()
+        if now_s - self._told_s >= TELL_S:
+            self._told_s = now_s
             self._tell()
 
     def _ends(self) -> None:

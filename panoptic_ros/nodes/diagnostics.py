@@ -109,6 +109,7 @@ class Diagnostics(StatusPublisher):
         return self.health.finished
 
     def finish(self) -> None:
-        """The node is through: tell at once."""
-        self.health.finished = True
-        self.publish()
+        """The node is through: tell at once, and once."""
+        if not self.finished:
+            self.health.finished = True
+            self.publish()

@@ -11,6 +11,7 @@ from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.nodes.facts import Facts
 from panoptic_ros.nodes.inputs import Input, Takers
+from panoptic_ros.nodes.reports import Report
 from panoptic_ros.nodes.tally import Tally
 from panoptic_ros.stage import Notice
 
@@ -22,12 +23,10 @@ class Entrance:
     Args:
         facts: rig and skeleton model, which records must fit.
         reports: what is told of records on /diagnostics, by the name of their class.
-        wiring: gives that of the node's stages, once they are there.
+        wiring: of the node's stages.
     """
 
-    def __init__(
-        self, facts: Facts, tally: Tally, reports: Mapping[str, Any], wiring: Callable[[], Wiring]
-    ):  # fmt: skip
+    def __init__(self, facts: Facts, tally: Tally, reports: Mapping[str, Report], wiring: Wiring):
         self._facts, self._tally, self._reports, self._wiring = facts, tally, reports, wiring
 
     def takers(
@@ -54,8 +53,7 @@ class Entrance:
 
     def taker(self, topic: str) -> str:
         """The first stage that takes a topic."""
-        wiring = self._wiring()
-        return wiring.specs[wiring.readers[topic][0].stage].name
+        return self._wiring.specs[self._wiring.readers[topic][0].stage].name
 
     def refuse(self, entry: Input, error: PanopticError) -> None:
         """A message of an input cannot be used."""

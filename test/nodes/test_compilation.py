@@ -25,12 +25,15 @@ def fresh_kernel(name):
 
 def test_compilation_is_told_once_in_the_log_and_while_it_goes_on():
     log, kernels, seen = Log(), [fresh_kernel("one"), fresh_kernel("two")], []
-    compilation = Compilation(log, lambda: seen.append(compilation.kernel))
+    times = iter([10.0, 10.5, 11.5])  # s, when kernels begin
+    compilation = Compilation(log, lambda: seen.append(compilation.kernel), clock=lambda: next(times))
     assert [kernel(np.float64(1.0)) for kernel in kernels] == [2.0, 2.0]
     assert log.texts == [TEXT] and seen == ["nodes.compilation.one"]
     assert kernels[0](np.float64(1.0)) == 2.0
     assert compilation.kernel == "" and log.texts == [TEXT]
+    fresh_kernel("four")(np.float64(1.0))
+    assert seen == ["nodes.compilation.one", "nodes.compilation.four"] and log.texts == [TEXT]
     compilation.close()
     other = Log()
     fresh_kernel("three")(np.float64(1.0))
-    assert log.texts == [TEXT] and len(seen) == 1 and not other.texts
+    assert log.texts == [TEXT] and len(seen) == 2 and not other.texts

@@ -164,7 +164,7 @@ def test_parameters_are_declared_with_range_and_description(ros):
 )
 def test_live_a_camera_that_fails_is_not_waited_for(ros, parameters, deadline):
     node = StageNode("sync", parameters)
-    assert node._configs["sync"].deadline_s == deadline
+    assert node.configs["sync"].deadline_s == deadline
     node.close()
     node.destroy_node()
 
@@ -176,7 +176,7 @@ def test_parameter_out_of_range_names_itself(ros):
 
 def test_list_that_is_empty_by_default_can_be_set(ros):
     node = StageNode("detection", {"providers": ["CPUExecutionProvider"]})
-    assert node._configs["detection"].providers == ("CPUExecutionProvider",)
+    assert node.configs["detection"].providers == ("CPUExecutionProvider",)
     node.close()
     node.destroy_node()
 
