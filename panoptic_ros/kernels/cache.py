@@ -17,9 +17,12 @@ import numba
 import numpy as np
 from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.runtime.nrt import rtsys
 
 from panoptic_ros.kernels.sources import closure_hash, edited_meanwhile
 
+KNOWN = ("0.68",)  # versions of numba whose own parts are known to be as expected here and in `parts`
+IS_KNOWN = numba.__version__.rpartition(".")[0] in KNOWN
 KEPT = 4  # folders of every module, of the last used: other checkouts, and the way back
 DAY_S = 86_400.0  # for which a folder is kept in any case, as somebody may be at work with it
 SETTINGS: Any = numba.config
@@ -140,9 +143,17 @@ class KernelCache(FunctionCache):
             self.disable()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """numba's, or None where the cache knows a record of arguments that has moved since: compile anew."""
+        """numba's, or None where the cache knows a record of arguments that has moved since: compile anew.
+
+        numba loads all that it compiles with first, a quarter of a second, and again where it does compile.
+        What is compiled already needs the counts of references alone.
+        """
         try:
-            return super().load_overload(sig, target_context)
+            if not IS_KNOWN:
+                return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except (ImportError, AttributeError):
             self._cache_file.flush()
             return None

@@ -6,8 +6,8 @@ from typing import Any, TypeVar
 
 import numba
 
-from panoptic_ros.kernels.cache import SETTINGS, KernelCache
-from panoptic_ros.kernels.parts import IS_KNOWN, Kernel
+from panoptic_ros.kernels.cache import IS_KNOWN, SETTINGS, KernelCache
+from panoptic_ros.kernels.parts import Kernel
 
 NO_WRAPPER: dict[str, Any] = {"no_cfunc_wrapper": True}  # nothing in C calls kernels
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -5,8 +5,8 @@ a kernel uses (`np.empty` and the like), though it compiles them again inside of
 handed to their callers as LLVM's code, and each is optimised in one go: a third less processor time, for
 kernels that run as fast and give the same bytes.
 
-This stands on parts of numba that are its own. They are known to be as expected in the versions of `KNOWN`;
-with others, kernels compile as numba does it, and `slow_compilation` says so.
+This stands on parts of numba that are its own. They are known to be as expected in the versions of
+`cache.KNOWN`; with others, kernels compile as numba does it, and `slow_compilation` says so.
 """
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ from numba.core.compiler import Compiler, Flags
 from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
 
+from panoptic_ros.kernels.cache import IS_KNOWN, KNOWN
 from panoptic_ros.kernels.quicker import quicker
 
-KNOWN = ("0.68",)
-IS_KNOWN = numba.__version__.rpartition(".")[0] in KNOWN
 OWN_FLAGS = ("release_gil", "no_cpython_wrapper", "no_cfunc_wrapper")  # not handed down to what it calls
 ENVIRONMENT = "_ZN08NumbaEnv"  # how the names of numba's environments begin
 

@@ -187,3 +187,14 @@ def test_kernels_whose_records_of_arguments_have_moved_are_compiled_anew(copy):
     (package / "sample" / "pair.py").rename(package / "sample" / "couple.py")
     assert run(package, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "height")
     assert run(package, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "")
+
+
+def test_what_is_compiled_already_is_used_without_the_compiler(copy):
+    """Nothing of numba's that only compiling needs is loaded for it; what is new is compiled all the same."""
+    package = copy("a")
+    loaded = PROGRAM.replace("from panoptic_ros.kernels", "import sys\nfrom panoptic_ros.kernels", 1)
+    loaded = loaded.replace("print(*[", "print('numba.np.arraymath' in sys.modules, *[")
+    assert run(package, loaded) == ("7.0 1.0", "True shifted scaled height")
+    assert run(package, loaded) == ("7.0 1.0", "False")
+    new = loaded.replace("shifted(3.0)", "shifted(3.0), shifted(3)")
+    assert run(package, new) == ("7.0 7.0 1.0", "True shifted scaled")

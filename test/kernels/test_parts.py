@@ -11,9 +11,9 @@ import pytest
 from numba.core import ir
 from numba.core.types.functions import BaseFunction
 
-from panoptic_ros.kernels import on_compilation, parts, quicker
+from panoptic_ros.kernels import cache, on_compilation, parts, quicker
 
-pytestmark = pytest.mark.skipif(not parts.IS_KNOWN, reason=parts.slow_compilation())
+pytestmark = pytest.mark.skipif(not cache.IS_KNOWN, reason=parts.slow_compilation())
 
 
 def plain(function):
@@ -40,7 +40,7 @@ def test_versions_of_numba_that_nobody_has_read_are_not_installed():
     declared = configparser.ConfigParser()
     declared.read(Path(__file__).parents[2] / "setup.cfg")
     (numba_line,) = re.findall(r"^numba.*", declared["options"]["install_requires"], re.M)
-    newest = max(tuple(map(int, version.split("."))) for version in parts.KNOWN)
+    newest = max(tuple(map(int, version.split("."))) for version in cache.KNOWN)
     assert numba_line.endswith(f"<{newest[0]}.{newest[1] + 1}")
 
 
