@@ -84,13 +84,8 @@ class Candidates:
         Args:
             mirror: (J,) the joint on the other side.
         """
-        known = item.who >= 0
-        guide = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
-        rows, prediction = item.who[known], item.prediction
-        guide.positions[known], guide.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
-        guide.spreads[known] += CHOICE_SPEED * prediction.ages[rows]
-        guide.firm[known] = prediction.firm[rows]
-        return cls(item.groups, sources(item.groups.mirrored, mirror), guide, item.who, item.places)
+        groups = item.groups
+        return cls(groups, sources(groups.mirrored, mirror), guides_of(item), item.who, item.places)
 
 
 class SolvedJoints(NamedTuple):
@@ -120,6 +115,17 @@ class SolvedJoints(NamedTuple):
         """Number of views (P, J) behind each joint."""
         counts: Array = (self.residuals >= 0.0).sum(axis=-1)
         return counts
+
+
+def guides_of(item: AssociationSet) -> Guides:
+    """The predictions of the people of an association; new ones have none."""
+    known = item.who >= 0
+    guide = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
+    rows, prediction = item.who[known], item.prediction
+    guide.positions[known], guide.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
+    guide.spreads[known] += CHOICE_SPEED * prediction.ages[rows]
+    guide.firm[known] = prediction.firm[rows]
+    return guide
 
 
 def sources(mirrored: Array, mirror: Array) -> Array:

@@ -13,10 +13,10 @@ without maps then has a Gaussian round its place in 2D.
 in all others every voxel is voted on. `seeds` (the default) begins where viewing rays of 2D peaks meet, and
 moves below the voxel to the centre of the votes there, by a soft vote. `off` votes for none.
 
-With `explain_away` (the default) `seeds` starts from people: the 2D people of all views, guided by the
-instant before, are solved roughly; each joint moves to the centre of the votes about it and is a node. 2D
-peaks that such a node explains, in views that agree with it, give no seeds; what is left finds people whom
-the lists of 2D people lack, and joints on which the views disagree. So voting costs little where
+With `explain_away` (the default) `seeds` starts from people, where association believes their joints to be:
+as they are predicted, or as newcomers were found. Each joint moves to the centre of the votes about it and is
+a node. 2D peaks that such a node explains, in views that agree with it, give no seeds; what is left finds
+people whom the lists of 2D people lack, and joints on which the views disagree. So voting costs little where
 all is known. `exact` never explains anything away. Stages of one method:
 
     VotingStage(VotingConfig(), context)                                        # explaining away

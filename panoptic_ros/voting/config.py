@@ -23,8 +23,8 @@ class VotingConfig(Config):
     )
     explain_away: bool = param(
         True,
-        doc="With seeds: first solve people roughly from the 2D people, give each of their joints a node, "
-        "and look for further nodes only in what these joints leave unexplained. Exact searches all.",
+        doc="With seeds: give each joint of associated people a node where the votes about it are, and look "
+        "for further nodes only in what these joints leave unexplained. Exact searches all.",
     )
     voxel: float = param(0.04, unit="m", ge=0.005, le=0.5, doc="Side of a voxel.")
     threshold: float = param(

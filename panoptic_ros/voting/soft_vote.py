@@ -61,7 +61,8 @@ def moved(
     """Nodes of joints (N,) at the centres of the votes about points (N, 3) m, at the points' instant.
 
     Steps go to the mean of the votes S of the points of a ball, weighted by exp((S - S_max) / SOFTNESS), one
-    for each of `RADII`; the first is for points that few views see. Points without any vote near them stay.
+    for the reach of the points, where it is larger, and for each of `RADII`, of which the first is for points
+    that few views see. Points without any vote near them stay.
 
     Args:
         moving: how the points move from stamp to stamp of the views; None: they rest.
@@ -101,6 +102,8 @@ def move_to_votes(scene, joints, starts, moving, radii, ball):
             scratch.rows[axis * POINTS + g] = ball[axis, g]
     for n in range(len(starts)):
         nearest, seeing = _nearest_view(scene, places, n, scratch.lanes)
+        if seeing > 0 and moving.reach[n] > radii[0]:
+            _step(scene, joints[n], (places, n, moving), nearest, moving.reach[n], ball.shape[1], scratch)
         for m in range(1 if seeing >= MANY_VIEWS else 0, len(radii) if seeing > 0 else 0):
             _step(scene, joints[n], (places, n, moving), nearest, radii[m], ball.shape[1], scratch)
     return places

@@ -6,11 +6,12 @@ import numpy as np
 from panoptic_ros.domain import AssociationSet, ProposalSet, ViewDetections
 from panoptic_ros.solving.evidence import RigArrays, check_association
 from panoptic_ros.solving.example import easy_associations
+from panoptic_ros.solving.joint_records import guides_of
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.exact import maxima
-from panoptic_ros.voting.explaining import Explainer, rough_people
+from panoptic_ros.voting.explaining import Explainer
 from panoptic_ros.voting.parts import NO_PARTS, score_parts
 from panoptic_ros.voting.proposals import Demands, Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
@@ -21,6 +22,7 @@ from panoptic_ros.voting.votes import Moving
 
 Array = np.ndarray
 SURE_VIEWS = 3  # that support a node which explains away
+REACH = 2.0  # standard deviations of a prediction, within which the votes of its joint are looked for
 ONE_PLACE = 0.03  # m; nodes of one joint that are closer become one, as of people who are shown twice
 
 
@@ -116,12 +118,12 @@ class VotingStage(Stateful):
         self, scene: VoteScene, wanted: Demands, association: AssociationSet, delays: Array
     ) -> Explainer:
         """Nodes at the joints of people, each moved to the centre of the votes about it."""
-        positions, velocities = rough_people(association, self._arrays, self.skeleton)
-        there = np.isfinite(positions[..., 0])
+        guide, places = guides_of(association), association.places
+        there = np.isfinite(places[..., 0])
         joints = np.ascontiguousarray(np.nonzero(there)[1])  # kernels are compiled for one layout
-        velocities = velocities[there]
-        moving = Moving(velocities, delays)
-        nodes = moved(scene, joints, positions[there], wanted.view_threshold, moving)
+        velocities = guide.shifts[there]
+        moving = Moving(velocities, delays, REACH * guide.spreads[there])
+        nodes = moved(scene, joints, places[there], wanted.view_threshold, moving)
         return Explainer(nodes, velocities, delays).rows(self._good(nodes, wanted))
 
     def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:

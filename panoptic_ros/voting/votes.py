@@ -23,18 +23,19 @@ SIZE = 96  # of an array of lanes
 
 
 class Moving(NamedTuple):
-    """How N points move.
+    """How N points move, and how far they may lie from where they are believed.
 
-    velocities: (N, 3) m/s. delays: (V,) s, stamp of each view minus the instant of the points.
+    velocities: (N, 3) m/s. delays: (V,) s, stamp of each view minus the instant of the points. reach: (N,) m.
     """
 
     velocities: Array
     delays: Array
+    reach: Array
 
 
 def at_rest(points: Array, scene: VoteScene) -> Moving:
     """Points (N, 3) that do not move, or views of one instant."""
-    return Moving(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)))
+    return Moving(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)), np.zeros(len(points)))
 
 
 @inlined
