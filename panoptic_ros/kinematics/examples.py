@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import Device, ImuReading, Subject
+from panoptic_ros.domain.subjects import Device, ImuReading, Instant, Subject, ViewPeople
 from panoptic_ros.geometry.chain import Pose, place_all
+from panoptic_ros.kinematics.nearest_people import assign_people
 from panoptic_ros.kinematics.person import Person
 from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
 
@@ -19,10 +20,10 @@ INSTANTS = 4  # more than the lag, so that poses are smoothed
 def step_examples(
     new_person: Callable[[Subject], Person], model: SegmentModel, joint_names: tuple[str, ...], rate_hz: float
 ) -> None:
-    """Solve for somebody with an IMU, from joints in space and from views."""
+    """Solve for somebody with an IMU and unknown lengths, from joints in space and from views."""
     body = model.body(STATURE)
     device = Device("example", 0, np.zeros(3), np.eye(3))
-    person = new_person(Subject(0, body, (device,)))
+    person = new_person(Subject(0, body, (device,), measured=False))
     root, count = np.array([[0.0, 0.0, 1.0]]), len(model.names)
     places, _ = place_all(body.chain, root, np.tile(np.eye(3), (1, count, 1, 1)))
     pose = Pose(root[0], np.tile(np.eye(3), (count, 1, 1)))
@@ -33,7 +34,7 @@ def step_examples(
             joints[j] = places[0, segment] + pose.turns[segment] @ offset
     spread = np.tile(1e-4 * np.eye(3), (len(joint_names), 1, 1))
     reading = ImuReading(np.eye(3), np.array([0.0, 0.0, 9.81]), np.zeros(3))
-    period = round(1e9 / rate_hz)
+    period, seen = round(1e9 / rate_hz), {}
     for k in range(INSTANTS):
         stamp = k * period
         if k <= 1:
@@ -44,6 +45,10 @@ def step_examples(
             local = joints @ rotation.T + translation
             scores = np.isfinite(joints[:, 0]).astype(float)
             if k > 1:
-                person.see(SeenPoints(stamp, local[:, :2] / local[:, 2:], scores), c, of_track=True)
+                seen[c] = local[:, :2] / local[:, 2:]
+                person.see(SeenPoints(stamp, seen[c], scores), c, of_track=True)
         person.step(stamp, {"example": reading}, period)
+    views = {c: ViewPeople(points[None], np.ones((1, len(points)))) for c, points in seen.items()}
+    weighing = person.weighing
+    assign_people([person.tracker], Instant(0, views, {}), weighing.rotations, weighing.translations, 1.0)
     person.flush()
