@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from panoptic_ros.detection.area import shrunk
 from panoptic_ros.detection.card import CoordsCard, InputCard
 
 Array = np.ndarray
@@ -31,8 +32,10 @@ def letterbox(
     scale = min(size[0] / height, size[1] / width)
     rows = min(max(round(height * scale), 1), size[0])
     columns = min(max(round(width * scale), 1), size[1])
-    method = cv2.INTER_AREA if scale < (LEAST_LINEAR if quick else 1.0) else cv2.INTER_LINEAR
-    fitted = cv2.resize(image, (columns, rows), interpolation=method)
+    if scale < (LEAST_LINEAR if quick else 1.0):
+        fitted = shrunk(image, (rows, columns))
+    else:
+        fitted = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_LINEAR)
     sx, sy = columns / width, rows / height
     if (rows, columns) == size:
         return fitted, np.array([[sx, 0.0, 0.5 * sx - 0.5], [0.0, sy, 0.5 * sy - 0.5]])

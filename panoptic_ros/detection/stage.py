@@ -6,6 +6,7 @@ from collections import deque
 import numpy as np
 
 from panoptic_ros.detection.allowance import Allowance
+from panoptic_ros.detection.area import warm_up as warm_up_images
 from panoptic_ros.detection.budget import FEW, Budget, Pace, Processor
 from panoptic_ros.detection.card import CROP_FAMILIES
 from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
@@ -82,6 +83,7 @@ class DetectionStage(Stateful):
             self.network = CropNetwork(model, config)
         else:
             self.network = FullImageNetwork(model, config)
+        warm_up_images()
         warm_up_decoder()
         warm_up_maps()
         warm_up_regions()

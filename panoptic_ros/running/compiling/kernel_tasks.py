@@ -17,6 +17,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from panoptic_ros.association.known_occluders import occluded_depths
+from panoptic_ros.detection.area import warm_up as areas
 from panoptic_ros.detection.score_maps import warm_up as score_maps
 from panoptic_ros.domain import Occluders
 from panoptic_ros.graph.build import configure, make_stage, resolve
@@ -77,6 +78,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "flow": partial(_stage, "flow"),
     "occluders": _occluders,
     "score maps": score_maps,
+    "images": areas,
     "all votes": partial(_stage, "voting", explain_away=False),
 }
 
