@@ -14,10 +14,6 @@ import subprocess
 import sys
 from contextlib import suppress
 
-import numpy as np
-
-from panoptic_ros.kernels.order import median
-
 
 def compile_modules(package: str = "panoptic_ros") -> None:
     """Let Python keep what it makes of the sources of a package and of all that it loads, if it can write."""
@@ -31,7 +27,6 @@ def main() -> None:
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
         with suppress(ImportError):  # what needs ROS, where there is none
             importlib.import_module(module.name)
-    median(np.zeros(1))  # numba loads half of its modules with the first kernel
 
 
 if __name__ == "__main__":
