@@ -6,10 +6,12 @@ import socket
 import time
 from typing import Any
 
+from rclpy.context import Context
 from rclpy.node import Node
 
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.nodes.runtime import in_namespace, start_ros
 
 DISCOVERY_S = 1.0  # within this, graphs that run already have been heard of
 
@@ -35,14 +37,44 @@ def claim_domain(namespace: str = "") -> socket.socket:
     return claim
 
 
-def require_no_other_graph(node: Node) -> None:
+class Listener:
+    """Hears of graphs in a namespace from when it is made on, by a node of its own that publishes nothing.
+
+    Raises:
+        UsageError, EnvironmentProblem: as `in_namespace` and `start_ros`.
+    """
+
+    def __init__(self, namespace: str = ""):
+        self._context = Context()
+        start_ros(in_namespace(namespace), self._context)
+        self._node = Node(
+            "newcomer", context=self._context, enable_rosout=False, start_parameter_services=False
+        )
+        self._since_s = time.monotonic()
+
+    def require_no_other_graph(self) -> None:
+        """See `require_no_other_graph`."""
+        require_no_other_graph(self._node, self._since_s)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+def require_no_other_graph(node: Node, since_s: float | None = None) -> None:
     """Look for graphs that were started in other ways, e.g. by `ros2 launch`.
+
+    Args:
+        since_s: when the node was made, by the monotonic clock; None: now.
 
     Raises:
         EnvironmentProblem: if somebody publishes /skeletons already.
     """
-    deadline = time.monotonic() + DISCOVERY_S
-    while time.monotonic() < deadline:
+    deadline = (time.monotonic() if since_s is None else since_s) + DISCOVERY_S
+    waiting = True
+    while waiting:
+        waiting = time.monotonic() < deadline
         topic = node.resolve_topic_name(TOPICS["skeletons"].name)
         others = node.get_publishers_info_by_topic(topic)
         if others:
@@ -50,7 +82,8 @@ def require_no_other_graph(node: Node) -> None:
                 f"node {_full_name(others[0])} publishes {topic} in {_where(node.get_namespace())} already; "
                 "stop it, give this graph a --namespace of its own, or set ROS_DOMAIN_ID to another number"
             )
-        time.sleep(0.1)
+        if waiting:
+            time.sleep(0.05)
 
 
 def _full_name(publisher: Any) -> str:

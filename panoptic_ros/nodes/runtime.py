@@ -11,6 +11,7 @@ from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
@@ -46,8 +47,11 @@ def in_namespace(namespace: str) -> list[str]:
     return ["--ros-args", "-r", f"__ns:=/{namespace.strip('/')}"]
 
 
-def start_ros(arguments: Sequence[str] | None) -> None:
+def start_ros(arguments: Sequence[str] | None, context: Context | None = None) -> None:
     """rclpy.init, with a word to the user if it fails.
+
+    Args:
+        context: None: that of all nodes of this process that have none of their own.
 
     Signals stay with the program: rclpy would answer them in a thread of its own, which shuts ROS down
     while the main thread destroys nodes, and at times both together end in a segmentation fault.
@@ -58,7 +62,7 @@ def start_ros(arguments: Sequence[str] | None) -> None:
     _without_generator()
     try:
         words = list(arguments) if arguments is not None else None
-        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
     except RCLError as error:
         raise EnvironmentProblem(
             f"ROS does not start ({str(error).split(', at ')[0]}); where HOME is not set or cannot be "

@@ -3,7 +3,12 @@ import pytest
 
 rclpy = pytest.importorskip("rclpy")
 from panoptic_ros.errors import EnvironmentProblem, UsageError  # noqa: E402
-from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph  # noqa: E402
+from panoptic_ros.nodes import domain_claim  # noqa: E402
+from panoptic_ros.nodes.domain_claim import (  # noqa: E402
+    Listener,
+    claim_domain,
+    require_no_other_graph,
+)
 from panoptic_ros.nodes.family import message_class  # noqa: E402
 from panoptic_ros.nodes.runtime import in_namespace  # noqa: E402
 
@@ -35,3 +40,18 @@ def test_names_of_namespaces():
     for bad in ("1lab", "lab left", "lab//left"):
         with pytest.raises(UsageError, match="ROS allows letters"):
             in_namespace(bad)
+
+
+def test_a_listener_has_waited_since_it_was_made(ros, monkeypatch):
+    """Once a second has gone by it looks without waiting; graphs of other namespaces are no matter."""
+    apart, listener = Listener("hall"), Listener("lab")
+    other = rclpy.create_node("refinement", namespace="lab")
+    other.create_publisher(message_class("panoptic_msgs/msg/Skeletons"), "skeletons", 1)
+    apart.require_no_other_graph()
+    monkeypatch.setattr(domain_claim.time, "sleep", lambda seconds: pytest.fail("it waits"))
+    with pytest.raises(EnvironmentProblem, match="node /lab/refinement publishes /lab/skeletons in"):
+        listener.require_no_other_graph()
+    apart.require_no_other_graph()
+    for each in (apart, listener):
+        each.close()
+    other.destroy_node()

@@ -44,7 +44,8 @@ IMPURE_CALLS = {"print", "open", "input"}
 _NEED = (
     "benches.failures", "benches.fed_graph", "benches.played_graph", "benches.player", "benches.viewed_graph",
     "plans.driver_plan", "plans.driver_rig", "processes.fork_server", "recordings.control",
-    "recordings.facts", "recordings.record", "recordings.replay", "runs.over_dds", "viewer.live", "watching",
+    "recordings.facts", "recordings.record", "recordings.replay", "runs.listening", "runs.over_dds",
+    "viewer.live", "watching",
 )  # fmt: skip
 NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows

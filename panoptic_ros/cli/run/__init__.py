@@ -94,9 +94,9 @@ def run(args: argparse.Namespace) -> int:
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     check_usage(args, parser.parse_args(["--out", ""]))
-    from panoptic_ros.running.processes.children import Ahead  # only now: --help must be quick
+    from panoptic_ros.cli.run.beginning import begun  # only now: --help must be quick
 
-    with Ahead(not (args.in_process or args.offline)) as ahead:  # loads while this process does
+    with begun(args) as ahead:
         return _run(args, ahead)
 
 

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Protocol
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
 from panoptic_ros.io.files import file_errors
@@ -24,13 +25,27 @@ MOST_REVIVALS = 5  # of one process in a minute
 HOST = (sys.executable, "-m", "panoptic_ros.nodes.main", "host")
 
 
+class Listener(Protocol):
+    """Hears of other graphs."""
+
+    def require_no_other_graph(self) -> None:
+        """See `nodes.domain_claim.require_no_other_graph`."""
+
+    def close(self) -> None:
+        """Listen no more."""
+
+
 class Ahead:
-    """A process that loads nodes while the launcher still plans and waits; a context manager that ends it if
-    nobody needed it.
+    """What goes on while the launcher still plans: a process loads nodes, and somebody listens for other
+    graphs. A context manager that ends both.
+
+    Attributes:
+        listener: None while nobody listens.
     """
 
     def __init__(self, wanted: bool = True):
         self._process: subprocess.Popen[bytes] | None = None
+        self.listener: Listener | None = None
         if wanted:
             prepare_environment()
             self._process = subprocess.Popen(
@@ -59,6 +74,8 @@ class Ahead:
         if self._process is not None:
             self._process.kill()
             self._process.communicate()
+        if self.listener is not None:
+            self.listener.close()
 
 
 NOBODY_AHEAD = Ahead(wanted=False)

@@ -12,7 +12,7 @@ from rclpy.utilities import try_shutdown
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.nodes.collector_node import CollectorNode
-from panoptic_ros.nodes.domain_claim import claim_domain, require_no_other_graph
+from panoptic_ros.nodes.domain_claim import claim_domain
 from panoptic_ros.nodes.executor import make_executor
 from panoptic_ros.nodes.runtime import in_namespace, start_ros
 from panoptic_ros.nodes.statics_node import StaticsNode
@@ -21,6 +21,7 @@ from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead, Processes, prepare_environment
 from panoptic_ros.running.runs.launch import write_launch_file
+from panoptic_ros.running.runs.listening import require_no_other_graph
 from panoptic_ros.running.runs.results import Results, patch_topics
 
 LOOK_S = 0.2  # whether all processes run
@@ -47,6 +48,7 @@ def _run(
     plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool,
     arguments: list[str], ahead: Ahead,
 ) -> dict[str, dict[str, str]]:
+    require_no_other_graph(ahead, plan.namespace)  # before anything is published
     flow_name = "live" if plan.live else "replay"
     window = WINDOW + math.ceil(plan.frame_rate * config_of(plan.configs, RefinementConfig).lag)
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality, node_per_stage)
@@ -59,7 +61,6 @@ def _run(
     collector = CollectorNode(flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan))
     statics = StaticsNode(plan.rig, plan.skeleton)
     try:
-        require_no_other_graph(collector)
         for node in (collector, statics):
             executor.add_node(node)
         logs = results.folder / "logs"
