@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -12,6 +13,7 @@ from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.kinematics.nearest_people import assign_people
 from panoptic_ros.kinematics.person import Person
 from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
+from panoptic_ros.kinematics.tracker import LENGTH_LOOK_S
 
 STATURE = 1.7
 INSTANTS = 4  # more than the lag, so that poses are smoothed
@@ -35,7 +37,7 @@ def step_examples(
     spread = np.tile(1e-4 * np.eye(3), (len(joint_names), 1, 1))
     reading = ImuReading(np.eye(3), np.array([0.0, 0.0, 9.81]), np.zeros(3))
     period, seen = round(1e9 / rate_hz), {}
-    for k in range(INSTANTS):
+    for k in range(INSTANTS + math.ceil(LENGTH_LOOK_S * rate_hz)):  # lengths are looked at now and then
         stamp = k * period
         if k <= 1:
             person.seen.take_joints(SeenJoints(stamp, joints, spread))
