@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Evidence
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.symmetric import invert_symmetric
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.solving.scene import MIN_DEPTH
 
 Array = np.ndarray

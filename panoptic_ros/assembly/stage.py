@@ -23,10 +23,11 @@ from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, PoseSet, Prediction, ProposalSet
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.solving.bodies import Body
-from panoptic_ros.solving.evidence import RigArrays, carried_ages, check_association
+from panoptic_ros.solving.evidence import carried_ages, check_association
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views, view_sources
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, cameras_of, scene_of

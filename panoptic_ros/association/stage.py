@@ -10,9 +10,10 @@ from panoptic_ros.association.grouping import assign
 from panoptic_ros.association.known_occluders import KnownOccluders
 from panoptic_ros.association.newcomers import find_people
 from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, Groups, Prediction, TrackSet
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.motion import predicted
-from panoptic_ros.solving.evidence import RigArrays, carried_ages, gather
+from panoptic_ros.solving.evidence import carried_ages, gather
 from panoptic_ros.solving.example import easy_instants
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limbs_of
 from panoptic_ros.solving.scene import Scene, even_precision, scene_of

@@ -18,8 +18,9 @@ from panoptic_ros.domain import (
     ViewDetections,
     ViewFrame,
 )
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError
-from panoptic_ros.solving.evidence import RigArrays, undistort_points
+from panoptic_ros.geometry.lens_kernels import undistort_points
 
 
 def check_record(record: object, owner: str, rig: Rig, skeleton: SkeletonModel) -> None:

@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Rig, TrackedPoseSet
+from panoptic_ros.domain.rig_arrays import camera_records
 from panoptic_ros.domain.subjects import Instant, ViewPeople
 from panoptic_ros.errors import DataError
+from panoptic_ros.geometry.lens_kernels import undistort_points
 from panoptic_ros.kinematics.person import Person
 from panoptic_ros.kinematics.presence import Looked, middle_expected, people_of
 from panoptic_ros.kinematics.seen_people import SeenPoints
 from panoptic_ros.kinematics.session import nearest_to_start
-from panoptic_ros.solving.evidence import camera_records, undistort_points
 
 Array = np.ndarray
 Rows = set[tuple[int, int]]  # cameras and rows of 2D people

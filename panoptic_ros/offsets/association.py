@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.offsets.frames import CameraFrame
 from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.solving import scene
 from panoptic_ros.solving.agreement import agreement_with_people
-from panoptic_ros.solving.evidence import RigArrays
 
 Array = np.ndarray
 LEAST_AGREEMENT = 0.25  # mean over joints, of a 2D person with a track

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.domain import DetectionSet, SkeletonModel
-from panoptic_ros.solving.evidence import RigArrays, gather
+from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.solving.evidence import gather
 
 Array = np.ndarray
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import UsageError
 from panoptic_ros.offsets.association import associate
 from panoptic_ros.offsets.clocks import CameraClocks
@@ -14,7 +15,6 @@ from panoptic_ros.offsets.estimate import fit_clocks
 from panoptic_ros.offsets.frames import CameraFrame, camera_frames
 from panoptic_ros.offsets.regroup import regroup
 from panoptic_ros.offsets.tracks import Tracks
-from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of, untold
 
 Array = np.ndarray

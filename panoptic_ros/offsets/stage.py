@@ -14,6 +14,7 @@ from panoptic_ros.domain import (
     ViewDetections,
     ViewSources,
 )
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.offsets.association import associate
 from panoptic_ros.offsets.clocks import CameraClocks
@@ -27,7 +28,6 @@ from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.offsets.uncertainty import honest_information
 from panoptic_ros.offsets.warm_up import compile_kernels
 from panoptic_ros.params import named_numbers, of_name
-from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 

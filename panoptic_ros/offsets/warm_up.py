@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.domain import Rig, SkeletonModel, TrackedPoseSet
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.offsets.association import associate
 from panoptic_ros.offsets.estimate import fit_clocks
 from panoptic_ros.offsets.frames import camera_frames
 from panoptic_ros.offsets.tracks import Tracks
-from panoptic_ros.solving.evidence import RigArrays
 from panoptic_ros.solving.example import cloud_of_joints, easy_instants
 
 STEP_NS = 33_000_000

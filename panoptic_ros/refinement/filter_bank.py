@@ -8,10 +8,15 @@ from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.refinement.bones import learn_lengths, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.joint_states import FILLED, MEASURED, Judged, judge, take_measurements
-from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
+from panoptic_ros.refinement.kalman import (
+    predict,
+    smooth,
+    smoother_gains,
+    update,
+    update_velocities,
+)
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
-from panoptic_ros.refinement.motion_model import LASTING, MOVING, density, lasting_variance, transition
-from panoptic_ros.refinement.motion_rows import started, update_moving, update_velocities
+from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX, density, lasting_variance, transition
 from panoptic_ros.refinement.records import (
     Measured,
     Moment,
@@ -24,7 +29,7 @@ from panoptic_ros.refinement.records import (
     unknown,
     widened,
 )
-from panoptic_ros.refinement.start_motion import likely_velocities
+from panoptic_ros.refinement.start_motion import likely_velocities, started
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
 Array = np.ndarray
@@ -61,35 +66,35 @@ class FilterBank:
             self._update(item)
 
     @property
-    def _size(self) -> int:
-        """Of the states of joints."""
-        return LASTING if self.memory > 0.0 else MOVING
+    def _sized(self) -> tuple[int, ...]:
+        """As long as the states of joints."""
+        return NINE if self.memory > 0.0 else SIX
 
     def _widen(self) -> None:
         """From now on accelerations last, as displacements of the surface show them."""
         self.memory = self._config.acceleration_memory
-        self.moments = [widened(moment, self._size) for moment in self.moments]
+        self.moments = [widened(moment, len(self._sized)) for moment in self.moments]
         for moment in self.moments[-1:]:
             self._at_random(moment.motion, moment.noise)
 
     def _at_random(self, motion: Motion, noise: Array) -> None:
         """Accelerations of which nothing is known, under process noise m^2/s^3, in place."""
-        last = range(MOVING, self._size)
+        last = range(MOVING, len(self._sized))
         motion.covariances[..., last, last] = lasting_variance(noise, self.memory)[..., None]
 
     def _predict(self, item: TrackedPoseSet, motions: PartMotions | None) -> None:
         """Predict all motion to the instant of a set."""
         config, people, stamp_ns = self._config, self.people, item.stamp_ns
-        last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints, self._size)
+        last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints, len(self._sized))
         dt = 1e-9 * (stamp_ns - last.stamp_ns)
-        now = unknown(stamp_ns, dt, len(people.ids), self._joints, self._size)
+        now = unknown(stamp_ns, dt, len(people.ids), self._joints, len(self._sized))
         people.speeds[...] *= np.exp(-dt / SPEED_MEMORY)
         states, least, growth = last.motion.states, config.process_noise, config.limb_noise
         process_noise(people.speeds, people.factors, states, least, growth, now.noise)
         step = transition(dt, self.memory)
-        predict(last.motion, step, now.noise, now.predicted)
+        predict(self._sized, last.motion, step, now.noise, now.predicted)
         if config.lag > 0.0:  # else nothing is smoothed
-            smoother_gains(last.motion, step, now.predicted, now.gains)
+            smoother_gains(self._sized, last.motion, step, now.predicted, now.gains)
         links = links_of(motions, self._parts, people.ids, states) if motions is not None else None
         if links is not None:
             if config.difference_share > 0.0 and item.time_shift is None:
@@ -98,8 +103,9 @@ class FilterBank:
             now.noise[linked] *= density(self.memory)
             turns = np.full_like(people.turns, np.nan)
             predict_linked(
-                last.motion, step, now.noise, links, config.cauchy, now.predicted, now.gains, turns
-            )
+                self._sized, last.motion, step, now.noise, links, config.cauchy, now.predicted, now.gains,
+                turns,
+            )  # fmt: skip
             learn_turns(people, turns)
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
         else:
@@ -124,7 +130,7 @@ class FilterBank:
     def _add(self, ids: list[int]) -> None:
         """Add people of whom nothing is known but, if they were there before, the lengths of their bones."""
         people = new_people(ids, self._joints, len(self._bones))
-        nobody = unknown(0, 0.0, len(ids), self._joints, self._size)
+        nobody = unknown(0, 0.0, len(ids), self._joints, len(self._sized))
         nobody.noise[...] = self._config.process_noise
         for row, number in enumerate(ids):
             if number in self.departed:
@@ -143,12 +149,13 @@ class FilterBank:
         now.measured.filled[rows] = np.where(there, item.states == FILLED, now.measured.filled[rows])
         now.measured.points[rows] = points
         innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
-        if shift is None:
-            update(now.motion, rows, points, noises, config.cauchy, innovations)
-        else:
+        if shift is not None:
             points = points + (shift.delays @ shift.assumed[..., None])[..., 0]
-            update_moving(now.motion, rows, points, noises, shift.delays, config.cauchy, innovations)
-            update_velocities(now.motion, rows, shift.velocities, shift.information, config.cauchy)
+        delays = np.zeros((0, *points.shape[1:], 3)) if shift is None else shift.delays
+        update(self._sized, now.motion, rows, (points, noises, delays), config.cauchy, innovations)
+        if shift is not None:
+            velocities, information = shift.velocities, shift.information
+            update_velocities(self._sized, now.motion, rows, velocities, information, config.cauchy)
         innovations[now.measured.filled] = np.nan  # they rest on what was known before
         learn(self.people, now.measured.people, innovations, self.lasting)
         new = now.measured.joints & np.isnan(now.motion.states[:, :, 0])
@@ -164,7 +171,8 @@ class FilterBank:
         else:
             delays = shift.delays[0]
             velocities, spreads = likely_velocities(shift.velocities[0], shift.information[0], fast, cauchy)
-        begun = padded(started(points, now.measured.noises[row], delays, velocities, spreads), self._size)
+        begun = started(points, now.measured.noises[row], delays, velocities, spreads)
+        begun = padded(begun, len(self._sized))
         self._at_random(begun, now.noise[row])
         for whole, part in zip(now.motion, begun):
             whole[row, new] = part[new]
@@ -181,8 +189,9 @@ class FilterBank:
                 # what the surface showed is of the whole interval, and has told the velocity
                 if after.linked.any():
                     predicted = self._ahead(before, after.dt - ahead, after.noise)
-                smoother_gains(before, transition(after.dt - ahead, self.memory), predicted, gains)
-            smooth(before, gains, predicted, after.measured.joints, motion, again)
+                rest = transition(after.dt - ahead, self.memory)
+                smoother_gains(self._sized, before, rest, predicted, gains)
+            smooth(self._sized, before, gains, predicted, after.measured.joints, motion, again)
         if len(kept) == 1 and ahead > 0.0:
             motion = self._ahead(motion, ahead, target.noise)
         self._fade(index, motion, 0.0 < ahead)
@@ -200,7 +209,8 @@ class FilterBank:
         if index > 0 and target.linked.any() and not between:
             before = of_all(np.copy, motion)
             again = np.zeros_like(target.measured.joints)
-            smooth(self.moments[index - 1].motion, target.gains, target.predicted, again, before, again)
+            last = self.moments[index - 1].motion
+            smooth(self._sized, last, target.gains, target.predicted, again, before, again)
             change = before.states[..., :3] - shown
             change[np.isnan(change) | ~target.linked[..., None]] = 0.0
             span = max(self._config.fading * self._config.lag, LEAST)
@@ -210,7 +220,7 @@ class FilterBank:
     def _ahead(self, motion: Motion, dt: float, noise: Array) -> Motion:
         """The motion dt s later."""
         moved = of_all(np.empty_like, motion)
-        predict(motion, transition(dt, self.memory), noise, moved)
+        predict(self._sized, motion, transition(dt, self.memory), noise, moved)
         return moved
 
     def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:

@@ -1,7 +1,12 @@
 """Kalman filter and Rauch-Tung-Striebel smoother of all joints of all people, compiled.
 
 State of each joint: position m, velocity m/s and, by some models, acceleration m/s^2 (S = 6 or 9), covariance
-(S, S). A `motion_model.Transition` tells how it goes on, the same on each axis.
+(S, S). A `motion_model.Transition` tells how it goes on, the same on each axis. `sized` has length S: kernels
+are compiled for each size.
+
+Where views have stamps of their own, measurements depend on the motion, see `domain.TimeShift`: a position is
+measured as X + G V (X + G (V - u) with the assumed G u given back), and the views say the velocity by
+themselves with some information.
 """
 from __future__ import annotations
 
@@ -9,22 +14,12 @@ import numpy as np
 
 from panoptic_ros.geometry.robust import relative_growth
 from panoptic_ros.kernels import njit
-from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX
 from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whitened_row
 
 
 @njit(cache=True, error_model="numpy")
-def predict(motion, transition, noise, ahead):
+def predict(sized, motion, transition, noise, ahead):
     """ahead becomes the motion after a transition under process noise (P, J) m^2/s^3."""
-    if motion.states.shape[2] == MOVING:
-        _predict(SIX, motion, transition, noise, ahead)
-    else:
-        _predict(NINE, motion, transition, noise, ahead)
-
-
-@njit(cache=True, error_model="numpy")
-def _predict(sized, motion, transition, noise, ahead):
-    """`predict` of states of a size that is known when it is compiled, as all that begins with `sized`."""
     size, orders, forward, spread = len(sized), len(sized) // 3, transition.forward, transition.spread
     half = np.empty((size, size))
     for p, j in np.ndindex(noise.shape):
@@ -58,28 +53,22 @@ def carried(sized, forward, matrix, result):
 
 
 @njit(cache=True, error_model="numpy")
-def update(motion, rows, points, noises, cauchy, innovations):
+def update(sized, motion, rows, measured, cauchy, innovations):
     """Update the people of these rows (R,) with points (R, J, 3) m, in place.
 
-    Points that are NaN, and joints whose motion is unknown, change nothing.
-
-    Large innovations multiply the noise (`geometry.robust`). The three coordinates are taken one after
-    another after whitening the noise.
+    Points that are NaN, and joints whose motion is unknown, change nothing. Large innovations multiply the
+    noise (`geometry.robust`). The three coordinates are taken one after another after whitening the noise.
 
     Args:
-        noises: (P, J, 3, 3) m^2, covariances of the points. innovations: (P, J, 3) becomes the whitened
-            innovation (measured minus predicted) where a point is used.
+        measured: points; noises (P, J, 3, 3) m^2, their covariances; delays G (R, J, 3, 3) s, for points
+            X + G V, or (0, J, 3, 3) for X.
+        innovations: (P, J, 3) becomes the whitened innovation (measured minus predicted) of points used.
     """
-    if motion.states.shape[2] == MOVING:
-        _update(SIX, motion, rows, points, noises, cauchy, innovations)
-    else:
-        _update(NINE, motion, rows, points, noises, cauchy, innovations)
-
-
-@njit(cache=True, error_model="numpy")
-def _update(sized, motion, rows, points, noises, cauchy, innovations):
+    points, noises, delays = measured
+    size, moving = len(sized), len(delays) > 0
+    row, ahead, gain = np.zeros(6 if moving else 3), np.empty((3, size)), np.empty(size)
     total, lower, innovation = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    row, gain, softness = np.empty(3), np.empty(len(sized)), 1.0 / (cauchy * cauchy)
+    softness = 1.0 / (cauchy * cauchy)
     for r, j in np.ndindex(points.shape[:2]):
         state, cov = motion.states[rows[r], j], motion.covariances[rows[r], j]
         noise, whitened = noises[rows[r], j], innovations[rows[r], j]
@@ -89,6 +78,8 @@ def _update(sized, motion, rows, points, noises, cauchy, innovations):
             innovation[i] = points[r, j, i] - state[i]
             for k in range(3):
                 total[i, k] = cov[i, k] + noise[i, k]
+        if moving:
+            _delay(delays[r, j], state, cov, ahead, innovation, total)
         cholesky(total, lower, False)
         whiten(lower, innovation, whitened)
         squared = 0.0
@@ -100,27 +91,62 @@ def _update(sized, motion, rows, points, noises, cauchy, innovations):
                 total[i, k] = noise[i, k] * growth
         cholesky(total, lower, False)
         for k in range(3):  # row k of lower^-1 is the k-th whitened measurement of noise 1
-            whitened_row(lower, k, row)
+            whitened_row(lower, k, row[:3])
+            row[3:] = 0.0
             value = 0.0
             for i in range(3):
                 value += row[i] * (points[r, j, i] - state[i])
-            _update_row(sized, state, cov, row, value, np.inf, gain)
+                for m in range(3 if moving else 0):
+                    row[3 + m] += row[i] * delays[r, j, i, m]
+            for m in range(3, len(row)):
+                value -= row[m] * state[m]
+            update_row(sized, state, cov, row, value, np.inf, gain)
 
 
 @njit(cache=True, error_model="numpy")
-def update_row(state, covariance, row, innovation, cauchy, gain):
+def _delay(delay, state, cov, ahead, innovation, total):
+    """Innovation (3,) and its covariance (3, 3) of X + G V, from those of X, in place; ahead: scratch."""
+    for i in range(3):
+        for k in range(3):
+            innovation[i] -= delay[i, k] * state[3 + k]
+        for k in range(6):
+            ahead[i, k] = cov[i, k]
+            for m in range(3):
+                ahead[i, k] += delay[i, m] * cov[3 + m, k]
+    for i in range(3):
+        for k in range(3):
+            total[i, k] += ahead[i, k] - cov[i, k]
+            for m in range(3):
+                total[i, k] += ahead[i, 3 + m] * delay[k, m]
+
+
+@njit(cache=True, error_model="numpy")
+def update_velocities(sized, motion, rows, velocities, information, cauchy):
+    """Update with velocities (R, J, 3) m/s of inverse covariances (R, J, 3, 3), maybe singular, in place.
+
+    Unknown joints and information of 0 change nothing.
+    """
+    row, gain, lower = np.zeros(6), np.empty(len(sized)), np.empty((3, 3))
+    for r, j in np.ndindex(velocities.shape[:2]):
+        state, cov = motion.states[rows[r], j], motion.covariances[rows[r], j]
+        scale = information[r, j, 0, 0] + information[r, j, 1, 1] + information[r, j, 2, 2]
+        if not (np.isfinite(state[0]) and scale > 0.0):
+            continue
+        cholesky(information[r, j], lower, False)
+        for k in range(3):
+            value = 0.0
+            for i in range(3):
+                row[3 + i] = lower[i, k] if i >= k else 0.0
+                value += row[3 + i] * (velocities[r, j, i] - state[3 + i])
+            update_row(sized, state, cov, row, value, cauchy, gain)
+
+
+@njit(cache=True, error_model="numpy")
+def update_row(sized, state, covariance, row, innovation, cauchy, gain):
     """Update with one row of the measurement matrix, of noise 1, with a Cauchy weight; gain: scratch.
 
     row: (S,), or fewer if all others are 0.
     """
-    if len(state) == MOVING:
-        _update_row(SIX, state, covariance, row, innovation, cauchy, gain)
-    else:
-        _update_row(NINE, state, covariance, row, innovation, cauchy, gain)
-
-
-@njit(cache=True, error_model="numpy")
-def _update_row(sized, state, covariance, row, innovation, cauchy, gain):
     size, spread, softness = len(sized), 0.0, 1.0 / (cauchy * cauchy)
     for i in range(size):
         gain[i] = 0.0
@@ -138,16 +164,8 @@ def _update_row(sized, state, covariance, row, innovation, cauchy, gain):
 
 
 @njit(cache=True, error_model="numpy")
-def smoother_gains(motion, transition, ahead, gains):
+def smoother_gains(sized, motion, transition, ahead, gains):
     """gains (P, J, S, S), transposed, become (covariance ahead)^-1 F P, from ahead back over a transition."""
-    if gains.shape[2] == MOVING:
-        _gains(SIX, motion, transition, ahead, gains)
-    else:
-        _gains(NINE, motion, transition, ahead, gains)
-
-
-@njit(cache=True, error_model="numpy")
-def _gains(sized, motion, transition, ahead, gains):
     lower = np.empty((len(sized), len(sized)))
     for p, j in np.ndindex(gains.shape[:2]):
         carried(sized, transition.forward, motion.covariances[p, j], gains[p, j])
@@ -155,7 +173,7 @@ def _gains(sized, motion, transition, ahead, gains):
 
 
 @njit(cache=True, error_model="numpy")
-def smooth(motion, gains, predicted, measured, later, again):
+def smooth(sized, motion, gains, predicted, measured, later, again):
     """One step backwards: later, smoothed, becomes the smoothed motion of this instant, in place.
 
     Args:
@@ -163,14 +181,6 @@ def smooth(motion, gains, predicted, measured, later, again):
         measured: (P, J) joints that are, at the next instant. again: (P, J) those that are later,
             becomes those that are after this instant, without an interruption.
     """
-    if motion.states.shape[2] == MOVING:
-        _smooth(SIX, motion, gains, predicted, measured, later, again)
-    else:
-        _smooth(NINE, motion, gains, predicted, measured, later, again)
-
-
-@njit(cache=True, error_model="numpy")
-def _smooth(sized, motion, gains, predicted, measured, later, again):
     size = len(sized)
     half, change, difference = np.empty(size), np.empty(size), np.empty((size, size))
     for p, j in np.ndindex(again.shape):

@@ -18,7 +18,6 @@ from panoptic_ros.geometry.robust import relative_growth
 from panoptic_ros.geometry.rotations import rotation_of
 from panoptic_ros.kernels import njit
 from panoptic_ros.refinement.kalman import update_row
-from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX
 from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whitened_row
 
 Array = np.ndarray
@@ -95,7 +94,7 @@ def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links
 
 
 @njit(cache=True, error_model="numpy")
-def predict_linked(motion, transition, noise, links, cauchy, ahead, gains, innovations):
+def predict_linked(sized, motion, transition, noise, links, cauchy, ahead, gains, innovations):
     """`kalman.predict` and `kalman.smoother_gains` of the joints that were measured to move, in place.
 
     Their motion before is updated with what its velocity was. Large innovations multiply the covariance of
@@ -105,7 +104,7 @@ def predict_linked(motion, transition, noise, links, cauchy, ahead, gains, innov
         noise: (P, J) m^2/s^3. ahead: the motion after the transition. gains: (P, J, S, S), transposed.
         innovations: (P, J, 3) become those of the displacements, whitened; others stay.
     """
-    size, forward, shape = motion.states.shape[2], transition.forward, transition.spread
+    size, forward, shape = len(sized), transition.forward, transition.spread
     total, lower, spread, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     row, gain, change, white = np.empty(size), np.empty(size), np.empty(3), np.empty(3)
     step, factor = np.empty((size, size)), np.empty((size, size))
@@ -155,7 +154,7 @@ def predict_linked(motion, transition, noise, links, cauchy, ahead, gains, innov
                     row[i + 3 * m] = forward[0, m] * white[i]
             for i in range(3, size):
                 value -= row[i] * state[i]
-            update_row(state, cov, row, value, np.inf, gain)
+            update_row(sized, state, cov, row, value, np.inf, gain)
         later, grown, gains_here = ahead.states[p, j], ahead.covariances[p, j], gains[p, j]
         for i in range(size):
             later[i] = 0.0
@@ -177,7 +176,4 @@ def predict_linked(motion, transition, noise, links, cauchy, ahead, gains, innov
                 gains_here[i, k] = factor[i, k]
             for m in range(i % 3, size, 3):
                 grown[i, m] += q * shape[i // 3, m // 3]
-        if size == MOVING:
-            solve(SIX, grown, gains_here, factor)
-        else:
-            solve(NINE, grown, gains_here, factor)
+        solve(sized, grown, gains_here, factor)

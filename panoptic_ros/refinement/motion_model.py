@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 Array = np.ndarray
-MOVING, LASTING = 6, 9  # numbers of a state: position and velocity; and acceleration
-SIX, NINE = (0,) * MOVING, (0,) * LASTING  # their lengths are known to the compiler
+MOVING = 6  # numbers of a state of position and velocity
+SIX, NINE = (0,) * MOVING, (0,) * 9  # as long as states without and with accelerations, for the compiler
 SAME_AT = 8.0  # Hz, at which process noise means the same for every memory
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 

@@ -17,6 +17,7 @@ from panoptic_ros.domain import (
     ViewSources,
 )
 from panoptic_ros.domain.bodies import BodyStateSet
+from panoptic_ros.domain.checks import known_good
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.bodies import BodyFill, Learnt, Posed
 from panoptic_ros.refinement.config import RefinementConfig
@@ -124,12 +125,14 @@ class RefinementStage(Stateful):
         if self._config.bodies:
             views, noises = measured.views[rows], measured.noises[rows]
             self._bodies.fill(instant_ns, ids[rows], judged, views, noises, self._config.max_sigma)
-        return RefinedPoseSet(
-            item.index, instant_ns, item.skeleton_hash, judged.positions,
-            judged.covariances + self._floor, judged.scores, measured.views[rows],
-            judged.states, measured.person_scores[rows], max(item.newest_ns, instant_ns),
-            sources=_sources_of(item, ids[rows].tolist()), ids=ids[rows],
-        )  # fmt: skip
+        return known_good(RefinedPoseSet, {
+            "index": item.index, "stamp_ns": instant_ns, "skeleton_hash": item.skeleton_hash,
+            "positions": judged.positions, "covariances": judged.covariances + self._floor,
+            "scores": judged.scores, "views": measured.views[rows], "states": judged.states,
+            "person_scores": measured.person_scores[rows], "newest_ns": max(item.newest_ns, instant_ns),
+            "time_shift": None, "sources": _sources_of(item, ids[rows].tolist()), "side_votes": None,
+            "corrections": None, "ids": ids[rows],
+        })  # fmt: skip
 
     def _passed_through(self, item: TrackedPoseSet) -> RefinedPoseSet:
         """The same skeletons under the other name."""

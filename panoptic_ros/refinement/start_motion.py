@@ -11,12 +11,28 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.refinement.records import Motion
+
 Array = np.ndarray
 
 SCALES = 0.5 ** np.arange(6)  # of the largest speed, all as likely at first
 FACTORS = 4.0 ** np.arange(6)  # on the stated covariances
 ROUNDS = 3  # of expectation and maximisation
 LEAST = 1e-300  # keeps logarithms finite
+
+
+def started(points: Array, noises: Array, delays: Array, velocities: Array, spreads: Array) -> Motion:
+    """Motion (J, 6) and (J, 6, 6) of J joints of which nothing else is known, from X + G V = points (J, 3).
+
+    The velocities (J, 3) m/s have covariances `spreads` (J or 1, 3, 3), independent of the points' noises.
+    """
+    turned = delays @ spreads
+    states, covariances = np.empty((len(points), 6)), np.empty((len(points), 6, 6))
+    states[:, :3], states[:, 3:] = points - (delays @ velocities[..., None])[..., 0], velocities
+    covariances[:, :3, :3] = noises + turned @ np.swapaxes(delays, 1, 2)
+    covariances[:, :3, 3:], covariances[:, 3:, :3] = -turned, -np.swapaxes(turned, 1, 2)
+    covariances[:, 3:, 3:] = spreads
+    return Motion(states, covariances)
 
 
 def likely_velocities(

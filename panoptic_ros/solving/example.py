@@ -15,7 +15,8 @@ from panoptic_ros.domain import (
     SkeletonModel,
     ViewDetections,
 )
-from panoptic_ros.solving.evidence import RigArrays, gather
+from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.solving.evidence import gather
 
 Array = np.ndarray
 VIEWS = 4  # at most

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, DetectionSet, Evidence, ViewDetections, VisibilityLimit
+from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.evidence import RigArrays
 
 Array = np.ndarray
 MIN_DEPTH = 0.05  # m

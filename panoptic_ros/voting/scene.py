@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
+from panoptic_ros.domain.rig_arrays import CAMERA, camera_records
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.solving.evidence import CAMERA, camera_records
 from panoptic_ros.solving.scene import limits_of
 
 Array = np.ndarray

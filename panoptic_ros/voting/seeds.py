@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.geometry.lens_kernels import undistort_points
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.solving.evidence import undistort_points
 from panoptic_ros.solving.scene import spread_views
 from panoptic_ros.voting.explaining import Explainer
 from panoptic_ros.voting.peaks import find_peaks

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.geometry.lens_kernels import fisheye_factor
 from panoptic_ros.geometry.pinhole import MIN_DEPTH
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.solving.lens_kernels import fisheye_factor
 from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray

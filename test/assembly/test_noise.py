@@ -6,7 +6,7 @@ import pytest
 from standing_people import ring
 
 from panoptic_ros.assembly.noise import CARRIED_NOISE, Marks, NoiseTable
-from panoptic_ros.solving.evidence import RigArrays
+from panoptic_ros.domain.rig_arrays import RigArrays
 
 RIG = replace(RigArrays.of(ring(2)), diagonals=np.array([2000.0, 1000.0]), focals=np.array([900.0, 800.0]))
 

@@ -2,12 +2,13 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update
-from panoptic_ros.refinement.motion_model import transition
+from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update, update_velocities
+from panoptic_ros.refinement.motion_model import NINE, SIX, transition
 from panoptic_ros.refinement.records import Motion, of_all
 
 FOREVER = 1e9  # Cauchy scale: plain Gaussian
 FIRST = np.array([0])  # row of the only person
+AT_ONCE = np.zeros((0, 1, 3, 3))  # delays of views that have one stamp
 
 
 def motion_of(state, covariance):
@@ -15,24 +16,30 @@ def motion_of(state, covariance):
     return Motion(state[None, None].astype(float), covariance[None, None].astype(float))
 
 
+def sized(motion):
+    """A tuple as long as the states."""
+    return SIX if motion.states.shape[-1] == 6 else NINE
+
+
 def updated(motion, point, noise, cauchy=FOREVER):
     """The motion with a point."""
     result = of_all(np.copy, motion)
-    update(result, FIRST, point[None, None], noise[None, None], cauchy, np.empty((1, 1, 3)))
+    measured = point[None, None], noise[None, None], AT_ONCE
+    update(sized(motion), result, FIRST, measured, cauchy, np.empty((1, 1, 3)))
     return result
 
 
 def predicted(motion, dt, q, memory=0.0):
     ahead = of_all(np.empty_like, motion)
-    predict(motion, transition(dt, memory), np.array([[q]]), ahead)
+    predict(sized(motion), motion, transition(dt, memory), np.array([[q]]), ahead)
     return ahead
 
 
 def smoothed(motion, dt, ahead, later, memory=0.0):
     """One step backwards, and whether a joint that is measured then is so without an interruption."""
     gains, result, again = np.empty_like(motion.covariances), of_all(np.copy, later), np.zeros((1, 1), bool)
-    smoother_gains(motion, transition(dt, memory), ahead, gains)
-    smooth(motion, gains, ahead, np.ones((1, 1), bool), result, again)
+    smoother_gains(sized(motion), motion, transition(dt, memory), ahead, gains)
+    smooth(sized(motion), motion, gains, ahead, np.ones((1, 1), bool), result, again)
     return result, again[0, 0]
 
 
@@ -102,7 +109,8 @@ def test_large_innovations_count_less():
 def test_innovations_are_whitened():
     motion, noise = motion_of(np.zeros(6), np.diag([3e-4] * 3 + [0.1] * 3)), 1e-4 * np.eye(3)
     innovations = np.empty((1, 1, 3))
-    update(motion, FIRST, np.full((1, 1, 3), 0.02), noise[None, None], 3.0, innovations)
+    measured = np.full((1, 1, 3), 0.02), noise[None, None], AT_ONCE
+    update(SIX, motion, FIRST, measured, 3.0, innovations)
     assert np.allclose(innovations, 1.0)
 
 
@@ -120,10 +128,64 @@ def test_people_are_updated_by_row():
     points[1, 0] = np.nan
     motion = Motion(state.copy(), np.tile(covariance, (3, 2, 1, 1)))
     noises, innovations = np.tile(0.1 * np.eye(3), (3, 2, 1, 1)), np.full((3, 2, 3), np.nan)
-    update(motion, np.array([2, 0]), points, noises, 3.0, innovations)
+    measured = points, noises, np.zeros((0, 2, 3, 3))
+    update(SIX, motion, np.array([2, 0]), measured, 3.0, innovations)
     for p, j, point in ((2, 0, points[0, 0]), (2, 1, points[0, 1]), (0, 1, points[1, 1])):
         alone = updated(motion_of(state[p, j], covariance), point, noises[0, 0], 3.0)
         assert np.array_equal(motion.states[p, j], alone.states[0, 0])
         assert np.array_equal(motion.covariances[p, j], alone.covariances[0, 0])
     assert np.array_equal(motion.states[1], state[1]) and np.array_equal(motion.states[0, 0], state[0, 0])
     assert np.isfinite(innovations[..., 0]).tolist() == [[False, True], [False, False], [True, True]]
+
+
+def positive(rng, size, scale):
+    factor = scale * rng.standard_normal((size, size))
+    return factor @ factor.T + 1e-3 * scale**2 * np.eye(size)
+
+
+def conditioned(state, covariance, matrix, value, noise):
+    gain = covariance @ matrix.T @ np.linalg.inv(matrix @ covariance @ matrix.T + noise)
+    return state + gain @ (value - matrix @ state), covariance - gain @ matrix @ covariance
+
+
+def one(array):
+    """Of the only joint of the only person."""
+    return array[None, None].copy()
+
+
+def scene(seed):
+    rng = np.random.default_rng(seed)
+    return (
+        rng, rng.standard_normal(6), positive(rng, 6, 0.3), rng.standard_normal(3), positive(rng, 3, 0.1),
+        0.02 * rng.standard_normal((3, 3)),
+    )  # fmt: skip
+
+
+def test_a_position_in_motion_is_one_measurement():
+    _, state, covariance, point, noise, delays = scene(0)
+    motion = Motion(one(state), one(covariance))
+    measured = one(point), one(noise), one(delays)
+    update(SIX, motion, FIRST, measured, FOREVER, np.empty((1, 1, 3)))
+    expected = conditioned(state, covariance, np.hstack([np.eye(3), delays]), point, noise)
+    assert np.allclose(motion.states, expected[0]) and np.allclose(motion.covariances, expected[1])
+
+
+def test_without_delays_it_is_a_position():
+    _, state, covariance, point, noise, delays = scene(1)
+    still, moving = (Motion(one(state), one(covariance)) for _ in range(2))
+    update(SIX, still, FIRST, (one(point), one(noise), AT_ONCE), 3.0, np.empty((1, 1, 3)))
+    update(SIX, moving, FIRST, (one(point), one(noise), one(0.0 * delays)), 3.0, np.empty((1, 1, 3)))
+    assert np.allclose(still.states, moving.states) and np.allclose(still.covariances, moving.covariances)
+
+
+def test_velocities_with_singular_information():
+    rng, state, covariance, velocity, _, _ = scene(3)
+    axis, motion = rng.standard_normal(3), Motion(one(state), one(covariance))
+    update_velocities(SIX, motion, FIRST, one(velocity), one(np.outer(axis, axis)), FOREVER)
+    row = np.concatenate([np.zeros(3), axis])[None]
+    expected = conditioned(state, covariance, row, np.array([axis @ velocity]), np.eye(1))
+    assert np.allclose(motion.states, expected[0], atol=1e-6)
+    assert np.allclose(motion.covariances, expected[1], atol=1e-6)
+    before = motion.states.copy()
+    update_velocities(SIX, motion, FIRST, one(velocity), np.zeros((1, 1, 3, 3)), FOREVER)
+    assert np.array_equal(motion.states, before)

@@ -9,7 +9,7 @@ from panoptic_ros.domain import JointState, PartMotions, TrackedPoseSet
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
-from panoptic_ros.refinement.motion_model import transition
+from panoptic_ros.refinement.motion_model import NINE, SIX, transition
 from panoptic_ros.refinement.records import Motion, of_all
 
 DT, NOISE = 0.04, 3.0
@@ -30,7 +30,8 @@ def test_a_displacement_conditions_both_states_exactly(memory):
     motion = Motion(state[None, None].copy(), cov[None, None].copy())
     ahead, gains = of_all(np.zeros_like, motion), np.zeros_like(motion.covariances)
     links = Links(moved[None, None], own[None, None])
-    predict_linked(motion, step, np.full((1, 1), NOISE), links, 1e9, ahead, gains, np.empty((1, 1, 3)))
+    sized = NINE if memory else SIX
+    predict_linked(sized, motion, step, np.full((1, 1), NOISE), links, 1e9, ahead, gains, np.empty((1, 1, 3)))
     forward = np.kron(step.forward, np.eye(3))
     process = NOISE * np.kron(step.spread, np.eye(3))
     whole = np.block([[cov, cov @ forward.T], [forward @ cov, forward @ cov @ forward.T + process]])

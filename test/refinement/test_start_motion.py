@@ -5,7 +5,7 @@ import pytest
 from panoptic_ros.domain import SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import RefinementStage
-from panoptic_ros.refinement.start_motion import likely_velocities
+from panoptic_ros.refinement.start_motion import likely_velocities, started
 from panoptic_ros.stage import StageContext
 
 JOINTS, LARGEST, CAUCHY = 19, 1.5, 3.0
@@ -102,3 +102,26 @@ class TestSlowCameras:
         assert max(gaps) < 0.1
         for output in outputs:  # it is not known either: people may move within 0.4 s
             assert np.sqrt(output.covariances[0, :, 0, 0]).min() > 0.02
+
+
+def positive(rng, size, scale):
+    factor = scale * rng.standard_normal((size, size))
+    return factor @ factor.T + 1e-3 * scale**2 * np.eye(size)
+
+
+def updated(state, covariance, matrix, value, noise):
+    gain = covariance @ matrix.T @ np.linalg.inv(matrix @ covariance @ matrix.T + noise)
+    return state + gain @ (value - matrix @ state), covariance - gain @ matrix @ covariance
+
+
+def test_a_new_point_starts_as_if_its_position_had_been_unknown():
+    rng = np.random.default_rng(2)
+    point, noise, delays = rng.standard_normal(3), positive(rng, 3, 0.1), 0.02 * rng.standard_normal((3, 3))
+    velocity, spread = rng.standard_normal(3), positive(rng, 3, 1.5)
+    motion = started(point[None], noise[None], delays[None], velocity[None], spread[None])
+    prior = np.zeros((6, 6))
+    prior[:3, :3], prior[3:, 3:] = 1e8 * np.eye(3), spread
+    start = np.concatenate([np.zeros(3), velocity])
+    expected = updated(start, prior, np.hstack([np.eye(3), delays]), point, noise)
+    assert np.allclose(motion.states[0], expected[0], atol=1e-5)
+    assert np.allclose(motion.covariances[0], expected[1], atol=1e-5)

@@ -5,7 +5,7 @@ import pytest
 from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.links import Links, predict_linked
-from panoptic_ros.refinement.motion_model import transition
+from panoptic_ros.refinement.motion_model import SIX, transition
 from panoptic_ros.refinement.records import Motion, new_people
 from panoptic_ros.refinement.stage import RefinementStage
 from panoptic_ros.refinement.tuning import (
@@ -137,7 +137,7 @@ def test_process_noise_is_learnt_from_displacements_as_their_true_noise_asks(pro
         ahead = Motion(np.empty_like(motion.states), np.empty_like(motion.covariances))
         turns, gains = np.full((*shape, 3), np.nan), np.empty((*shape, 6, 6))
         noise = 0.1 * people.factors
-        predict_linked(motion, transition(dt, 0.0), noise, links, 1e9, ahead, gains, turns)
+        predict_linked(SIX, motion, transition(dt, 0.0), noise, links, 1e9, ahead, gains, turns)
         learn_turns(people, turns)
         motion = ahead
         factors.append(np.exp(np.log(people.factors).mean()))

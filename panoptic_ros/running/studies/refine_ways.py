@@ -21,12 +21,12 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import FramePair, SkeletonFrame, SkeletonSequence, pair_sequences
+from panoptic_ros.evaluation.averaging import averaged
 from panoptic_ros.evaluation.filtering import one_euro, savitzky_golay
 from panoptic_ros.graph.build import make_stage, merged
 from panoptic_ros.graph.offline_refinement import OfflineRefinement
 from panoptic_ros.io.compared_skeletons import read_sequence
 from panoptic_ros.params import Config, config_of
-from panoptic_ros.refinement.averaging import averaged
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import without
 from panoptic_ros.running.plans.options import RunOptions

@@ -2,8 +2,9 @@
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.domain.rig_arrays import camera_records
 from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.solving.evidence import camera_records, undistort_points
+from panoptic_ros.geometry.lens_kernels import undistort_points
 
 
 def test_undistortion_equals_the_camera_model(scenes):

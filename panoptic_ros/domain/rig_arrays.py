@@ -1,0 +1,87 @@
+"""The cameras of a rig as arrays, as kernels take them."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from panoptic_ros.domain.camera import Camera
+from panoptic_ros.domain.rig import Rig
+
+Array = np.ndarray
+FARTHEST = 1e3  # undistorted radius beyond which no point is believed
+_NUMBERS = (
+    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 fisheye fold "
+    "limit width height columns rows a0 a1 a2 b0 b1 b2"
+).split()
+CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # see `camera_records`
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigArrays:
+    """The cameras of a rig as arrays, C cameras.
+
+    Args:
+        rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
+        focals: (C,) px. lenses: (C,) see `camera_records`.
+        boxes: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
+        diagonals: (C,) px. index: row of each camera by its name. cameras: the cameras of the rig.
+    """
+
+    rotations: Array
+    translations: Array
+    centres: Array
+    focals: Array
+    lenses: Array
+    boxes: Array
+    diagonals: Array
+    index: dict[str, int]
+    cameras: tuple[Camera, ...]
+
+    @classmethod
+    def of(cls, rig: Rig) -> RigArrays:
+        """The arrays of a rig."""
+        stack = rig.stack()
+        return cls(
+            np.ascontiguousarray(stack.rotations), np.ascontiguousarray(stack.translations),
+            np.ascontiguousarray(stack.centres), stack.focals, camera_records(rig.cameras),
+            np.stack([_plane_box(camera) for camera in rig.cameras]),
+            np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
+            {name: i for i, name in enumerate(rig.names)},
+            rig.cameras,
+        )  # fmt: skip
+
+
+def _plane_box(camera: Camera) -> Array:
+    """Box (4,) m/m of the image on the undistorted plane, from the middles of its borders."""
+    width, height = camera.image_size
+    middle_x, middle_y = 0.5 * (width - 1), 0.5 * (height - 1)
+    border = np.array([[-0.5, middle_y], [width - 0.5, middle_y], [middle_x, -0.5], [middle_x, height - 0.5]])
+    plane = camera.intrinsics.undistort(border)
+    box = np.array([plane[0, 0], plane[1, 0], plane[2, 1], plane[3, 1]])
+    return np.where(np.isfinite(box), box, [-1e3, 1e3, -1e3, 1e3])
+
+
+@lru_cache(maxsize=256)
+def camera_records(cameras: tuple[Camera, ...]) -> Array:
+    """Cameras (C,) as kernels take them, not to be changed.
+
+    Records `CAMERA`: rotation r00 to r22 and translation tx ty tz of cam_from_world; centre ox oy oz; matrix
+    fx skew cx fy cy; terms of the lens k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; the
+    undistorted radius at which the distortion folds back, squared (fold), and up to which points are
+    undistorted (limit); width and height, px. The others are of score maps, see `VoteScene`, and 0.
+    """
+    records = np.zeros(len(cameras), CAMERA)
+    for record, camera in zip(records, cameras):
+        lens, pose = camera.intrinsics, camera.cam_from_world
+        terms = (*lens.distortion, 0.0, 0.0)
+        if lens.lens == "fisheye":
+            terms = (*lens.distortion[:2], 0.0, 0.0, *lens.distortion[2:], 1.0)
+        numbers = (
+            *pose.rotation.ravel(), *pose.translation, *camera.centre, *lens.matrix.ravel()[[0, 1, 2, 4, 5]],
+            *terms, lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size,
+        )  # fmt: skip
+        for name, number in zip(_NUMBERS, numbers):
+            record[name] = number
+    return records
