@@ -25,7 +25,6 @@ class RigArrays:
     Args:
         rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
         focals: (C,) px. lenses: (C,) see `camera_records`.
-        boxes: (C, 4) m/m, the smallest and largest undistorted x and y that the image shows.
         diagonals: (C,) px. index: row of each camera by its name. cameras: the cameras of the rig.
     """
 
@@ -34,7 +33,6 @@ class RigArrays:
     centres: Array
     focals: Array
     lenses: Array
-    boxes: Array
     diagonals: Array
     index: dict[str, int]
     cameras: tuple[Camera, ...]
@@ -46,21 +44,10 @@ class RigArrays:
         return cls(
             np.ascontiguousarray(stack.rotations), np.ascontiguousarray(stack.translations),
             np.ascontiguousarray(stack.centres), stack.focals, camera_records(rig.cameras),
-            np.stack([_plane_box(camera) for camera in rig.cameras]),
             np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
             {name: i for i, name in enumerate(rig.names)},
             rig.cameras,
         )  # fmt: skip
-
-
-def _plane_box(camera: Camera) -> Array:
-    """Box (4,) m/m of the image on the undistorted plane, from the middles of its borders."""
-    width, height = camera.image_size
-    middle_x, middle_y = 0.5 * (width - 1), 0.5 * (height - 1)
-    border = np.array([[-0.5, middle_y], [width - 0.5, middle_y], [middle_x, -0.5], [middle_x, height - 0.5]])
-    plane = camera.intrinsics.undistort(border)
-    box = np.array([plane[0, 0], plane[1, 0], plane[2, 1], plane[3, 1]])
-    return np.where(np.isfinite(box), box, [-1e3, 1e3, -1e3, 1e3])
 
 
 @lru_cache(maxsize=256)

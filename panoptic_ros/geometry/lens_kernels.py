@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from panoptic_ros.kernels import njit
+from panoptic_ros.kernels import inlined, njit
 
 Array = np.ndarray
 TINY = 1e-12  # radius below which a point is on the axis
@@ -59,6 +59,17 @@ def straighten_fisheye(
         growth = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)))
         theta = min(max(theta - miss / max(growth, 1e-6), 0.0), last)
     return math.tan(theta) / reached, abs(miss) < 1e-9
+
+
+@inlined
+def bent(terms, fisheye, x, y):
+    """Where a lens of terms k1 k2 p1 p2 k3 k4 bends a point of the plane at 1 m; its distance squared."""
+    k1, k2, p1, p2, k3, k4 = terms
+    r2 = x * x + y * y
+    radial = fisheye_factor(k1, k2, k3, k4, r2) if fisheye else 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    dx = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    dy = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return dx, dy, r2
 
 
 @_jit

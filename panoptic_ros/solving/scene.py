@@ -1,19 +1,17 @@
-"""One instant, ready for the kernels: where the cameras were, what they saw, and how far they see.
-
-How far is said on the undistorted plane, so that kernels need no lenses.
-"""
+"""One instant, ready for the kernels: where the cameras were, what they saw, and how far they see."""
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, DetectionSet, Evidence, ViewDetections, VisibilityLimit
+from panoptic_ros.domain import DetectionSet, Evidence, ViewDetections, VisibilityLimit
 from panoptic_ros.domain.rig_arrays import RigArrays
-from panoptic_ros.kernels import njit
+from panoptic_ros.geometry.lens_kernels import bent
+from panoptic_ros.kernels import inlined, njit
 
 Array = np.ndarray
 MIN_DEPTH = 0.05  # m
@@ -47,13 +45,9 @@ class Observations(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What V views see.
+    """What V views see: their cameras (V,), see `camera_records`, and limits, see `limits_of`."""
 
-    boxes: (V, 4) m/m, the smallest and largest undistorted x and y that the image shows.
-    limits: see `limits_of`; columns and rows divide the box of a view evenly.
-    """
-
-    boxes: Array
+    cameras: Array
     limits: Array
 
 
@@ -90,7 +84,7 @@ def scene_of(
     """The scene of a detection set and its evidence."""
     rows, cams = evidence.cameras, cameras_of(evidence, arrays)
     views = [detections.views[slot] for slot in evidence.slots]
-    sight = sight_of(arrays.boxes[rows], [arrays.cameras[row] for row in rows], views)
+    sight = Sight(arrays.lenses[rows], limits_of(views))
     return Scene(evidence, precision, mirror, cams, arrays.centres[rows], arrays.focals[rows], sight)
 
 
@@ -108,70 +102,47 @@ def even_precision(evidence: Evidence, arrays: RigArrays, noise: float) -> Array
     return precision
 
 
-def sight_of(boxes: Array, cameras: Sequence[Camera], views: Sequence[ViewDetections]) -> Sight:
-    """The sight of V views with their cameras and boxes (V, 4)."""
-    def on_plane(v: int, limit: VisibilityLimit) -> Array:
-        return _on_plane(limit, cameras[v], *boxes[v].tolist())
-
-    return Sight(boxes, limits_of(views, on_plane))
-
-
-def limits_of(views: Sequence[ViewDetections], metres: Callable[[int, VisibilityLimit], Array]) -> Array:
+def limits_of(views: Sequence[ViewDetections]) -> Array:
     """How far V views see, in one array (V * 3 + cells,).
 
-    Of each view the first cell of its limit (0 = none), columns, rows; then the cells of all, row by row.
-
-    Args:
-        metres: the cells of the limit of a view of this number, m.
+    Of each view the first cell of its limit (0 = none), columns, rows; then the cells of all, m, row by row.
     """
     parts, end = [np.zeros(3 * len(views))], 3 * len(views)
     for v, view in enumerate(views):
         if view.limit is not None:
             rows, columns = view.limit.cells.shape
             parts[0][3 * v : 3 * v + 3] = end, columns, rows
-            parts.append(metres(v, view.limit))
+            parts.append(_metres(view.limit))
             end += rows * columns
     return np.concatenate(parts)
 
 
 @lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
-def _on_plane(
-    limit: VisibilityLimit, camera: Camera, left: float, right: float, top: float, bottom: float
-) -> Array:
-    limits: Array = limit.metres.ravel()[_cells(camera, *limit.cells.shape, left, right, top, bottom)]
-    return limits
+def _metres(limit: VisibilityLimit) -> Array:
+    return limit.metres.ravel()
 
 
-@lru_cache(maxsize=4096)
-def _cells(
-    camera: Camera, rows: int, columns: int, left: float, right: float, top: float, bottom: float
-) -> Array:
-    """Which cell of the image (rows * columns,) is seen in the middle of each cell of the box."""
-    x = left + (np.arange(columns) + 0.5) / columns * (right - left)
-    y = top + (np.arange(rows) + 0.5) / rows * (bottom - top)
-    plane = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    lens = camera.intrinsics
-    pixels = lens.pixels_from_plane(lens.distort(plane))
-    shape = np.array([columns, rows])
-    at = np.floor((pixels + 0.5) * (shape / np.array(camera.image_size)))
-    at = np.clip(at, 0, shape - 1).astype(np.int64)
-    cells: Array = at[:, 1] * columns + at[:, 0]
-    return cells
+@inlined
+def within(camera, limits, v, u, w, depth):
+    """Whether view v, which has a limit, sees as far as a depth in m at a pixel of its image."""
+    start, columns, rows = int(limits[3 * v]), int(limits[3 * v + 1]), int(limits[3 * v + 2])
+    i = min(int((u + 0.5) * (columns / camera.width)), columns - 1)
+    k = min(int((w + 0.5) * (rows / camera.height)), rows - 1)
+    return depth <= limits[start + k * columns + i]
 
 
 @njit(cache=True, error_model="numpy")
 def look(sight, v, x, y, depth):
     """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
-    left, right, top, bottom = sight.boxes[v]
-    if not (left < x < right and top < y < bottom):
+    camera = sight.cameras[v]
+    terms = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.k4)
+    dx, dy, r2 = bent(terms, camera.fisheye > 0.0, x, y)
+    u, w = camera.fx * dx + camera.skew * dy + camera.cx, camera.fy * dy + camera.cy
+    if not (r2 < camera.fold and -0.5 <= u <= camera.width - 0.5 and -0.5 <= w <= camera.height - 0.5):
         return OUTSIDE
-    start = int(sight.limits[3 * v])
-    if start == 0:
+    if sight.limits[3 * v] == 0.0 or within(camera, sight.limits, v, u, w, depth):
         return SEEN
-    columns, rows = int(sight.limits[3 * v + 1]), int(sight.limits[3 * v + 2])
-    i = min(int((x - left) / (right - left) * columns), columns - 1)
-    k = min(int((y - top) / (bottom - top) * rows), rows - 1)
-    return SEEN if depth <= sight.limits[start + k * columns + i] else HIDDEN
+    return HIDDEN
 
 
 @njit(cache=True, error_model="numpy")

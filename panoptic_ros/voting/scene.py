@@ -2,12 +2,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, ViewDetections, VisibilityLimit
+from panoptic_ros.domain import Camera, ViewDetections
 from panoptic_ros.domain.rig_arrays import CAMERA, camera_records
 from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.scene import limits_of
@@ -31,7 +30,7 @@ class VoteScene(NamedTuple):
     map_start: (V, J) first value of the merged map in `map_data` (B,) uint8, -1 where keypoints count.
     patch_start: (V * J + 1) first patch of each view and joint in `patch_table`: (K, 6) person, column,
         row, width, height, first value in `patch_data` (B,) uint8.
-    limits: see `limits_of`; columns and rows divide the image of a view evenly.
+    limits: see `limits_of`.
     """
 
     cameras: Array
@@ -76,9 +75,8 @@ def build_scene(cameras: Sequence[Camera], views: Sequence[ViewDetections], join
         if view.maps is not None:
             row[-6:] = view.maps.grid_from_image.ravel()
     map_start, map_data, patch_start, patch_table = merged_maps(patches, joint_count)
-    limits = limits_of(views, lambda _, limit: _limit_metres(limit))
     return VoteScene(
-        records, people, gates, map_start, map_data, patch_start, patch_table, patches.data, limits
+        records, people, gates, map_start, map_data, patch_start, patch_table, patches.data, limits_of(views)
     )
 
 
@@ -95,11 +93,6 @@ def _patches(views: Sequence[ViewDetections]) -> Patches:
         np.concatenate([np.zeros((0, 2), np.int32), *(each.sizes for each in maps)]),
         np.concatenate([np.zeros(0, np.uint8), *(each.data for each in maps)]),
     )
-
-
-@lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
-def _limit_metres(limit: VisibilityLimit) -> Array:
-    return limit.metres.ravel()
 
 
 @_jit

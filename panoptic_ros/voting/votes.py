@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.geometry.lens_kernels import fisheye_factor
+from panoptic_ros.geometry.lens_kernels import bent
 from panoptic_ros.geometry.pinhole import MIN_DEPTH
 from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.solving.scene import within
 from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
@@ -56,8 +57,10 @@ def see(cameras, limits, v, lanes):
         _project(cameras[v], True, lanes)
     else:
         _project(cameras[v], False, lanes)
-    if limits[3 * v] > 0.0:
-        _hide(cameras[v], limits, v, lanes)
+    for c in range(LANES if limits[3 * v] > 0.0 else 0):
+        if lanes[COVERED + c] > 0.0:
+            near = within(cameras[v], limits, v, lanes[U + c], lanes[W + c], lanes[DEPTH + c])
+            lanes[COVERED + c] = 1.0 if near else 0.0
 
 
 @inlined
@@ -91,29 +94,6 @@ def locate(columns, rows, a, b):
     a, b = min(max(a, 0.0), max(columns - 1.0, 0.0)), min(max(b, 0.0), max(rows - 1.0, 0.0))
     left, top = np.floor(min(a, max(columns - 2.0, 0.0))), np.floor(min(b, max(rows - 2.0, 0.0)))
     return top * columns + left, a - left, b - top
-
-
-@inlined
-def bent(terms, fisheye, x, y):
-    """Where a lens of terms k1 k2 p1 p2 k3 k4 bends a point of the plane at 1 m; its distance squared."""
-    k1, k2, p1, p2, k3, k4 = terms
-    r2 = x * x + y * y
-    radial = fisheye_factor(k1, k2, k3, k4, r2) if fisheye else 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    dx = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    dy = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return dx, dy, r2
-
-
-@inlined
-def _hide(camera, limits, v, lanes):
-    """Take from COVERED the points beyond the view's limit."""
-    start, columns, rows = int(limits[3 * v]), int(limits[3 * v + 1]), int(limits[3 * v + 2])
-    for c in range(LANES):
-        if lanes[COVERED + c] > 0.0:
-            i = min(int((lanes[U + c] + 0.5) * (columns / camera.width)), columns - 1)
-            k = min(int((lanes[W + c] + 0.5) * (rows / camera.height)), rows - 1)
-            if lanes[DEPTH + c] > limits[start + k * columns + i]:
-                lanes[COVERED + c] = 0.0
 
 
 @inlined

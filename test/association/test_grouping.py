@@ -7,6 +7,7 @@ from panoptic_ros.association.config import AssociationConfig
 from panoptic_ros.association.grouping import MIN_COMMON, MIRROR_MARGIN, assign
 from panoptic_ros.association.newcomers import find_people
 from panoptic_ros.domain import Evidence
+from panoptic_ros.domain.rig_arrays import CAMERA
 from panoptic_ros.solving.agreement import agreement_with_people
 from panoptic_ros.solving.scene import Cameras, Scene, Sight
 
@@ -52,7 +53,10 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
         np.ones(scores.shape), scores, delays,
     )  # fmt: skip
     cams = Cameras(rotations, translations, delays)
-    sight = Sight(np.tile([-1.0, 1, -1, 1], (views, 1)), np.zeros(3 * views))
+    cameras = np.zeros(views, CAMERA)  # of images of x and y from -1 to 1
+    for name, value in {"fx": 1, "fy": 1, "cx": 0.5, "cy": 0.5, "width": 2, "height": 2, "fold": 9}.items():
+        cameras[name] = value
+    sight = Sight(cameras, np.zeros(3 * views))
     precision, focals = np.full(plane.shape[:2], 500.0), np.full(views, 1000.0)
     return Scene(evidence, precision, MIRROR, cams, centres, focals, sight), np.array(truth, int)
 

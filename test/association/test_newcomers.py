@@ -9,6 +9,7 @@ from panoptic_ros.association.newcomers import (
     best_pairs,
     enough_support,
 )
+from panoptic_ros.domain.rig_arrays import CAMERA
 from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, Sight, look_at
 
 
@@ -26,12 +27,15 @@ def test_best_pairs_are_the_first_of_a_stable_sort(seed):
 
 def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
     rotations, translations = np.eye(3)[None].repeat(3, 0), np.zeros((3, 3))
-    boxes = np.array([[-1.0, 1, -1, 1], [-0.1, 0.1, -1, 1], [0.3, 1, -1, 1]])
+    cameras = np.zeros(3, CAMERA)
+    cameras["fy"], cameras["cy"], cameras["fold"] = 1.0, 0.5, 9.0
+    cameras["width"] = cameras["height"] = 2.0
+    cameras["fx"], cameras["cx"] = [1.0, 10.0, 2.0], [0.5, 0.5, -1.1]  # x of -1 to 1, -0.1 to 0.1, 0.3 to 1.3
     person = np.array([[0.0, 0, 2], [1.0, 0, 2], [np.nan] * 3, [0.0, 0, -2], [1.0, 0.2, 2]])
-    sight = Sight(boxes, np.zeros(9))
+    sight = Sight(cameras, np.zeros(9))
     assert look_at(person, rotations, translations, sight).tolist() == [SEEN, OUTSIDE, SEEN]
     wall = np.array([9.0, 2, 1, 0, 0, 0, 0, 0, 0, 1.9, 1.9])  # of the first view, nearer than the person
-    behind = look_at(person, rotations, translations, Sight(boxes, wall))
+    behind = look_at(person, rotations, translations, Sight(cameras, wall))
     assert behind.tolist() == [HIDDEN, OUTSIDE, SEEN]
 
 

@@ -1,4 +1,4 @@
-"""The limits on the undistorted plane say what `VisibilityLimit.sees` says, but for half a cell."""
+"""What views see of a scene is what `VisibilityLimit.sees` says; which views are spread."""
 from dataclasses import replace
 
 import captures
@@ -34,14 +34,9 @@ def test_a_wall_with_a_hole_hides_the_same_as_in_the_image(distortion):
     rng = np.random.default_rng(0)
     pixels = rng.uniform(0.0, [1279.0, 719.0], (3000, 2))
     plane, depths = camera.intrinsics.undistort(pixels), rng.uniform(1.0, 6.0, 3000)
-    inside = ((plane > sight.boxes[0, ::2]) & (plane < sight.boxes[0, 1::2])).all(axis=1)
-    hole = np.array([[319.5, 239.5], [959.5, 479.5]])
-    edge = np.minimum(np.abs(pixels[:, None] - hole).min(axis=(1, 2)), 1e9)
-    clear = inside & (edge > 12.0)  # px; a cell has 8
     expected = limit.sees(pixels, depths, camera.image_size)
     found = np.array([look(sight, 0, *p, d) for p, d in zip(plane, depths)])
-    assert clear.sum() > 2000 and 0.2 < expected[clear].mean() < 0.8
-    assert (found == np.where(expected, SEEN, HIDDEN))[clear].all()
+    assert 0.2 < expected.mean() < 0.8 and (found == np.where(expected, SEEN, HIDDEN)).all()
     assert look(sight, 1, 0.0, 0.0, 1e9) == SEEN and look(sight, 0, 9.0, 0.0, 1.0) == OUTSIDE
     assert isinstance(lens, Intrinsics)
 
