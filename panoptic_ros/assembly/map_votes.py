@@ -10,7 +10,6 @@ triangulated position.
 """
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ import numpy as np
 from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.assignment import best_assignment
+from panoptic_ros.kernels.assignment import columns_of_rows
 
 Array = np.ndarray
 
@@ -110,85 +109,46 @@ def chosen_nodes(
         gate: m, nodes so near to the triangulated joint need no second view.
     """
     chosen = np.full(positions.shape[:2], -1, np.int64)
-    if not len(item.nodes) or not len(positions):
-        return chosen
-    choice = _Choice(
-        positions, expected, item.nodes, item.node_joints, item.node_scores, item.node_views, float(gate)
-    )
-    for joint in choose_clear(choice, _mapped_joints(item, len(skeleton)), chosen):
-        nodes, cost = choice_costs(choice, joint, *compared_bones(skeleton, joint))
-        people, columns = best_assignment(cost)
-        taken = (columns < len(nodes)) & (cost[people, columns] < _NEVER)
-        chosen[people[taken], joint] = nodes[columns[taken]]
+    if len(item.nodes) and len(positions):
+        choice = _Choice(
+            positions, expected, item.nodes.copy(), item.node_joints, item.node_scores, item.node_views,
+            float(gate),
+        )  # fmt: skip
+        bones, mirror = np.array(skeleton.bones, np.int64).reshape(-1, 2), np.array(skeleton.mirror, np.int64)
+        choose(choice, _mapped_joints(item, len(skeleton)), bones, mirror, chosen)
     return chosen
 
 
 @njit(cache=True, error_model="numpy")
-def choose_clear(choice, mapped, chosen):
-    """Choose, in place, where everybody has one allowed node, at hand, with votes, and nobody else's.
-
-    Returns:
-        the other joints that maps show (`mapped`, (J,)) and that have nodes.
-    """
+def choose(choice, mapped, bones, mirror, chosen):
+    """The loops of `chosen_nodes`, in place, for the joints that maps show: mapped (J,); bones (B, 2)."""
     positions, expected, nodes, node_joints, votes, views, gate = choice
-    left = np.empty(len(mapped), np.int64)
-    count = 0
-    own, taken = np.empty(len(positions), np.int64), np.zeros(len(nodes), np.bool_)
-    for joint in range(len(mapped)):
-        if not mapped[joint]:
-            continue
-        clear, some = True, False
-        taken[:] = False
-        for p in range(len(positions)):
-            number, own[p] = 0, -1
-            near = False
-            for n in range(len(nodes)):
-                if node_joints[n] != joint or not votes[n] > 0.0:
-                    continue
-                some = True
-                moved, away = _distances(nodes[n], positions[p, joint], expected[p, joint])
-                if _is_allowed(moved, away, views[n], gate):
-                    number, own[p], near = number + 1, n, moved <= gate
-            clear &= number == 1 and near and votes[own[p]] > OWN_VOTE and not taken[own[p]]
-            taken[own[p]] |= number == 1
-        if clear:
-            for p in range(len(positions)):
-                chosen[p, joint] = own[p]
-        elif some:
-            left[count] = joint
-            count += 1
-    return left[:count]
-
-
-@njit(cache=True, error_model="numpy")
-def choice_costs(choice, joint, ends, mirror):
-    """The nodes (N,) of a joint, and what they cost everybody, and staying, (P, N + P)."""
-    positions, expected, nodes, node_joints, votes, views, gate = choice
-    which, count = np.empty(len(nodes), np.int64), 0
-    for n in range(len(nodes)):
-        if node_joints[n] == joint and votes[n] > 0.0:
-            which[count] = n
-            count += 1
-    which, people = which[:count], len(positions)
-    places = np.empty((people, count + 1, 3))
-    for p in range(people):
-        for axis in range(3):
+    own, people = np.empty(len(nodes), np.int64), len(positions)
+    for joint in np.flatnonzero(mapped):
+        count = 0
+        for n in range(len(nodes)):
+            if node_joints[n] == joint and votes[n] > 0.0:
+                own[count] = n
+                count += 1
+        cost = np.full((people, count + people), _NEVER)  # of nodes, and of staying
+        for p in range(people if count else 0):
+            here, there = positions[p, joint], expected[p, joint]
             for k in range(count):
-                places[p, k, axis] = nodes[which[k], axis]
-            places[p, count, axis] = positions[p, joint, axis]
-    strange = sum_differences(places, positions, joint, ends, mirror)
-    cost = np.full((people, count + people), _NEVER)
-    for p in range(people):
-        for k in range(count):
-            n = which[k]
-            moved, away = _distances(nodes[n], positions[p, joint], expected[p, joint])
-            if _is_allowed(moved, away, views[n], gate):
-                cost[p, k] = _cost(away, votes[n]) + strange[p, k]
-                if np.isfinite(moved):
-                    cost[p, k] += min(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE)
-        _, stay = _distances(positions[p, joint], positions[p, joint], expected[p, joint])
-        cost[p, count + p] = _cost(stay if np.isfinite(stay) else 0.0, OWN_VOTE) + strange[p, count]
-    return which, cost
+                place = nodes[own[k]]
+                moved, away = _distances(place, here, there)
+                if _is_allowed(moved, away, views[own[k]], gate):
+                    strange = difference(place, positions[p], joint, bones, mirror)
+                    cost[p, k] = _cost(away, votes[own[k]]) + strange
+                    if np.isfinite(moved):
+                        cost[p, k] += min(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE)
+            _, stay = _distances(here, here, there)
+            cost[p, count + p] = _cost(stay if np.isfinite(stay) else 0.0, OWN_VOTE)
+            cost[p, count + p] += difference(here, positions[p], joint, bones, mirror)
+        if count:
+            columns = columns_of_rows(cost)
+            for p in range(people):
+                if columns[p] < count and cost[p, columns[p]] < _NEVER:
+                    chosen[p, joint] = own[columns[p]]
 
 
 @njit(cache=True, error_model="numpy")
@@ -213,36 +173,27 @@ def _cost(distance, vote):
     return min(0.5 * (distance / CHOICE_SIGMA) ** 2, WORST_DISTANCE) - np.log(vote)
 
 
-@lru_cache(maxsize=1024)
-def compared_bones(skeleton: SkeletonModel, joint: int) -> tuple[Array, Array]:
-    """Joints that bones connect with a joint and whose bones have another side, and the mirror (J,)."""
-    mirror = np.array(skeleton.mirror, np.int64)
-    ends = [b if a == joint else a for a, b in skeleton.bones if joint in (a, b)]
-    return np.array([e for e in ends if mirror[e] != e or mirror[joint] != joint], np.int64), mirror
-
-
 @njit(cache=True, error_model="numpy")
-def sum_differences(places, positions, joint, ends, mirror):
-    """Half squared deviations (P, N) of the bones of a joint from those of the other side, summed.
+def difference(place, person, joint, bones, mirror):
+    """Half squared deviations of a joint's bones from those of the other side, summed, if it is at a place.
 
     Args:
-        places: (P, N, 3) m, where the joint could be. positions: (P, J, 3) m, all others; NaN = missing.
-        ends, mirror: as `compared_bones` tells.
+        place: (3,) m. person: (J, 3) m, all others; NaN = missing. bones: (B, 2). mirror: (J,) other sides.
     """
-    people, count = places.shape[:2]
-    total = np.zeros((people, count))
-    for p in range(people):
-        for n in range(count):
-            for end in ends:
-                start = places[p, n] if mirror[joint] == joint else positions[p, mirror[joint]]
-                length = other = 0.0
-                for i in range(3):
-                    length += (places[p, n, i] - positions[p, end, i]) ** 2
-                    other += (start[i] - positions[p, mirror[end], i]) ** 2
-                length, other = np.sqrt(length), np.sqrt(other)
-                square = ((length - other) / (BONE_SIGMA + BONE_SHARE * min(length, other))) ** 2
-                if np.isfinite(square):
-                    total[p, n] += 0.5 * min(square, WORST_BONE)
+    total = 0.0
+    start = place if mirror[joint] == joint else person[mirror[joint]]
+    for b in range(len(bones)):
+        end = bones[b, 1] if bones[b, 0] == joint else bones[b, 0]
+        if joint not in (bones[b, 0], bones[b, 1]) or (mirror[end] == end and mirror[joint] == joint):
+            continue
+        length = other = 0.0
+        for i in range(3):
+            length += (place[i] - person[end, i]) ** 2
+            other += (start[i] - person[mirror[end], i]) ** 2
+        length, other = np.sqrt(length), np.sqrt(other)
+        square = ((length - other) / (BONE_SIGMA + BONE_SHARE * min(length, other))) ** 2
+        if np.isfinite(square):
+            total += 0.5 * min(square, WORST_BONE)
     return total
 
 

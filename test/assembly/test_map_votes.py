@@ -6,9 +6,8 @@ from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.assembly.map_votes import (
     VoteNoise,
     chosen_nodes,
-    compared_bones,
+    difference,
     move_to_votes,
-    sum_differences,
 )
 from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps, SkeletonModel, ViewDetections
 
@@ -90,19 +89,18 @@ def test_a_bone_unlike_that_of_the_other_side_is_not_believed():
     assert choose(people, item, skeleton=ARMS) == [[-1, -1, 1]]
 
 
-def bone_differences(places, positions, joint, skeleton):
-    return sum_differences(places, np.ascontiguousarray(positions), joint, *compared_bones(skeleton, joint))
+def bone_differences(places, person, joint, skeleton):
+    bones, mirror = np.array(skeleton.bones), np.array(skeleton.mirror)
+    return [difference(np.array(place), np.array(person), joint, bones, mirror) for place in places]
 
 
 def test_bone_differences_by_hand():
-    positions = np.array([[[0.0, 0, 1], [0.3, 0, 1], [np.nan] * 3]])
-    places = np.array([[[-0.3, 0, 1], [-0.36, 0, 1], [-3.0, 0, 1]]])
-    expected = [[0.0, 0.5 * (0.06 / 0.06) ** 2, 18.0]]
-    assert np.allclose(bone_differences(places, positions, 2, ARMS), expected)
-    uneven = np.array([[[9.0] * 3, [0.3, 0, 1], [-0.4, 0, 1]]])
-    middle = bone_differences(np.array([[[0.0, 0, 1]]]), uneven, 0, ARMS)
-    assert np.allclose(middle, 0.5 * (0.1 / 0.06) ** 2 * 2)
-    assert (bone_differences(places, positions[:, :2], 1, PAIR) == 0.0).all()
+    person = [[0.0, 0, 1], [0.3, 0, 1], [np.nan] * 3]
+    places = [[-0.3, 0, 1], [-0.36, 0, 1], [-3.0, 0, 1]]
+    assert np.allclose(bone_differences(places, person, 2, ARMS), [0.0, 0.5 * (0.06 / 0.06) ** 2, 18.0])
+    uneven = [[9.0] * 3, [0.3, 0, 1], [-0.4, 0, 1]]
+    assert np.allclose(bone_differences([[0.0, 0, 1]], uneven, 0, ARMS), 0.5 * (0.1 / 0.06) ** 2 * 2)
+    assert bone_differences(places, person[:2], 1, PAIR) == [0.0] * 3
 
 
 def test_nodes_far_from_where_a_joint_should_be_are_not_looked_at():
