@@ -78,56 +78,39 @@ class Followed(NamedTuple):
     up: Array
 
 
-def place_shown(scene: Scene, found: Candidates, joints: Joints, body: Body) -> None:
-    """Place missing joints of people of few views, in place, that these views show.
-
-    Args:
-        joints: of all candidates.
-    """
-    rows = people_of_few_views(found.grouping.member)
-    if len(rows):
-        place_joints(rows, Shown.of(scene, found), joints, body, scene.sight)
-
-
 def hold_people(
-    scene: Scene, found: Candidates, prediction: Prediction, kept: Array, joints: Joints, body: Body,
+    people: tuple[Array, Array, Joints], scene: Scene, found: Candidates, prediction: Prediction, body: Body,
     worst: float,
 ) -> tuple[Array, Joints, Array]:  # fmt: skip
     """The people that were kept and those who can be held besides, with joints that are placed.
 
     Args:
-        kept: (P,) rows of the candidates, whose joints are `joints`.
+        people: rows of the candidates who are followed and of few views; of those that were kept; the joints
+            of these.
         worst: m, standard deviation beyond which a joint is given up.
 
     Returns:
         rows of the candidates, joints, and which joints (P, J) were placed.
     """
-    count, few = joints.views.shape[1], people_of_few_views(found.grouping.member)
-    few = few[found.who[few] >= 0]
-    if not len(few) or prediction.lengths.shape[1] != len(body.bones):
-        return kept, joints, np.zeros((len(kept), count), bool)
+    few, kept, joints = people
     held = np.setdiff1d(few, kept)
     p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others look anywhere
     followed = Followed(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
-    rows, all_joints = np.concatenate([kept, held]), joints.joined(Joints.nothing(len(held), count))
-    there, placed = hold_joints(rows, len(kept), Shown.of(scene, found), followed, all_joints, body, worst)
-    return rows[there], all_joints.rows(there), placed[there]
-
-
-@njit(cache=True, error_model="numpy")
-def people_of_few_views(member):
-    """Rows of the people whom one or two views show; member: (P, V) 2D people, -1 = none."""
-    rows, count = np.empty(len(member), np.int64), 0
-    for p in range(len(member)):
-        if 1 <= np.sum(member[p] >= 0) <= FEW_VIEWS:
-            rows[count] = p
-            count += 1
-    return rows[:count]
+    rows, nothing = np.concatenate([kept, held]), Joints.nothing(len(held), joints.views.shape[1])
+    joints = joints.joined(nothing)
+    there, placed = hold_joints(rows, len(kept), Shown.of(scene, found), followed, joints, body, worst)
+    return rows[there], joints.rows(there), placed[there]
 
 
 @njit(cache=True, error_model="numpy")
 def place_joints(rows, shown, joints, body, sight):
-    """The loop of `place_shown` over people `rows` (K,); whom more views should see may be false."""
+    """Place missing joints of people `rows` (K,) of few views, in place, that these views show.
+
+    Whom more views should see may be false.
+
+    Args:
+        joints: of all candidates. sight: of the scene.
+    """
     cams = shown.seen.cams
     for k in rows:
         found = look_at(joints.positions[k], cams.rotations, cams.translations, sight)

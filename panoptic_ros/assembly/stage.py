@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.few_views import hold_people, place_shown
+from panoptic_ros.assembly.few_views import FEW_VIEWS, Shown, hold_people, place_joints
 from panoptic_ros.assembly.judgement import (
     People,
     Standards,
@@ -20,17 +20,17 @@ from panoptic_ros.assembly.map_votes import VoteNoise, move_to_votes
 from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares, residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
-from panoptic_ros.assembly.time_shift import Motion, motion_of, solve_in_motion, time_shift
+from panoptic_ros.assembly.time_shift import Motion, motion_of, solved_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, PoseSet, Prediction, ProposalSet
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.solving.bodies import Body
-from panoptic_ros.solving.evidence import carried_ages, check_association
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views, view_sources
+from panoptic_ros.solving.joints import solve_joints
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
-from panoptic_ros.solving.scene import Scene, cameras_of, scene_of
+from panoptic_ros.solving.scene import Scene, cameras_of, carried_ages, check_association, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
@@ -97,7 +97,10 @@ class AssemblyStage(Stateful):
         people, found, observed, motion = self._solve(item)
         votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
         votes -= ANATOMY_VOTES * self._sides.right_way(people.joints.positions, people.joints.views)
-        shift = time_shift(motion, people.kept, people.joints.positions, found.guide.shifts, self._skeleton)
+        shift = None
+        if motion is not None:
+            positions, shifts = people.joints.positions, found.guide.shifts
+            shift = time_shift(motion, people.kept, positions, shifts, self._skeleton)
         return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
     def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
@@ -109,7 +112,9 @@ class AssemblyStage(Stateful):
         marks = Marks.of(evidence, kinds, carried_ages(item.detections, evidence))
         precision = self._noise.precisions(marks, self._rig)
         scene = scene_of(item.detections, evidence, precision, self._mirror, self._rig)
-        found, solved, motion = solve_in_motion(scene, found, prediction, self._rules)
+        solved, motion = solve_joints(found, scene.observations, self._rules), None
+        if scene.cams.delays.any():
+            found, solved, motion = solved_in_motion(scene, found, solved, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
             found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
         observed = observed_views(found, scene.precision)
@@ -146,15 +151,17 @@ class AssemblyStage(Stateful):
             noise = VoteNoise(config.vote_distance, config.vote_sigma, config.node_sigma)
             move_to_votes(joints, expected, item, self._skeleton, noise)
             joints.positions[...] -= shifts
-        if config.two_view_joints:
-            place_shown(scene, found, joints, self._body)
+        shown = (member >= 0).sum(axis=1)
+        few = np.flatnonzero((shown > 0) & (shown <= FEW_VIEWS))
+        if config.two_view_joints and len(few):
+            place_joints(few, Shown.of(scene, found), joints, self._body, scene.sight)
         joints.derive(self._skeleton)
         kept = kept_people(joints, good, observed, member, standards)
         own, placed = joints.rows(kept), np.zeros((len(kept), len(self._skeleton)), bool)
-        if config.held_sigma > 0.0:
-            kept, own, placed = hold_people(
-                scene, found, item.association.prediction, kept, own, self._body, config.held_sigma
-            )
+        few, prediction = few[found.who[few] >= 0], item.association.prediction
+        if config.held_sigma > 0.0 and len(few) and prediction.lengths.shape[1] == len(self._body.bones):
+            people = few, kept, own
+            kept, own, placed = hold_people(people, scene, found, prediction, self._body, config.held_sigma)
         sources = view_sources(item.detections, scene.evidence, found, solved, kept)
         return People(kept, own, sources, placed)
 

@@ -41,16 +41,13 @@ class Motion:
     information: Array
 
 
-def solve_in_motion(
-    scene: Scene, found: Candidates, prediction: Prediction, rules: SolverRules
-) -> tuple[Candidates, SolvedJoints, Motion | None]:
-    """The final solve; again with better velocities where views have stamps of their own.
+def solved_in_motion(
+    scene: Scene, found: Candidates, solved: SolvedJoints, prediction: Prediction, rules: SolverRules
+) -> tuple[Candidates, SolvedJoints, Motion]:
+    """The final solve again with better velocities, and how joints depend on motion.
 
-    Returns the candidates with the velocities that were used, and no motion where all stamps are equal.
+    Returns the candidates with the velocities that were used.
     """
-    solved = solve_joints(found, scene.observations, rules)
-    if not scene.cams.delays.any():
-        return found, solved, None
     motion = motion_of(scene, solved, found.guide.shifts, rules.cauchy)
     if (found.who >= 0).any():
         shifts = likelier_velocities(found, solved, motion, prediction)
@@ -99,14 +96,12 @@ def likelier_velocities(
 
 
 def time_shift(
-    motion: Motion | None, kept: Array, positions: Array, shifts: Array, skeleton: SkeletonModel
-) -> TimeShift | None:
+    motion: Motion, kept: Array, positions: Array, shifts: Array, skeleton: SkeletonModel
+) -> TimeShift:
     """The record for the people that were `kept` (P,), with joints at positions (P, J, 3).
 
     Derived joints have the mean of their parts.
     """
-    if motion is None:
-        return None
     arrays = [a[kept] for a in (motion.delays, shifts, motion.velocities, motion.information)]
     for joint, parts in skeleton.derived:
         for array in arrays:

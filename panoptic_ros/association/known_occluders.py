@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, DetectionSet, Occluders, Rig, ViewDetections, VisibilityLimit
+from panoptic_ros.domain import Camera, DetectionSet, Occluders, Rig, VisibilityLimit
 from panoptic_ros.domain.visibility import LONGER_SIDE
 from panoptic_ros.kernels import njit
 
@@ -35,28 +35,25 @@ def occluded_depths(camera: Camera, occluders: Occluders) -> Array:
     return farthest
 
 
-class KnownOccluders:
-    """The limits that the occluders of a rig set; they are cast once."""
+def limits_of_rig(rig: Rig) -> dict[str, VisibilityLimit]:
+    """The limits that the occluders of a rig set, by the names of its cameras; none of those who see all."""
+    limits = {}
+    for camera in rig.cameras if rig.occluders is not None else ():
+        depths = occluded_depths(camera, rig.occluders)
+        if np.isfinite(depths).any():
+            limits[camera.name] = VisibilityLimit.of_depths(depths, MARGIN)
+    return limits
 
-    def __init__(self, rig: Rig):
-        self._limits: dict[str, VisibilityLimit] = {}
-        if rig.occluders is not None:
-            for camera in rig.cameras:
-                depths = occluded_depths(camera, rig.occluders)
-                if np.isfinite(depths).any():
-                    self._limits[camera.name] = VisibilityLimit.of_depths(depths, MARGIN)
 
-    def limit(self, item: DetectionSet) -> DetectionSet:
-        """The set with views that see no farther than occluders let them; the same where there are none."""
-        if not self._limits:
-            return item
-        return replace(item, views=tuple(self._limited(view) for view in item.views))
-
-    def _limited(self, view: ViewDetections) -> ViewDetections:
-        known = self._limits.get(view.camera)
-        if known is None:
-            return view
-        return replace(view, limit=known if view.limit is None else known.combined(view.limit))
+def limited(item: DetectionSet, limits: dict[str, VisibilityLimit]) -> DetectionSet:
+    """The set with views that see no farther than these limits let them."""
+    views = []
+    for view in item.views:
+        known = limits.get(view.camera)
+        if known is not None:
+            view = replace(view, limit=known if view.limit is None else known.combined(view.limit))
+        views.append(view)
+    return replace(item, views=tuple(views))
 
 
 @_jit
@@ -64,44 +61,19 @@ def nearest_depths(plane, corners):
     """Depth (R, C) m of the first triangle that the rays (x, y, 1) of plane (R, C, 2) hit; inf where none.
 
     Args:
-        plane: rows and columns of a grid, bent by a lens; NaN = no ray.
-        corners: (M, 3, 3) m, of the triangles in the camera's frame.
+        plane: a grid, bent by a lens; NaN = no ray. corners: (M, 3, 3) m, of triangles in the camera's frame.
     """
     nearest = np.full(plane.shape[:2], np.inf)
-    rows, columns = _ranges(plane, True), _ranges(plane, False)
     for m in range(len(corners)):
         left, right, top, bottom = _box(corners[m])
-        first, last = _span(columns, left, right)
-        for r in range(*_span(rows, top, bottom)):
-            for c in range(first, last):
-                depth = _hit(corners[m], plane[r, c, 0], plane[r, c, 1])
-                if depth < nearest[r, c]:
-                    nearest[r, c] = depth
+        for r in range(plane.shape[0]):
+            for c in range(plane.shape[1]):
+                x, y = plane[r, c, 0], plane[r, c, 1]
+                if (x >= left) & (x <= right) & (y >= top) & (y <= bottom):
+                    depth = _hit(corners[m], x, y)
+                    if depth < nearest[r, c]:
+                        nearest[r, c] = depth
     return nearest
-
-
-@_jit
-def _ranges(plane, of_rows):
-    """Least and largest y (R, 2) of each row of plane (R, C, 2), or x (C, 2) of each column."""
-    ranges = np.empty((plane.shape[0] if of_rows else plane.shape[1], 2))
-    for k in range(len(ranges)):
-        ranges[k, 0], ranges[k, 1] = np.inf, -np.inf
-    for r in range(plane.shape[0]):
-        for c in range(plane.shape[1]):
-            k, value = (r, plane[r, c, 1]) if of_rows else (c, plane[r, c, 0])
-            if np.isfinite(value):
-                ranges[k, 0], ranges[k, 1] = min(ranges[k, 0], value), max(ranges[k, 1], value)
-    return ranges
-
-
-@_jit
-def _span(ranges, low, high):
-    """The first range (R, 2) that may have something between low and high, and the one after the last."""
-    first, last = len(ranges), 0
-    for r in range(len(ranges)):
-        if ranges[r, 0] <= high and ranges[r, 1] >= low:
-            first, last = min(first, r), r + 1
-    return first, last
 
 
 @_jit

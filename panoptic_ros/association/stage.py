@@ -6,17 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.association.config import AssociationConfig
-from panoptic_ros.association.grouping import assign
-from panoptic_ros.association.known_occluders import KnownOccluders
-from panoptic_ros.association.newcomers import find_people
+from panoptic_ros.association.grouping import assign, find_people
+from panoptic_ros.association.known_occluders import limited, limits_of_rig
 from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, Groups, Prediction, TrackSet
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.motion import predicted
-from panoptic_ros.solving.evidence import carried_ages, gather
 from panoptic_ros.solving.example import easy_instants
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limbs_of
-from panoptic_ros.solving.scene import Scene, even_precision, scene_of
+from panoptic_ros.solving.scene import Scene, carried_ages, even_precision, gather, scene_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
@@ -39,7 +37,7 @@ class AssociationStage(Stateful):
         self._config, self._skeleton = config, context.skeleton
         self._hash = context.skeleton.hash  # computed at each call
         self._rig, self._names = RigArrays.of(context.rig), context.rig.names
-        self._occluders = KnownOccluders(context.rig)
+        self._limits = limits_of_rig(context.rig)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._sides = Sides(context.skeleton, limbs_of(context.skeleton).groups)
         self.reset()
@@ -72,7 +70,8 @@ class AssociationStage(Stateful):
                 )
             self._tracks = item
             return StepResult()
-        item = self._occluders.limit(item)
+        if self._limits:
+            item = limited(item, self._limits)
         evidence = gather(item, self._rig, self._skeleton, self._hash, self._config.min_joint_score)
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"

@@ -8,7 +8,7 @@ import numpy as np
 
 from panoptic_ros.domain import DetectionSet, SkeletonModel
 from panoptic_ros.domain.rig_arrays import RigArrays
-from panoptic_ros.solving.evidence import gather
+from panoptic_ros.solving.scene import gather
 
 Array = np.ndarray
 
@@ -37,7 +37,7 @@ def camera_frames(
         every: take one frame of each camera in so many sets, with other cameras in every set.
 
     Raises:
-        DataError: as `solving.evidence.gather`.
+        DataError: as `solving.scene.gather`.
     """
     frames = []
     for k, item in enumerate(sets):

@@ -55,10 +55,12 @@ class RefinementStage(Stateful):
         self._floor = _bias_floor(config.bias_floor, context.skeleton)
         self._lasting_share = config.lasting_share if self._floor.any() else 0.0
         self.reset()
-        for example in _examples(context.skeleton):
-            self.step(_moved(example))
-            self.step(example)
-        self.flush()
+        for patches in (False, True):  # each its own sizes of states
+            for example in _examples(context.skeleton):
+                if patches:
+                    self.step(_moved(example))
+                self.step(example)
+            self.flush()
 
     def reset(self) -> None:
         """Forget everybody."""

@@ -16,7 +16,7 @@ from panoptic_ros.domain import (
     ViewDetections,
 )
 from panoptic_ros.domain.rig_arrays import RigArrays
-from panoptic_ros.solving.evidence import gather
+from panoptic_ros.solving.scene import gather
 
 Array = np.ndarray
 VIEWS = 4  # at most

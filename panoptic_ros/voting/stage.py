@@ -5,9 +5,9 @@ import numpy as np
 
 from panoptic_ros.domain import AssociationSet, ProposalSet, ViewDetections
 from panoptic_ros.domain.rig_arrays import RigArrays
-from panoptic_ros.solving.evidence import check_association
 from panoptic_ros.solving.example import easy_associations
 from panoptic_ros.solving.joint_records import guides_of
+from panoptic_ros.solving.scene import check_association
 from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting.config import VotingConfig

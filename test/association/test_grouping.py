@@ -4,8 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.association.config import AssociationConfig
-from panoptic_ros.association.grouping import MIN_COMMON, MIRROR_MARGIN, assign
-from panoptic_ros.association.newcomers import find_people
+from panoptic_ros.association.grouping import MIN_COMMON, MIRROR_MARGIN, assign, find_people
 from panoptic_ros.domain import Evidence
 from panoptic_ros.domain.rig_arrays import CAMERA
 from panoptic_ros.solving.agreement import agreement_with_people

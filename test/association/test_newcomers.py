@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.association.config import AssociationConfig
-from panoptic_ros.association.newcomers import (
+from panoptic_ros.association.grouping import (
     PAIRS_PER_ROUND,
     NewcomerRules,
     best_pairs,

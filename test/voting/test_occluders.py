@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from fed_stages import FedVoting
 
-from panoptic_ros.association.known_occluders import MARGIN, KnownOccluders
+from panoptic_ros.association.known_occluders import MARGIN, limited, limits_of_rig
 from panoptic_ros.domain import Occluders, VisibilityLimit
 from panoptic_ros.params import load
 from panoptic_ros.stage import StageContext
@@ -18,10 +18,10 @@ def test_limits_of_depth_maps_and_of_occluders_both_count(scenes):
     item = scenes.detect(rig, [scenes.person(-0.3, 0.0)])
     nearest = VisibilityLimit(np.full((2, 2), 100, np.uint16))
     item = replace(item, views=(item.views[0], replace(item.views[1], limit=nearest), item.views[2]))
-    given = KnownOccluders(replace(rig, occluders=wall)).limit(item)
+    given = limited(item, limits_of_rig(replace(rig, occluders=wall)))
     assert given.views[0].limit is not None and given.views[0].limit.cells.shape == (120, 160)
     assert (given.views[1].limit.cells == 100).sum() > 0.9 * 120 * 160
-    assert KnownOccluders(rig).limit(item) is item
+    assert limits_of_rig(rig) == {}
 
 
 @pytest.mark.parametrize("method", ["seeds", "exact"])
