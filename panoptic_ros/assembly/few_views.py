@@ -111,9 +111,8 @@ def place_joints(rows, shown, joints, body, sight):
     Args:
         joints: of all candidates. sight: of the scene.
     """
-    cams = shown.seen.cams
     for k in rows:
-        found = look_at(joints.positions[k], cams.rotations, cams.translations, sight)
+        found = look_at(joints.positions[k], shown.seen.cams, sight)
         if np.sum(found == SEEN) > FEW_SEEING or not np.isnan(joints.positions[k, :, 0]).any():
             continue
         rays, scores, number = _rays_of(shown, k)

@@ -12,7 +12,7 @@ from panoptic_ros.domain import Evidence
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.symmetric import invert_symmetric
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.scene import MIN_DEPTH
+from panoptic_ros.solving.scene import seen_at
 
 Array = np.ndarray
 
@@ -205,9 +205,7 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
             instant. seen: `Observations`. focals: (V,) px.
     """
     positions, normals, residuals, picks = solved
-    plane, precision = seen.plane, seen.precision
-    joints, views = residuals.shape[1:]
-    rotations, translations, delays = seen.cams
+    plane, (joints, views) = seen.plane, residuals.shape[1:]
     support = np.zeros((len(kept), joints), np.int64)
     few = True
     for i in range(len(kept)):
@@ -239,14 +237,7 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
                     continue
                 if stride > 1 and np.int64(THINNING * abs(plane[d, s, 0] + plane[d, s, 1])) % stride:
                     continue
-                x = (
-                    positions[p, j, 0] + shifts[p, j, 0] * delays[v],
-                    positions[p, j, 1] + shifts[p, j, 1] * delays[v],
-                    positions[p, j, 2] + shifts[p, j, 2] * delays[v],
-                )
-                error, leverage = _residual(
-                    x, spread, rotations[v], translations[v], plane[d, s], precision[d, s]
-                )
+                error, leverage = _residual(positions[p, j], shifts[p, j], spread, seen, v, d, s)
                 if residuals[p, j, v] < 0.0:
                     leverage = 0.0
                 if leverage < (TWO_VIEW_LEVERAGE if few else LEVERAGE):
@@ -259,25 +250,18 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
 
 
 @njit(cache=True, error_model="numpy")
-def _residual(x, spread, rotation, translation, point, precision):
+def _residual(x, shift, spread, seen, v, d, s):
     """Distance on the plane between a joint and its observation, and the leverage of that observation.
 
-    spread: (3, 3) m^2, inverse of the normal matrix of the joint.
+    x: (3,) m; shift: (3,) m/s; spread: (3, 3) m^2, inverse of the normal matrix of the joint.
     """
-    x0, x1, x2 = x
-    r = rotation
-    z = translation[2] + r[2, 0] * x0 + r[2, 1] * x1 + r[2, 2] * x2
-    inverse = 1.0 / max(z, MIN_DEPTH)
-    u = (translation[0] + r[0, 0] * x0 + r[0, 1] * x1 + r[0, 2] * x2) * inverse
-    w = (translation[1] + r[1, 0] * x0 + r[1, 1] * x1 + r[1, 2] * x2) * inverse
-    row = np.empty(3)
-    error = np.sqrt((point[0] - u) ** 2 + (point[1] - w) ** 2)
-    total = 0.0  # trace of J N^-1 J^T
+    u, w, depth = seen_at(seen.cams, v, x, shift)
+    r, row, total = seen.cams.rotations[v], np.empty(3), 0.0  # trace of J N^-1 J^T
     for i in range(2):
-        slope = u if i == 0 else w
         for k in range(3):
-            row[k] = r[i, k] - slope * r[2, k]
+            row[k] = r[i, k] - (u if i == 0 else w) * r[2, k]
         for k in range(3):
             for m in range(3):
                 total += row[k] * spread[k, m] * row[m]
-    return error, 0.5 * total * inverse * inverse * precision * precision
+    error = np.sqrt((seen.plane[d, s, 0] - u) ** 2 + (seen.plane[d, s, 1] - w) ** 2)
+    return error, 0.5 * total * (seen.precision[d, s] / depth) ** 2

@@ -10,7 +10,7 @@ import numpy as np
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.joint_records import Candidates
-from panoptic_ros.solving.scene import MIN_DEPTH, Cameras
+from panoptic_ros.solving.scene import MIN_DEPTH, Cameras, seen_at
 
 Array = np.ndarray
 
@@ -81,19 +81,13 @@ def _project(position, shift, cams, v, place, box):
 
     box: (6,) smallest and largest x, y and depth.
     """
-    r, t, delay = cams.rotations[v], cams.translations[v], cams.delays[v]
     left = top = near = np.inf
     right = bottom = far = -np.inf
     for j in range(len(position)):
-        a = position[j, 0] + shift[j, 0] * delay
-        b = position[j, 1] + shift[j, 1] * delay
-        c = position[j, 2] + shift[j, 2] * delay
-        z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
-        if not z > MIN_DEPTH:
+        x, y, z = seen_at(cams, v, position[j], shift[j])
+        if z <= MIN_DEPTH:
             place[j, 2] = 0.0
             continue
-        x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / z
-        y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / z
         place[j, 0], place[j, 1], place[j, 2] = x, y, z
         left, right = min(left, x), max(right, x)
         top, bottom = min(top, y), max(bottom, y)

@@ -19,7 +19,7 @@ from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
 from panoptic_ros.solving.joints import solve_joints
-from panoptic_ros.solving.scene import MIN_DEPTH, Scene
+from panoptic_ros.solving.scene import Scene, seen_at
 from panoptic_ros.solving.triangulation import SolverRules
 
 Array = np.ndarray
@@ -122,12 +122,12 @@ def stamp_sums(solved, shifts, seen, cauchy):
     """
     positions, _, residuals, picks = solved
     plane, precision = seen.plane, seen.precision
-    rotations, translations, delays = seen.cams
+    rotations, delays = seen.cams.rotations, seen.cams.delays
     people, joints, views = residuals.shape
     normals = np.zeros((people, joints, 3, 3))
     first, second = np.zeros((people, joints, 3, 3)), np.zeros((people, joints, 3, 3))
     slopes = np.zeros((people, joints, 3))
-    local, row, column = np.empty(3), np.empty(3), np.empty(3)
+    row, column = np.empty(3), np.empty(3)
     softness = 1.0 / (cauchy * cauchy)
     for p in range(people):
         for j in range(joints):
@@ -138,12 +138,7 @@ def stamp_sums(solved, shifts, seen, cauchy):
                     continue
                 d, s = picks[p, j, v]
                 t = delays[v]
-                for i in range(3):
-                    local[i] = translations[v, i]
-                    for k in range(3):
-                        local[i] += rotations[v, i, k] * (positions[p, j, k] + t * shifts[p, j, k])
-                z = max(local[2], MIN_DEPTH)
-                u, w = local[0] / z, local[1] / z
+                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
                 for k in range(3):
                     row[k] = (rotations[v, 0, k] - u * rotations[v, 2, k]) / z
                     column[k] = (rotations[v, 1, k] - w * rotations[v, 2, k]) / z

@@ -14,8 +14,8 @@ from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import descending
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.solving.scene import HIDDEN, SEEN, Observations, Scene, Sight, look_at, spread_views
-from panoptic_ros.solving.triangulation import triangulate_linear
+from panoptic_ros.solving.scene import HIDDEN, SEEN, Observations, Scene, Sight, look_at
+from panoptic_ros.solving.triangulation import spread_views, triangulate_linear
 
 Array = np.ndarray
 
@@ -238,7 +238,7 @@ def _best_supported(chosen, pairs, free, seen, room, rules):
                 place.reshape(1, -1, 3), still, seen, mirror, free, rules.agreement, rules.person_agreement
             )
             member, flipped = members[0], mirrors[0]
-        found = look_at(place, seen.cams.rotations, seen.cams.translations, room.sight)
+        found = look_at(place, seen.cams, room.sight)
         score, agreement, supporters = _support(member, found, value[0], common[0], seen.precision)
         seeing = np.int64(0)  # no literal, which would be a type of its own
         for v in range(views):

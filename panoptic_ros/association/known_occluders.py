@@ -37,12 +37,10 @@ def occluded_depths(camera: Camera, occluders: Occluders) -> Array:
 
 def limits_of_rig(rig: Rig) -> dict[str, VisibilityLimit]:
     """The limits that the occluders of a rig set, by the names of its cameras; none of those who see all."""
-    limits = {}
-    for camera in rig.cameras if rig.occluders is not None else ():
-        depths = occluded_depths(camera, rig.occluders)
-        if np.isfinite(depths).any():
-            limits[camera.name] = VisibilityLimit.of_depths(depths, MARGIN)
-    return limits
+    if rig.occluders is None:
+        return {}
+    depths = {camera.name: occluded_depths(camera, rig.occluders) for camera in rig.cameras}
+    return {name: VisibilityLimit.of_depths(d, MARGIN) for name, d in depths.items() if np.isfinite(d).any()}
 
 
 def limited(item: DetectionSet, limits: dict[str, VisibilityLimit]) -> DetectionSet:

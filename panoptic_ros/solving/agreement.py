@@ -4,7 +4,8 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.scene import MIN_DEPTH
+from panoptic_ros.solving.scene import MIN_DEPTH, seen_at
+from panoptic_ros.solving.triangulation import viewing_ray
 
 NOTHING = 50.0  # exponent beyond which an agreement counts as 0
 
@@ -25,7 +26,6 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
         common: (P, D) number of such joints.
     """
     plane, precision, view = seen.plane, seen.precision, seen.views
-    rotations, translations, delays = seen.cams
     people, joints = positions.shape[:2]
     straight = np.zeros((people, len(view)))
     mirrored = np.zeros((people, len(view)))
@@ -38,21 +38,12 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
             v = view[d]
             if v != last:
                 last = v
-                r = rotations[v]
                 for j in range(joints):
-                    a = positions[p, j, 0] + shifts[p, j, 0] * delays[v]
-                    b = positions[p, j, 1] + shifts[p, j, 1] * delays[v]
-                    c = positions[p, j, 2] + shifts[p, j, 2] * delays[v]
-                    z[j] = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
-                    if not z[j] > MIN_DEPTH:
-                        z[j] = 0.0
-                        continue
-                    u[j] = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z[j]
-                    w[j] = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z[j]
+                    u[j], w[j], z[j] = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
             own = other = 0.0
             count = 0
             for j in range(joints):
-                if z[j] <= 0.0 or precision[d, j] <= 0.0:
+                if z[j] <= MIN_DEPTH or precision[d, j] <= 0.0:
                     continue
                 count += 1
                 x, y, m = plane[d, j, 0], plane[d, j, 1], mirror[j]
@@ -60,7 +51,7 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
                 own += value
                 if m == j:
                     other += value
-                elif z[m] > 0.0:
+                elif z[m] > MIN_DEPTH:
                     other += _agreement(factor * (((u[m] - x) ** 2 + (w[m] - y) ** 2) * z[m] * z[m]))
             if count > 0:
                 straight[p, d], mirrored[p, d], common[p, d] = own / count, other / count, count
@@ -80,22 +71,14 @@ def agreement_of_pairs(chosen, seen, centres, scale):
     The agreement of a joint is exp(-d^2 / 2 scale^2) with the distance d of the two rays, and 0 if they meet
     behind a camera.
     """
-    plane, precision, view, rotations = seen.plane, seen.precision, seen.views, seen.cams.rotations
-    joints = plane.shape[1]
-    count = len(chosen)
-    rays = np.zeros((count, joints, 3))
+    plane, precision, view = seen.plane, seen.precision, seen.views
+    joints, count = plane.shape[1], len(chosen)
+    rays, centre = np.zeros((count, joints, 3)), np.empty(3)
     for i in range(count):
         d = chosen[i]
-        r = rotations[view[d]]
         for j in range(joints):
             if precision[d, j] > 0.0:
-                length = 0.0
-                for k in range(3):
-                    rays[i, j, k] = r[0, k] * plane[d, j, 0] + r[1, k] * plane[d, j, 1] + r[2, k]
-                    length += rays[i, j, k] ** 2
-                length = np.sqrt(length)
-                for k in range(3):
-                    rays[i, j, k] /= length
+                viewing_ray(seen.cams, view[d], plane[d, j], rays[i, j], centre)
     values = np.zeros((count, count))
     common = np.zeros((count, count), np.int64)
     factor = 0.5 / (scale * scale)

@@ -21,7 +21,7 @@ from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.geometry.symmetric import factor, solve_lower, solve_upper
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations
+from panoptic_ros.solving.scene import MIN_DEPTH, Observations, seen_at
 from panoptic_ros.solving.triangulation import SETTLED, intersect, viewing_ray
 
 Array = np.ndarray
@@ -286,12 +286,6 @@ def _add_rays(rays, x, normal, right, residuals):
 @njit(cache=True, error_model="numpy")
 def _look(x, j, v, rays):
     """What view v shows of joint j less where it sees x (3,) m, on the plane; where that is; its depth m."""
-    cams, seen = rays.seen.cams, rays.seen.plane[rays.member[v], rays.source[v, j]]
-    r, t = cams.rotations[v], cams.translations[v]
-    a = x[0] + cams.delays[v] * rays.shifts[j, 0]
-    b = x[1] + cams.delays[v] * rays.shifts[j, 1]
-    c = x[2] + cams.delays[v] * rays.shifts[j, 2]
-    depth = max(r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2], MIN_DEPTH)
-    u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
-    w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
+    seen = rays.seen.plane[rays.member[v], rays.source[v, j]]
+    u, w, depth = seen_at(rays.seen.cams, v, x, rays.shifts[j])
     return seen[0] - u, seen[1] - w, u, w, depth

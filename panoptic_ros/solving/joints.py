@@ -18,7 +18,7 @@ import numpy as np
 from panoptic_ros.geometry.robust import truncated
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.joint_records import Candidates, Claims, SolvedJoints
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations
+from panoptic_ros.solving.scene import MIN_DEPTH, Observations, seen_at
 from panoptic_ros.solving.triangulation import TABLE, Result, SolverRules, Steps, intersect, refine_point
 
 Array = np.ndarray
@@ -59,23 +59,16 @@ def pick_observations(x, joint, claims, seen, rules, picks):
 
     picks (V, 2): 2D person and joint of it, -1 where the view has none.
     """
-    rotations, translations, delays = seen.cams
     member, source, owner = claims
     plane, precision, p, j = seen.plane, seen.precision, joint.person, joint.number
     limit, penalty = rules.truncation * rules.truncation, rules.foreign_penalty
     total = 0.0
-    for v in range(len(delays)):
+    for v in range(len(picks)):
         picks[v, 0] = -1
         best = np.inf
-        a = x[0] + joint.shift[0] * delays[v]
-        b = x[1] + joint.shift[1] * delays[v]
-        c = x[2] + joint.shift[2] * delays[v]
-        r = rotations[v]
-        z = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + translations[v, 2]
-        if z < MIN_DEPTH:
+        u, w, depth = seen_at(seen.cams, v, x, joint.shift)
+        if depth <= MIN_DEPTH:
             continue
-        u = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + translations[v, 0]) / z
-        w = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + translations[v, 1]) / z
         own = member[p, v]
         if own >= 0:
             s = source[p, v, j]

@@ -259,45 +259,39 @@ def look(sight, v, x, y, depth):
     return HIDDEN
 
 
+@inlined
+def seen_at(cams, v, x, shift):
+    """Where view v sees a point (3,) m that moves by (3,) m/s: on the plane at 1 m; its depth, m.
+
+    Of what is not in front of the camera, or not known, the depth is `MIN_DEPTH`.
+    """
+    r, t, late = cams.rotations, cams.translations, cams.delays[v]
+    a, b, c = x[0] + shift[0] * late, x[1] + shift[1] * late, x[2] + shift[2] * late
+    z = r[v, 2, 0] * a + r[v, 2, 1] * b + r[v, 2, 2] * c + t[v, 2]
+    z = z if z > MIN_DEPTH else MIN_DEPTH
+    u = (r[v, 0, 0] * a + r[v, 0, 1] * b + r[v, 0, 2] * c + t[v, 0]) / z
+    w = (r[v, 1, 0] * a + r[v, 1, 1] * b + r[v, 1, 2] * c + t[v, 1]) / z
+    return u, w, z
+
+
 @njit(cache=True, error_model="numpy")
-def look_at(position, rotations, translations, sight):
-    """How each view (V,) sees a person (J, 3) m.
+def look_at(position, cams, sight):
+    """How each view (V,) sees a person (J, 3) m at the instant.
 
     SEEN if at least half of the known joints are in sight, HIDDEN if so many are in the image, else OUTSIDE.
     """
-    found = np.full(len(rotations), OUTSIDE, np.int64)
+    found, still = np.full(len(cams.delays), OUTSIDE, np.int64), np.zeros(3)
     known = 0
     for j in range(len(position)):
         known += np.isfinite(position[j, 0])
-    for v in range(len(rotations)):
-        r, t = rotations[v], translations[v]
+    for v in range(len(found)):
         seen = hidden = 0
         for j in range(len(position)):
-            a, b, c = position[j]
-            depth = r[2, 0] * a + r[2, 1] * b + r[2, 2] * c + t[2]
+            x, y, depth = seen_at(cams, v, position[j], still)
             if depth > MIN_DEPTH:
-                x = (r[0, 0] * a + r[0, 1] * b + r[0, 2] * c + t[0]) / depth
-                y = (r[1, 0] * a + r[1, 1] * b + r[1, 2] * c + t[1]) / depth
                 state = look(sight, v, x, y, depth)
                 seen += state == SEEN
                 hidden += state == HIDDEN
         if seen + hidden >= 0.5 * max(known, 1):
             found[v] = SEEN if seen >= 0.5 * max(known, 1) else HIDDEN
     return found
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def spread_views(centres, used, most):
-    """Up to `most` of the used views (V,) that are far from each other; centres (V, 3) m of the cameras."""
-    if used.sum() <= most:
-        return used
-    distance, picked = np.where(used, np.inf, -1.0), np.zeros(len(used), np.bool_)
-    for _ in range(most):
-        last = distance.argmax()
-        picked[last] = True
-        for v in range(len(used)):
-            square = 0.0
-            for axis in range(3):
-                square += (centres[v, axis] - centres[last, axis]) ** 2
-            distance[v] = min(distance[v], square)
-    return picked

@@ -1,4 +1,4 @@
-"""Points from the rays of views: linear, of two views, and by Gauss-Newton on the reprojection error."""
+"""Points from the rays of views: of which, linear, of two, and by Gauss-Newton on the reprojection error."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -53,6 +53,23 @@ class Result(NamedTuple):
     normal: Array
     residuals: Array
     table: Array
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def spread_views(centres, used, most):
+    """Up to `most` of the used views (V,) that are far from each other; centres (V, 3) m of the cameras."""
+    if used.sum() <= most:
+        return used
+    distance, picked = np.where(used, np.inf, -1.0), np.zeros(len(used), np.bool_)
+    for _ in range(most):
+        last = distance.argmax()
+        picked[last] = True
+        for v in range(len(used)):
+            square = 0.0
+            for axis in range(3):
+                square += (centres[v, axis] - centres[last, axis]) ** 2
+            distance[v] = min(distance[v], square)
+    return picked
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -8,7 +8,8 @@ import pytest
 from panoptic_ros.domain import DetectionSet, VisibilityLimit
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, gather, look, scene_of, spread_views
+from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, gather, look, scene_of
+from panoptic_ros.solving.triangulation import spread_views
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 
