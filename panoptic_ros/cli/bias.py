@@ -4,13 +4,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from panoptic_ros.errors import UsageError
 from panoptic_ros.view.progress import PassBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("action", choices=("measure",), help="compare a result with a reference")
-    parser.add_argument("truth", type=Path, help="true skeletons, or those of another system")
+    parser.add_argument(
+        "truth", type=Path,
+        help="true skeletons, or those of another system; with --segments also bodies, known or our own",
+    )  # fmt: skip
     parser.add_argument("result", type=Path, help="skeletons of this detector, without a bias table")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="table (YAML) to write")
     parser.add_argument("--detector", default="", metavar="NAME", help="whose joints these are, for the file")
@@ -18,16 +22,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--leave-out", type=int, action="append", default=[], metavar="ID",
         help="do not measure on this person of the truth; repeatable",
     )  # fmt: skip
+    parser.add_argument(
+        "--segments", action="store_true",
+        help="in the frames of a body's segments, m, for kinematics.offsets; else in the torso's frame",
+    )  # fmt: skip
+    parser.add_argument(
+        "--bodies", type=Path, metavar="FILE",
+        help="with --segments, where TRUTH has no bodies: those of RESULT (default: kinematics.json.gz "
+        "beside it)",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write, and print what the table is worth for people whom it was not measured on."""
     from panoptic_ros.running.biases import write_biases  # only now: --help must be quick
+    from panoptic_ros.running.joint_offsets import write_measured_offsets
     from panoptic_ros.view.bias_table import bias_table
 
+    if args.bodies is not None and not args.segments:
+        raise UsageError("--bodies belongs to --segments; give both, or neither")
+    given = args.truth, args.result, args.out, args.detector, args.leave_out
     with PassBar("biases") as bar:
-        benefits = write_biases(
-            args.truth, args.result, args.out, args.detector, args.leave_out, bar.show
-        )
+        if args.segments:
+            benefits = write_measured_offsets(*given, args.bodies, bar.show)
+        else:
+            benefits = write_biases(*given, bar.show)
     print(bias_table(benefits) if benefits else "one person: nobody to judge on")
     return 0

@@ -47,7 +47,7 @@ def run_fill(args: argparse.Namespace) -> int:
     cameras = args.cameras.split(",") if args.cameras else []
     with PassBar(args.study) as bar:
         parameters = read_parameters(None, args.settings)
-        result = study_fill(args.capture[0], cameras, parameters, bar.show, args.truth)
+        result = study_fill(args.capture[0], cameras, parameters, bar.show, args.truth, args.person)
     if args.out is not None:
         write_json(args.out / "fill.json", result)
     print(json.dumps(result, indent=1) if args.json else "\n".join(fill_lines(result)))

@@ -59,6 +59,10 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution, time: 5); "
         "identity: trials of each kind, default 100"
     )
+    group.add_argument(
+        "--person", type=int, metavar="ID", action="append", default=[],
+        help="fill: score only this person of the truth, on whom nothing was measured; repeatable",
+    )  # fmt: skip
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
     group.add_argument("--seeds", default="", metavar="FROM:TO", help="kinematics, refine-faults: several")
     group.add_argument("--scenes", default="", metavar="NAME,NAME", help="kinematics: default all body-...")

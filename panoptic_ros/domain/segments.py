@@ -18,6 +18,15 @@ USUAL_ORDER = "yxz"  # flexion, abduction, rotation about an upright bone
 SHORTEST, TALLEST = 0.4, 2.6  # m, statures that can be
 
 
+@dataclass(frozen=True)
+class JointOffset:
+    """Where a detector sees a joint (Malleson et al. 2020, 3.3.2): so far, m, from where the skeleton of
+    segments has it, in the frame of a segment."""
+
+    frame: str
+    offset: tuple[float, float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class SegmentModel:
     """Segments of any person, lengths as shares of the stature.
@@ -37,6 +46,7 @@ class SegmentModel:
         joints: (S) names of the joints at which segments begin, see `joint_names`.
         orders: (S) order of each joint's three angles, e.g. "yxz": see `geometry.euler`.
         hinges: {segment: "x", "y" or "z"}, the axis of the parent about which the joint bends.
+        offsets: {name of a detector's joint: where the detector in use sees it}, as far as that was measured.
     """
 
     names: tuple[str, ...]
@@ -49,6 +59,7 @@ class SegmentModel:
     joints: tuple[str, ...] = ()
     orders: tuple[str, ...] = ()
     hinges: Mapping[str, str] = field(default_factory=dict)
+    offsets: Mapping[str, JointOffset] = field(default_factory=dict)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -94,19 +105,60 @@ class SegmentModel:
         points = {name: (self.index(s), stature * share) for name, (s, share) in self.keypoints.items()}
         return Body(self, stature * self.shares, points)
 
+    def with_joint_offsets(self, offsets: Mapping[str, JointOffset]) -> SegmentModel:
+        """With what was measured of a detector.
+
+        Raises:
+            DataError: if there is no such joint, or an offset is in the frame of another segment than
+                `frames_of` says.
+        """
+        for name, found in offsets.items():
+            if name not in self.keypoints:
+                raise DataError(f"offset of {name}: the skeleton of segments has no such joint of a detector")
+            frames = [self.names[k] for k in self.frames_of(name)]
+            if found.frame not in frames:
+                raise DataError(f"offset of {name}: frame {found.frame!r} is none of {', '.join(frames)}")
+        return replace(self, offsets=dict(offsets))
+
+    def frames_of(self, joint: str) -> tuple[int, ...]:
+        """Segments in whose frames an offset of a detector's joint can be: its own, and where it is the joint
+        between two, the one before it."""
+        segment, share = self.keypoints[joint]
+        own = self.index(segment)
+        parent = int(self.parents[own])
+        return (own,) if np.any(share) or parent < 0 else (own, parent)
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One person's segments: offsets (S, 3) m, and {joint of the detector: (segment, offset (3,) m)}."""
+    """One person's segments: offsets (S, 3) m, and {joint of the detector: (segment, offset (3,) m)}.
+
+    Args:
+        own: joints whose keypoints were measured on this person.
+    """
 
     model: SegmentModel
     offsets: Array
     keypoints: Mapping[str, tuple[int, Array]]
+    own: frozenset[str] = frozenset()
 
     @property
     def chain(self) -> Chain:
         """For compiled code."""
         return Chain(self.model.parents, np.ascontiguousarray(self.offsets, np.float64))
+
+    @property
+    def seen(self) -> Mapping[str, tuple[int, Array]]:
+        """Where the detector sees its joints, as `keypoints`: as measured on this person, else on anybody."""
+        found = dict(self.keypoints)
+        for name, measured in self.model.offsets.items():
+            if name in self.own:
+                continue
+            segment, place = self.keypoints[name]
+            frame = self.model.index(measured.frame)
+            begin = place if frame == segment else self.offsets[segment] + place
+            found[name] = (frame, begin + np.array(measured.offset))
+        return found
 
     def with_offsets(self, offsets: Mapping[str, Array]) -> Body:
         """With these joints, in their parents' frames, in place of the scaled ones.
@@ -123,7 +175,7 @@ class Body:
     def with_keypoints(self, keypoints: Mapping[str, tuple[str, Array]]) -> Body:
         """With these joints of the detector in place of the nominal ones."""
         own = {name: (self.model.index(segment), offset) for name, (segment, offset) in keypoints.items()}
-        return replace(self, keypoints={**self.keypoints, **own})
+        return replace(self, keypoints={**self.keypoints, **own}, own=self.own | own.keys())
 
 
 def read_model(document: Mapping[str, Any]) -> SegmentModel:

@@ -9,20 +9,26 @@ from typing import Any
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model
+from panoptic_ros.io.joint_offsets import read_joint_offsets
 from panoptic_ros.io.kinematic_files import read_subject
 from panoptic_ros.io.pose_prior import read_prior
 
 
-def body_extras(subjects: Sequence[Path], segments: str = "", prior: str = "") -> Mapping[str, Any]:
+def body_extras(
+    subjects: Sequence[Path], segments: str = "", prior: str = "", offsets: str = ""
+) -> Mapping[str, Any]:
     """The extras of `kinematics.KinematicsStage`.
 
     Args:
         subjects: files. segments: name or file; "" = the usual ones. prior: file; "" = the installed one.
+        offsets: file of where the detector sees joints; "" = where the skeleton of segments has them.
 
     Raises:
         UserError: naming the file and what is wrong, or an id or a device that stands twice.
     """
     model = read_body_model(segments or DEFAULT_MODEL)
+    if offsets:
+        model = read_joint_offsets(Path(offsets), model)
     people = tuple(read_subject(path, model) for path in subjects)
     _require_distinct(subjects, people)
     return {"subjects": people, "segments": model, "pose_prior": read_prior(prior)}

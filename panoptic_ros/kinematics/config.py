@@ -19,6 +19,10 @@ class KinematicsConfig(Config):
     )
     segments: str = param("segments21", doc="Skeleton of segments: an installed one, or a YAML file.")
     prior: str = param("", doc="File of a pose prior, of `panoptic prior train`; empty = the installed one.")
+    offsets: str = param(
+        "", doc="File of where the detector sees joints, of `panoptic bias measure --segments`; empty = "
+        "where the skeleton of segments has them. Offsets in the file of a subject count more.",
+    )  # fmt: skip
     rate_hz: float = param(60.0, unit="Hz", ge=5.0, le=240.0, doc="Rate of the poses.")
     lag: float = param(
         0.1, unit="s", ge=0.0, le=0.2, doc="Delay of the poses, over which later data smooth them."

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from panoptic_ros.domain import Rig
+from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.prior import PoseStatistics, PriorCosts, hinges_of
@@ -47,11 +49,14 @@ class Weighing:
         joint_names: Sequence[str],
     ):
         self._config, self._subject = config, subject
-        model, keypoints = subject.body.model, subject.body.keypoints
+        model, keypoints = subject.body.model, subject.body.seen
         self._columns = np.array([k for k, name in enumerate(joint_names) if name in keypoints], np.int64)
-        known = [keypoints[joint_names[k]] for k in self._columns]
+        self._names = [joint_names[k] for k in self._columns]
+        known = [keypoints[name] for name in self._names]
         self._segments = np.array([segment for segment, _ in known], np.int64)
         self._offsets = np.array([offset for _, offset in known]).reshape(-1, 3)
+        joints = subject.body.keypoints
+        self._anchors = np.array([joints[name][0] for name in self._names], np.int64)
         cameras = rig.cameras if rig is not None else ()
         self.rotations = np.array([c.cam_from_world.rotation for c in cameras]).reshape(-1, 3, 3)
         self.translations = np.array([c.cam_from_world.translation for c in cameras]).reshape(-1, 3)
@@ -79,6 +84,13 @@ class Weighing:
         """Columns of the detections that are used, their segments and offsets m."""
         return self._columns, self._segments, self._offsets
 
+    def with_body(self, body: Body) -> Weighing:
+        """The same for the subject with other lengths."""
+        seen = body.seen
+        found = copy.copy(self)
+        found._offsets = np.array([seen[name][1] for name in self._names]).reshape(-1, 3)
+        return found
+
     def views(
         self, people: dict[int, tuple[Array, Array]], root: Array, level: float = 1.0
     ) -> ViewTargets:
@@ -103,7 +115,7 @@ class Weighing:
         scale = 1.0 if config.paper_weights else config.joint_scale**2
         return ViewTargets(
             self._segments[sites], self._offsets[sites], cameras[views], seen, weights, scale, self.rotations,
-            self.translations,
+            self.translations, self._anchors[sites],
         )  # fmt: skip
 
     def points(self, joints: tuple[Array, Array] | None) -> PointTargets:
@@ -115,7 +127,7 @@ class Weighing:
         spread = covariances[known] + OFFSET_SD**2 * np.eye(3)
         return PointTargets(
             self._segments[known], self._offsets[known], np.ascontiguousarray(goals[known]),
-            np.linalg.inv(spread), self._config.joint_scale**2,
+            np.linalg.inv(spread), self._config.joint_scale**2, self._anchors[known],
         )  # fmt: skip
 
     def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:

@@ -119,7 +119,7 @@ def _view_slopes(chain: Chain, pose: Pose, views: ViewTargets, grown: Array) -> 
     error = views.weights * (apart**2).sum(-1)
     weight = np.sqrt(np.where(local[:, 2] > NEAREST, views.weights * _kept(error, views.scale), 0.0))
     across = (rotation[:, :2] - plane[..., None] * rotation[:, 2:]) * (weight / depth)[:, None, None]
-    return _rows(across, slopes), _rows(across, grown[views.segments]), (apart * weight[:, None]).ravel()
+    return _rows(across, slopes), _rows(across, grown[_anchors(views)]), (apart * weight[:, None]).ravel()
 
 
 def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) -> tuple[Array, Array, Array]:
@@ -130,7 +130,12 @@ def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) 
     error = (apart.swapaxes(1, 2) @ points.information @ apart)[:, 0, 0]
     kept = np.sqrt(_kept(error, points.scale))[:, None, None]
     halves = kept * np.linalg.cholesky(points.information).swapaxes(1, 2)
-    return _rows(halves, slopes), _rows(halves, grown[points.segments]), (halves @ apart).ravel()
+    return _rows(halves, slopes), _rows(halves, grown[_anchors(points)]), (halves @ apart).ravel()
+
+
+def _anchors(targets: ViewTargets | PointTargets) -> Array:
+    """Segments (N,) with whose proximal joints the sites move."""
+    return targets.anchors if len(targets.anchors) else targets.segments
 
 
 def _kept(error: Array, scale: float) -> Array:

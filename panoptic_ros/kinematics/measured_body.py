@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from panoptic_ros.domain.segments import SHORTEST, TALLEST, Body, SegmentModel
+from panoptic_ros.domain.subjects import Subject
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.evidence import Weighing
+from panoptic_ros.kinematics.lengths import LengthEstimate
+from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.solve import solve_pose
+from panoptic_ros.kinematics.start import first_pose
+from panoptic_ros.kinematics.targets import NO_TURNS, NO_VIEWS, no_anchor
 
 Array = np.ndarray
 ASKED = 10  # skeletons with enough joints
 LEAST_LIMBS = 5
-ACROSS, ALONG = 1, 2  # axes of the trunk: to the left, upwards
+ACROSS = 1  # axis of the trunk: to the left
+JOINT_SD = 0.02  # m, of these skeletons
+ROUNDS = 3  # in which lengths and poses tell about each other
+ITERATIONS = 20
+UNORIENTED = np.zeros(0, np.int64), np.zeros((0, 3, 3))
 
 
 class MeasuredBody:
@@ -20,12 +33,16 @@ class MeasuredBody:
     def __init__(self) -> None:
         self._seen: list[Array] = []
 
-    def take(self, model: SegmentModel, joint_names: Sequence[str], positions: Array) -> Body | None:
+    def take(
+        self, config: KinematicsConfig, model: SegmentModel, statistics: PoseStatistics,
+        joint_names: Sequence[str], positions: Array,
+    ) -> Body | None:  # fmt: skip
         """The body, once enough skeletons have told of it; positions (J, 3) m, NaN = missing.
 
         A limb is a segment whose proximal joint and whose parent's are joints of the skeleton. The stature is
-        that which explains the limbs, by the median; limbs then have their own lengths, left as right, and so
-        have the widths of shoulders and hips, the trunk between them, and how far apart eyes and ears are.
+        that which explains the limbs, by the median. From there, lengths are those that explain the joints
+        in any pose, as lengths from motion are, see `lengths`; how far apart eyes and ears are is taken as it
+        is.
         """
         limbs = limbs_of(model, joint_names)
         if not len(limbs):
@@ -40,18 +57,10 @@ class MeasuredBody:
         known = np.isfinite(typical)
         stature = float(np.median(typical[known] / shares[known]))
         body = model.body(float(np.clip(stature, SHORTEST, TALLEST)))
-        by_name: dict[str, list[float]] = {}
-        for (s, _, _), length in zip(limbs, typical):
-            if np.isfinite(length):
-                by_name.setdefault(model.names[s][1:], []).append(float(length))
-        offsets = _trunk(model, joint_names, body.offsets, seen)
-        for s, _, _ in limbs:
-            own = by_name.get(model.names[s][1:])
-            if own:
-                usual = body.offsets[s]
-                offsets[s] = usual * (np.mean(own) / np.linalg.norm(usual))
-        body = body.with_offsets(dict(zip(model.names, offsets)))
-        return body.with_keypoints(_pairs_of(body, joint_names, seen))
+        body = replace(body.with_keypoints(_pairs_of(body, joint_names, seen)), own=frozenset())
+        for _ in range(ROUNDS):
+            body = _fitted(config, statistics, joint_names, body, seen)
+        return body
 
 
 def limbs_of(model: SegmentModel, joint_names: Sequence[str]) -> list[tuple[int, int, int]]:
@@ -73,34 +82,22 @@ def _joints_at(model: SegmentModel, joint_names: Sequence[str]) -> dict[int, int
     }
 
 
-def _trunk(model: SegmentModel, joint_names: Sequence[str], usual: Array, seen: Array) -> Array:
-    """Offsets (S, 3) m with the widths at which limbs sit on the trunk, and its length between them.
-
-    Args:
-        usual: (S, 3) m, those of the stature. seen: (N, J, 3) m.
-    """
-    offsets, at = usual.copy(), _joints_at(model, joint_names)
-    middles = []  # of a pair of limbs, and the left one
-    for s, joint in at.items():
-        name, parent = model.names[s], int(model.parents[s])
-        other = model.names.index(f"r{name[1:]}") if name[0] == "l" else -1
-        if other not in at or int(model.parents[other]) != parent:
-            continue
-        both = seen[:, joint], seen[:, at[other]]
-        width = _typical(np.linalg.norm(both[0] - both[1], axis=-1)[:, None])[0]
-        if np.isfinite(width):
-            offsets[[s, other], ACROSS] = 0.5 * width, -0.5 * width
-        middles.append((s, other, 0.5 * (both[0] + both[1])))
-    if len(middles) != 2:
-        return offsets
-    (s, _, above), (t, _, below) = middles
-    between = set(_up(model, int(model.parents[s]))) ^ set(_up(model, int(model.parents[t])))
-    parts = [*between, *(k for pair in middles for k in pair[:2])]
-    length = _typical(np.linalg.norm(above - below, axis=-1)[:, None])[0]
-    expected = abs(usual[s, ALONG] - usual[t, ALONG]) + sum(usual[k, ALONG] for k in between)
-    if np.isfinite(length):
-        offsets[parts, ALONG] *= length / expected
-    return offsets
+def _fitted(
+    config: KinematicsConfig, statistics: PoseStatistics, joint_names: Sequence[str], body: Body, seen: Array
+) -> Body:
+    """The body with the lengths that skeletons (N, J, 3) m tell, left as right."""
+    subject, model = Subject(0, body), body.model
+    weighing = Weighing(config, subject, statistics, None, joint_names)
+    covariances = np.tile(JOINT_SD**2 * np.eye(3), (seen.shape[1], 1, 1))
+    estimate, anchor = LengthEstimate(model, body.offsets), no_anchor(len(model.names))
+    pose = first_pose(weighing, subject, {}, UNORIENTED, (seen[0], covariances))
+    for positions in seen:
+        evidence = weighing.evidence(NO_VIEWS, NO_TURNS, weighing.points((positions, covariances)))
+        hessian = np.empty((model.freedoms, model.freedoms))
+        solve_pose(body.chain, pose, evidence, anchor, ITERATIONS, hessian)
+        estimate.look(body.chain, pose, evidence)
+    estimate.update()
+    return body.with_offsets(dict(zip(model.names, estimate.offsets())))
 
 
 def _pairs_of(body: Body, joint_names: Sequence[str], seen: Array) -> dict[str, tuple[str, Array]]:
@@ -119,15 +116,6 @@ def _pairs_of(body: Body, joint_names: Sequence[str], seen: Array) -> dict[str, 
                 place = np.array(body.keypoints[name][1])
                 place[ACROSS] = 0.5 * side * width
                 found[name] = (body.model.names[segment], place)
-    return found
-
-
-def _up(model: SegmentModel, segment: int) -> list[int]:
-    """A segment and all that carry it."""
-    found = []
-    while segment >= 0:
-        found.append(segment)
-        segment = int(model.parents[segment])
     return found
 
 

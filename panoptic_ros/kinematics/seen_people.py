@@ -7,10 +7,14 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from panoptic_ros.domain import JointState, TrackedPoseSet
+from panoptic_ros.domain.segments import SegmentModel
+
 Array = np.ndarray
 KEPT = 8  # samples of a camera
 LONGEST_GAP_NS = 150_000_000  # over which joints are interpolated
 NEAR_NS = 1_000  # a sample is at an instant
+SEVERAL = 2  # views that measured a joint: it is told in space, by those of them that agree
 
 
 class SeenPoints(NamedTuple):
@@ -80,6 +84,21 @@ class SeenPerson:
         if share in (0.0, 1.0):
             return nearest.positions, nearest.covariances
         return (1.0 - share) * begin.positions + share * end.positions, nearest.covariances
+
+
+def joints_as_seen(item: TrackedPoseSet, model: SegmentModel, several: bool = False) -> Array:
+    """Joints in space (P, J, 3) m, as the detector sees them where the model has its offsets.
+
+    Args:
+        several: only those that several views measured; all others are NaN.
+    """
+    positions = item.positions
+    if model.offsets and item.corrections is not None:
+        positions = positions - item.corrections
+    if several:
+        measured = (item.states == JointState.MEASURED) & (item.views >= SEVERAL)
+        positions = np.where(measured[..., None], positions, np.nan)
+    return positions
 
 
 def _around(own: Sequence[Seen], stamp_ns: int) -> tuple[Seen | None, Seen | None]:

@@ -6,9 +6,7 @@ import copy
 from collections import deque
 from typing import NamedTuple
 
-import numpy as np
-
-from panoptic_ros.domain import DetectionSet, JointState, TrackedPoseSet
+from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Subject
@@ -22,13 +20,12 @@ from panoptic_ros.kinematics.measured_body import MeasuredBody
 from panoptic_ros.kinematics.person import Behind, Person
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
-from panoptic_ros.kinematics.seen_people import SeenJoints
+from panoptic_ros.kinematics.seen_people import SeenJoints, joints_as_seen
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 IN_SPACE = -1  # the source of skeletons that come without 2D people
-SEVERAL = 2  # views that measured a joint: it is told in space, by those of them that agree
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
 
@@ -159,10 +156,8 @@ class KinematicsStage(Stateful):
 
     def _take_joints(self, item: TrackedPoseSet) -> None:
         """Joints in space of those who are tracked; beside 2D people those that several views measured."""
-        known = np.isfinite(item.positions).all(-1)
-        if item.sources is not None:
-            known &= (item.states == JointState.MEASURED) & (item.views >= SEVERAL)
-        positions = np.where(known[..., None], item.positions, np.nan)
+        assert self._model is not None
+        positions = joints_as_seen(item, self._model, item.sources is not None)
         for k, number in enumerate(item.ids.tolist()):
             if number in self._people:
                 joints = SeenJoints(item.stamp_ns, positions[k], item.covariances[k])
@@ -207,12 +202,14 @@ class KinematicsStage(Stateful):
 
     def _measure(self, item: TrackedPoseSet) -> list[Notice]:
         """Bodies of people without a file: their lengths are taken from their first skeletons."""
-        assert self._model is not None
+        assert self._model is not None and self._statistics is not None
+        positions = joints_as_seen(item, self._model)
         for k, number in enumerate(item.ids.tolist()):
             if number in self._people:
                 continue
             measured = self._measured.setdefault(number, MeasuredBody())
-            body = measured.take(self._model, self._joint_names, item.positions[k])
+            known = self._config, self._model, self._statistics, self._joint_names
+            body = measured.take(*known, positions[k])
             if body is not None:
                 del self._measured[number]
                 self._people[number] = self._new_person(Subject(number, body))

@@ -13,11 +13,15 @@ import numpy as np
 Array = np.ndarray
 
 
+_NO_SEGMENTS = np.zeros(0, np.int64)
+
+
 class ViewTargets(NamedTuple):
     """Joints seen in views, on the plane at distance 1 of an undistorted camera (eq. 7).
 
     segments (N,), offsets (N, 3) m, cameras (N,), points (N, 2), weights (N,) 1 / variance on the plane,
-    scale of the loss; rotations (C, 3, 3) and translations (C, 3) of the cameras, camera from world.
+    scale of the loss; rotations (C, 3, 3) and translations (C, 3) of the cameras, camera from world. anchors
+    (N,): segments with whose proximal joints sites move when lengths change; none = `segments`.
     """
 
     segments: Array
@@ -28,17 +32,19 @@ class ViewTargets(NamedTuple):
     scale: float
     rotations: Array
     translations: Array
+    anchors: Array = _NO_SEGMENTS
 
 
 class PointTargets(NamedTuple):
     """Joints in space: segments (N,), offsets (N, 3) m, goals (N, 3) m, information (N, 3, 3) 1/m^2,
-    scale."""
+    scale; anchors as those of views."""
 
     segments: Array
     offsets: Array
     goals: Array
     information: Array
     scale: float
+    anchors: Array = _NO_SEGMENTS
 
 
 class TurnTargets(NamedTuple):
@@ -112,7 +118,6 @@ class Evidence(NamedTuple):
     weight: float
 
 
-_NO_SEGMENTS = np.zeros(0, np.int64)
 NO_VIEWS = ViewTargets(
     _NO_SEGMENTS, np.zeros((0, 3)), _NO_SEGMENTS, np.zeros((0, 2)), np.zeros(0), 0.0,
     np.zeros((0, 3, 3)), np.zeros((0, 3)),

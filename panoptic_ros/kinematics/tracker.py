@@ -11,7 +11,6 @@ import numpy as np
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
-from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.contact import Contact
 from panoptic_ros.kinematics.covariance import segment_covariances
@@ -190,7 +189,9 @@ class SubjectTracker:
         if self.lengths.looks >= self._next_update:
             self._next_update *= 2
             change = self.lengths.update()
-            self._chain = Chain(self._chain.parents, self.lengths.offsets())
+            body = self.subject.body
+            body = body.with_offsets(dict(zip(body.model.names, self.lengths.offsets())))
+            self._chain, self.weighing = body.chain, self.weighing.with_body(body)
             self.devices.take_chain(self._chain)
             if self._window is not None:
                 self._window.take_chain(self._chain)

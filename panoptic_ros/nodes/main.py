@@ -48,10 +48,10 @@ def _biases(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, An
 
 
 def _bodies(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
-    """The kinematics stage's extras: subjects, segments and prior of its parameters of these names."""
+    """The kinematics stage's extras, by its parameters."""
     names = [Path(path) for path in node.get_parameter(f"{prefix}subjects").value]
-    segments, prior = (node.get_parameter(f"{prefix}{name}").value for name in ("segments", "prior"))
-    return body_extras(names, segments, prior)
+    words = ("segments", "prior", "offsets")
+    return body_extras(names, *(node.get_parameter(f"{prefix}{name}").value for name in words))
 
 
 EXTRAS = {"detection": _detector, "assembly": _biases, "kinematics": _bodies}

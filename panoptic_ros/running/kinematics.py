@@ -14,6 +14,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Subject, ViewPeople, ViewSeries
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.joint_offsets import read_joint_offsets
 from panoptic_ros.io.kinematic_files import read_imus, read_subject
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
 from panoptic_ros.io.pose_prior import read_prior
@@ -62,6 +63,8 @@ def read_body_task(
     if rig is None and imu is None:
         raise UsageError("there is nothing to solve from: give --rig and --detections, or --imu, or both")
     model = read_body_model()
+    if config.offsets:
+        model = read_joint_offsets(Path(config.offsets), model)
     people = tuple(read_subject(path, model) for path in subjects)
     ids = [subject.id for subject in people]
     if len(set(ids)) != len(ids):

@@ -54,7 +54,8 @@ def with_bodies(plan: Plan) -> Plan:
     config = config_of(plan.configs, KinematicsConfig)
     if not config.runs:
         return plan
-    extras = body_extras([Path(path) for path in config.subjects], config.segments, config.prior)
+    paths = [Path(path) for path in config.subjects]
+    extras = body_extras(paths, config.segments, config.prior, config.offsets)
     return replace(plan, extras={**plan.extras, **extras})
 
 

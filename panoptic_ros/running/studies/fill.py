@@ -71,7 +71,7 @@ class _Kept:
 
 def study_fill(
     folder: Path, cameras: Sequence[str], settings: Parameters, progress: Progress,
-    truth: Path | None = None,
+    truth: Path | None = None, people: Sequence[int] = (),
 ) -> dict[str, Any]:  # fmt: skip
     """How bodies fit images, and errors of `/skeletons` with and without bodies and of bodies, for JSON.
 
@@ -79,11 +79,14 @@ def study_fill(
         folder: a capture: images, 2D people in detections.json.gz, or the results of a run, whose bag has
             them; with imu.csv and subject*.json, else everybody has a body. cameras: only these; empty = all.
         truth: in place of the folder's own, without which there are no errors.
+        people: of the truth, who alone are scored; empty = all.
 
     Raises:
-        UsageError: if the truth that is named is not there.
+        UsageError: if the truth that is named is not there, or people are not in it.
     """
     capture = _read(folder, cameras, settings, truth)
+    if people:
+        capture = replace(capture, truth=_only(capture.truth, people))
     progress(0.4, "solving without bodies")
     plain, _ = _solved(capture, False)
     progress(0.6, "solving with bodies")
@@ -133,7 +136,8 @@ def _read(folder: Path, cameras: Sequence[str], settings: Parameters, truth: Pat
     if truth is not None and not truth.is_file():
         raise UsageError(f"there is no truth at {truth}")
     chosen, paths = list(cameras) or None, subject_files(folder, ())
-    extras = body_extras(paths)
+    offsets = str(settings.get("kinematics", {}).get("offsets", ""))
+    extras = body_extras(paths, offsets=offsets)
     subjects: tuple[Subject, ...] = extras["subjects"]
     known: dict[str, dict[str, Any]] = {
         "kinematics": {"everybody": not paths, "subjects": [str(path) for path in paths]},
@@ -161,6 +165,20 @@ def _read(folder: Path, cameras: Sequence[str], settings: Parameters, truth: Pat
     if truth is not None:
         joints = _truth_of(truth, subjects, names) if subjects else read_sequence(truth)
     return _Capture(context, configs, sets, subjects, imu_file(folder) if subjects else None, joints)
+
+
+def _only(truth: SkeletonSequence | None, people: Sequence[int]) -> SkeletonSequence:
+    """The truth of some people."""
+    found = set() if truth is None else {int(i) for frame in truth.frames for i in frame.ids}
+    missing = [person for person in people if person not in found]
+    if truth is None or missing:
+        known = ", ".join(map(str, sorted(found))) or "there is none"
+        raise UsageError(f"--person {(missing or people)[0]}: the ids of the truth are {known}")
+    frames = []
+    for frame in truth.frames:
+        rows = np.isin(frame.ids, people)
+        frames.append(SkeletonFrame(frame.stamp_ns, frame.ids[rows], frame.positions[rows]))
+    return SkeletonSequence(truth.joint_names, tuple(frames))
 
 
 def _truth_of(path: Path, subjects: Sequence[Subject], names: Sequence[str]) -> SkeletonSequence:

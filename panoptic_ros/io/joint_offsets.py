@@ -1,0 +1,87 @@
+"""Where a detector sees joints, in the frames of segments: files of `panoptic bias measure --segments`.
+
+A file holds joints in the middle and on the left; the right side is their mirror image. Joints are named by
+the vocabulary that all skeletons share.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from panoptic_ros.domain.segments import JointOffset, SegmentModel
+from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.io.files import read_yaml, write_bytes
+from panoptic_ros.io.skeletons import in_vocabulary
+
+FORMAT = "panoptic-joint-offsets-1"
+LONGEST = 0.2  # m
+HEADER = (
+    "# Where the detector sees joints: m from where the skeleton of segments has them, in the frame of a\n"
+    "# segment: x forward, y left, z up in a T. The right side is the mirror image. See docs/formats.md.\n"
+)
+
+
+def read_joint_offsets(path: Path, model: SegmentModel) -> SegmentModel:
+    """The skeleton of segments with the offsets of a file.
+
+    Raises:
+        ConfigError: naming the file, the joint and what is wrong.
+        DataError: if the file cannot be read.
+    """
+    document = read_yaml(path)
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise ConfigError(f"{path} has no offsets of joints in segments: it needs format: {FORMAT}")
+    rows = document.get("offsets")
+    if not isinstance(rows, dict) or not rows:
+        raise ConfigError(f"{path} has no offsets")
+    names = dict(zip(in_vocabulary(tuple(model.keypoints)), model.keypoints))
+    found: dict[str, JointOffset] = {}
+    for word, row in rows.items():
+        if str(word).startswith("right_") or word not in names:
+            left = ", ".join(name for name in names if not name.startswith("right_"))
+            raise ConfigError(f"{path}: {word} is no joint in the middle or on the left; there are {left}")
+        own = _offset(row, f"{path}: offset of {word}")
+        found[names[word]] = own
+        other = "right_" + str(word).removeprefix("left_")
+        if str(word).startswith("left_") and other in names:
+            found[names[other]] = mirrored(own, model.names)
+    try:
+        return model.with_joint_offsets(found)
+    except DataError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def write_joint_offsets(path: Path, offsets: Mapping[str, JointOffset], facts: Mapping[str, Any]) -> None:
+    """Write offsets of joints in the middle and on the left, by the words of the vocabulary, and facts about
+    their origin."""
+    lines = [HEADER + yaml.safe_dump({"format": FORMAT, **facts}, sort_keys=False, width=110), "offsets:\n"]
+    for word, found in offsets.items():
+        numbers = ", ".join(f"{value:.4f}" for value in found.offset)
+        lines.append(f"  {word}: {{frame: {found.frame}, offset: [{numbers}]}}\n")
+    write_bytes(path, "".join(lines).encode())
+
+
+def mirrored(found: JointOffset, segments: tuple[str, ...]) -> JointOffset:
+    """The same on the other side."""
+    x, y, z = found.offset
+    return JointOffset(other_side(found.frame, segments), (x, -y, z))
+
+
+def other_side(name: str, segments: tuple[str, ...]) -> str:
+    """The segment on the other side; itself in the middle."""
+    other = {"l": "r", "r": "l"}.get(name[:1], "") + name[1:]
+    return other if other in segments else name
+
+
+def _offset(row: Any, where: str) -> JointOffset:
+    frame, values = (row.get("frame"), row.get("offset")) if isinstance(row, dict) else (None, None)
+    numbers = values if isinstance(values, list) and len(values) == 3 else []
+    if not isinstance(frame, str) or not numbers or not all(type(v) in (int, float) for v in numbers):
+        raise ConfigError(f"{where} is {row!r}; it needs frame, a segment, and offset, three numbers, m")
+    if not np.isfinite(numbers).all() or np.linalg.norm(numbers) > LONGEST:
+        raise ConfigError(f"{where} = {numbers} is more than {LONGEST} m; no detector is so far off")
+    return JointOffset(frame, (float(numbers[0]), float(numbers[1]), float(numbers[2])))
