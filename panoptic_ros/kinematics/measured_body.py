@@ -21,7 +21,6 @@ Array = np.ndarray
 ASKED = 10  # skeletons with enough joints
 LEAST_LIMBS = 5
 ACROSS = 1  # axis of the trunk: to the left
-JOINT_SD = 0.02  # m, of these skeletons
 ROUNDS = 3  # in which lengths and poses tell about each other
 ITERATIONS = 20
 UNORIENTED = np.zeros(0, np.int64), np.zeros((0, 3, 3))
@@ -31,13 +30,14 @@ class MeasuredBody:
     """Skeletons of one person, one by one."""
 
     def __init__(self) -> None:
-        self._seen: list[Array] = []
+        self._seen: list[tuple[Array, Array]] = []
 
     def take(
         self, config: KinematicsConfig, model: SegmentModel, statistics: PoseStatistics,
-        joint_names: Sequence[str], positions: Array,
+        joint_names: Sequence[str], joints: tuple[Array, Array],
     ) -> Body | None:  # fmt: skip
-        """The body, once enough skeletons have told of it; positions (J, 3) m, NaN = missing.
+        """The body, once enough skeletons have told of it; joints: positions (J, 3) m, NaN = missing, and
+        covariances (J, 3, 3) m^2.
 
         A limb is a segment whose proximal joint and whose parent's are joints of the skeleton. The stature is
         that which explains the limbs, by the median. From there, lengths are those that explain the joints
@@ -47,11 +47,11 @@ class MeasuredBody:
         limbs = limbs_of(model, joint_names)
         if not len(limbs):
             return None
-        if np.isfinite(_apart(positions[None], limbs)).sum() >= LEAST_LIMBS:
-            self._seen.append(np.array(positions))
+        if np.isfinite(_apart(joints[0][None], limbs)).sum() >= LEAST_LIMBS:
+            self._seen.append((np.array(joints[0]), np.array(joints[1])))
         if len(self._seen) < ASKED:
             return None
-        seen = np.array(self._seen)
+        seen = np.array([positions for positions, _ in self._seen])
         typical = _typical(_apart(seen, limbs))
         shares = np.array([np.linalg.norm(model.shares[s]) for s, _, _ in limbs])
         known = np.isfinite(typical)
@@ -59,7 +59,7 @@ class MeasuredBody:
         body = model.body(float(np.clip(stature, SHORTEST, TALLEST)))
         body = replace(body.with_keypoints(_pairs_of(body, joint_names, seen)), own=frozenset())
         for _ in range(ROUNDS):
-            body = _fitted(config, statistics, joint_names, body, seen)
+            body = _fitted(config, statistics, joint_names, body, self._seen)
         return body
 
 
@@ -83,16 +83,16 @@ def _joints_at(model: SegmentModel, joint_names: Sequence[str]) -> dict[int, int
 
 
 def _fitted(
-    config: KinematicsConfig, statistics: PoseStatistics, joint_names: Sequence[str], body: Body, seen: Array
-) -> Body:
-    """The body with the lengths that skeletons (N, J, 3) m tell, left as right."""
+    config: KinematicsConfig, statistics: PoseStatistics, joint_names: Sequence[str], body: Body,
+    seen: Sequence[tuple[Array, Array]],
+) -> Body:  # fmt: skip
+    """The body with the lengths that skeletons tell, left as right."""
     subject, model = Subject(0, body), body.model
     weighing = Weighing(config, subject, statistics, None, joint_names)
-    covariances = np.tile(JOINT_SD**2 * np.eye(3), (seen.shape[1], 1, 1))
     estimate, anchor = LengthEstimate(model, body.offsets), no_anchor(len(model.names))
-    pose = first_pose(weighing, subject, {}, UNORIENTED, (seen[0], covariances))
-    for positions in seen:
-        evidence = weighing.evidence(NO_VIEWS, NO_TURNS, weighing.points((positions, covariances)))
+    pose = first_pose(weighing, subject, {}, UNORIENTED, seen[0])
+    for joints in seen:
+        evidence = weighing.evidence(NO_VIEWS, NO_TURNS, weighing.points(joints))
         hessian = np.empty((model.freedoms, model.freedoms))
         solve_pose(body.chain, pose, evidence, anchor, ITERATIONS, hessian)
         estimate.look(body.chain, pose, evidence)

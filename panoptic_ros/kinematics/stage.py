@@ -209,7 +209,7 @@ class KinematicsStage(Stateful):
                 continue
             measured = self._measured.setdefault(number, MeasuredBody())
             known = self._config, self._model, self._statistics, self._joint_names
-            body = measured.take(*known, positions[k])
+            body = measured.take(*known, (positions[k], item.covariances[k]))
             if body is not None:
                 del self._measured[number]
                 self._people[number] = self._new_person(Subject(number, body))

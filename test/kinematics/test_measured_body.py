@@ -50,7 +50,8 @@ def skeletons(body):
 def taken(model, joints):
     """What comes of each skeleton."""
     measured, config, statistics = MeasuredBody(), KinematicsConfig(), read_prior("")
-    return [measured.take(config, model, statistics, NAMES, positions) for positions in joints]
+    sure = np.tile(0.02**2 * np.eye(3), (len(NAMES), 1, 1))
+    return [measured.take(config, model, statistics, NAMES, (positions, sure)) for positions in joints]
 
 
 @pytest.mark.parametrize("model", [MODEL, HIGH], ids=["as it is", "seen elsewhere"])
