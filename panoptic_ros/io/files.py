@@ -13,6 +13,7 @@ import yaml
 
 from panoptic_ros.errors import DataError, EnvironmentProblem
 
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C, if PyYAML has it: eight times as quick
 
 @contextmanager
 def file_errors(path: Path, doing: str) -> Iterator[None]:
@@ -83,7 +84,7 @@ def read_yaml(path: Path) -> Any:
         DataError: if it is no YAML.
     """
     try:
-        return yaml.safe_load(read_bytes(path).decode())
+        return yaml.load(read_bytes(path).decode(), _Loader)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         where = getattr(error, "problem_mark", None)
         raise DataError(f"{path} is not valid YAML{f', line {where.line + 1}' if where else ''}") from None
