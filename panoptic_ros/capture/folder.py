@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.capture.at_once import opened_at_once
 from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
@@ -194,18 +195,22 @@ def open_files(
                 raise DataError(f"timestamps.csv has stamps for {there} but none for camera {name}")
     sources: list[FrameSource] = []
     sounds: list[Mapping[str, Any]] = []
+    own_stamps = {name: stamps[name] if stamps else None for name in chosen.names}
+
+    def open_one(name: str) -> VideoSource | ImageFolderSource:
+        return _open(name, Path(files[name]), start_ns, frame_rate, own_stamps[name], hardware)
+
+    sources += (first := opened_at_once(open_one, chosen.names))
     try:
-        for name in chosen.names:
-            own = stamps[name] if stamps else None
-            images = _open(name, Path(files[name]), start_ns, frame_rate, own, hardware)
-            sources.append(images)
+        for k, (name, images) in enumerate(zip(chosen.names, first)):
             if isinstance(images, VideoSource):
                 notices += images.notices
+                own = own_stamps[name]
                 sounds += [_sound(images, start_ns, frame_rate, own)] if images.has_sound else []
             own_time = TimedSource(images, times[name]) if name in times else images
             timed = CorrectedSource(own_time, corrections[name]) if name in corrections else own_time
             depths = depth_files(Path(files[name]).parent, name) if depth else ()
-            sources[-1] = DepthSource(timed, depths, images.frame_count) if depths else timed
+            sources[k] = DepthSource(timed, depths, images.frame_count) if depths else timed
         fitted, changes = fit_rig(rig, sources, size_policy)
         parent = Path(files[chosen.names[0]]).parent
         sensors = open_depth_sensors(

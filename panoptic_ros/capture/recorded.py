@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from itertools import tee
 from typing import Any
 
+from panoptic_ros.capture.at_once import opened_at_once
 from panoptic_ros.capture.depth_folder import DepthSource
 from panoptic_ros.capture.described import open_source
 from panoptic_ros.domain import Rig
@@ -24,8 +25,9 @@ def open_recording(
         UserError: as `open_source`.
     """
     records: dict[tuple[str, str], Iterator[Any]] = {}
-    for camera, description in descriptions.items():
-        source = stack.enter_context(open_source(camera, rig, description)[0])
+    sources = opened_at_once(lambda camera: open_source(camera, rig, descriptions[camera])[0], descriptions)
+    for camera, source in zip(descriptions, sources):
+        stack.enter_context(source)
         frames, again = tee(source)
         records["image", camera] = frames
         if isinstance(source, DepthSource):
