@@ -58,13 +58,17 @@ def _run(
     executor = make_executor()
     bodies = plan.imu_devices if config_of(plan.configs, KinematicsConfig).runs else None
     flow = make_flow(flow_name, window)
-    collector = CollectorNode(flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan))
-    statics = StaticsNode(plan.rig, plan.skeleton)
+    nodes: list[Any] = []
     try:
-        for node in (collector, statics):
-            executor.add_node(node)
-        logs = results.folder / "logs"
-        with Processes(launch, document["processes"], logs, plan.live, ahead) as processes:
+        with Processes(launch, document["processes"], results.folder / "logs", plan.live, ahead) as processes:
+            # processes make their nodes meanwhile, which wait for the rig: it is published last
+            collector = CollectorNode(
+                flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan)
+            )
+            nodes += [collector]
+            nodes += [StaticsNode(plan.rig, plan.skeleton)]
+            for node in nodes:
+                executor.add_node(node)
             _spin(executor, collector, processes, stop, plan.live)
             deadline = time.monotonic() + LAST_WORDS_S
             while not plan.live and not collector.finished(names) and time.monotonic() < deadline:
@@ -72,8 +76,8 @@ def _run(
         return collector.diagnostics
     finally:
         executor.shutdown()
-        collector.destroy_node()
-        statics.destroy_node()
+        for node in nodes:
+            node.destroy_node()
         try_shutdown()
         launch.unlink(missing_ok=True)
 
