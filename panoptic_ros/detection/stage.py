@@ -6,21 +6,17 @@ from collections import deque
 import numpy as np
 
 from panoptic_ros.detection.allowance import Allowance
-from panoptic_ros.detection.area import warm_up as warm_up_images
 from panoptic_ros.detection.budget import FEW, Budget, Pace, Processor
 from panoptic_ros.detection.card import CROP_FAMILIES
 from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.crops import CropNetwork
-from panoptic_ros.detection.decoders.center_heads import warm_up as warm_up_decoder
 from panoptic_ros.detection.flow import Memory
 from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
 from panoptic_ros.detection.looking import CameraLooks, Ignored
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.people import People, boxes_of_points
-from panoptic_ros.detection.region_maps import warm_up as warm_up_regions
-from panoptic_ros.detection.resemblance import warm_up as warm_up_distances
-from panoptic_ros.detection.score_maps import warm_up as warm_up_maps
+from panoptic_ros.detection.warm_up import warm_up
 from panoptic_ros.detection.watching import Watch
 from panoptic_ros.domain import (
     DepthFrame,
@@ -83,11 +79,7 @@ class DetectionStage(Stateful):
             self.network = CropNetwork(model, config)
         else:
             self.network = FullImageNetwork(model, config)
-        warm_up_images()
-        warm_up_decoder()
-        warm_up_maps()
-        warm_up_regions()
-        warm_up_distances()
+        warm_up()
         self._sides: dict[str, SideChooser] = {}
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,16 +12,16 @@ from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.kinematics.nearest_people import assign_people
 from panoptic_ros.kinematics.person import Person
 from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
-from panoptic_ros.kinematics.tracker import LENGTH_LOOK_S
 
 STATURE = 1.7
-INSTANTS = 4  # more than the lag, so that poses are smoothed
+GATE = 0.5  # m
+SECONDS = 0.3  # more than the lag, so that poses are smoothed, and time for a look at lengths and mountings
 
 
 def step_examples(
     new_person: Callable[[Subject], Person], model: SegmentModel, joint_names: tuple[str, ...], rate_hz: float
 ) -> None:
-    """Solve for somebody with an IMU and unknown lengths, from joints in space and from views."""
+    """Solve for somebody with an IMU, from joints in space and from views."""
     body = model.body(STATURE)
     device = Device("example", 0, np.zeros(3), np.eye(3))
     person = new_person(Subject(0, body, (device,), measured=False))
@@ -36,21 +35,18 @@ def step_examples(
             joints[j] = places[0, segment] + pose.turns[segment] @ offset
     spread = np.tile(1e-4 * np.eye(3), (len(joint_names), 1, 1))
     reading = ImuReading(np.eye(3), np.array([0.0, 0.0, 9.81]), np.zeros(3))
-    period, seen = round(1e9 / rate_hz), {}
-    for k in range(INSTANTS + math.ceil(LENGTH_LOOK_S * rate_hz)):  # lengths are looked at now and then
+    period = round(1e9 / rate_hz)
+    rotations, translations = person.weighing.rotations, person.weighing.translations
+    seen = joints @ rotations.swapaxes(1, 2) + translations[:, None]
+    scores = np.isfinite(joints[:, 0]).astype(float)[None]
+    views = {c: ViewPeople((local[:, :2] / local[:, 2:])[None], scores) for c, local in enumerate(seen)}
+    for k in range(round(SECONDS * rate_hz)):
         stamp = k * period
         if k <= 1:
             person.seen.take_joints(SeenJoints(stamp, joints, spread))
-        for c, (rotation, translation) in enumerate(
-            zip(person.weighing.rotations, person.weighing.translations)
-        ):
-            local = joints @ rotation.T + translation
-            scores = np.isfinite(joints[:, 0]).astype(float)
-            if k > 1:
-                seen[c] = local[:, :2] / local[:, 2:]
-                person.see(SeenPoints(stamp, seen[c], scores), c, of_track=True)
+        if k > 1:
+            for c, view in views.items():
+                person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
         person.step(stamp, {"example": reading}, period)
-    views = {c: ViewPeople(points[None], np.ones((1, len(points)))) for c, points in seen.items()}
-    weighing = person.weighing
-    assign_people([person.tracker], Instant(0, views, {}), weighing.rotations, weighing.translations, 1.0)
+    assign_people([person.tracker], Instant(stamp, views, {}), rotations, translations, GATE)
     person.flush()

@@ -17,8 +17,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from panoptic_ros.association.known_occluders import occluded_depths
-from panoptic_ros.detection.area import warm_up as areas
-from panoptic_ros.detection.score_maps import warm_up as score_maps
+from panoptic_ros.detection.warm_up import warm_up as detection
 from panoptic_ros.domain import Occluders
 from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import NODES
@@ -77,8 +76,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "patches": partial(_stage, "patches", active=True),
     "flow": partial(_stage, "flow"),
     "occluders": _occluders,
-    "score maps": score_maps,
-    "images": areas,
+    "detection": detection,
     "all votes": partial(_stage, "voting", explain_away=False),
 }
 
