@@ -100,6 +100,7 @@ class Processes:
         self._launch_file = launch_file
         self._children: dict[str, Child] = {}
         self._server: ForkServer | None = None
+        self._asked = False  # to end
         self._revived: dict[str, list[float]] = {}  # when, by process
         with file_errors(logs, "write"):
             logs.mkdir(parents=True, exist_ok=True)
@@ -189,11 +190,17 @@ class Processes:
         self.check()
         return told
 
+    def ask_to_end(self) -> None:
+        """Ask all children to end, once; `stop` waits until they have."""
+        if not self._asked:
+            self._asked = True
+            for child in self._children.values():
+                if child.poll() is None:
+                    child.send_signal(signal.SIGINT)
+
     def stop(self, patience_s: float = 8.0) -> None:
         """End all children: SIGINT first, SIGKILL for those who do not listen."""
-        for child in self._children.values():
-            if child.poll() is None:
-                child.send_signal(signal.SIGINT)
+        self.ask_to_end()
         deadline = time.monotonic() + patience_s
         for child in self._children.values():
             try:

@@ -61,24 +61,26 @@ def _run(
     nodes: list[Any] = []
     try:
         with Processes(launch, document["processes"], results.folder / "logs", plan.live, ahead) as processes:
-            # processes make their nodes meanwhile, which wait for the rig: it is published last
-            collector = CollectorNode(
-                flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan)
-            )
-            nodes += [collector]
-            nodes += [StaticsNode(plan.rig, plan.skeleton)]
-            for node in nodes:
-                executor.add_node(node)
-            _spin(executor, collector, processes, stop, plan.live)
-            deadline = time.monotonic() + LAST_WORDS_S
-            while not plan.live and not collector.finished(names) and time.monotonic() < deadline:
-                executor.spin_once(timeout_sec=0.1)
+            try:  # processes make their nodes meanwhile, which wait for the rig: it is published last
+                collector = CollectorNode(
+                    flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan)
+                )
+                nodes += [collector]
+                nodes += [StaticsNode(plan.rig, plan.skeleton)]
+                for node in nodes:
+                    executor.add_node(node)
+                _spin(executor, collector, processes, stop, plan.live)
+                deadline = time.monotonic() + LAST_WORDS_S
+                while not plan.live and not collector.finished(names) and time.monotonic() < deadline:
+                    executor.spin_once(timeout_sec=0.1)
+                processes.ask_to_end()  # they take half a second, as all below
+            finally:
+                executor.shutdown()
+                for node in nodes:
+                    node.destroy_node()
+                try_shutdown()
         return collector.diagnostics
     finally:
-        executor.shutdown()
-        for node in nodes:
-            node.destroy_node()
-        try_shutdown()
         launch.unlink(missing_ok=True)
 
 
