@@ -13,11 +13,10 @@ from functools import cache
 import numpy as np
 
 from panoptic_ros.assembly.dynamic_programming import PartTree
-from panoptic_ros.domain import Groups, Prediction, ProposalSet, SkeletonModel
+from panoptic_ros.domain import Groups, ProposalSet, SkeletonModel
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
 from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints, sources
-from panoptic_ros.solving.scene import Scene
 
 Array = np.ndarray
 
@@ -28,14 +27,12 @@ EXPLAINED = 0.15  # m, nodes so near to a joint of somebody known, or its mirror
 LENGTH_SHARE = 0.25  # by which bones of people differ
 SKIP_WEIGHT = 0.5  # of a part that skips a joint
 LEAST_SCORE = 0.01  # of a part
-SAME_PERSON = 0.3  # m, mean joint distance from the prediction
 SPREAD = 0.03  # m, as for people who are guided
 
 
 def with_lost_people(
-    scene: Scene, item: ProposalSet, found: Candidates, solved: SolvedJoints, prediction: Prediction,
-    skeleton: SkeletonModel, max_bone: float,
-) -> tuple[Candidates, SolvedJoints]:  # fmt: skip
+    item: ProposalSet, found: Candidates, solved: SolvedJoints, skeleton: SkeletonModel, max_bone: float
+) -> tuple[Candidates, SolvedJoints]:
     """The candidates and their solution, and lost people after them: without 2D people, at their nodes."""
     places = lost_people(item, solved.positions, skeleton, max_bone)
     if not len(places):
@@ -44,16 +41,17 @@ def with_lost_people(
     views = found.grouping.member.shape[1]
     grouping = Groups.empty(count, views)
     guide = Guides.of_nobody_known(count, joints, SPREAD)._replace(positions=places)
-    who = _known_before(places, prediction, found.who)
-    source = sources(grouping.mirrored, scene.mirror)
-    lost = Candidates(grouping, source, guide, who, places)
+    source = sources(grouping.mirrored, np.array(skeleton.mirror))
+    lost = Candidates(grouping, source, guide, np.full(count, -1), places)
     nothing = SolvedJoints.nothing(count, joints, views)
     return found.joined(lost), SolvedJoints(*(np.concatenate(pair) for pair in zip(solved, nothing)))
 
 
 def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bone: float) -> Array:
     """Joints (P, J, 3) m of people among the nodes that the known people (K, J, 3) do not explain."""
-    free = (item.node_views >= MIN_VIEWS) & ~explained(item.nodes, item.node_joints, known, skeleton)
+    mirror = np.array(skeleton.mirror, np.int64)
+    free = ~explained(item.nodes, item.node_joints, np.ascontiguousarray(known), mirror)
+    free &= item.node_views >= MIN_VIEWS
     needed = MIN_SHARE * (len(skeleton) - len(skeleton.derived))
     people: list[Array] = []
     while np.count_nonzero(np.bincount(item.node_joints[free])) >= needed:
@@ -67,19 +65,13 @@ def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bo
         if own.sum() < needed or parts.node_scores[chosen[own]].mean() < MIN_VOTE:
             break
         people.append(place)
-        free &= ~explained(item.nodes, item.node_joints, place[None], skeleton)
+        free &= ~explained(item.nodes, item.node_joints, place[None], mirror)
     return np.stack(people) if people else np.empty((0, len(skeleton), 3))
 
 
-def explained(nodes: Array, joints: Array, known: Array, skeleton: SkeletonModel) -> Array:
-    """Which nodes (N, 3) m of the joints (N,) lie at that joint of somebody, or at the other side's."""
-    near: Array = near_people(nodes, joints, np.ascontiguousarray(known), np.array(skeleton.mirror, np.int64))
-    return near
-
-
 @njit(cache=True, error_model="numpy")
-def near_people(nodes, joints, known, mirror):
-    """The loops of `explained`."""
+def explained(nodes, joints, known, mirror):
+    """Which nodes (N, 3) m of the joints (N,) lie at that joint of somebody (P, J, 3), or its other side."""
     near = np.zeros(len(nodes), np.bool_)
     for n in range(len(nodes)):
         own, other = joints[n], mirror[joints[n]]
@@ -188,18 +180,3 @@ def likely_parts(nodes, joints, votes, kinds, lengths, longest):
                 bones[count], scores[count] = kinds[k, 2], value
                 count += 1
     return parts[:count], bones[:count], scores[:count]
-
-
-def _known_before(places: Array, prediction: Prediction, taken: Array) -> Array:
-    """The closest prediction (P,) of each person, -1 = none; each is used once, and those `taken` are not."""
-    who = np.full(len(places), -1, np.int64)
-    for p, place in enumerate(places):
-        gaps = np.linalg.norm(prediction.positions - place, axis=-1)
-        known = np.isfinite(gaps)
-        mean = np.where(known, gaps, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-        mean[(known.sum(axis=1) < 3)] = np.inf
-        mean[taken[taken >= 0]] = np.inf
-        mean[who[who >= 0]] = np.inf
-        if len(mean) and mean.min() < SAME_PERSON:
-            who[p] = int(mean.argmin())
-    return who

@@ -22,7 +22,7 @@ from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solved_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
-from panoptic_ros.domain import BiasTable, PoseSet, Prediction, ProposalSet
+from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
@@ -116,7 +116,10 @@ class AssemblyStage(Stateful):
         if scene.cams.delays.any():
             found, solved, motion = solved_in_motion(scene, found, solved, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
-            found, solved, motion = self._with_lost(scene, item, (found, solved, motion), prediction)
+            known, max_bone = len(found.who), self._config.max_bone
+            found, solved = with_lost_people(item, found, solved, self._skeleton, max_bone)
+            if motion is not None and len(found.who) > known:
+                motion = motion_of(scene, solved, found.guide.shifts, self._rules.cauchy)
         observed = observed_views(found, scene.precision)
         people = self._finish(scene, item, solved, found, observed.sum(axis=1), motion)
         supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
@@ -171,19 +174,6 @@ class AssemblyStage(Stateful):
             return poses
         corrections = self._biases.corrections(poses.positions)
         return replace(poses, positions=poses.positions + corrections, corrections=corrections)
-
-    def _with_lost(
-        self, scene: Scene, item: ProposalSet, people: tuple[Candidates, SolvedJoints, Motion | None],
-        prediction: Prediction,
-    ) -> tuple[Candidates, SolvedJoints, Motion | None]:  # fmt: skip
-        """The people solved, and those whom only the maps show."""
-        found, solved, motion = people
-        more, solved = with_lost_people(
-            scene, item, found, solved, prediction, self._skeleton, self._config.max_bone
-        )
-        if motion is not None and more is not found:
-            motion = motion_of(scene, solved, more.guide.shifts, self._config.cauchy)
-        return more, solved, motion
 
 
 def _since_voting(item: ProposalSet, found: Candidates, motion: Motion | None) -> Array | float:

@@ -12,6 +12,7 @@ import numpy as np
 
 from panoptic_ros.domain import ViewAppearance, ViewSources
 from panoptic_ros.domain.appearance import CHANNELS, REGIONS
+from panoptic_ros.identity.likeness import log_normal
 
 Array = np.ndarray
 MEMORY = 200.0  # looks over which colours are averaged
@@ -100,14 +101,8 @@ def colour_evidence(people: Colours, others: Colours) -> Array:
     gaps = people.means[:, None] - others.means[None]  # (T, P, 2, 3)
     known = np.isfinite(gaps[..., 0])
     gaps, noise = np.nan_to_num(gaps), people.noises()[:, None] + others.noises()[None]
-    same, other = _normal(gaps, noise), _normal(gaps, noise + 2.0 * PEOPLE**2)
+    same, other = (log_normal(gaps, n).sum(axis=-1) for n in (noise, noise + 2.0 * PEOPLE**2))
     one = np.logaddexp(np.log1p(-MISTAKEN) + same, np.log(MISTAKEN) + other)
     two = np.logaddexp(np.log1p(-ALIKE) + other, np.log(ALIKE) + same)
     odds: Array = np.where(known, one - two, 0.0).sum(axis=-1)
     return odds
-
-
-def _normal(gaps: Array, variances: Array) -> Array:
-    """Logarithms (...,) of the densities of vectors (..., 3) of independent normal variables."""
-    densities: Array = -0.5 * (gaps**2 / variances + np.log(2.0 * np.pi * variances)).sum(axis=-1)
-    return densities

@@ -83,15 +83,15 @@ def bone_evidence(people: Bones, others: Bones, groups: Array) -> Array:
     weight = np.where(known & (np.abs(gaps) < WORST * np.sqrt(strange + stature)), 1.0 / strange, 0.0)
     spread = 1.0 / (weight.sum(axis=-1) + 1.0 / stature)
     taller = (weight * gaps).sum(axis=-1) * spread  # if they are strangers, most likely
-    wrong = np.log(MISTAKEN) + _normal(gaps, MISTAKEN_SHARE**2)
-    one = np.logaddexp(np.log1p(-MISTAKEN) + _normal(gaps, noise), wrong)
-    two = np.logaddexp(np.log1p(-MISTAKEN) + _normal(gaps - taller[..., None], strange), wrong)
+    wrong = np.log(MISTAKEN) + log_normal(gaps, MISTAKEN_SHARE**2)
+    one = np.logaddexp(np.log1p(-MISTAKEN) + log_normal(gaps, noise), wrong)
+    two = np.logaddexp(np.log1p(-MISTAKEN) + log_normal(gaps - taller[..., None], strange), wrong)
     odds: Array = np.where(known, one - two, 0.0).sum(axis=-1)
-    odds -= _normal(taller, stature) + 0.5 * np.log(2.0 * np.pi * spread)  # the integral over the stature
+    odds -= log_normal(taller, stature) + 0.5 * np.log(2.0 * np.pi * spread)  # the integral over the stature
     return odds
 
 
-def _normal(gaps: Array, variances: Array | float) -> Array:
+def log_normal(gaps: Array, variances: Array | float) -> Array:
     """Logarithms of the densities of normal variables."""
     densities: Array = -0.5 * (gaps**2 / variances + np.log(2.0 * np.pi * np.asarray(variances)))
     return densities

@@ -45,13 +45,6 @@ class JointMotion(NamedTuple):
         )  # fmt: skip
 
 
-def predict(motion: JointMotion, dt: float) -> None:
-    """Predict in place to dt >= 0 s later."""
-    noise = ACCELERATION**2
-    growth = (noise * dt**4 / 4.0, noise * dt**3 / 2.0, noise * dt**2)
-    predict_joints(motion, float(dt), float(np.exp(-dt / FADE_TIME)), growth)
-
-
 def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
     """Where those should be at an instant who were seen within `memory` s before it."""
     dt = 1e-9 * max(stamp_ns - tracks.stamp_ns, 0)
@@ -69,13 +62,10 @@ def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
 
 
 @njit(cache=True, error_model="numpy")
-def predict_joints(motion, dt, fade, growth):
-    """The loops of `predict`.
-
-    Args:
-        fade: factor on the velocity of joints that were not measured last. growth: what white acceleration
-            adds to the three variances.
-    """
+def predict(motion, dt):
+    """Predict in place to dt >= 0 s later: of joints that were not measured last the velocity fades."""
+    noise, fade = ACCELERATION**2, np.exp(-dt / FADE_TIME)
+    growth = (noise * dt**4 / 4.0, noise * dt**3 / 2.0, noise * dt**2)
     states, variances, ages, unagreed = motion
     for t in range(ages.shape[0]):
         for j in range(ages.shape[1]):

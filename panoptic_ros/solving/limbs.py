@@ -48,7 +48,8 @@ def limbs_of(skeleton: SkeletonModel) -> Limbs:
     return Limbs(groups, np.array(mirror, np.int64), len(names))
 
 
-def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:
+@njit(cache=True, error_model="numpy")
+def exchanged_views(source, observed, groups):
     """(P, G) number of views that see each limb with its sides exchanged, minus those that do not.
 
     A view counts by the share of the limb's joints that it sees.
@@ -56,14 +57,7 @@ def exchanged_views(source: Array, observed: Array, groups: Array) -> Array:
     Args:
         source: (P, V, J) joint of the 2D person that stands for joint j. observed: (P, V, J) is it seen.
     """
-    counts: Array = count_exchanged(source, observed, groups, int(groups.max(initial=-1)) + 1)
-    return counts
-
-
-@njit(cache=True, error_model="numpy")
-def count_exchanged(source, observed, groups, count):
-    """The loops of `exchanged_views`."""
-    people, views, joints = source.shape
+    (people, views, joints), count = source.shape, groups.max() + 1
     votes, sizes = np.zeros((people, count)), np.zeros(count)
     for j in range(joints):
         if groups[j] < 0:
@@ -86,13 +80,13 @@ class Sides:
     def __init__(self, skeleton: SkeletonModel, groups: Array):
         self._head = skeleton.head
         self._pairs: list[tuple[int, int, int]] = []  # group, left and right joint at its top
-        depth = _depths(skeleton)
+        depth, away = _bones_to(skeleton, skeleton.root), _bones_to(skeleton, skeleton.head)
         for group in range(groups.max(initial=-1) + 1):
             pairs = [pair for pair in skeleton.left_right if groups[pair[0]] == group]
             left, right = min(pairs, key=lambda pair: depth[list(pair)].sum())
             self._pairs.append((group, left, right))
         limbs = [pair for pair in self._pairs if (groups == pair[0]).sum() >= 6]
-        limbs.sort(key=lambda pair: _distance(skeleton, pair[1], skeleton.head))
+        limbs.sort(key=lambda pair: int(away[pair[1]]))
         self.torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None  # shoulders, hips
 
     def right_way(self, positions: Array, views: Array | None = None) -> Array:
@@ -141,22 +135,11 @@ def sides_of_nose(positions, pairs, torso, head):
     return signs
 
 
-def _depths(skeleton: SkeletonModel) -> Array:
-    """Number of bones (J,) between each joint and the root."""
-    depth = np.zeros(len(skeleton), np.int64)
-    for parent, child in skeleton.bones:
-        depth[child] = depth[parent] + 1
-    return depth
-
-
-def _distance(skeleton: SkeletonModel, first: int, second: int) -> int:
-    """Number of bones between two joints."""
-    parents = skeleton.parents
-    chains = []
-    for joint in (first, second):
-        chain = [joint]
-        while parents[chain[-1]] >= 0:
-            chain.append(parents[chain[-1]])
-        chains.append(chain)
-    common = set(chains[0]) & set(chains[1])
-    return min(chains[0].index(joint) + chains[1].index(joint) for joint in common)
+def _bones_to(skeleton: SkeletonModel, joint: int) -> Array:
+    """Number of bones (J,) between a joint and each."""
+    count = np.full(len(skeleton), len(skeleton))
+    count[joint] = 0
+    for _ in range(len(skeleton)):
+        for a, b in skeleton.bones:
+            count[[a, b]] = np.minimum(count[[a, b]], count[[b, a]] + 1)
+    return count

@@ -86,6 +86,6 @@ def test_explained_by_hand(scenes):
     wrist, other = skeleton.joint("lWrist"), skeleton.joint("rWrist")
     nodes = np.stack([person[wrist] + 0.1, person[other], person[wrist] + 0.2])
     joints = np.array([wrist, wrist, wrist])
-    assert explained(nodes[:2] * [1, 1, 1], joints[:2], person[None], skeleton).tolist() == [False, True]
-    assert explained(nodes[:1] - 0.05, joints[:1], person[None], skeleton).tolist() == [True]
-    assert not explained(nodes, joints, np.full((1, 19, 3), np.nan), skeleton).any()
+    assert explained(nodes[:2] * [1, 1, 1], joints[:2], person[None], np.array(skeleton.mirror)).tolist() == [False, True]
+    assert explained(nodes[:1] - 0.05, joints[:1], person[None], np.array(skeleton.mirror)).tolist() == [True]
+    assert not explained(nodes, joints, np.full((1, 19, 3), np.nan), np.array(skeleton.mirror)).any()
