@@ -17,6 +17,7 @@ import numpy as np
 
 from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import Prediction
+from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue, solve_symmetric
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
@@ -97,9 +98,9 @@ def hold_people(
     p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others look anywhere
     followed = Followed(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
     rows, nothing = np.concatenate([kept, held]), Joints.nothing(len(held), joints.views.shape[1])
-    joints = joints.joined(nothing)
+    joints = joined(joints, nothing)
     there, placed = hold_joints(rows, len(kept), Shown.of(scene, found), followed, joints, body, worst)
-    return rows[there], joints.rows(there), placed[there]
+    return rows[there], selected(joints, there), placed[there]
 
 
 @njit(cache=True, error_model="numpy")

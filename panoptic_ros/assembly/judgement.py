@@ -21,6 +21,7 @@ from panoptic_ros.domain import (
     ViewSources,
 )
 from panoptic_ros.domain.checks import known_good
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
@@ -58,14 +59,6 @@ class Joints(NamedTuple):
             np.zeros(shape, np.int64), np.zeros(shape),
         )  # fmt: skip
 
-    def joined(self, other: Joints) -> Joints:
-        """These people and the others."""
-        return Joints(*(np.concatenate(pair) for pair in zip(self, other)))
-
-    def rows(self, which: Array | slice) -> Joints:
-        """Those of some of the people, by a mask (P,) or by numbers."""
-        return Joints(*(array[which] for array in self))
-
     def derive(self, skeleton: SkeletonModel) -> None:
         """Fill missing joints that are means of others, with the covariance of the mean."""
         for joint, others in skeleton.derived:
@@ -95,7 +88,7 @@ class People:
     def rows(self, which: Array) -> People:
         """Some of the people, by a mask (P,)."""
         return People(
-            self.kept[which], self.joints.rows(which), self.sources.rows(np.flatnonzero(which)),
+            self.kept[which], selected(self.joints, which), self.sources.rows(np.flatnonzero(which)),
             self.placed[which],
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from panoptic_ros.assembly.dynamic_programming import PartTree
 from panoptic_ros.domain import Groups, ProposalSet, SkeletonModel
+from panoptic_ros.domain.of_all import joined
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
 from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints, sources
@@ -44,7 +45,7 @@ def with_lost_people(
     source = sources(grouping.mirrored, np.array(skeleton.mirror))
     lost = Candidates(grouping, source, guide, np.full(count, -1), places)
     nothing = SolvedJoints.nothing(count, joints, views)
-    return found.joined(lost), SolvedJoints(*(np.concatenate(pair) for pair in zip(solved, nothing)))
+    return found.joined(lost), joined(solved, nothing)
 
 
 def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bone: float) -> Array:

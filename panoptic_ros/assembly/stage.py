@@ -23,6 +23,7 @@ from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solved_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets
 from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
@@ -160,7 +161,7 @@ class AssemblyStage(Stateful):
             place_joints(few, Shown.of(scene, found), joints, self._body, scene.sight)
         joints.derive(self._skeleton)
         kept = kept_people(joints, good, observed, member, standards)
-        own, placed = joints.rows(kept), np.zeros((len(kept), len(self._skeleton)), bool)
+        own, placed = selected(joints, kept), np.zeros((len(kept), len(self._skeleton)), bool)
         few, prediction = few[found.who[few] >= 0], item.association.prediction
         if config.held_sigma > 0.0 and len(few) and prediction.lengths.shape[1] == len(self._body.bones):
             people = few, kept, own

@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.domain import PartMotions, SkeletonModel, TimeShift, TrackedPoseSet
+from panoptic_ros.domain.of_all import joined, of_all, selected
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.refinement.bones import learn_lengths, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
@@ -17,18 +18,7 @@ from panoptic_ros.refinement.kalman import (
 )
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX, density, lasting_variance, transition
-from panoptic_ros.refinement.records import (
-    Measured,
-    Moment,
-    Motion,
-    joined,
-    new_people,
-    of_all,
-    padded,
-    selected,
-    unknown,
-    widened,
-)
+from panoptic_ros.refinement.records import Measured, Moment, Motion, new_people, padded, unknown, widened
 from panoptic_ros.refinement.start_motion import likely_velocities, started
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 

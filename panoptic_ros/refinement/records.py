@@ -1,15 +1,14 @@
 """What refinement keeps of P people of J joints; people are the first axis of every array."""
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.refinement.motion_model import MOVING
 
 Array = np.ndarray
-Record = TypeVar("Record", bound=tuple[Any, ...])
 
 PRIOR = 8.0  # weight of a new person's level, in measurements
 
@@ -102,24 +101,3 @@ def new_people(ids: list[int], joints: int, bones: int) -> People:
         np.full((count, joints, 3), np.nan), np.full((count, joints, 3), np.nan),
         np.zeros((count, bones)), np.zeros((count, bones)),
     )  # fmt: skip
-
-
-def of_all(function: Callable[..., Array], record: Record, *others: Record) -> Record:
-    """The record with a function applied to each of its arrays, and the same ones of others."""
-
-    def one(value: Any, *more: Any) -> Any:
-        if isinstance(value, tuple):
-            return of_all(function, value, *more)
-        return function(value, *more) if isinstance(value, np.ndarray) else value
-
-    return type(record)(*map(one, record, *others))
-
-
-def selected(record: Record, rows: Array) -> Record:
-    """Some of the people."""
-    return of_all(lambda array: array[rows], record)
-
-
-def joined(record: Record, more: Record) -> Record:
-    """The people of both, those of the first record first."""
-    return of_all(lambda *arrays: np.concatenate(arrays), record, more)

@@ -18,12 +18,13 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.domain.bodies import BodyStateSet
 from panoptic_ros.domain.checks import known_good
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.errors import DataError
 from panoptic_ros.refinement.bodies import BodyFill, Learnt, Posed
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.filter_bank import FilterBank
 from panoptic_ros.refinement.lag import Clock
-from panoptic_ros.refinement.records import Measured, Moment, Motion, People, selected
+from panoptic_ros.refinement.records import Measured, Moment, Motion, People
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 

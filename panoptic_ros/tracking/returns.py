@@ -38,7 +38,7 @@ class Arrivals(NamedTuple):
     @classmethod
     def of_tracks(cls, tracks: Tracks) -> Arrivals:
         """People who have been followed since they came."""
-        return cls(tracks.middles, tracks.bones, tracks.clothes)
+        return cls(tracks.bodies.middles, tracks.bones, tracks.clothes)
 
 
 def return_odds(lost: Tracks, came: Arrivals, groups: Array) -> Array:
@@ -73,6 +73,6 @@ def returned_at_once(lost: Tracks, came: Arrivals, groups: Array, reach: Array) 
 
 def ground_distances(lost: Tracks, came: Arrivals) -> Array:
     """Distances (T, P) m on the ground of those who have come from where others must be."""
-    distances: Array = np.linalg.norm((lost.middles[:, None] - came.middles[None])[..., :2], axis=-1)
+    distances: Array = np.linalg.norm((lost.bodies.middles[:, None] - came.middles[None])[..., :2], axis=-1)
     return distances
 

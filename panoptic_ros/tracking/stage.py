@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet, ViewAppearance
+from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.errors import DataError
-from panoptic_ros.identity.appearance import looks_at
+from panoptic_ros.identity.appearance import Colours, looks_at
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.identity.likeness import NEW, WAIT, paired, recognised
+from panoptic_ros.identity.motion import JointMotion
 from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
@@ -18,7 +20,7 @@ from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.records import as_images_show, tracked
 from panoptic_ros.tracking.returns import RETURN_S, Arrivals, return_odds, returned_at_once
-from panoptic_ros.tracking.tracks import Tracks, head_distances, joint_distances
+from panoptic_ros.tracking.tracks import Bodies, Tracks, head_distances, joint_distances
 
 Array = np.ndarray
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
@@ -30,7 +32,7 @@ class TrackingStage(Stateful):
 
     LAYOUT = StateLayout(
         "tracking", ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns", "_clothes"),
-        (Tracks, SubjectSet, ViewAppearance),
+        (Tracks, JointMotion, Bodies, Colours, SubjectSet, ViewAppearance),
         lasting=("_next", "_subjects"), same={"configuration": "_config", "skeleton": "_hash"},
     )  # fmt: skip
 
@@ -118,7 +120,7 @@ class TrackingStage(Stateful):
         kept = tracks.missed <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
         if not kept.all():
             kept |= np.isin(tracks.ids, self._subjects.ids)  # for them there is no end
-            self._tracks = tracks.rows(kept)
+            self._tracks = selected(tracks, kept)
 
     def _assign(self, item: PoseSet, looks: Array) -> Array:
         """The track (P,) of each skeleton, -1 = none: first by joints, then of people who come back.
@@ -132,15 +134,16 @@ class TrackingStage(Stateful):
             distance = head_distances(tracks.heads, item.positions, self._skeleton.head)
             _take(owners, everybody, np.where(distance <= config.max_distance, distance, np.inf))
             return owners
-        states = np.where((tracks.ages <= config.joint_memory)[..., None], tracks.states, np.nan)
-        distance, cost = joint_distances(states, tracks.variances, item.positions, item.covariances)
+        motion = tracks.motion
+        states = np.where((motion.ages <= config.joint_memory)[..., None], motion.states, np.nan)
+        distance, cost = joint_distances(states, motion.variances, item.positions, item.covariances)
         _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
         away = tracks.ids >= 0
         away[owners[owners >= 0]] = False
         lost = np.flatnonzero(away)
         open_rows = np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1))
         if len(lost) and len(open_rows):  # somebody may have come back
-            gone = tracks.rows(lost)
+            gone = selected(tracks, lost)
             reach = config.return_distance + config.return_speed * gone.unseen
             came = Arrivals.of_instant(item, open_rows, looks, self._bones)
             for t, p in returned_at_once(gone, came, self._pairs, reach):
@@ -151,7 +154,7 @@ class TrackingStage(Stateful):
         """The owners, with new tracks for skeletons that are nobody's."""
         for k in np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1)):
             owners[k] = len(self._tracks.ids)
-            self._tracks = self._tracks.joined(self._new(1))
+            self._tracks = joined(self._tracks, self._new(1))
         return owners
 
     def _confirm(self, item: PoseSet, owners: Array) -> tuple[Notice, ...]:
@@ -167,7 +170,8 @@ class TrackingStage(Stateful):
         lost = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > 0.0) & away.any())
         if self._config.method == "head":  # the head alone tells
             lost = lost[:0]
-        odds = return_odds(tracks.rows(lost), Arrivals.of_tracks(tracks.rows(fresh)), self._pairs)
+        came = Arrivals.of_tracks(selected(tracks, fresh))
+        odds = return_odds(selected(tracks, lost), came, self._pairs)
         found = recognised(odds, tracks.seconds[fresh], self._config.recognition_time)
         gone = []
         for t, who in zip(ready, found.tolist()):
@@ -185,7 +189,7 @@ class TrackingStage(Stateful):
         if gone:
             kept = np.setdiff1d(np.arange(len(tracks.ids)), gone)
             owners[owners >= 0] = np.searchsorted(kept, owners[owners >= 0])
-            self._tracks = tracks.rows(kept)
+            self._tracks = selected(tracks, kept)
         return tuple(notices)
 
     def _new_id(self) -> int:
@@ -221,7 +225,7 @@ class TrackingStage(Stateful):
         if len(rows) and self._begun_ns is None:
             self._begun_ns = stamp_ns
         if len(missing) and len(rows):
-            seen = Seen(tracks.ids[rows], tracks.middles[rows], tracks.drifts[rows])
+            seen = Seen(tracks.ids[rows], tracks.bodies.middles[rows], tracks.bodies.drifts[rows])
             chosen = found_subjects(subjects, missing, seen, stamp_ns, self._begun_ns or stamp_ns)
             found = {int(rows[row]): s for row, s in chosen.items()} | found
         for row, s in found.items():

@@ -1,13 +1,13 @@
 """Tracks: everybody who is followed, as arrays."""
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from panoptic_ros.domain import JointState, PoseSet, TrackSet
 from panoptic_ros.domain.checks import known_good
+from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.identity.appearance import Colours
 from panoptic_ros.identity.likeness import Bones, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
@@ -31,8 +31,8 @@ class Bodies(NamedTuple):
     """What is known of T people besides the motion of their joints.
 
     lengths (T, B) m, mean bone lengths, NaN = unknown, counts (T, B), measurements of each, and squares
-    (T, B) m^2, the mean square of what one differs by; middles
-    (T, 3) m of the bodies, and their velocities drifts (T, 3) m/s.
+    (T, B) m^2, the mean square of what one differs by; middles (T, 3) m of the bodies, and their velocities
+    drifts (T, 3) m/s.
     """
 
     lengths: Array
@@ -42,80 +42,43 @@ class Bodies(NamedTuple):
     drifts: Array
 
 
-@dataclass(slots=True, eq=False)
-class Tracks:
+class Tracks(NamedTuple):
     """T people over time.
 
     Args:
-        ids: (T,) identities, -1 = not confirmed yet.
-        states, variances, ages, unagreed: see `JointMotion`. lengths, counts, squares, middles, drifts: see
-            `Bodies`.
+        ids: (T,) identities, -1 = not confirmed yet. clothes: their colours.
         heads: (T, 3) m, where the head was seen last, NaN = nowhere.
         unseen: (T,) s since the person was seen; missed: (T,) those of them in which there were sets.
         hits: (T,) how often it was seen; seconds: (T,) since when there is a track.
         balance: (T, G) exchanged minus straight views of each limb, with forgetting.
-        colours, looks, colour_squares: see `identity.appearance.Colours`.
     """
 
     ids: Array
-    states: Array
-    variances: Array
-    ages: Array
-    unagreed: Array
-    lengths: Array
-    counts: Array
-    squares: Array
-    middles: Array
-    drifts: Array
+    motion: JointMotion
+    bodies: Bodies
+    clothes: Colours
     heads: Array
     unseen: Array
     missed: Array
     hits: Array
     seconds: Array
     balance: Array
-    colours: Array
-    looks: Array
-    colour_squares: Array
 
     @classmethod
     def of_new(cls, people: int, joints: int, bones: int, limbs: int) -> Tracks:
         """People before their first measurement."""
+        numbers, unknown = np.zeros((4, people, bones)), np.full((2, people, 3), np.nan)
         return cls(
-            np.full(people, -1), *JointMotion.of_new(people, joints), np.full((people, bones), np.nan),
-            np.zeros((people, bones)), np.zeros((people, bones)), np.full((people, 3), np.nan),
-            np.zeros((people, 3)), np.full((people, 3), np.nan), np.zeros(people), np.zeros(people),
+            np.full(people, -1), JointMotion.of_new(people, joints),
+            Bodies(numbers[0] * np.nan, numbers[1], numbers[2], unknown[0], np.zeros((people, 3))),
+            Colours.of_new(people), unknown[1], np.zeros(people), np.zeros(people),
             np.zeros(people, np.int64), np.zeros(people), np.zeros((people, limbs)),
-            *Colours.of_new(people),
         )  # fmt: skip
-
-    @property
-    def motion(self) -> JointMotion:
-        """The filters of the joints."""
-        return JointMotion(self.states, self.variances, self.ages, self.unagreed)
-
-    @property
-    def bodies(self) -> Bodies:
-        """The rest of the bodies."""
-        return Bodies(self.lengths, self.counts, self.squares, self.middles, self.drifts)
 
     @property
     def bones(self) -> Bones:
         """What is known of the bones."""
-        return learnt_bones(self.lengths, self.counts, self.squares)
-
-    @property
-    def clothes(self) -> Colours:
-        """What is known of the clothes."""
-        return Colours(self.colours, self.looks, self.colour_squares)
-
-    def rows(self, which: Array) -> Tracks:
-        """Some of the people."""
-        return Tracks(*(getattr(self, field.name)[which] for field in fields(self)))
-
-    def joined(self, other: Tracks) -> Tracks:
-        """These people and the others."""
-        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
-        return Tracks(*(np.concatenate(pair) for pair in pairs))
+        return learnt_bones(*self.bodies[:3])
 
     def predict(self, dt: float, blind: bool = False) -> None:
         """Predict in place to dt s later.
@@ -124,21 +87,21 @@ class Tracks:
             blind: nobody looked meanwhile.
         """
         predict(self.motion, dt)
-        self.unseen += dt
-        self.seconds += dt
-        self.missed += 0.0 if blind else dt
-        self.middles += min(dt, DRIFT_FADE_TIME) * self.drifts  # as far as fading speeds get
-        self.drifts *= np.exp(-dt / DRIFT_FADE_TIME)
+        self.unseen[:] += dt
+        self.seconds[:] += dt
+        self.missed[:] += 0.0 if blind else dt
+        self.bodies.middles[:] += min(dt, DRIFT_FADE_TIME) * self.bodies.drifts  # as far as fading speeds get
+        self.bodies.drifts[:] *= np.exp(-dt / DRIFT_FADE_TIME)
 
     def take_over(self, lost: int, fresh: int) -> None:
         """Let a fresh row know, in place, of the body of a lost one that is the same person."""
-        counts = self.counts[lost] + self.counts[fresh]
-        both = np.nan_to_num(self.lengths[lost]) * self.counts[lost]
-        both += np.nan_to_num(self.lengths[fresh]) * self.counts[fresh]
-        self.lengths[fresh] = np.where(counts > 0.0, both / np.maximum(counts, 1.0), np.nan)
-        squares = self.squares[lost] * self.counts[lost] + self.squares[fresh] * self.counts[fresh]
-        self.squares[fresh] = squares / np.maximum(counts, 1.0)
-        self.counts[fresh] = np.minimum(counts, LENGTH_MEMORY)
+        lengths, measured, squares = self.bodies[:3]
+        counts = measured[lost] + measured[fresh]
+        both = sum(np.nan_to_num(lengths[row]) * measured[row] for row in (lost, fresh))
+        lengths[fresh] = np.where(counts > 0.0, both / np.maximum(counts, 1.0), np.nan)
+        squares[fresh] = squares[lost] * measured[lost] + squares[fresh] * measured[fresh]
+        squares[fresh] /= np.maximum(counts, 1.0)
+        measured[fresh] = np.minimum(counts, LENGTH_MEMORY)
         self.clothes.take_over(lost, fresh)
 
     def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
@@ -169,11 +132,10 @@ class Tracks:
 
     def record(self, poses: PoseSet) -> TrackSet:
         """The record that is fed back."""
-        names = "ids states variances ages unagreed unseen".split()
         return known_good(TrackSet, {
             "index": poses.index, "stamp_ns": poses.stamp_ns, "skeleton_hash": poses.skeleton_hash,
-            **{name: getattr(self, name).copy() for name in names},
-            "lengths": np.where(self.counts >= KNOWN_AFTER, self.lengths, np.nan),
+            "ids": self.ids.copy(), "unseen": self.unseen.copy(), **of_all(np.copy, self.motion)._asdict(),
+            "lengths": np.where(self.bodies.counts >= KNOWN_AFTER, self.bodies.lengths, np.nan),
         })  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.kernels import njit
 from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.scene import VoteScene
@@ -53,7 +54,8 @@ def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
     found = visit(scene, cones_of(scene), volume, wanted)
     at = found[:, :4].astype(np.int64)
     top = highest(at - (0, *volume.lower), found[:, 5])
-    return Nodes(volume.centres(at[:, 1:]), at[:, 0], found[:, 5], found[:, 4].astype(np.int64)).rows(top)
+    nodes = Nodes(volume.centres(at[:, 1:]), at[:, 0], found[:, 5], found[:, 4].astype(np.int64))
+    return selected(nodes, top)
 
 
 def highest(at: Array, votes: Array) -> Array:

@@ -5,11 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.voting.peaks import ImagePeaks, unexplained_peaks
 from panoptic_ros.voting.proposals import Nodes, no_nodes
 from panoptic_ros.voting.scene import VoteScene
 
 Array = np.ndarray
+
 
 class Explainer(NamedTuple):
     """What is known: nodes, their velocities (N, 3) m/s, and when each view was taken, (V,) s from then."""
@@ -25,7 +27,7 @@ class Explainer(NamedTuple):
 
     def rows(self, which: Array) -> Explainer:
         """With some of the nodes only."""
-        return Explainer(self.nodes.rows(which), self.velocities[which], self.delays)
+        return Explainer(selected(self.nodes, which), self.velocities[which], self.delays)
 
     def unexplained(self, scene: VoteScene, peaks: ImagePeaks) -> ImagePeaks:
         """The 2D peaks without those near to where a node of their kind is seen."""

@@ -26,14 +26,6 @@ class Nodes(NamedTuple):
     votes: Array
     support: Array
 
-    def rows(self, which: Array) -> Nodes:
-        """Some of them."""
-        return Nodes(*(values[which] for values in self))
-
-    def joined(self, other: Nodes) -> Nodes:
-        """These and the others."""
-        return Nodes(*(np.concatenate(pair) for pair in zip(self, other)))
-
 
 def no_nodes() -> Nodes:
     """Nothing."""

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.geometry.lens_kernels import undistort_points
 from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.triangulation import spread_views
@@ -44,7 +45,7 @@ def nodes_at_seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> Nodes
     joints, points, votes = joints[good], points[good], votes[good]
     first = distinct(points, joints, votes, SPACING)
     nodes = moved(scene, joints[first], points[first], wanted.view_threshold)
-    return nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, SPACING))
+    return selected(nodes, distinct(nodes.points, nodes.joints, nodes.votes, SPACING))
 
 
 def seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.domain import AssociationSet, ProposalSet, ViewDetections
+from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.solving.example import easy_associations
 from panoptic_ros.solving.joint_records import guides_of
@@ -98,8 +99,8 @@ class VotingStage(Stateful):
             if config.explain_away:
                 known = self._known(scene, wanted, association, delays)
             sure = known.rows(known.nodes.support >= SURE_VIEWS)
-            nodes = known.nodes.joined(self.unexplained(scene, wanted, sure))
-            nodes = nodes.rows(distinct(nodes.points, nodes.joints, nodes.votes, ONE_PLACE))
+            nodes = joined(known.nodes, self.unexplained(scene, wanted, sure))
+            nodes = selected(nodes, distinct(nodes.points, nodes.joints, nodes.votes, ONE_PLACE))
         parts = NO_PARTS
         if config.parts:
             parts = score_parts(
@@ -130,7 +131,7 @@ class VotingStage(Stateful):
     def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:
         """Nodes at what known joints leave of a scene."""
         found = nodes_at_seeds(scene, wanted, explainer)
-        return found.rows(self._good(found, wanted))
+        return selected(found, self._good(found, wanted))
 
     def _good(self, nodes: Nodes, wanted: Demands) -> Array:
         """Which nodes (N,) satisfy the demands and lie in the volume."""

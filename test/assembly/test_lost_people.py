@@ -82,10 +82,10 @@ def test_ghosts_and_known_people_make_nobody(scene):
 
 
 def test_explained_by_hand(scenes):
-    skeleton, person = scenes.skeleton, scenes.person()
+    skeleton, person, mirror = scenes.skeleton, scenes.person(), np.array(scenes.skeleton.mirror)
     wrist, other = skeleton.joint("lWrist"), skeleton.joint("rWrist")
     nodes = np.stack([person[wrist] + 0.1, person[other], person[wrist] + 0.2])
     joints = np.array([wrist, wrist, wrist])
-    assert explained(nodes[:2] * [1, 1, 1], joints[:2], person[None], np.array(skeleton.mirror)).tolist() == [False, True]
-    assert explained(nodes[:1] - 0.05, joints[:1], person[None], np.array(skeleton.mirror)).tolist() == [True]
-    assert not explained(nodes, joints, np.full((1, 19, 3), np.nan), np.array(skeleton.mirror)).any()
+    assert explained(nodes[:2] * [1, 1, 1], joints[:2], person[None], mirror).tolist() == [False, True]
+    assert explained(nodes[:1] - 0.05, joints[:1], person[None], mirror).tolist() == [True]
+    assert not explained(nodes, joints, np.full((1, 19, 3), np.nan), mirror).any()

@@ -2,9 +2,10 @@
 import numpy as np
 import pytest
 
+from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update, update_velocities
 from panoptic_ros.refinement.motion_model import NINE, SIX, transition
-from panoptic_ros.refinement.records import Motion, of_all
+from panoptic_ros.refinement.records import Motion
 
 FOREVER = 1e9  # Cauchy scale: plain Gaussian
 FIRST = np.array([0])  # row of the only person

@@ -6,11 +6,12 @@ import patch_scene
 import pytest
 
 from panoptic_ros.domain import JointState, PartMotions, TrackedPoseSet
+from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import NINE, SIX, transition
-from panoptic_ros.refinement.records import Motion, of_all
+from panoptic_ros.refinement.records import Motion
 
 DT, NOISE = 0.04, 3.0
 PARTS = [list(part.joints) for part in rigid_parts(captures.SKELETON)]

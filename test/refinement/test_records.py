@@ -1,7 +1,8 @@
 """People come and go in all arrays at once."""
 import numpy as np
 
-from panoptic_ros.refinement.records import joined, new_people, of_all, selected, unknown
+from panoptic_ros.domain.of_all import joined, of_all, selected
+from panoptic_ros.refinement.records import new_people, unknown
 
 
 def test_people_are_joined_and_selected_in_all_arrays():

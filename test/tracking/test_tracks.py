@@ -53,8 +53,8 @@ def test_bones_are_averaged_and_the_middle_is_the_median():
     for index, positions in enumerate(shown):
         tracks.update(np.array([0]), poses(positions, index), BONES, 0)
     lengths = np.stack([np.linalg.norm(p[0, BONES[:, 0]] - p[0, BONES[:, 1]], axis=-1) for p in shown])
-    assert np.allclose(tracks.lengths[0], np.nanmean(lengths, axis=0))
-    assert np.allclose(tracks.middles[0], np.nanmedian(shown[-1][0], axis=0))
+    assert np.allclose(tracks.bodies.lengths[0], np.nanmean(lengths, axis=0))
+    assert np.allclose(tracks.bodies.middles[0], np.nanmedian(shown[-1][0], axis=0))
     assert tracks.hits[0] == 7 and tracks.unseen[0] == 0.0
 
 
@@ -63,7 +63,7 @@ def test_sides_that_most_views_see_exchanged_for_long_are_exchanged():
     positions = np.random.default_rng(0).normal(size=(2, JOINTS, 3))
     tracks.update(np.array([0, 1]), poses(positions, votes=np.array([[2.0], [-1.0]])), BONES, 0)
     tracks.exchange_sides(LIMBS)
-    assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])
-    assert np.array_equal(tracks.states[1, :, :3], positions[1])
+    assert np.array_equal(tracks.motion.states[0, :, :3], positions[0, MIRROR])
+    assert np.array_equal(tracks.motion.states[1, :, :3], positions[1])
     tracks.exchange_sides(LIMBS)  # not again: the balance was turned round
-    assert np.array_equal(tracks.states[0, :, :3], positions[0, MIRROR])
+    assert np.array_equal(tracks.motion.states[0, :, :3], positions[0, MIRROR])

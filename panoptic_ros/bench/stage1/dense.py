@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.kernels import njit
 from panoptic_ros.voting.proposals import Demands, Nodes
 from panoptic_ros.voting.scene import VoteScene
@@ -32,7 +33,7 @@ def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
         found.append((at + (0, *first), votes[tuple(at.T)], support[tuple(at.T)]))
     at, votes, support = (np.concatenate(parts) for parts in zip(*found))
     order = np.lexsort(at.T[::-1])
-    return Nodes(volume.centres(at[:, 1:]), at[:, 0], votes, support).rows(order)
+    return selected(Nodes(volume.centres(at[:, 1:]), at[:, 0], votes, support), order)
 
 
 def is_maximum(rank: Array, at: Array) -> Array:
