@@ -1,4 +1,7 @@
-"""2D peaks of all views: local maxima of the score maps, and keypoints of joints without maps."""
+"""2D peaks of all views: local maxima of the score maps, and keypoints of joints without maps.
+
+Nodes where people are known explain peaks away.
+"""
 from __future__ import annotations
 
 import math
@@ -6,7 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from panoptic_ros.domain.of_all import selected
 from panoptic_ros.kernels import inlined, njit
+from panoptic_ros.voting.proposals import Nodes, no_nodes
+from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.votes import COVERED, DEPTH, LANES, SIZE, U, W, X, Y, Z, place, see
 
 Array = np.ndarray
@@ -20,6 +26,28 @@ class ImagePeaks(NamedTuple):
 
     start: Array
     pixels: Array
+
+
+class Explainer(NamedTuple):
+    """What is known: nodes, their velocities (N, 3) m/s, and when each view was taken, (V,) s from then."""
+
+    nodes: Nodes
+    velocities: Array
+    delays: Array
+
+    @classmethod
+    def of_nobody(cls, delays: Array) -> Explainer:
+        """Nothing is known."""
+        return cls(no_nodes(), np.zeros((0, 3)), delays)
+
+    def rows(self, which: Array) -> Explainer:
+        """With some of the nodes only."""
+        return Explainer(selected(self.nodes, which), self.velocities[which], self.delays)
+
+    def unexplained(self, scene: VoteScene, peaks: ImagePeaks) -> ImagePeaks:
+        """The 2D peaks without those near to where a node of their kind is seen."""
+        left = unexplained_peaks(scene, peaks, self)
+        return ImagePeaks(np.concatenate([[0], np.cumsum(left)])[peaks.start], peaks.pixels[left])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

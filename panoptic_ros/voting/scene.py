@@ -74,7 +74,8 @@ def build_scene(cameras: Sequence[Camera], views: Sequence[ViewDetections], join
     for row, view in zip(numbers, views):
         if view.maps is not None:
             row[-6:] = view.maps.grid_from_image.ravel()
-    map_start, map_data, patch_start, patch_table = merged_maps(patches, joint_count)
+    patch_start, patch_table = sorted_patches(patches, joint_count)
+    map_start, map_data = merged_maps(patches, patch_start, patch_table, joint_count)
     return VoteScene(
         records, people, gates, map_start, map_data, patch_start, patch_table, patches.data, limits_of(views)
     )
@@ -134,11 +135,20 @@ def _area(points, d):
     return max(min(wide, high), MIN_ASPECT * longer) * longer
 
 
+def sorted_patches(patches: Patches, joint_count: int) -> tuple[Array, Array]:
+    """`VoteScene.patch_start` and `patch_table`: by view and joint, else in the order in which they came."""
+    keys = np.repeat(np.arange(len(patches.counts)), patches.counts) * joint_count + patches.joints
+    cells = patches.sizes.prod(axis=1, dtype=np.int64)
+    table = np.column_stack([patches.persons, patches.corners, patches.sizes, np.cumsum(cells) - cells])
+    counts = np.bincount(keys, minlength=len(patches.counts) * joint_count)
+    start = np.concatenate([[0], np.cumsum(counts)])
+    return start, np.ascontiguousarray(table[np.argsort(keys, kind="stable")], np.int64)
+
+
 @_jit
-def merged_maps(patches, joint_count):
-    """`VoteScene.map_start`, `map_data`, `patch_start` and `patch_table`."""
+def merged_maps(patches, start, table, joint_count):
+    """`VoteScene.map_start` and `map_data`."""
     views = len(patches.counts)
-    start, table = _sorted_patches(patches, joint_count)
     map_start, cells = np.full((views, joint_count), -1, np.int64), 0
     for v in range(views):
         for j in range(joint_count):
@@ -154,28 +164,4 @@ def merged_maps(patches, joint_count):
                     at = map_start[v, j] + (row + y) * patches.grids[v, 0] + column
                     for x in range(width):
                         data[at + x] = max(data[at + x], values[first + y * width + x])
-    return map_start, data, start, table
-
-
-@_jit
-def _sorted_patches(patches, joint_count):
-    """`VoteScene.patch_start` and `patch_table`: by view and joint, else in the order in which they came."""
-    joints, persons, corners, sizes = patches.joints, patches.persons, patches.corners, patches.sizes
-    start = np.zeros(len(patches.counts) * joint_count + 1, np.int64)
-    keys, table = np.empty(len(joints), np.int64), np.empty((len(joints), 6), np.int64)
-    k = 0
-    for v in range(len(patches.counts)):
-        for _ in range(patches.counts[v]):
-            keys[k] = v * joint_count + joints[k]
-            start[keys[k] + 1] += 1
-            k += 1
-    for key in range(1, len(start)):
-        start[key] += start[key - 1]
-    free, first = start.copy(), 0
-    for k in range(len(joints)):
-        at, width, height = free[keys[k]], sizes[k, 0], sizes[k, 1]
-        free[keys[k]] += 1
-        table[at, 0], table[at, 1], table[at, 2] = persons[k], corners[k, 0], corners[k, 1]
-        table[at, 3], table[at, 4], table[at, 5] = width, height, first
-        first += width * height
-    return start, table
+    return map_start, data

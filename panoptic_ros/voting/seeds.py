@@ -9,8 +9,7 @@ from panoptic_ros.domain.of_all import selected
 from panoptic_ros.geometry.lens_kernels import undistort_points
 from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.triangulation import spread_views
-from panoptic_ros.voting.explaining import Explainer
-from panoptic_ros.voting.peaks import find_peaks
+from panoptic_ros.voting.peaks import Explainer, find_peaks
 from panoptic_ros.voting.proposals import Demands, Nodes, distinct, no_nodes
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.soft_vote import moved

@@ -13,8 +13,8 @@ from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.exact import maxima
-from panoptic_ros.voting.explaining import Explainer
 from panoptic_ros.voting.parts import NO_PARTS, score_parts
+from panoptic_ros.voting.peaks import Explainer
 from panoptic_ros.voting.proposals import Demands, Nodes, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.seeds import nodes_at_seeds

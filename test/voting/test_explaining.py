@@ -7,8 +7,7 @@ from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.explaining import Explainer
-from panoptic_ros.voting.peaks import find_peaks
+from panoptic_ros.voting.peaks import Explainer, find_peaks
 from panoptic_ros.voting.proposals import Nodes
 from panoptic_ros.voting.scene import build_scene
 

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.voting.explaining import Explainer
-from panoptic_ros.voting.peaks import find_peaks
+from panoptic_ros.voting.peaks import Explainer, find_peaks
 from panoptic_ros.voting.proposals import Demands
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.seeds import pixel_rays, seeds
