@@ -62,8 +62,12 @@ class AssemblyConfig(Config):
         doc="Joints that score maps show move towards the maps' soft vote if it is this near; 0 = never.",
     )
     vote_sigma: float = param(
-        0.01, unit="m", ge=0.001, le=1.0,
+        0.003, unit="m", ge=0.001, le=1.0,
         doc="Standard deviation of the soft vote about a joint, which counts against triangulation's.",
+    )
+    torso_vote_sigma: float = param(
+        0.01, unit="m", ge=0.001, le=1.0,
+        doc="The same of shoulders, hips and what else is in the torso, where votes err more.",
     )
     two_view_joints: bool = param(
         True, doc="Place joints of people whom two views show also where these disagree or one lacks the "

@@ -5,8 +5,9 @@ the other side. The maps hold more: the soft vote of all views about a node (`vo
 every cell and lies 5 to 15 % closer to the joint than one view's; and where the views' 2D people disagree, a
 node with many votes close to where the joint should be is the better choice. A vote errs by what the network
 gets wrong in all views, however many there are: so it counts by a standard deviation of its own against what
-the triangulated position has, more where few views show the joint. Joints that no map shows keep their
-triangulated position.
+the triangulated position has, more where few views show the joint. That is larger in the torso, whose joints
+have no point on the surface that all views could show. Joints that no map shows keep their triangulated
+position.
 """
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import ProposalSet, SkeletonModel
+from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.assignment import columns_of_rows
 
@@ -60,13 +62,22 @@ def node_doubts(votes: Array) -> Array:
 class VoteNoise(NamedTuple):
     """How sure votes are.
 
-    gate: m, a node farther from the triangulated joint is another place. near: m, standard deviation along
-    each axis of a vote about the joint; far: of a node that is another place.
+    gate: m, a node farther from the triangulated joint is another place. near: (J,) m, standard deviation
+    along each axis of a vote about the joint; far: m, of a node that is another place.
     """
 
     gate: float
-    near: float
+    near: Array
     far: float
+
+
+def vote_sigmas(skeleton: SkeletonModel, others: float, torso: float) -> Array:
+    """Standard deviations (J,) m of near votes, from those of joints of the torso and of others."""
+    sigmas = np.full(len(skeleton), others)
+    for part in rigid_parts(skeleton):
+        if part.name == "torso":
+            sigmas[list(part.joints)] = torso
+    return sigmas
 
 
 def move_to_votes(
@@ -85,7 +96,8 @@ def move_to_votes(
     gaps = item.nodes[nodes] - joints.positions[p, j]
     far = ~(np.linalg.norm(gaps, axis=-1) <= noise.gate)
     own = joints.covariances[p[~far], j[~far]]
-    weighed = np.linalg.solve(own + noise.near**2 * np.eye(3), gaps[~far, :, None])
+    near = (noise.near[j[~far]] ** 2)[:, None, None] * np.eye(3)
+    weighed = np.linalg.solve(own + near, gaps[~far, :, None])
     joints.positions[p[~far], j[~far]] += (own @ weighed)[..., 0]
     p, j, nodes = p[far], j[far], nodes[far]
     joints.positions[p, j] = item.nodes[nodes]

@@ -16,7 +16,7 @@ from panoptic_ros.assembly.judgement import (
     needed_views,
 )
 from panoptic_ros.assembly.lost_people import with_lost_people
-from panoptic_ros.assembly.map_votes import VoteNoise, move_to_votes
+from panoptic_ros.assembly.map_votes import VoteNoise, move_to_votes, vote_sigmas
 from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares, residuals_to_learn
 from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
@@ -62,6 +62,8 @@ class AssemblyStage(Stateful):
         self._rules = SolverRules(
             config.truncation, config.cauchy, config.gate, config.foreign_penalty, config.max_pairs
         )
+        sigmas = vote_sigmas(context.skeleton, config.vote_sigma, config.torso_vote_sigma)
+        self._votes = VoteNoise(config.vote_distance, sigmas, config.node_sigma)
         self._standards = Standards(
             covariance_correction(config.cauchy), config.covariance_inflation, config.max_joint_sigma,
             config.max_bone, config.min_agreed_share, config.min_person_joints, config.lowest,
@@ -152,8 +154,7 @@ class AssemblyStage(Stateful):
             expected = found.guide.positions
             shifts = _since_voting(item, found, motion)
             joints.positions[...] += shifts
-            noise = VoteNoise(config.vote_distance, config.vote_sigma, config.node_sigma)
-            move_to_votes(joints, expected, item, self._skeleton, noise)
+            move_to_votes(joints, expected, item, self._skeleton, self._votes)
             joints.positions[...] -= shifts
         shown = (member >= 0).sum(axis=1)
         few = np.flatnonzero((shown > 0) & (shown <= FEW_VIEWS))

@@ -8,8 +8,10 @@ from panoptic_ros.assembly.map_votes import (
     chosen_nodes,
     difference,
     move_to_votes,
+    vote_sigmas,
 )
 from panoptic_ros.domain import DetectionSet, ProposalSet, ScoreMaps, SkeletonModel, ViewDetections
+from panoptic_ros.simulation.skeleton import SKELETON
 
 HASH = "cafe0123"
 PAIR = SkeletonModel("pair", ("neck", "nose"), 0, ((0, 1),), 1)
@@ -51,10 +53,17 @@ def test_a_vote_counts_as_sure_as_it_is_against_the_triangulated_joint():
         covariances, ones = np.tile(covariance, (2, 2, 1, 1)), np.ones((2, 2))
         joints = Joints(places.copy(), covariances.copy(), ones, np.full((2, 2), 3), 0.0 * ones)
         item = proposals([[0.03, 0, 1]], [0])
-        move_to_votes(joints, np.full_like(places, np.nan), item, PAIR, VoteNoise(0.08, 0.02, 0.03))
+        noise = VoteNoise(0.08, np.full(2, 0.02), 0.03)
+        move_to_votes(joints, np.full_like(places, np.nan), item, PAIR, noise)
         np.testing.assert_allclose(joints.positions[0, 0], [moved, 0, 1], atol=1e-4)
         np.testing.assert_array_equal(joints.positions[1], places[1])
         np.testing.assert_array_equal(joints.covariances, covariances)
+
+
+def test_votes_are_less_sure_in_the_torso():
+    sigmas = vote_sigmas(SKELETON, 0.003, 0.01)
+    joints = [SKELETON.joint(name) for name in ("lHip", "rShoulder", "lKnee", "Nose")]
+    np.testing.assert_array_equal(sigmas[joints], [0.01, 0.01, 0.003, 0.003])
 
 
 def test_far_nodes_and_single_maps_change_nothing():
