@@ -63,7 +63,7 @@ class Shown(NamedTuple):
         """In a scene."""
         guide, scores = found.guide, scene.evidence.scores
         return cls(
-            found.grouping.member, found.source, found.who, guide.positions, guide.shifts, scores,
+            found.member, found.source, found.who, guide.positions, guide.shifts, scores,
             scene.observations,
         )  # fmt: skip
 

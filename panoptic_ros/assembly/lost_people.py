@@ -13,11 +13,11 @@ from functools import cache
 import numpy as np
 
 from panoptic_ros.assembly.dynamic_programming import PartTree
-from panoptic_ros.domain import Groups, ProposalSet, SkeletonModel
+from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.domain.of_all import joined
 from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
-from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints, sources
+from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints
 
 Array = np.ndarray
 
@@ -38,14 +38,12 @@ def with_lost_people(
     places = lost_people(item, solved.positions, skeleton, max_bone)
     if not len(places):
         return found, solved
-    count, joints = places.shape[:2]
-    views = found.grouping.member.shape[1]
-    grouping = Groups.empty(count, views)
+    (count, joints), views = places.shape[:2], found.member.shape[1]
     guide = Guides.of_nobody_known(count, joints, SPREAD)._replace(positions=places)
-    source = sources(grouping.mirrored, np.array(skeleton.mirror))
-    lost = Candidates(grouping, source, guide, np.full(count, -1), places)
+    source, nobody = np.tile(np.arange(joints), (count, views, 1)), np.full((count, views), -1)
+    lost = Candidates(nobody, source, guide, nobody[:, 0], places)
     nothing = SolvedJoints.nothing(count, joints, views)
-    return found.joined(lost), joined(solved, nothing)
+    return joined(found, lost), joined(solved, nothing)
 
 
 def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bone: float) -> Array:

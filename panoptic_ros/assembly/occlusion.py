@@ -44,7 +44,7 @@ def hidden_marks(found: Candidates, bones: tuple[Array, Array], cams: Cameras, r
     """
     places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
     hidden = hidden_joints(places, found.guide.shifts, *bones, cams)
-    kinds: Array = hidden_observations(hidden, found.grouping.member, found.source, rows)
+    kinds: Array = hidden_observations(hidden, found.member, found.source, rows)
     return kinds
 
 

@@ -125,7 +125,7 @@ class AssemblyStage(Stateful):
                 motion = motion_of(scene, solved, found.guide.shifts, self._rules.cauchy)
         observed = observed_views(found, scene.precision)
         people = self._finish(scene, item, solved, found, observed.sum(axis=1), motion)
-        supporting, cameras = (found.grouping.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
+        supporting, cameras = (found.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
         if not inside.all():
             people = people.rows(inside)
@@ -147,7 +147,7 @@ class AssemblyStage(Stateful):
             observed: (P, J) number of views whose 2D person shows each joint.
             motion: None where all stamps are equal.
         """
-        config, member = self._config, found.grouping.member
+        config, member = self._config, found.member
         bones, standards = self._body.bones, self._standards
         joints, good = judge_joints(solved, observed, scene.evidence.scores, bones, standards)
         if config.vote_distance > 0.0 and item.of_maps:

@@ -10,7 +10,7 @@ corrected velocity. Apart from that, positions remain functions of the images of
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,7 +51,7 @@ def solved_in_motion(
     motion = motion_of(scene, solved, found.guide.shifts, rules.cauchy)
     if (found.who >= 0).any():
         shifts = likelier_velocities(found, solved, motion, prediction)
-        found = replace(found, guide=found.guide._replace(shifts=shifts))
+        found = found._replace(guide=found.guide._replace(shifts=shifts))
         solved = solve_joints(found, scene.observations, rules)
         motion = motion_of(scene, solved, shifts, rules.cauchy)
     return found, solved, motion

@@ -1,12 +1,11 @@
 """What the solver of joints is given and what it gives, as kernels take it."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, Groups, ViewSources
+from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, ViewSources
 from panoptic_ros.domain.checks import known_good
 from panoptic_ros.kernels import njit
 
@@ -49,33 +48,19 @@ class Guides(NamedTuple):
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
+class Candidates(NamedTuple):
     """P people for the final solve.
 
-    Args:
-        grouping: the 2D person of each view. source: (P, V, J) which of its joints stands for joint j.
-        guide: their predictions. who: (P,) index of the prediction, -1 = new.
-        places: (P, J, 3) m, first estimate of their joints, NaN = unknown.
+    member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) which of its joints stands for
+    joint j. guide: their predictions. who: (P,) index of the prediction, -1 = new. places: (P, J, 3) m,
+    first estimate of their joints, NaN = unknown.
     """
 
-    grouping: Groups
+    member: Array
     source: Array
     guide: Guides
     who: Array
     places: Array
-
-    def joined(self, other: Candidates) -> Candidates:
-        """These people and the others."""
-        if not len(other.who):
-            return self
-        return Candidates(
-            self.grouping.joined(other.grouping),
-            np.concatenate([self.source, other.source]),
-            Guides(*(np.concatenate(pair) for pair in zip(self.guide, other.guide))),
-            np.concatenate([self.who, other.who]),
-            np.concatenate([self.places, other.places]),
-        )
 
     @classmethod
     def of(cls, item: AssociationSet, mirror: Array) -> Candidates:
@@ -84,8 +69,9 @@ class Candidates:
         Args:
             mirror: (J,) the joint on the other side.
         """
-        groups = item.groups
-        return cls(groups, sources(groups.mirrored, mirror), guides_of(item), item.who, item.places)
+        member, mirrored = item.groups.member.copy(), item.groups.mirrored  # kernels take what can be changed
+        source = np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
+        return cls(member, source, guides_of(item), item.who, item.places)
 
 
 class SolvedJoints(NamedTuple):
@@ -128,14 +114,9 @@ def guides_of(item: AssociationSet) -> Guides:
     return guide
 
 
-def sources(mirrored: Array, mirror: Array) -> Array:
-    """(P, V, J) which joint of each 2D person stands for joint j, from mirrored (P, V)."""
-    return np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
-
-
 def observed_views(found: Candidates, precision: Array) -> Array:
     """(P, V, J) whether the 2D person of each view shows joint j, from the precisions (D, J) of 2D joints."""
-    member = found.grouping.member[..., None]
+    member = found.member[..., None]
     if not len(precision):
         return np.zeros(found.source.shape, bool)
     usable: Array = (member >= 0) & (precision[np.maximum(member, 0), found.source] > 0.0)
@@ -148,7 +129,7 @@ def view_sources(
     """The record for those of the people solved that were kept (P,)."""
     views = [detections.views[slot] for slot in evidence.slots]
     rows = main_people(
-        evidence.starts, found.grouping.member[kept], solved.residuals[kept], solved.picks[kept]
+        evidence.starts, found.member[kept], solved.residuals[kept], solved.picks[kept]
     )
     known = np.concatenate([evidence.rows, [-1]])  # -1 stays -1
     return known_good(ViewSources, {

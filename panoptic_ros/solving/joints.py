@@ -159,7 +159,7 @@ def _prior_cost(x, joint, limit):
 def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> SolvedJoints:
     """Solve all joints of all people; each 2D joint is given to one of them."""
     people, joints = found.guide.spreads.shape
-    claims = Claims(found.grouping.member, found.source, np.full(seen.precision.shape, -1, np.int64))
+    claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
     solved = SolvedJoints.nothing(people, joints, len(seen.starts) - 1)
     solve_again(np.ones((people, joints), bool), found.guide, claims, seen, rules, solved)
     losers = settle(solved, claims, rules.foreign_penalty)

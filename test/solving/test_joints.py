@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rays import closest_points, ray_distances
 
-from panoptic_ros.domain import Groups
 from panoptic_ros.geometry import triangulate_robust
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
 from panoptic_ros.solving.joint_records import Candidates, Claims, Guides, SolvedJoints
@@ -26,9 +25,8 @@ def single_person(scenes, views=6, noise=2.0, seed=0):
 def only_person(views, guides):
     """One person, whom each view shows as its only 2D person."""
     joints = guides.spreads.shape[1]
-    groups = Groups(np.arange(views)[None], np.zeros((1, views), bool))
     source = np.tile(np.arange(joints), (1, views, 1))
-    return Candidates(groups, source, guides, np.array([-1]), guides.positions)
+    return Candidates(np.arange(views)[None], source, guides, np.array([-1]), guides.positions)
 
 
 def seen(stack, plane):
