@@ -11,6 +11,7 @@ from panoptic_ros.domain.subjects import Device, ImuReading, Instant, Subject, V
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.kinematics.nearest_people import assign_people
 from panoptic_ros.kinematics.person import Person
+from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
 
 STATURE = 1.7
@@ -19,8 +20,9 @@ SECONDS = 0.3  # more than the lag, so that poses are smoothed, and time for a l
 
 
 def step_examples(
-    new_person: Callable[[Subject], Person], model: SegmentModel, joint_names: tuple[str, ...], rate_hz: float
-) -> None:
+    new_person: Callable[[Subject], Person], model: SegmentModel, statistics: PoseStatistics,
+    joint_names: tuple[str, ...], rate_hz: float,
+) -> None:  # fmt: skip
     """Solve for somebody with an IMU, from joints in space and from views."""
     body = model.body(STATURE)
     device = Device("example", 0, np.zeros(3), np.eye(3))
@@ -47,6 +49,6 @@ def step_examples(
         if k > 1:
             for c, view in views.items():
                 person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
-        person.step(stamp, {"example": reading}, period)
+        person.step(stamp, {"example": reading}, period, statistics)
     assign_people([person.tracker], Instant(stamp, views, {}), rotations, translations, GATE)
     person.flush()

@@ -7,11 +7,14 @@ import numpy as np
 from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
 from panoptic_ros.kinematics.alignment import Felt, align, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
+from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.t_pose import t_pose_mount
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 LOOK_S, LONGEST_S = 5.0, 15.0  # between looks at heading and clock, and after which there are no more
+BENT_S = 3.0  # after the T-pose, of joints that bend
 UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
 
 
@@ -68,13 +71,15 @@ class ImuFitting:
                 found[device.name] = t_pose_mount(pose, self.heading, self._held[device.name])
         return found
 
-    def learn(self, subject: Subject, states: list[BodyState], rate_hz: float) -> list[Notice]:
+    def learn(
+        self, subject: Subject, states: list[BodyState], rate_hz: float, statistics: PoseStatistics
+    ) -> list[Notice]:
         """Motion that cameras alone have seen; heading and clock, once there is enough of it."""
         self._states += states
         self._unseen = 0 if states else self._unseen + 1
         lasted = len(self._states) / rate_hz
         if self._unseen / rate_hz > UNSEEN_S:
-            return self._give_up(subject, "no camera sees enough of the person")
+            return self._without_cameras(subject, rate_hz, statistics)
         if lasted < LOOK_S or len(self._states) % round(LOOK_S * rate_hz) or not states:
             return []
         stamps = np.array(self._stamps)
@@ -90,6 +95,25 @@ class ImuFitting:
         self._done()
         self.heading, self.offset_ns, lines = taken_over(subject, found, self._clocks)
         return [_notice("imu_aligned", "info", subject, line) for line in lines]
+
+    def _without_cameras(
+        self, subject: Subject, rate_hz: float, statistics: PoseStatistics
+    ) -> list[Notice]:
+        """The heading, as joints bend since a T-pose that tells the mountings."""
+        why = "no camera sees enough of the person"
+        if self.heading is not None or not t_pose_decides(subject):
+            return self._give_up(subject, why)
+        assert subject.t_pose is not None
+        waited = 1e-9 * (self._stamps[-1] - subject.t_pose.to_ns)
+        if waited < BENT_S or len(self._stamps) % round(rate_hz):
+            return []
+        turns = {name: np.array(found) for name, found in self._turns.items()}
+        heading = heading_from_poses(subject, statistics, turns, self._held)
+        if heading is None:
+            return self._give_up(subject, f"{why}, and it hardly moves") if waited > LONGEST_S else []
+        self._done()
+        self.heading = heading
+        return [_notice("imu_aligned", "info", subject, bent_line(heading))]
 
     def _give_up(self, subject: Subject, why: str) -> list[Notice]:
         self._done()

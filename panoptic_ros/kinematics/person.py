@@ -63,12 +63,14 @@ class Person:
         self._unseen = 0  # instants without cameras
 
     def step(
-        self, stamp_ns: int, readings: dict[str, ImuReading], half_period_ns: int
+        self, stamp_ns: int, readings: dict[str, ImuReading], half_period_ns: int,
+        statistics: PoseStatistics,
     ) -> tuple[list[BodyState], list[Notice]]:
         """Solve an instant: bodies that are final, of the instant that is the lag ago, and notices.
 
         Args:
             readings: of all devices. half_period_ns: for so long a sample alone counts.
+            statistics: of poses.
         """
         people = self.seen.views_at(stamp_ns, half_period_ns)
         joints = self.seen.joints_at(stamp_ns, half_period_ns)
@@ -79,7 +81,7 @@ class Person:
         self.seen_ever = self.seen_ever or seen
         instant = Instant(stamp_ns, {}, mine)
         if self.fitting.looking:
-            notices += self._look(instant, people, joints)
+            notices += self._look(instant, people, joints, statistics)
         done = self._remount(stamp_ns)
         used = {name for name in mine if name in self._devices()}
         self._without = 0 if seen or used else self._without + 1
@@ -149,8 +151,9 @@ class Person:
         return waited and bool(self.fitting.mounts(stamp_ns, self.subject).keys() & used)
 
     def _look(
-        self, instant: Instant, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None
-    ) -> list[Notice]:
+        self, instant: Instant, people: dict[int, tuple[Array, Array]],
+        joints: tuple[Array, Array] | None, statistics: PoseStatistics,
+    ) -> list[Notice]:  # fmt: skip
         """Solve from cameras alone, and compare with the IMUs."""
         if self._alone is None and people:
             bare = replace(self.subject, devices=())
@@ -158,7 +161,7 @@ class Person:
         states = (
             self._alone.step(instant, people, joints) if self._alone is not None and people else []
         )
-        notices = self.fitting.learn(self.subject, states, self._config.rate_hz)
+        notices = self.fitting.learn(self.subject, states, self._config.rate_hz, statistics)
         if not self.fitting.looking:
             self._alone = None
         return notices

@@ -108,7 +108,7 @@ def people_of(
 def middle_expected(tracker: SubjectTracker | None) -> Array | None:
     """The middle (3,) m of the joints of a body where it is expected; None before there is a pose."""
     sites = None if tracker is None else tracker.expected_sites()
-    if sites is None:
+    if sites is None or not len(sites[1]):
         return None
     middle: Array = np.median(sites[1], axis=0)
     return middle

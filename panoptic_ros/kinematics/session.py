@@ -14,6 +14,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.alignment import align, cameras_alone, felt_of, taken_over
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.evidence import Weighing
+from panoptic_ros.kinematics.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
 from panoptic_ros.kinematics.presence import Looked, Presence, middle_expected, people_of
 from panoptic_ros.kinematics.prior import PoseStatistics
 from panoptic_ros.kinematics.recorded_imus import looked_through
@@ -66,6 +67,9 @@ def solve_recording(
         recording, headings = _aligned(recording, wearers, subjects, config, statistics, notices)
     instants = instants_of(recording.views, recording.devices, config.rate_hz)
     trackers = []
+    for subject in wearers if not recording.views else ():
+        if not subject.heading_known and t_pose_decides(subject):
+            headings[subject.id] = _bent_heading(subject, instants, statistics, notices)
     for subject in subjects:
         weighing = Weighing(config, subject, statistics, recording.rig, recording.joint_names)
         worn = {d.name for d in subject.devices if d.name in recording.devices}
@@ -146,6 +150,29 @@ def _aligned(
         if shift:
             devices |= {name: series.shifted(shift) for name, series in worn.items()}
     return replace(recording, devices=devices), headings
+
+
+def _bent_heading(
+    subject: Subject, instants: Sequence[Instant], statistics: PoseStatistics, notices: list[str]
+) -> float:
+    """The heading of the IMUs as joints bend, rad, where no camera tells it."""
+    gone, turns, held = np.full((3, 3), np.nan), {}, {}
+    assert subject.t_pose is not None
+    begin, end = subject.t_pose.from_ns, subject.t_pose.to_ns
+    within = np.array([begin <= instant.stamp_ns <= end for instant in instants])
+    for name in (device.name for device in subject.devices):
+        own = [i.readings[name].orientation if name in i.readings else gone for i in instants]
+        turns[name] = np.array(own)
+        during = within & np.isfinite(turns[name]).all((1, 2))
+        if during.any():
+            held[name] = turns[name][during]
+    found = heading_from_poses(subject, statistics, turns, held)
+    if found is None:
+        text = "hardly moves and no camera sees it, so the heading of its IMUs is taken as 0"
+        notices.append(f"subject {subject.id}: {text}")
+        return 0.0
+    notices.append(f"subject {subject.id}: {bent_line(found)}")
+    return found
 
 
 def _first_people(

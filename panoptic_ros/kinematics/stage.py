@@ -68,7 +68,8 @@ class KinematicsStage(Stateful):
         self._lag = round(config.lag * config.rate_hz) if config.window else 0
         self.reset()
         if self._model is not None and self._statistics is not None:
-            step_examples(self._new_person, self._model, self._joint_names, config.rate_hz)
+            known = self._model, self._statistics, self._joint_names
+            step_examples(self._new_person, *known, config.rate_hz)
 
     def reset(self) -> None:
         """Forget everybody."""
@@ -227,13 +228,15 @@ class KinematicsStage(Stateful):
 
     def _solve(self, stamp_ns: int) -> list[Notice]:
         self._given.append((self._timeline.index, stamp_ns, {}))
+        assert self._statistics is not None
         notices = self._streams.judge(stamp_ns, 1.0 / self._config.rate_hz)
         readings = {}
         for offset in {person.fitting.offset_ns for person in self._people.values()}:
             readings[offset] = self._streams.at(stamp_ns - offset)
         half = max(self._timeline.patience_ns // 2, round(5e8 / self._config.rate_hz))
         for number, person in list(self._people.items()):
-            states, told = person.step(stamp_ns, readings[person.fitting.offset_ns], half)
+            mine = readings[person.fitting.offset_ns]
+            states, told = person.step(stamp_ns, mine, half, self._statistics)
             notices += told
             self._keep(states)
             if person.tracker is None and person.missed and not self._is_designated(number):
