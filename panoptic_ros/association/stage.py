@@ -13,13 +13,18 @@ from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.motion import predicted
 from panoptic_ros.solving.example import easy_instants
+from panoptic_ros.solving.joint_records import Candidates
+from panoptic_ros.solving.joints import solve_joints
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limbs_of
 from panoptic_ros.solving.scene import Scene, carried_ages, even_precision, gather, scene_of
+from panoptic_ros.solving.triangulation import SolverRules
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 Array = np.ndarray
 NOISE = 0.005  # standard deviation of a 2D joint, as a share of the image's diagonal; relative weights only
+# of new people; no joint is taken from another 2D person
+ROUGH = SolverRules(truncation=4.0, cauchy=2.0, gate=4.0, foreign_penalty=16.0, max_pairs=15)
 
 
 class AssociationStage(Stateful):
@@ -112,13 +117,18 @@ class AssociationStage(Stateful):
         return groups.rows(seen), np.flatnonzero(seen), left
 
     def _new(self, scene: Scene, free: Array) -> tuple[Groups, Array]:
-        """New people among the free 2D people, the right way round, and a first estimate of their joints."""
+        """New people among the free 2D people, the right way round, and a first estimate of their joints:
+        where most of their views support them, at least two.
+        """
         groups, places = find_people(scene, free, self._config)
         if len(places):  # seldom
             views = np.where(groups.member >= 0, np.where(groups.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
             wrong = views > ANATOMY_VOTES * self._sides.of_body(places)
             groups = Groups(groups.member, groups.mirrored ^ wrong[:, None])
-            places[wrong] = places[wrong][:, self._mirror]
+            found = Candidates.new(groups, places, self._mirror)
+            places = solve_joints(found, scene.observations, ROUGH).positions
+            for joint, parts in self._skeleton.derived:
+                places[:, joint] = places[:, list(parts)].mean(axis=1)
         return groups, places
 
 

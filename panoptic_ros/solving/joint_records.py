@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, ViewSources
+from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, Groups, ViewSources
 from panoptic_ros.domain.checks import known_good
 from panoptic_ros.kernels import njit
 
@@ -69,9 +69,15 @@ class Candidates(NamedTuple):
         Args:
             mirror: (J,) the joint on the other side.
         """
-        member, mirrored = item.groups.member.copy(), item.groups.mirrored  # kernels take what can be changed
+        return cls.new(item.groups, item.places, mirror)._replace(guide=guides_of(item), who=item.who)
+
+    @classmethod
+    def new(cls, groups: Groups, places: Array, mirror: Array) -> Candidates:
+        """People whom nobody predicted, with first estimates (P, J, 3) m of their joints."""
+        member, mirrored = groups.member.copy(), groups.mirrored  # kernels take what can be changed
         source = np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
-        return cls(member, source, guides_of(item), item.who, item.places)
+        guide = Guides.of_nobody_known(len(places), places.shape[1], CHOICE_SPREAD)
+        return cls(member, source, guide, np.full(len(member), -1), places)
 
 
 class SolvedJoints(NamedTuple):
