@@ -34,7 +34,7 @@ PROGRESS = QoSProfile(  # longer than what can be under way; readers may be matc
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-AHEAD = 1024  # replay: blocks of sound, which is ahead of images
+AHEAD = 1024  # replay: blocks of sound, which is ahead of images, or samples of an IMU
 
 
 def data_quality(flow: Flow, images: bool = False, sound: bool = False) -> QoSProfile:

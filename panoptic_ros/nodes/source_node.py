@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +33,8 @@ from panoptic_ros.nodes.quality import data_quality
 from panoptic_ros.nodes.runtime import quiet_once
 from panoptic_ros.nodes.streams import StreamEnds
 
-FREQUENT = (TOPICS["audio"].message, TOPICS["imu"].message)
+IMU = TOPICS["imu"].message
+FREQUENT = (TOPICS["audio"].message, IMU)
 
 
 @dataclass(frozen=True)
@@ -56,13 +58,15 @@ class SourceNode(Node):
     """Publishes what an iterator gives, from a thread of its own.
 
     Parameters: `flow` and `replay_window` as in `StageNode`; `shift_ns`: what is added to stamps in replay,
-    so that they can be compared with those of skeletons.
+    so that they can be compared with those of skeletons; `readers`: of IMUs alone, for how many readers of
+    each topic and of bodies it waits.
 
     Args:
         topics: key -> (topic, message type) of the publishers; the first one is the one that counts.
         detections: for publishers of images, by key: the topic whose messages show that an image has
             been dealt with.
-        sound_beside: of a source of sound: the cameras beside it; None: it sends images or detections.
+        sound_beside: of a source of sound or IMUs: the cameras beside it; IMUs that have none wait for bodies
+            instead. None: it sends images or detections.
     """
 
     def __init__(
@@ -95,8 +99,13 @@ class SourceNode(Node):
         self._images: dict[str, Credit] = {}
         self._sound: SoundCredit | None = None
         shift = int(self.declare_parameter("shift_ns", 0).value)
-        out, seen = TOPICS["skeletons"], TOPICS["detections"]
-        if self._flow.name == "replay" and sound_beside is not None:
+        out, seen, bodies = TOPICS["skeletons"], TOPICS["detections"], TOPICS["bodies"]
+        self._readers = int(self.declare_parameter("readers", 0).value)
+        kinds = {kind for _, kind in topics.values()}
+        self._alone = sound_beside is not None and not sound_beside and kinds == {IMU}
+        if self._flow.name == "replay" and self._alone:
+            self._instants = Credit(self, self._flow, bodies.name, bodies.message, self._flow.window, shift)
+        elif self._flow.name == "replay" and sound_beside is not None:
             awaited = [seen.of(camera) for camera in sound_beside]
             self._sound = SoundCredit(self, self._flow, (out.name, out.message), awaited, shift)
         elif self._flow.name == "replay":
@@ -141,6 +150,8 @@ class SourceNode(Node):
             self._run(outgoing)
 
     def _run(self, outgoing: Iterator[Outgoing]) -> None:
+        if self._readers:
+            self._wait_for_readers()
         try:
             for item in outgoing:
                 if item.ended:
@@ -148,7 +159,8 @@ class SourceNode(Node):
                     continue
                 stream = item.messages[0][0]
                 credits = [self._images[key] for key, _ in item.messages if key in self._images]
-                credits += [self._instants] if self._instants is not None and not item.is_sound else []
+                if self._instants is not None and (self._alone or not item.is_sound):
+                    credits.append(self._instants)
                 for credit in credits:
                     self._wait(credit, stream)
                 if self._sound is not None:
@@ -174,6 +186,18 @@ class SourceNode(Node):
         """Tell that no more comes of a publisher."""
         self._ended.add(key)
         self._ends.announce(self._publishers_by_key[key].topic_name, self._sent[key])
+
+    def _wait_for_readers(self) -> None:
+        """Wait until all are there who want every sample: bodies of them come faster than late readers do."""
+        bodies, began = self.resolve_topic_name(TOPICS["bodies"].name), time.monotonic()
+        while not self._stopping.wait(0.05):
+            readers = min(p.get_subscription_count() for p in self._publishers_by_key.values())
+            there = min(readers, self.count_subscribers(bodies)) >= self._readers
+            if there and self.count_publishers(bodies):
+                return
+            if time.monotonic() - began >= STALL_S:
+                self.get_logger().warning(f"fewer than {self._readers} readers have come in {STALL_S:g} s")
+                return
 
     def _wait_with_sound(self, credit: SoundCredit, stamp_ns: int) -> None:
         """Wait for the cameras, and for readers that are slower than the file."""

@@ -90,7 +90,8 @@ def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) ->
     topics = {name: (name, TOPICS[stream.key].message) for stream, name in names.items()}
     images = [stream for stream in streams if stream.key in ("image", "compressed_image")]
     detections = {names[stream]: TOPICS["detections"].of(stream.camera) for stream in images}
-    node = SourceNode("bag", topics, overrides, detections)
+    alone = () if all(stream.key == IMU_KEY for stream in streams) else None
+    node = SourceNode("bag", topics, overrides, detections, alone)
     node.start(_outgoing(item, names[item.stream]) for item in merged(streams, node.refuse))
     return node
 

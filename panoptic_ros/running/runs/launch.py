@@ -44,7 +44,7 @@ def write_launch_file(
     processes: dict[str, list[dict[str, Any]]] = {}
     if plan.streams:
         streams = [stream.words() for stream in plan.streams]
-        bag = {"kind": "bag", "name": "bag", "streams": streams, "parameters": plan_of_nodes.common}
+        bag = {"kind": "bag", "name": "bag", "streams": streams, "parameters": plan_of_nodes.bodies}
         processes["source"] = [bag]
     for i, sound in enumerate(plan.sounds):
         device = str(sound["device"])
@@ -55,7 +55,7 @@ def write_launch_file(
         processes.setdefault(name, []).append(node)
     if plan.imus:
         paths = {device: str(path) for device, path in plan.imus.items()}
-        processes["imus"] = [{"kind": "imus", "imus": paths, "parameters": plan_of_nodes.common}]
+        processes["imus"] = [{"kind": "imus", "imus": paths, "parameters": plan_of_nodes.bodies}]
     joined = _is_joined(plan, plan_of_nodes.guided, one_per_stage)
     beside = tuple(name for name in BESIDE_IMAGES if name in plan_of_nodes.stages)
     if plan.stage == "detection" and not joined:
@@ -121,6 +121,11 @@ class _Nodes:
         self._used = ports_in_use({name: plan.configs[name] for name in self.stages})
         self.guided = any(port.startswith("detection.") for port in self._used)
         self.common = {"flow": flow, "replay_window": window}
+
+    @property
+    def bodies(self) -> dict[str, Any]:
+        """Parameters of what has samples of IMUs: without cameras, kinematics and the launcher read all."""
+        return self.common if self._plan.rig.cameras else {**self.common, "readers": 2}
 
     def source(self, owner: str) -> dict[str, Any]:
         """Parameters of a camera, or of a device by the topic of its sound."""
