@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.graph.flow import WINDOW, make_flow
+from panoptic_ros.io.interruption import interrupted_where_asked
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain
@@ -69,10 +70,10 @@ def _run(
                 nodes += [StaticsNode(plan.rig, plan.skeleton)]
                 for node in nodes:
                     executor.add_node(node)
-                _spin(executor, collector, processes, stop, plan.live)
-                deadline = time.monotonic() + LAST_WORDS_S
-                while not plan.live and not collector.finished(names) and time.monotonic() < deadline:
-                    executor.spin_once(timeout_sec=0.1)
+                if plan.live:
+                    _spin(executor, collector, processes, stop, live=True)
+                else:
+                    _replay(executor, collector, processes, stop, names)
                 processes.ask_to_end()  # they take half a second, as all below
             finally:
                 executor.shutdown()
@@ -82,6 +83,22 @@ def _run(
         return collector.diagnostics
     finally:
         launch.unlink(missing_ok=True)
+
+
+def _replay(
+    executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool], names: list[str]
+) -> None:
+    """Until all has come, and what the nodes of these names tell at last."""
+    with interrupted_where_asked() as ask:
+
+        def stop_or_interrupt() -> bool:
+            ask()
+            return stop()
+
+        _spin(executor, collector, processes, stop_or_interrupt, live=False)
+        deadline = time.monotonic() + LAST_WORDS_S
+        while not collector.finished(names) and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.1)
 
 
 def _told_of(node: Mapping[str, Any]) -> list[str]:
