@@ -61,33 +61,6 @@ def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
-@contextmanager
-def interrupted_where_asked() -> Iterator[Callable[[], None]]:
-    """Within it a request interrupts only where the function that is given is called.
-
-    Executors of ROS tell of an interruption in the middle of a callback as of an error.
-    """
-    told: list[bool] = []
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-
-    def note(number: int, frame: object) -> None:
-        if _is_heeded():
-            told.append(True)
-
-    def ask() -> None:
-        if told:
-            told.clear()
-            _interrupt()
-
-    _handle(note)
-    try:
-        yield ask
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    ask()
-
-
 def _is_heeded() -> bool:
     """Whether a request of now is the first, or comes long after the last; remembers it then."""
     now = time.monotonic()

@@ -75,22 +75,3 @@ def test_where_it_is_not_wanted_requests_interrupt():
     with pytest.raises(KeyboardInterrupt), interruption.first_request_told(False) as asked:
         assert not asked()
         send(signal.SIGINT)
-
-
-def test_a_request_interrupts_where_it_is_asked_for():
-    interruption.listen_to_signals()
-    with pytest.raises(KeyboardInterrupt), interruption.interrupted_where_asked() as ask:
-        ask()
-        send(signal.SIGINT)
-        assert not interruption.interrupted()
-        ask()
-    assert interruption.interrupted()
-
-
-def test_a_request_that_nobody_asked_for_interrupts_at_the_end():
-    interruption.listen_to_signals()
-    done = []
-    with pytest.raises(KeyboardInterrupt), interruption.interrupted_where_asked():
-        send(signal.SIGTERM)
-        done.append(1)
-    assert done and interruption.interrupted()

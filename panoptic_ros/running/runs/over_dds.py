@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.graph.flow import WINDOW, make_flow
-from panoptic_ros.io.interruption import interrupted_where_asked
+from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.nodes.collector_node import CollectorNode
 from panoptic_ros.nodes.domain_claim import claim_domain
@@ -88,17 +88,17 @@ def _run(
 def _replay(
     executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool], names: list[str]
 ) -> None:
-    """Until all has come, and what the nodes of these names tell at last."""
-    with interrupted_where_asked() as ask:
+    """Until all has come, and what the nodes of these names tell at last.
 
-        def stop_or_interrupt() -> bool:
-            ask()
-            return stop()
-
-        _spin(executor, collector, processes, stop_or_interrupt, live=False)
+    A request interrupts between callbacks: of one within them the executor tells as of an error.
+    """
+    with first_request_told() as asked:
+        _spin(executor, collector, processes, lambda: asked() or stop(), live=False)
         deadline = time.monotonic() + LAST_WORDS_S
-        while not collector.finished(names) and time.monotonic() < deadline:
+        while not asked() and not collector.finished(names) and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.1)
+        if asked():
+            raise KeyboardInterrupt
 
 
 def _told_of(node: Mapping[str, Any]) -> list[str]:
