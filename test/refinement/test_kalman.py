@@ -1,6 +1,7 @@
 """Filter and smoother against least squares over the whole sequence."""
 import numpy as np
 import pytest
+from gaussians import conditioned, positive
 
 from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update, update_velocities
@@ -137,16 +138,6 @@ def test_people_are_updated_by_row():
         assert np.array_equal(motion.covariances[p, j], alone.covariances[0, 0])
     assert np.array_equal(motion.states[1], state[1]) and np.array_equal(motion.states[0, 0], state[0, 0])
     assert np.isfinite(innovations[..., 0]).tolist() == [[False, True], [False, False], [True, True]]
-
-
-def positive(rng, size, scale):
-    factor = scale * rng.standard_normal((size, size))
-    return factor @ factor.T + 1e-3 * scale**2 * np.eye(size)
-
-
-def conditioned(state, covariance, matrix, value, noise):
-    gain = covariance @ matrix.T @ np.linalg.inv(matrix @ covariance @ matrix.T + noise)
-    return state + gain @ (value - matrix @ state), covariance - gain @ matrix @ covariance
 
 
 def one(array):

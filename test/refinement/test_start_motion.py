@@ -1,6 +1,7 @@
 """Velocities of new joints: motion where views show it, rest where they only disagree."""
 import numpy as np
 import pytest
+from gaussians import conditioned, positive
 
 from panoptic_ros.domain import SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
@@ -104,16 +105,6 @@ class TestSlowCameras:
             assert np.sqrt(output.covariances[0, :, 0, 0]).min() > 0.02
 
 
-def positive(rng, size, scale):
-    factor = scale * rng.standard_normal((size, size))
-    return factor @ factor.T + 1e-3 * scale**2 * np.eye(size)
-
-
-def updated(state, covariance, matrix, value, noise):
-    gain = covariance @ matrix.T @ np.linalg.inv(matrix @ covariance @ matrix.T + noise)
-    return state + gain @ (value - matrix @ state), covariance - gain @ matrix @ covariance
-
-
 def test_a_new_point_starts_as_if_its_position_had_been_unknown():
     rng = np.random.default_rng(2)
     point, noise, delays = rng.standard_normal(3), positive(rng, 3, 0.1), 0.02 * rng.standard_normal((3, 3))
@@ -122,6 +113,6 @@ def test_a_new_point_starts_as_if_its_position_had_been_unknown():
     prior = np.zeros((6, 6))
     prior[:3, :3], prior[3:, 3:] = 1e8 * np.eye(3), spread
     start = np.concatenate([np.zeros(3), velocity])
-    expected = updated(start, prior, np.hstack([np.eye(3), delays]), point, noise)
+    expected = conditioned(start, prior, np.hstack([np.eye(3), delays]), point, noise)
     assert np.allclose(motion.states[0], expected[0], atol=1e-5)
     assert np.allclose(motion.covariances[0], expected[1], atol=1e-5)
