@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.assembly.judgement import Joints
+from panoptic_ros.assembly.judgement import FEW_VIEWS, Joints
 from panoptic_ros.domain import Prediction
 from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue, solve_symmetric
@@ -27,7 +27,6 @@ from panoptic_ros.solving.scene import SEEN, Observations, Scene, look_at
 
 Array = np.ndarray
 
-FEW_VIEWS = 2  # people whom more views show need no help
 FEW_SEEING = 3  # people whom more views should see may be false
 FEWEST_JOINTS = 4  # of the 2D people, below which nobody is held
 PLACE = 0.01  # m, added to the standard deviation of predictions
@@ -46,8 +45,8 @@ SAME_PLACE = 0.5  # m, median distance of the joints of one person
 class Shown(NamedTuple):
     """What the 2D people of P candidates show, and who these are: see `Candidates` and its guides.
 
-    member (P, V), source (P, V, J), who (P,), expected (P, J, 3) m, shifts (P, J, 3) m/s; scores (D, J) of
-    the 2D joints.
+    member (P, V), source (P, V, J), who (P,), expected (P, J, 3) m, shifts (P, J, 3) m/s; scores and tails
+    (D, J) of the 2D joints, see `judge_joints`.
     """
 
     member: Array
@@ -56,14 +55,15 @@ class Shown(NamedTuple):
     expected: Array
     shifts: Array
     scores: Array
+    tails: Array
     seen: Observations
 
     @classmethod
-    def of(cls, scene: Scene, found: Candidates) -> Shown:
-        """In a scene."""
+    def of(cls, scene: Scene, found: Candidates, tails: Array) -> Shown:
+        """In a scene; tails: (D, J) of the 2D joints."""
         guide, scores = found.guide, scene.evidence.scores
         return cls(
-            found.member, found.source, found.who, guide.positions, guide.shifts, scores,
+            found.member, found.source, found.who, guide.positions, guide.shifts, scores, tails,
             scene.observations,
         )  # fmt: skip
 
@@ -80,14 +80,14 @@ class Followed(NamedTuple):
 
 
 def hold_people(
-    people: tuple[Array, Array, Joints], scene: Scene, found: Candidates, prediction: Prediction, body: Body,
+    people: tuple[Array, Array, Joints], scene: Scene, shown: Shown, prediction: Prediction, body: Body,
     worst: float,
 ) -> tuple[Array, Joints, Array]:  # fmt: skip
     """The people that were kept and those who can be held besides, with joints that are placed.
 
     Args:
         people: rows of the candidates who are followed and of few views; of those that were kept; the joints
-            of these.
+            of these. shown: what 2D people show of the candidates.
         worst: m, standard deviation beyond which a joint is given up.
 
     Returns:
@@ -99,7 +99,7 @@ def hold_people(
     followed = Followed(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
     rows, nothing = np.concatenate([kept, held]), Joints.nothing(len(held), joints.views.shape[1])
     joints = joined(joints, nothing)
-    there, placed = hold_joints(rows, len(kept), Shown.of(scene, found), followed, joints, body, worst)
+    there, placed = hold_joints(rows, len(kept), shown, followed, joints, body, worst)
     return rows[there], selected(joints, there), placed[there]
 
 
@@ -199,7 +199,7 @@ def upwards(rotations):
 def _rays_of(shown, k):
     """What the 2D people of candidate k show; mean scores (J,) and numbers (J,) of its rays."""
     views, joints = shown.source.shape[1:]
-    scores, number = np.zeros(joints), np.zeros(joints, np.int64)
+    scores, growth, number = np.zeros(joints), np.zeros(joints), np.zeros(joints, np.int64)
     for v in range(views):
         d = shown.member[k, v]
         for j in range(joints if d >= 0 else 0):
@@ -207,7 +207,10 @@ def _rays_of(shown, k):
             if shown.seen.precision[d, s] > 0.0:
                 number[j] += 1
                 scores[j] += shown.scores[d, s]
-    rays = Rays(shown.member[k], shown.source[k], shown.shifts[k], np.ones(joints), shown.seen)
+                growth[j] += shown.tails[d, s] ** 2
+    rays = Rays(
+        shown.member[k], shown.source[k], shown.shifts[k], np.sqrt(growth / np.maximum(number, 1)), shown.seen
+    )
     return rays, scores / np.maximum(number, 1), number
 
 

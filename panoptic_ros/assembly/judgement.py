@@ -29,6 +29,7 @@ from panoptic_ros.kernels.order import median
 Array = np.ndarray
 
 MISSING, MEASURED, _, FILLED = (int(state) for state in JointState)  # members are slow to look up
+FEW_VIEWS = 2  # of which one that errs is not found out
 SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
 SAME_JOINTS = 3  # joints that such skeletons must share
 FEW_CAMERAS = 3  # where no more look at one place, the rig covers whatever two cameras see
@@ -132,26 +133,30 @@ class Standards(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def judge_joints(solved, observed, scores, bones, standards):
+def judge_joints(solved, observed, marked, bones, standards):
     """The solved joints that are certain enough, as `Joints`, and which (P, J) are.
 
     Joints whose covariance is singular are not. Of a bone that is too long the less certain end is not.
 
     Args:
-        solved: `SolvedJoints`. scores: (D, J) of the 2D joints. bones: (B, 2). standards: `Standards`.
+        solved: `SolvedJoints`. marked: scores (D, J) of the 2D joints, and their tails (D, J), by which
+            deviations grow where few views show a joint. bones: (B, 2). standards: `Standards`.
         observed: (P, J) number of views whose 2D person shows each joint, also where that was not used.
     """
+    scores, tails = marked
     people, joints, count_views = solved.residuals.shape
     places, covariances = solved.positions.copy(), np.full((people, joints, 3, 3), np.nan)
     worst, mean = np.zeros((people, joints)), np.zeros((people, joints))
     views, good = np.zeros((people, joints), np.int64), np.zeros((people, joints), np.bool_)
     for p in range(people):
         for j in range(joints):
-            total = 0.0
+            total = squares = 0.0
             for v in range(count_views):
                 if solved.residuals[p, j, v] >= 0.0:
+                    d, s = solved.picks[p, j, v]
                     views[p, j] += 1
-                    total += scores[solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]]
+                    total += scores[d, s]
+                    squares += tails[d, s] ** 2
             mean[p, j] = total / max(views[p, j], 1)
             if np.isfinite(places[p, j, 0]):
                 unused = max(observed[p, j] - views[p, j], 0)
@@ -160,6 +165,8 @@ def judge_joints(solved, observed, scores, bones, standards):
                 if np.isfinite(covariances[p, j, 0, 0]):
                     worst[p, j] = largest_eigenvalue(covariances[p, j])
                     good[p, j] = worst[p, j] <= standards.worst**2
+                    if views[p, j] <= FEW_VIEWS:
+                        covariances[p, j] *= squares / max(views[p, j], 1)
         for b in range(len(bones)):
             start, end = bones[b]
             gap = _gap(places[p, start], places[p, end])

@@ -23,6 +23,7 @@ LEVEL_RANGE = (0.02, 50.0)  # residual / initial sigma
 LOW = float(np.log(LEVEL_RANGE[0]))
 WIDTH = (float(np.log(LEVEL_RANGE[1])) - LOW) / LEVELS
 RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
+MOST_OF, RAYLEIGH_MOST = 0.9, 2.14597  # a quantile, and that of such a residual
 PRIOR_COUNT = 40.0  # weight of the initial values, in residuals
 HIDDEN_PRIOR_COUNT = 5.0  # the same for joints that are hidden or may be, which are few
 VIEW_PRIOR_COUNT = 200.0
@@ -56,12 +57,13 @@ class Marks(NamedTuple):
 
 class Shares(NamedTuple):
     """What is learnt: histograms of residuals, scores (B, LEVELS) by kind and score, and views (C, LEVELS) by
-    camera; shares (B,) of the diagonal and factors (C,) that follow from them."""
+    camera; shares (B,) of the diagonal, factors (C,) and tails (B,) that follow from them."""
 
     scores: Array
     views: Array
     shares: Array
     factors: Array
+    tails: Array
 
 
 class NoiseTable:
@@ -70,6 +72,9 @@ class NoiseTable:
     sigma = share[kind, score bin] * factor[camera]. Both are medians of residuals (with leverage taken out),
     so they adapt to calibration errors of whole views however wrong the start was, and outliers do not
     matter. Deterministic: a function of the residuals in their order.
+
+    Of many views those that err are found out. Of two or one they are not, and all of the residuals count:
+    their tail, the deviation that nine of ten show over that of half of them.
     """
 
     def __init__(self, cameras: int, initial: float, memory: float):
@@ -78,7 +83,8 @@ class NoiseTable:
         middle = int((np.log(RAYLEIGH_MEDIAN) - LOW) / WIDTH)
         scores[:, middle], views[:, middle] = HIDDEN_PRIOR_COUNT, VIEW_PRIOR_COUNT
         scores[:SCORE_BINS, middle] = PRIOR_COUNT
-        self._learnt = Shares(scores, views, np.full(len(scores), initial), np.ones(cameras))
+        shares, tails = np.full(len(scores), initial), np.ones(len(scores))
+        self._learnt = Shares(scores, views, shares, np.ones(cameras), tails)
         self.learnt = False  # whether any residual was used
 
     def precisions(self, marks: Marks, rig: RigArrays) -> Array:
@@ -88,6 +94,11 @@ class NoiseTable:
         """
         precisions: Array = look_up(marks, self._learnt, rig.focals, rig.diagonals)
         return precisions
+
+    def tails(self, marks: Marks) -> Array:
+        """By which the standard deviations (D, J) of 2D joints are larger where few views show a joint."""
+        tails: Array = tails_of(marks, self._learnt.tails)
+        return tails
 
     def learn(self, marks: Marks, residuals: tuple[Array, Array, Array], rig: RigArrays) -> None:
         """Update with residuals: rows (N,) and joints (N,) of the marks, and px (N,) without leverage.
@@ -111,6 +122,16 @@ def look_up(marks, learnt, focals, diagonals):
             if marks.scores[d, j] > 0.0:
                 sigma = np.hypot(learnt.shares[_bin(marks, d, j)] * scale, astray)
                 result[d, j] = focals[camera] * marks.magnification[d, j] / sigma
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def tails_of(marks, tails):
+    """The loops of `NoiseTable.tails`."""
+    result = np.ones(marks.scores.shape)
+    for d, j in np.ndindex(marks.scores.shape):
+        if marks.scores[d, j] > 0.0:
+            result[d, j] = tails[_bin(marks, d, j)]
     return result
 
 
@@ -153,14 +174,18 @@ def count_residuals(marks, residuals, learnt, diagonals, start):
         learnt.scores[_bin(marks, d, joints[i]), level] += 1.0
     if used == 0:
         return False
-    _forget_and_halve(learnt.scores, memory, learnt.shares)
+    _forget(learnt.scores, memory)
     for k in range(len(learnt.shares)):
-        learnt.shares[k] *= initial
+        half = _quantile(learnt.scores[k], 0.5) / RAYLEIGH_MEDIAN
+        learnt.tails[k] = max(1.0, _quantile(learnt.scores[k], MOST_OF) / RAYLEIGH_MOST / half)
+        learnt.shares[k] = half * initial
     for i in range(len(rows)):
         if np.isfinite(shares[i]):
             level = _level(shares[i] / learnt.shares[_bin(marks, rows[i], joints[i])])
             learnt.views[marks.cameras[rows[i]], level] += 1.0
-    _forget_and_halve(learnt.views, memory, learnt.factors)
+    _forget(learnt.views, memory)
+    for k in range(len(learnt.factors)):
+        learnt.factors[k] = _quantile(learnt.views[k], 0.5) / RAYLEIGH_MEDIAN
     return True
 
 
@@ -172,11 +197,8 @@ def _level(ratio):
 
 
 @njit(cache=True, error_model="numpy")
-def _forget_and_halve(table, memory, result):
-    """Scale rows of a histogram (R, L) down to `memory` entries, in place; sigma (R,) of each, in place.
-
-    It is by the median of each row, interpolated inside of its level.
-    """
+def _forget(table, memory):
+    """Scale rows of a histogram (R, L) down to `memory` entries, in place."""
     for i in range(len(table)):
         total = 0.0
         for k in range(table.shape[1]):
@@ -184,12 +206,19 @@ def _forget_and_halve(table, memory, result):
         kept = min(1.0, memory / total)
         for k in range(table.shape[1]):
             table[i, k] *= kept
-        half, below, level = 0.5 * kept * total, 0.0, 0
-        while level < table.shape[1] - 1 and below + table[i, level] < half:
-            below += table[i, level]
-            level += 1
-        middle = level + (half - below) / max(table[i, level], 1e-9)
-        result[i] = np.exp(LOW + WIDTH * middle) / RAYLEIGH_MEDIAN
+
+
+@njit(cache=True, error_model="numpy")
+def _quantile(row, share):
+    """The residual that this share of a histogram (L,) stays below, interpolated inside of its level."""
+    total = 0.0
+    for k in range(len(row)):
+        total += row[k]
+    wanted, below, level = share * total, 0.0, 0
+    while level < len(row) - 1 and below + row[level] < wanted:
+        below += row[level]
+        level += 1
+    return np.exp(LOW + WIDTH * (level + (wanted - below) / max(row[level], 1e-9)))
 
 
 @njit(cache=True, error_model="numpy")

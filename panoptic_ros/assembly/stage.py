@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.few_views import FEW_VIEWS, Shown, hold_people, place_joints
+from panoptic_ros.assembly.few_views import Shown, hold_people, place_joints
 from panoptic_ros.assembly.judgement import (
+    FEW_VIEWS,
     People,
     Standards,
     in_capture_space,
@@ -124,7 +125,8 @@ class AssemblyStage(Stateful):
             if motion is not None and len(found.who) > known:
                 motion = motion_of(scene, solved, found.guide.shifts, self._rules.cauchy)
         observed = observed_views(found, scene.precision)
-        people = self._finish(scene, item, solved, found, observed.sum(axis=1), motion)
+        tails = self._noise.tails(marks)
+        people = self._finish(scene, item, (solved, found, motion), observed.sum(axis=1), tails)
         supporting, cameras = (found.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
         if not inside.all():
@@ -137,19 +139,21 @@ class AssemblyStage(Stateful):
         return people, found, observed, motion
 
     def _finish(
-        self, scene: Scene, item: ProposalSet, solved: SolvedJoints, found: Candidates, observed: Array,
-        motion: Motion | None,
+        self, scene: Scene, item: ProposalSet, solution: tuple[SolvedJoints, Candidates, Motion | None],
+        observed: Array, tails: Array,
     ) -> People:  # fmt: skip
         """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
 
         Args:
-            found: the people that were solved; where they expect joints, nodes are looked for.
+            solution: joints; the people that were solved, where these expect joints nodes are looked for;
+                motion, None where all stamps are equal.
             observed: (P, J) number of views whose 2D person shows each joint.
-            motion: None where all stamps are equal.
+            tails: (D, J) of the 2D joints, see `judge_joints`.
         """
+        solved, found, motion = solution
         config, member = self._config, found.member
         bones, standards = self._body.bones, self._standards
-        joints, good = judge_joints(solved, observed, scene.evidence.scores, bones, standards)
+        joints, good = judge_joints(solved, observed, (scene.evidence.scores, tails), bones, standards)
         if config.vote_distance > 0.0 and item.of_maps:
             expected = found.guide.positions
             shifts = _since_voting(item, found, motion)
@@ -159,14 +163,15 @@ class AssemblyStage(Stateful):
         shown = (member >= 0).sum(axis=1)
         few = np.flatnonzero((shown > 0) & (shown <= FEW_VIEWS))
         if config.two_view_joints and len(few):
-            place_joints(few, Shown.of(scene, found), joints, self._body, scene.sight)
+            place_joints(few, Shown.of(scene, found, tails), joints, self._body, scene.sight)
         joints.derive(self._skeleton)
         kept = kept_people(joints, good, observed, member, standards)
         own, placed = selected(joints, kept), np.zeros((len(kept), len(self._skeleton)), bool)
         few, prediction = few[found.who[few] >= 0], item.association.prediction
         if config.held_sigma > 0.0 and len(few) and prediction.lengths.shape[1] == len(self._body.bones):
-            people = few, kept, own
-            kept, own, placed = hold_people(people, scene, found, prediction, self._body, config.held_sigma)
+            people, worst = (few, kept, own), config.held_sigma
+            shows = Shown.of(scene, found, tails)
+            kept, own, placed = hold_people(people, scene, shows, prediction, self._body, worst)
         sources = view_sources(item.detections, scene.evidence, found, solved, kept)
         return People(kept, own, sources, placed)
 

@@ -1,4 +1,5 @@
-"""`panoptic evaluate --study refine` and `fill`: what the surface, and what bodies are worth to skeletons."""
+"""`panoptic evaluate --study refine`, `fill` and `walkout`: what the surface and bodies are worth to
+skeletons, and people whom few views see."""
 from __future__ import annotations
 
 import argparse
@@ -51,4 +52,20 @@ def run_fill(args: argparse.Namespace) -> int:
     if args.out is not None:
         write_json(args.out / "fill.json", result)
     print(json.dumps(result, indent=1) if args.json else "\n".join(fill_lines(result)))
+    return 0
+
+
+def run_walkout(args: argparse.Namespace) -> int:
+    """Take cameras away from people, print a table of errors and ellipsoids, write the numbers."""
+    from panoptic_ros.running.studies.walk_out import study_walkout, walkout_lines  # numba is slow to load
+
+    if len(args.capture) > 1:
+        raise UsageError("--study walkout takes one --capture DIR, or none: then people are simulated")
+    cameras, settings = args.cameras.split(",") if args.cameras else [], read_parameters(None, args.settings)
+    folder = args.capture[0] if args.capture else None
+    with PassBar(args.study) as bar:
+        result = study_walkout(folder, cameras, settings, seed_range(args), bar.show, args.truth)
+    if args.out is not None:
+        write_json(args.out / "walkout.json", result)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(walkout_lines(result)))
     return 0

@@ -36,12 +36,14 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
         "(--capture); refine-faults: the same of true joints with noise, outliers and gaps (--seeds); fill: "
         "how bodies fit, and joints that few views see with and without them (--capture, also results of a "
-        "run, with TRUTH if it is elsewhere)",
+        "run, with TRUTH if it is elsewhere); walkout: people whom two cameras, then one "
+        "see, of a capture, or simulated (--seeds)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument(
         "--capture", type=Path, metavar="DIR", action="append", default=[],
-        help="refine, refine-faults, kinematics: capture folder with its truth; kinematics: repeatable",
+        help="refine, refine-faults, fill, walkout, kinematics: capture folder with its truth; the last: "
+        "repeatable",
     )  # fmt: skip
     group.add_argument(
         "--depth", choices=("none", "given", "kinect"), default="given",
@@ -64,7 +66,7 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         help="fill: score only this person of the truth, on whom nothing was measured; repeatable",
     )  # fmt: skip
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
-    group.add_argument("--seeds", default="", metavar="FROM:TO", help="kinematics, refine-faults: several")
+    group.add_argument("--seeds", default="", metavar="FROM:TO", help="of it; studies that take several")
     group.add_argument("--scenes", default="", metavar="NAME,NAME", help="kinematics: default all body-...")
     group.add_argument(
         "--noise", type=float, default=0.012, metavar="SHARE",

@@ -25,7 +25,6 @@ from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, 
 Array = np.ndarray
 
 LEAST = 1e-6  # s, over which a change of place is faded in
-TELLING = 3  # views of a joint, of which one that errs can be told from the others
 SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
 
 
@@ -216,12 +215,10 @@ class FilterBank:
     def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:
         """Joints with their states, on bones of the learnt lengths, and with errors that last.
 
-        A joint that is not measured now was lost to what made it err before: nothing is taken off. Nor is it
-        of what two views show: neither tells that the other errs.
+        A joint that is not measured now was lost to what made it err before: nothing is taken off.
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
-        lasting[measured.views < TELLING] = float(self._share > 0.0)
         lasting[measured.filled] = 1.0  # what places them errs in the same way for long
         limits = config.max_sigma, config.max_prediction
         places, spreads, scores = np.empty((*shape, 3)), np.empty((*shape, 3, 3)), np.empty(shape)

@@ -90,7 +90,7 @@ class Rays(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def begin(known, rays, body, expected):
-    """Let the gap between two rays of a joint be their noise, and begin joints of unknown place, in place.
+    """Let the noise of two rays of a joint be no less than their gap, and begin joints anew, in place.
 
     Two views that dispute a joint do not tell which of them errs. A joint that one view shows begins on its
     ray where the bone to a neighbour is as long as that of the other side, of two such places at that nearer
@@ -116,7 +116,7 @@ def begin(known, rays, body, expected):
                 gap += miss * depth
                 residual = max(residual, miss * rays.seen.precision[own[pair[k], 0], own[pair[k], 1]])
             if gap <= WIDEST_GAP:
-                rays.growth[j] = max(1.0, residual)
+                rays.growth[j] = max(rays.growth[j], residual)
                 if np.isnan(known.places[j, 0]):
                     for i in range(3):
                         known.places[j, i] = middle[i]

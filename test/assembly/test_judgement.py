@@ -40,6 +40,11 @@ def solved(seed):
     return positions, np.tril(normals), residuals, picks, rng.uniform(0.0, 1.0, (ROWS, JOINTS))
 
 
+def marked(scores):
+    """With tails of noise that is as it should be."""
+    return scores, np.ones_like(scores)
+
+
 def full(lower):
     """The symmetric matrix of a lower triangle, damped."""
     normal = lower + np.swapaxes(np.tril(lower, -1), -1, -2)
@@ -51,7 +56,7 @@ def test_covariances_are_inverse_normals_inflated():
     there, used = np.isfinite(positions[..., 0]), residuals >= 0.0
     unused = np.arange(JOINTS) % 3
     joints = SolvedJoints(positions, normals, residuals, picks)
-    result, good = judge_joints(joints, used.sum(-1) + unused, scores, NO_BONES, STANDARDS)
+    result, good = judge_joints(joints, used.sum(-1) + unused, marked(scores), NO_BONES, STANDARDS)
     views = np.where(there, used.sum(-1), 0)
     assert (good == there).all() and (result.views == views).all()
     factor = 1.1 * (1.0 + (0.8 + unused) / np.maximum(views - 1, 1))
@@ -62,14 +67,29 @@ def test_covariances_are_inverse_normals_inflated():
     assert np.allclose(result.scores, np.where(there, chosen.sum(-1) / np.maximum(used.sum(-1), 1), 0.0))
     middle = float(np.median(np.sqrt(np.linalg.eigvalsh(expected[there])[:, -1])))
     _, good = judge_joints(
-        joints, used.sum(-1) + unused, scores, NO_BONES, STANDARDS._replace(worst=middle)
+        joints, used.sum(-1) + unused, marked(scores), NO_BONES, STANDARDS._replace(worst=middle)
     )
     assert (good[there] == (np.sqrt(np.linalg.eigvalsh(expected[there])[:, -1]) <= middle)).all()
 
 
+def test_covariances_of_two_views_grow_by_the_tails_of_both():
+    positions, normals, residuals, picks, scores = solved(1)
+    tails = np.random.default_rng(2).uniform(1.0, 4.0, scores.shape)
+    joints, nobody = SolvedJoints(positions, normals, residuals, picks), np.zeros((PEOPLE, JOINTS), np.int64)
+    plain, _ = judge_joints(joints, nobody, marked(scores), NO_BONES, STANDARDS)
+    grown, _ = judge_joints(joints, nobody, (scores, tails), NO_BONES, STANDARDS)
+    few = plain.views == 2
+    used = residuals[few] >= 0.0
+    squares = np.where(used, tails[picks[few][..., 0], picks[few][..., 1]] ** 2, 0.0).sum(-1) / 2.0
+    assert few.any() and np.allclose(grown.covariances[few], squares[:, None, None] * plain.covariances[few])
+    many = plain.views > 2
+    assert (grown.covariances[many] == plain.covariances[many]).all()
+
+
 def test_singular_normals_give_no_joint():
     joints = SolvedJoints.nothing(1, 1, 2)._replace(positions=np.zeros((1, 1, 3)))
-    result, good = judge_joints(joints, np.zeros((1, 1), np.int64), np.ones((1, 1)), NO_BONES, STANDARDS)
+    nobody = np.zeros((1, 1), np.int64)
+    result, good = judge_joints(joints, nobody, marked(np.ones((1, 1))), NO_BONES, STANDARDS)
     assert not good.any() and np.isnan(result.positions).all() and np.isnan(result.covariances).all()
 
 
@@ -79,7 +99,7 @@ def test_the_less_certain_end_of_a_long_bone_is_dropped():
         normals=np.eye(3) / np.array([1.0, 2.0, 1.0])[None, :, None, None],
     )
     bones, standards = np.array([[0, 1], [1, 2]]), STANDARDS._replace(longest=0.9)
-    _, good = judge_joints(joints, np.zeros((1, 3), np.int64), np.ones((1, 1)), bones, standards)
+    _, good = judge_joints(joints, np.zeros((1, 3), np.int64), marked(np.ones((1, 1))), bones, standards)
     assert good.tolist() == [[True, False, True]]
 
 

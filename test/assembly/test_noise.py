@@ -62,3 +62,18 @@ def test_who_was_carried_has_gone_astray_by_a_share_of_the_size():
     astray = CARRIED_NOISE * 0.5 * (0.5 * zoom * RIG.focals[0])  # a box of 0.5 on the plane
     got = sigmas(NoiseTable(2, 0.002, 1000.0), seen)
     assert got == pytest.approx(np.full((1, 2), np.hypot(0.002 * 2000.0, astray)))
+
+
+def test_tails_are_the_deviation_of_nine_residuals_in_ten_over_that_of_half():
+    rng, count = np.random.default_rng(3), 4000
+    scores = np.repeat([0.25, 0.75], count // 2)
+    table, seen = NoiseTable(2, 0.002, 8000.0), marks(scores[:, None], np.zeros(count, int))
+    pixels = 4.0 * np.hypot(*rng.standard_normal((2, count)))
+    far = (scores < 0.5) & (rng.random(count) < 0.3)  # as of limbs that a detector takes for others
+    pixels[far] *= 6.0
+    for _ in range(5):
+        table.learn(seen, (np.arange(count), np.zeros(count, int), pixels), RIG)
+    mixed = pixels[scores < 0.5]
+    expected = np.quantile(mixed, 0.9) / 2.14597 / (np.median(mixed) / 1.17741)
+    tails = table.tails(marks(np.array([[0.25, 0.75, 0.0, 0.95]]), np.array([0])))
+    assert expected > 3.0 and tails == pytest.approx(np.array([[expected, 1.0, 1.0, 1.0]]), rel=0.05)

@@ -3,70 +3,32 @@ see a joint."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from heapq import merge
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from panoptic_ros.capture.imus import imu_file, imu_samples
+from panoptic_ros.capture.imus import imu_samples
 from panoptic_ros.domain import DetectionSet, RefinedPoseSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet
-from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import FramePair, SkeletonFrame, SkeletonSequence, pair_sequences
 from panoptic_ros.geometry.torso import torso_frames
-from panoptic_ros.graph.build import merged
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.identity.subjects import subject_word
-from panoptic_ros.io.body_context import body_extras
-from panoptic_ros.io.body_files import read_bodies
-from panoptic_ros.io.compared_skeletons import read_sequence
-from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.params import Config, config_of
+from panoptic_ros.params import config_of
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.running.plans.bag_plan import plan_bags
-from panoptic_ros.running.plans.bag_topics import BagChoice
-from panoptic_ros.running.plans.designated import subject_files
-from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.parameters import Parameters
-from panoptic_ros.running.plans.planning import plan_capture
-from panoptic_ros.running.runs.in_process import run_in_process
-from panoptic_ros.running.solve import read_task
 from panoptic_ros.running.studies.body_poses import body_summary, both_at
-from panoptic_ros.stage import Progress, StageContext
+from panoptic_ros.running.studies.detected import Detected, detected
+from panoptic_ros.stage import Progress
 
 Array = np.ndarray
-TRUTH, DETECTIONS, BAG = "truth.json.gz", "detections.json.gz", "bag"
 FEW = 2  # views
 WITHOUT, WITH = "without bodies", "with bodies"
 CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
-
-
-@dataclass(frozen=True)
-class _Capture:
-    """What the stages take, and the truth."""
-
-    context: StageContext
-    configs: Mapping[str, Config]
-    sets: Sequence[DetectionSet]
-    subjects: tuple[Subject, ...]
-    imus: Path | None
-    truth: SkeletonSequence | None
-
-
-class _Kept:
-    """Detection sets of a run."""
-
-    def __init__(self) -> None:
-        self.sets: list[DetectionSet] = []
-
-    def take(self, key: str, item: Any) -> None:
-        """A record of the run."""
-        if key == "detection_sets":
-            self.sets.append(item)
 
 
 def study_fill(
@@ -84,7 +46,7 @@ def study_fill(
     Raises:
         UsageError: if the truth that is named is not there, or people are not in it.
     """
-    capture = _read(folder, cameras, settings, truth)
+    capture = detected(folder, cameras, settings, truth)
     if people:
         capture = replace(capture, truth=_only(capture.truth, people))
     progress(0.4, "solving without bodies")
@@ -130,43 +92,6 @@ def _table(rows: Sequence[Mapping[str, Any]], words: tuple[str, str]) -> Iterato
         )
 
 
-def _read(folder: Path, cameras: Sequence[str], settings: Parameters, truth: Path | None) -> _Capture:
-    if truth is None and (folder / TRUTH).is_file():
-        truth = folder / TRUTH
-    if truth is not None and not truth.is_file():
-        raise UsageError(f"there is no truth at {truth}")
-    chosen, paths = list(cameras) or None, subject_files(folder, ())
-    offsets = str(settings.get("kinematics", {}).get("offsets", ""))
-    extras = body_extras(paths, offsets=offsets)
-    subjects: tuple[Subject, ...] = extras["subjects"]
-    known: dict[str, dict[str, Any]] = {
-        "kinematics": {"everybody": not paths, "subjects": [str(path) for path in paths]},
-        "tracking": {"subjects": [subject_word(subject.id, subject.start) for subject in subjects]},
-    }
-    if (folder / DETECTIONS).is_file():
-        task = read_task(
-            folder / "rig.json", folder / DETECTIONS, merged(settings, known), cameras=chosen
-        )  # fmt: skip
-        context, configs, sets = task.context, task.configs, task.sets
-    else:
-        if (folder / BAG).is_dir():
-            plan = plan_bags([folder / BAG], RunOptions(settings), choice=BagChoice(cameras=chosen))
-        else:
-            plan = plan_capture(folder, RunOptions(settings), cameras=chosen, depth=False)
-        kept = _Kept()
-        run_in_process(plan, kept, lambda: False)
-        context, sets = StageContext(plan.rig, plan.skeleton, plan.extras), kept.sets
-        configs = dict(plan.configs)
-        if not paths:
-            configs["kinematics"] = replace(config_of(configs, KinematicsConfig), everybody=True)
-    context = replace(context, extras={**context.extras, **extras})
-    names = context.skeleton.joint_names
-    joints = None
-    if truth is not None:
-        joints = _truth_of(truth, subjects, names) if subjects else read_sequence(truth)
-    return _Capture(context, configs, sets, subjects, imu_file(folder) if subjects else None, joints)
-
-
 def _only(truth: SkeletonSequence | None, people: Sequence[int]) -> SkeletonSequence:
     """The truth of some people."""
     found = set() if truth is None else {int(i) for frame in truth.frames for i in frame.ids}
@@ -181,26 +106,7 @@ def _only(truth: SkeletonSequence | None, people: Sequence[int]) -> SkeletonSequ
     return SkeletonSequence(truth.joint_names, tuple(frames))
 
 
-def _truth_of(path: Path, subjects: Sequence[Subject], names: Sequence[str]) -> SkeletonSequence:
-    """Joints as the detector has them, of true bodies."""
-    _, states = read_bodies(path)
-    keypoints = {subject.id: subject.body.keypoints for subject in subjects}
-    at: dict[int, list[tuple[int, Array]]] = {}
-    for state in states:
-        joints = np.full((len(names), 3), np.nan)
-        for j, name in enumerate(names):
-            if name in keypoints[state.id]:
-                segment, offset = keypoints[state.id][name]
-                joints[j] = state.places[segment] + state.frames[segment] @ offset
-        at.setdefault(state.stamp_ns, []).append((state.id, joints))
-    frames = (
-        SkeletonFrame(stamp, np.array([i for i, _ in found]), np.array([x for _, x in found]))
-        for stamp, found in sorted(at.items())
-    )
-    return SkeletonSequence(tuple(names), tuple(frames))
-
-
-def _solved(capture: _Capture, bodies: bool) -> tuple[list[RefinedPoseSet], list[BodyStateSet]]:
+def _solved(capture: Detected, bodies: bool) -> tuple[list[RefinedPoseSet], list[BodyStateSet]]:
     """`/skeletons` and `/bodies`, by the stages after sync."""
     found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     refinement = replace(config_of(capture.configs, RefinementConfig), bodies=bodies)
@@ -217,14 +123,14 @@ def _solved(capture: _Capture, bodies: bool) -> tuple[list[RefinedPoseSet], list
     return found["skeletons"], found["bodies"]
 
 
-def _pairs(capture: _Capture, items: Sequence[TrackedPoseSet]) -> list[FramePair]:
+def _pairs(capture: Detected, items: Sequence[TrackedPoseSet]) -> list[FramePair]:
     assert capture.truth is not None
     frames = tuple(SkeletonFrame(i.stamp_ns, i.ids, i.positions, views=i.views) for i in items)
     return pair_sequences(capture.truth, SkeletonSequence(capture.context.skeleton.joint_names, frames))
 
 
 def _scores(
-    capture: _Capture, plain: Sequence[TrackedPoseSet], filled: Sequence[TrackedPoseSet]
+    capture: Detected, plain: Sequence[TrackedPoseSet], filled: Sequence[TrackedPoseSet]
 ) -> list[dict[str, Any]]:
     """Of joints by the views that measured them without bodies: errors without and with, mm."""
     assert capture.truth is not None

@@ -1,0 +1,156 @@
+"""`panoptic evaluate --study walkout`: somebody walks out of the cameras: all of them, then two, then one."""
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import DetectionSet, RefinedPoseSet
+from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
+from panoptic_ros.evaluation.ellipsoids import EllipsoidTally
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.params import Config
+from panoptic_ros.running.plans.parameters import Parameters
+from panoptic_ros.running.studies.detected import detected
+from panoptic_ros.simulation import Simulation, simulate
+from panoptic_ros.simulation.scenes import scene
+from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
+from panoptic_ros.stage import Progress, StageContext
+
+SCENE, LEAVING = "walk-out-3p8v", 0  # and who of it walks out
+EVERY, TWO, ONE = "every view", "two views", "one view"
+SECONDS = ((EVERY, 1.0), (TWO, 3.0), (ONE, 4.5), ("", 6.0))  # when phases of the scene begin
+FEWEST = 3  # cameras, of which two can be drawn
+
+
+@dataclass(frozen=True)
+class Leaving:
+    """2D people of a take, and its truth.
+
+    Args:
+        phases: of the stamp of every set; "" = it does not count. people: true ids who leave; None =
+            everybody.
+    """
+
+    context: StageContext
+    configs: Mapping[str, Config]
+    sets: Sequence[DetectionSet]
+    phases: Mapping[int, str]
+    truth: SkeletonSequence
+    people: Collection[int] | None = None
+
+
+def study_walkout(
+    folder: Path | None, cameras: Sequence[str], settings: Parameters, seeds: Sequence[int],
+    progress: Progress, truth: Path | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Errors and ellipsoids by phase and by how many views see a joint, over all takes, for JSON.
+
+    Args:
+        folder: a capture with its truth, of which everybody is left with two cameras after a third of the
+            time and with one of them after two thirds, drawn by the seed; None = simulated people, of one of
+            whom two cameras, then one show the upper half.
+        cameras: of the capture, only these; empty = all. truth: of the capture, in place of its own.
+
+    Raises:
+        UsageError: if the folder has no truth, is no capture, or has too few cameras.
+    """
+    tallies: dict[str, EllipsoidTally] = {name: EllipsoidTally() for name in (EVERY, TWO, ONE)}
+    capture = None
+    if folder is not None:
+        capture = detected(folder, cameras, settings, truth)
+        if capture.truth is None:
+            raise UsageError(f"{folder} has no truth.json.gz: name a capture folder with its truth")
+        if len(capture.context.rig) < FEWEST:
+            raise UsageError(f"{len(capture.context.rig)} cameras are too few to lose some; {FEWEST} or more")
+    for number, seed in enumerate(seeds):
+        progress(number / len(seeds), f"take {number + 1} of {len(seeds)}")
+        if capture is None:
+            take = simulated(simulate(scene(SCENE), seed), settings)
+        else:
+            assert capture.truth is not None
+            context, configs = capture.context, capture.configs
+            take = thinned(Leaving(context, configs, capture.sets, {}, capture.truth), seed)
+        tally(take, solved(take), tallies)
+    progress(1.0, "scoring")
+    return {
+        "study": "walkout", "capture": "" if folder is None else str(folder), "seeds": list(seeds),
+        "phases": {name: own.rows() for name, own in tallies.items()},
+    }  # fmt: skip
+
+
+def walkout_lines(result: Mapping[str, Any]) -> Iterator[str]:
+    """The figures as a table."""
+    source = result["capture"] or f"simulated {SCENE}"
+    seeds = ", ".join(map(str, result["seeds"]))
+    yield f"{source}, people walk out of the cameras; seeds {seeds}"
+    yield f"{'phase':12}{'joints seen by':22}{'given':>8}{'mean mm':>9}{'95 % mm':>9}{'in ellipsoid':>14}"
+    for phase, rows in result["phases"].items():
+        for name, row in rows.items():
+            yield (
+                f"{phase:12}{name:22}{row['given']:8.1%}{row['mean_mm']:9.1f}{row['p95_mm']:9.1f}"
+                f"{row['in_ellipsoid']:14.1%}"
+            )
+
+
+def simulated(take: Simulation, settings: Parameters) -> Leaving:
+    """A take of the scene."""
+    ticks = take.schedule.ticks
+    stamps = [take.master_ns(tick) for tick in ticks]
+    begins = [begin for _, begin in SECONDS]
+    numbers = np.searchsorted(begins, ticks, "right") - 1
+    phases = {stamp: SECONDS[k][0] if k >= 0 else "" for stamp, k in zip(stamps, numbers.tolist())}
+    joints = np.stack([person.joints(ticks) for person in take.people], axis=1)
+    ids = np.array([person.id for person in take.people])
+    frames = tuple(SkeletonFrame(stamp, ids, own) for stamp, own in zip(stamps, joints))
+    return Leaving(
+        StageContext(take.rig, SKELETON), configure(settings), list(take.detection_sets()), phases,
+        SkeletonSequence(JOINTS, frames), (LEAVING,),
+    )  # fmt: skip
+
+
+def thinned(take: Leaving, seed: int) -> Leaving:
+    """A take of which two cameras are left for the second third, and one of them for the last."""
+    names, count = take.context.rig.names, len(take.sets)
+    drawn = np.random.default_rng([seed, 81]).choice(len(names), 2, replace=False)
+    left = {EVERY: set(names), TWO: {names[k] for k in drawn}, ONE: {names[drawn[0]]}}
+    phases, sets = {}, []
+    for number, item in enumerate(take.sets):
+        phase = list(left)[min(3 * number // count, 2)]
+        phases[item.stamp_ns] = phase
+        sets.append(replace(item, views=tuple(
+            view if view.camera in left[phase] else replace(
+                view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0],
+                maps=None,
+            ) for view in item.views
+        )))  # fmt: skip
+    return replace(take, sets=sets, phases=phases)
+
+
+def solved(take: Leaving) -> list[RefinedPoseSet]:
+    """`/skeletons` of a take."""
+    found: list[Any] = []
+    pipeline = Pipeline(
+        take.configs, take.context, FUSION,
+        on_record=lambda topic, record: found.append(record) if topic == "skeletons" else None,
+    )  # fmt: skip
+    for item in take.sets:
+        pipeline.push("detection_sets", item)
+    pipeline.flush()
+    return found
+
+
+def tally(take: Leaving, items: Sequence[RefinedPoseSet], tallies: Mapping[str, EllipsoidTally]) -> None:
+    """Add results of a take to the tallies of its phases."""
+    names = take.context.skeleton.joint_names
+    frames = tuple(SkeletonFrame(i.stamp_ns, i.ids, i.positions, i.covariances, views=i.views) for i in items)
+    for pair in pair_sequences(take.truth, SkeletonSequence(names, frames)):
+        phase = take.phases.get(pair.stamp_ns, "")
+        if phase:
+            tallies[phase].take(pair, take.people)
