@@ -18,7 +18,16 @@ from panoptic_ros.refinement.kalman import (
 )
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX, density, lasting_variance, transition
-from panoptic_ros.refinement.records import Measured, Moment, Motion, new_people, padded, unknown, widened
+from panoptic_ros.refinement.records import Moment, Motion, new_people, padded, unknown, widened
+from panoptic_ros.refinement.shortfall import (
+    add_motions,
+    gains_of,
+    in_full,
+    learn_shortfall,
+    limbs_of,
+    nothing_compared,
+    with_torso,
+)
 from panoptic_ros.refinement.start_motion import likely_velocities, started
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
@@ -35,12 +44,14 @@ class FilterBank:
         """lasting_share: of the variance of measurements, of errors that last."""
         self._config, self._share = config, lasting_share
         self._parts = [list(part.joints) for part in rigid_parts(skeleton)]
+        self._limbs = limbs_of(skeleton)
         self._joints, self._bones = len(skeleton), np.array(skeleton.bones, np.int64).reshape(-1, 2)
         self.memory = 0.0  # s for which accelerations last
         self.moments: list[Moment] = []
         self.people = new_people([], len(skeleton), len(self._bones))
         self.departed: dict[int, tuple[Array, Array]] = {}  # lengths and frames of those who may come back
         self.lasting = nothing_lasting()
+        self.shortfall = nothing_compared(self._limbs)
 
     def take(self, item: TrackedPoseSet, motions: PartMotions | None = None) -> None:
         """Filter everybody up to this set; motions: of parts since the set before, by the surface."""
@@ -85,9 +96,8 @@ class FilterBank:
         if config.lag > 0.0:  # else nothing is smoothed
             smoother_gains(self._sized, last.motion, step, now.predicted, now.gains)
         links = links_of(motions, self._parts, people.ids, states) if motions is not None else None
-        if links is not None:
-            if config.difference_share > 0.0 and item.time_shift is None:
-                links = self._with_views(links, last.measured, item)
+        if links is not None and motions is not None:
+            links = self._corrected(links, motions, last, item)
             now.linked[...] = linked = np.isfinite(links.displacements[..., 0])
             now.noise[linked] *= density(self.memory)
             turns = np.full_like(people.turns, np.nan)
@@ -106,15 +116,25 @@ class FilterBank:
         now.motion.states[...], now.motion.covariances[...] = now.predicted
         self.moments.append(now)
 
-    def _with_views(self, links: Links, before: Measured, item: TrackedPoseSet) -> Links:
-        """Links with the differences of measurements; filled joints rest on what was known before."""
+    def _corrected(self, links: Links, motions: PartMotions, last: Moment, item: TrackedPoseSet) -> Links:
+        """Links with what views measured of the same motion; filled joints rest on what was known before."""
         row_of = {number: row for row, number in enumerate(self.people.ids.tolist())}
         known = [k for k, number in enumerate(item.ids.tolist()) if number in row_of]
         rows = np.array([row_of[number] for number in item.ids[known].tolist()], np.int64)
-        moved = item.positions[known] - before.points[rows]
-        moved[(item.states[known] == FILLED) | before.filled[rows]] = np.nan
+        moved = item.positions[known] - last.measured.points[rows]
+        moved[(item.states[known] == FILLED) | last.measured.filled[rows]] = np.nan
+        seen, together = np.full_like(links.displacements, np.nan), item.time_shift is None
+        if together:
+            seen[rows] = moved
+        (torso, kinds), dt = self._limbs, 1e-9 * (item.stamp_ns - last.stamp_ns)
+        carried = with_torso(motions, torso, list(row_of), last.motion.states[..., :3])
+        add_motions(self.people, links.displacements - carried, seen - carried, dt)
+        learn_shortfall(self.shortfall, self.people, kinds, dt)
+        links = in_full(links, carried, kinds, gains_of(self.shortfall))
+        if not together or self._config.difference_share <= 0.0:
+            return links
         share = self._config.difference_share
-        return with_views(links, rows, moved, share * (item.covariances[known] + before.noises[rows]))
+        return with_views(links, rows, moved, share * (item.covariances[known] + last.measured.noises[rows]))
 
     def _add(self, ids: list[int]) -> None:
         """Add people of whom nothing is known but, if they were there before, the lengths of their bones."""

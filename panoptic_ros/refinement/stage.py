@@ -40,7 +40,7 @@ class RefinementStage(Stateful):
     LAYOUT = StateLayout(
         "refinement",
         "_waiting _last_ns _clock _patches _bodies _bank.moments _bank.people _bank.departed _bank.lasting "
-        "_bank.memory"
+        "_bank.memory _bank.shortfall"
         .split(),
         (
             Posed, Learnt, Fields.named(BodyFill, "_kept _learnt"),
