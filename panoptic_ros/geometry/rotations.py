@@ -98,16 +98,26 @@ def vectors_of(rotations: Array) -> Array:
     return out
 
 
+@_jit
+def _from_quaternions(quaternions: Array) -> Array:
+    """Of (N, 4): (N, 3, 3)."""
+    out = np.empty((len(quaternions), 3, 3))
+    for k in range(len(quaternions)):
+        w, x, y, z = quaternions[k]
+        length = math.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w / length, x / length, y / length, z / length
+        r = out[k]
+        r[0, 0], r[0, 1], r[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+        r[1, 0], r[1, 1], r[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+        r[2, 0], r[2, 1], r[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    return out
+
+
 def from_quaternions(quaternions: Array) -> Array:
     """Rotations (..., 3, 3) of quaternions (..., 4) w x y z, which need not be of length 1."""
-    q = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    given = np.array(quaternions, np.float64, order="C")  # kernels want arrays of their own
+    found: Array = _from_quaternions(given.reshape(-1, 4)).reshape(*given.shape[:-1], 3, 3)
+    return found
 
 
 def to_quaternions(rotations: Array) -> Array:

@@ -10,6 +10,8 @@ from panoptic_ros.stage import Notice
 
 KEPT = 20000  # durations
 RECENT = 1800  # latencies: a minute at 30 Hz
+OF = " "  # between the code of a warning and the device that it is about
+MOST_DEVICES = 64  # of which the newest warning of a kind is remembered
 
 
 class StageStatistics:
@@ -21,15 +23,25 @@ class StageStatistics:
         self.cpu_ns = 0
         self.dropped: Counter[str] = Counter()
         self.notices: Counter[str] = Counter()
-        self._latest: dict[str, str] = {}  # texts of warnings by code
+        self._latest: dict[str, str] = {}  # texts of warnings by code, and by code and device
         self._told: dict[str, str] = {}  # and of what else there was to say
         self._durations: deque[int] = deque(maxlen=KEPT)  # ns
         self._latencies: deque[int] = deque(maxlen=RECENT)  # ns
 
     def take(self, notice: Notice) -> None:
-        """Count a notice, and remember the newest warning of its kind."""
+        """Count a notice, and remember the newest warning of its kind, also for its device."""
         self.notices[notice.code] += 1
-        (self._told if notice.severity == "info" else self._latest)[notice.code] = notice.text
+        if notice.severity == "info":
+            self._told[notice.code] = notice.text
+            return
+        self._latest[notice.code] = notice.text
+        device = str(notice.values.get("device", ""))
+        key = f"{notice.code}{OF}{device}"
+        if device and (key in self._latest or self._devices(notice.code) < MOST_DEVICES):
+            self._latest[key] = notice.text
+
+    def _devices(self, code: str) -> int:
+        return sum(key.startswith(f"{code}{OF}") for key in self._latest)
 
     def add_duration(self, duration_ns: int) -> None:
         """Remember how long one step took."""
@@ -42,7 +54,7 @@ class StageStatistics:
     @property
     def warned(self) -> Mapping[str, int]:
         """How many notices there were of each kind that warns."""
-        return {code: self.notices[code] for code in self._latest}
+        return {code: self.notices[code] for code in self._latest if OF not in code}
 
     def latest(self, code: str) -> str:
         """The newest text of a kind of warning."""

@@ -3,8 +3,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from panoptic_ros.graph.flow import PATIENT, Flow
+from panoptic_ros.graph.flow import BUSY, PATIENT, Flow
 from panoptic_ros.graph.queues import InOrder, InstantsAndOthers, NewestInstant, Waiting
+from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.graph.wiring import Wiring
 
 
@@ -12,7 +13,8 @@ def queue_for(
     wiring: Wiring, flow: Flow, present: Collection[tuple[str, str]],
     full: Callable[[], bool] = lambda: False,
 ) -> Waiting:  # fmt: skip
-    """Live: images wait as instants; a few of everything else, or all where every message counts.
+    """Live: images wait as instants; a few of everything else, more samples of IMUs, or all where every
+    message counts.
 
     Args:
         present: (topic, owner) of what comes. full: whether no other instant shall begin yet.
@@ -23,7 +25,10 @@ def queue_for(
         topic: {wiring.specs[reader.stage].queue for reader in readers}
         for topic, readers in wiring.readers.items()
     }
-    limits = {topic: PATIENT if kind == {"all"} else flow.queue_limit for topic, kind in kinds.items()}
+    limits = {
+        topic: PATIENT if kind == {"all"} else BUSY if TOPICS[topic].scope == "imu" else flow.queue_limit
+        for topic, kind in kinds.items()
+    }
     others = InOrder(lambda key: limits[key.split(" ")[0]])
     beside = {port.topic for port in wiring.inputs if port.patience_ns}
     instants = [

@@ -9,6 +9,7 @@ import numpy as np
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Device, ImuReading, Instant, Subject, ViewPeople
 from panoptic_ros.geometry.chain import Pose, place_all
+from panoptic_ros.geometry.rotations import from_quaternions
 from panoptic_ros.kinematics.nearest_people import assign_people
 from panoptic_ros.kinematics.person import Person
 from panoptic_ros.kinematics.prior import PoseStatistics
@@ -36,7 +37,8 @@ def step_examples(
             segment, offset = body.keypoints[name]
             joints[j] = places[0, segment] + pose.turns[segment] @ offset
     spread = np.tile(1e-4 * np.eye(3), (len(joint_names), 1, 1))
-    reading = ImuReading(np.eye(3), np.array([0.0, 0.0, 9.81]), np.zeros(3))
+    level = from_quaternions(np.array([1.0, 0.0, 0.0, 0.0]))
+    reading = ImuReading(level, np.array([0.0, 0.0, 9.81]), np.zeros(3))
     period = round(1e9 / rate_hz)
     rotations, translations = person.weighing.rotations, person.weighing.translations
     seen = joints @ rotations.swapaxes(1, 2) + translations[:, None]

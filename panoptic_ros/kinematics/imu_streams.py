@@ -45,6 +45,7 @@ class ImuStreams:
         self._taken = np.zeros((count, 2))  # samples lately that were kept, and that were left out
         self._flooding = np.zeros(count, bool)
         self._rates = np.zeros((count, 4))  # lately, see `rate_sums`
+        self._learnt = np.full(count, NONE)  # stamps of the newest samples in these
         self._rates_told = np.zeros(count, bool)
 
     @property
@@ -58,7 +59,8 @@ class ImuStreams:
         if sample.device not in self.names:
             return ()
         d = self.names.index(sample.device)
-        last = int(self._stamps[d, -1])
+        stamps, values = self._stamps[d], self._values[d]
+        last = int(stamps[-1])
         if sample.stamp_ns <= last:
             text = (
                 f"{sample.device} sends the stamp {sample.stamp_ns} after {last}; such samples are left out"
@@ -68,12 +70,9 @@ class ImuStreams:
         self._taken[d, int(is_near)] += 1.0
         if is_near:
             return ()
-        self._stamps[d, :-1] = self._stamps[d, 1:]
-        self._values[d, :-1] = self._values[d, 1:]
-        self._stamps[d, -1] = sample.stamp_ns
-        length = np.linalg.norm(sample.orientation)
-        self._values[d, -1] = np.concatenate([sample.orientation / length, sample.force, sample.rate])
-        self._learn_rates(d)
+        stamps[:-1], values[:-1] = stamps[1:], values[1:]
+        stamps[-1] = sample.stamp_ns
+        values[-1, :4], values[-1, 4:7], values[-1, 7:] = sample.orientation, sample.force, sample.rate
         return ()
 
     def at(self, stamp_ns: int) -> dict[str, ImuReading]:
@@ -90,7 +89,7 @@ class ImuStreams:
         first, second = self._values[rows, after - 1], self._values[rows, after]
         between = first[:, 4:] * (1.0 - share) + second[:, 4:] * share
         with np.errstate(invalid="ignore"):
-            turns = from_quaternions(slerp(first[:, :4], second[:, :4], share))
+            turns = from_quaternions(slerp(_unit(first[:, :4]), _unit(second[:, :4]), share))
         return {self.names[d]: ImuReading(turns[d], between[d, :3], between[d, 3:])
                 for d in np.flatnonzero(usable).tolist()}  # fmt: skip
 
@@ -132,16 +131,20 @@ class ImuStreams:
         self._odd = odd
         return notices
 
-    def _learn_rates(self, device: int) -> None:
-        """Compare how the newest sample turned from the one before with what its gyroscope tells."""
-        stamps, values = self._stamps[device, -2:], self._values[device, -2:]
-        told = values[:-1, 7:]
-        if stamps[0] != NONE and np.diff(stamps)[0] < LONGEST_GAP_S * 1e9 and np.isfinite(told).all():
-            sums = rate_sums(turned_by(stamps, values[:, :4]), told)
-            self._rates[device] += sums if np.isfinite(sums).all() else 0.0
+    def _learn_rates(self) -> None:
+        """Compare how the newest samples turned from those before with what gyroscopes tell."""
+        before, newest = self._stamps[:, -2], self._stamps[:, -1]
+        new = (newest != self._learnt) & (before != NONE) & (newest - before < LONGEST_GAP_S * 1e9)
+        self._learnt[:] = newest
+        which = np.flatnonzero(new & np.isfinite(self._values[:, -2:, [0, 7]]).all((1, 2)))
+        if len(which):
+            turns = self._values[which, -2:, :4]
+            own = turned_by(turns[:, 0], turns[:, 1], 1e-9 * (newest - before)[which])
+            self._rates[which] += rate_sums(own, self._values[which, -2, 7:])
 
     def _units(self, period: float) -> list[Notice]:
         """Of devices whose rates are of another unit: told once."""
+        self._learn_rates()
         notices = []
         ready = (self._rates[:, 0] >= FEWEST_TURNS) & ~self._rates_told
         for d in np.flatnonzero(ready).tolist():
@@ -166,6 +169,12 @@ class ImuStreams:
         self._flooding |= floods
         self._taken *= max(0.0, 1.0 - period / FLOOD_S)
         return notices
+
+
+def _unit(quaternions: Array) -> Array:
+    """Of length 1."""
+    found: Array = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    return found
 
 
 def _notice(code: str, severity: str, text: str, device: str) -> Notice:

@@ -19,19 +19,19 @@ DEGREES = math.degrees(1.0)  # as rad/s, 57.3 times too much
 BETWEEN = math.sqrt(DEGREES)  # of being right and of being in degrees
 
 
-def turned_by(stamps: Array, quaternions: Array) -> Array:
-    """Angular velocities (N - 1, 3) rad/s in the device's frame, by orientations (N, 4) w x y z at stamps
-    (N,) ns."""
-    turns = from_quaternions(quaternions)
-    apart = vectors_of(np.ascontiguousarray(turns[:-1].swapaxes(1, 2) @ turns[1:]))
-    found: Array = apart / (1e-9 * np.diff(stamps))[:, None]
+def turned_by(before: Array, after: Array, seconds: Array) -> Array:
+    """Angular velocities (N, 3) rad/s in the device's frame, by orientations (N, 4) w x y z before and after
+    so many seconds (N,)."""
+    begin, end = from_quaternions(before), from_quaternions(after)
+    apart = vectors_of(np.ascontiguousarray(begin.swapaxes(1, 2) @ end))
+    found: Array = apart / seconds[:, None]
     return found
 
 
 def rate_sums(own: Array, told: Array) -> Array:
-    """Number of samples, sum of squares of rates (N, 3) that orientations tell, of those that are told, and
-    of their products, (4,)."""
-    return np.array([len(own), (own**2).sum(), (told**2).sum(), (own * told).sum()])
+    """Number of samples, squares of rates (N, 3) that orientations tell, of those that are told, and their
+    products, (N, 4) to be added up."""
+    return np.column_stack([np.ones(len(own)), (own**2).sum(-1), (told**2).sum(-1), (own * told).sum(-1)])
 
 
 def unit_fault(sums: Array) -> str:

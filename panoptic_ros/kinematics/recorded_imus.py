@@ -111,9 +111,11 @@ def _rates(series: ImuSeries) -> Array:
     stamps, told = series.stamps[known], series.rates[known][:-1]
     if len(stamps) < 2:
         return np.zeros(4)
-    own = turned_by(stamps, series.quaternions[known])
-    near = (1e-9 * np.diff(stamps) < LONGEST_GAP_S) & np.isfinite(told).all(-1)
-    return rate_sums(own[near], told[near])
+    turns, apart = series.quaternions[known], 1e-9 * np.diff(stamps)
+    near = (apart < LONGEST_GAP_S) & np.isfinite(told).all(-1)
+    own = turned_by(turns[:-1][near], turns[1:][near], apart[near])
+    found: Array = rate_sums(own, told[near]).sum(0)
+    return found
 
 
 def _turns_otherwise(sums: Array) -> bool:

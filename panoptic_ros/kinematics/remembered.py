@@ -45,11 +45,11 @@ CLASSES = (
     ),
     Fields.named(
         ImuStreams,
-        "names _stamps _values _force _weight _odd _silent _taken _flooding _rates _rates_told",
+        "names _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt _rates_told",
     ),
     Fields.named(MeasuredBody, "_seen"),
     Fields.named(
-        Timeline, "_rate_hz _origin _count _before _first_imu _last _periods _ahead newest_ns"
+        Timeline, "_rate_hz _origin _count _before _first_imu _last _periods _slowest _ahead newest_ns"
     ),
     Fields.named(
         SubjectTracker,

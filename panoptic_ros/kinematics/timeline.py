@@ -6,7 +6,7 @@ import numpy as np
 
 Array = np.ndarray
 JUMP_NS = 2_000_000_000  # a stamp that is so far ahead is another's, unless others follow
-BELIEVED = 5  # of them
+BELIEVED = 5  # of them, of most of the cameras; where there is none, of most of the devices
 WAIT_NS = 500_000_000  # for cameras, before instants begin with the first sample of an IMU
 STOPPED_NS = 500_000_000  # nobody waits for a source that has given nothing for so long
 USUAL_PERIOD_NS = 40_000_000  # of a camera of which no two stamps are known
@@ -28,7 +28,8 @@ class Timeline:
         self._first_imu: int | None = None
         self._last: dict[int | str, int] = {}
         self._periods: dict[int | str, int] = {}
-        self._ahead = 0  # stamps that were too far ahead, one after another
+        self._slowest = USUAL_PERIOD_NS  # of the cameras' periods
+        self._ahead: dict[int | str, int] = {}  # stamps too far off, by source, since its last that was not
         self.newest_ns = -1
 
     @property
@@ -46,23 +47,31 @@ class Timeline:
     @property
     def patience_ns(self) -> int:
         """One period of the slowest camera: for so long instants wait for what was measured at them."""
-        return max(
-            (p for name, p in self._periods.items() if isinstance(name, int)), default=USUAL_PERIOD_NS
-        )
+        return self._slowest
 
     def came(self, source: int | str, stamp_ns: int) -> str:
         """A sample has come: "" if it belongs to the time of the others, "jump" if time goes on from it, and
         "odd" if it is to be left out."""
         if self.newest_ns >= 0 and abs(stamp_ns - self.newest_ns) > JUMP_NS:
-            self._ahead += 1
-            if self._ahead < BELIEVED:
+            self._ahead[source] = self._ahead.get(source, 0) + 1
+            if not self._goes_on_elsewhere():
                 return "odd"
             self.restart()
             self._took(source, stamp_ns)
             return "jump"
-        self._ahead = 0
+        self._ahead.pop(source, None)
         self._took(source, stamp_ns)
         return ""
+
+    def _goes_on_elsewhere(self) -> bool:
+        """Whether most of those whose clock counts, of late, tell another time: a device alone has a clock
+        that is wrong."""
+        alive = {name for name, last in self._last.items() if last > self.newest_ns - STOPPED_NS}
+        sources = alive | self._ahead.keys()
+        cameras = {name for name in sources if isinstance(name, int)}
+        ahead = self._ahead.keys() & (cameras or sources)
+        told = sum(self._ahead[name] for name in ahead)
+        return told >= BELIEVED and 2 * len(ahead) > len(cameras or sources)
 
     def _took(self, source: int | str, stamp_ns: int) -> None:
         last = self._last.get(source)
@@ -72,6 +81,8 @@ class Timeline:
             period = min(stamp_ns - last, LONGEST_PERIOD_NS)
             before = self._periods.get(source, period)
             self._periods[source] = before + (period - before) // 8
+            if isinstance(source, int):
+                self._slowest = max(p for name, p in self._periods.items() if isinstance(name, int))
         self._last[source] = stamp_ns
         self.newest_ns = max(self.newest_ns, stamp_ns)
         if self._origin is None:
@@ -85,7 +96,7 @@ class Timeline:
     def restart(self) -> None:
         """Forget when sources came; instants count on."""
         self._origin = self._first_imu = None
-        self._last, self._periods, self._ahead = {}, {}, 0
+        self._last, self._periods, self._slowest, self._ahead = {}, {}, USUAL_PERIOD_NS, {}
         self._before, self._count, self.newest_ns = self.index, 0, -1
 
     def due(self, at_end: bool = False) -> int | None:

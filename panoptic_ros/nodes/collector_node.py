@@ -34,6 +34,7 @@ class CollectorNode(Node):
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
         self._bad_messages = 0
+        self._refused: set[str] = set()  # topics of which that was told
         self.diagnostics: dict[str, dict[str, str]] = {}
         self._on_record = on_record
         self._quality = collecting_quality(flow)
@@ -75,7 +76,9 @@ class CollectorNode(Node):
             except DataError as error:
                 self._bad_messages += 1
                 self.diagnostics[self.get_name()] = {"dropped.bad_message": str(self._bad_messages)}
-                self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+                if subscription.topic_name not in self._refused:  # the rest is counted
+                    self._refused.add(subscription.topic_name)
+                    self.get_logger().warning(f"dropped: {error}")
             if not topic.latched:
                 self._ends.taken(subscription.topic_name)
 

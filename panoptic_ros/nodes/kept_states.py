@@ -1,13 +1,15 @@
 """Live: what stages remember outlives their node.
 
-A node hands over the state of its stages twice a second; the node of the rig keeps the newest of each. A node
-that is started anew begins with them: people keep their identities, and tables of noise what they learnt.
-A state is on trial until its stage has taken a record; one that fails twice is not handed out again.
+A node hands over the state of its stages twice a second, large ones less often; the node of the rig keeps the
+newest of each. A node that is started anew begins with them: people keep their identities, and tables of
+noise what they learnt. A state is on trial until its stage has taken a record; one that fails twice is not
+handed out again.
 """
 
 from __future__ import annotations
 
 import array
+import time
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import Any
@@ -19,6 +21,7 @@ from panoptic_ros.nodes.one_shot import OneShot
 from panoptic_ros.nodes.quality import LATCHED, NEWEST
 
 PERIOD_S = 0.5
+SHARE = 0.02  # of the worker's time that goes into handing over, at most
 MOST_TRIALS = 2
 EMPTY = 16  # bytes of a message without a state: its beginner tries the kept one
 WAITING_S = 0.3  # for states, if somebody keeps any: they come with the rig
@@ -65,14 +68,16 @@ class KeptStates:
     """Hands over the states of a node's stages, and gives those that were kept.
 
     Args:
-        ask: called twice a second: it calls `publish` where states may be taken.
-        proven: whether a stage has taken a record.
+        ask: called twice a second at most: it calls `publish` where states may be taken.
+        proven: whether a stage has taken a record. clock: processor time of a thread, s.
     """
 
     def __init__(
-        self, node: Node, stages: Collection[str], ask: Callable[[], None], proven: Callable[[str], bool]
-    ):
-        self._node, self._ask, self._proven = node, ask, proven
+        self, node: Node, stages: Collection[str], ask: Callable[[], None], proven: Callable[[str], bool],
+        clock: Callable[[], float] = time.thread_time,
+    ):  # fmt: skip
+        self._node, self._ask, self._proven, self._clock = node, ask, proven, clock
+        self._left_out, self._asked = 0, False  # moments to come; whether one is under way
         self._kept: dict[str, bytes] = {}
         self._kind = message_class(KIND)
         self._listening = {
@@ -129,11 +134,21 @@ class KeptStates:
                     self._publishers[stage].publish(self._kind())
 
     def _ask_for(self) -> None:
-        if any(publisher.get_subscription_count() for publisher in self._publishers.values()):
+        if self._left_out > 0:
+            self._left_out -= 1
+        elif not self._asked and any(p.get_subscription_count() for p in self._publishers.values()):
+            self._asked = True  # a busy worker comes to it later
             self._ask()
 
-    def publish(self, states: Mapping[str, bytes]) -> None:
-        """Hand over the states of those stages that are kept; one that is switched off has none."""
-        for stage in self._publishers.keys() & states.keys():
+    def publish(self, states: Callable[[], Mapping[str, bytes]]) -> None:
+        """Hand over the states of those stages that are kept; one that is switched off has none.
+
+        Args:
+            states: takes them, by stage.
+        """
+        began = self._clock()
+        found = states()
+        for stage in self._publishers.keys() & found.keys():
             if self._proven(stage):
-                self._publishers[stage].publish(self._kind(data=array.array("B", states[stage])))
+                self._publishers[stage].publish(self._kind(data=array.array("B", found[stage])))
+        self._asked, self._left_out = False, int((self._clock() - began) / (SHARE * PERIOD_S))

@@ -11,11 +11,12 @@ import pytest
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure
-from panoptic_ros.graph.flow import make_flow
+from panoptic_ros.graph.flow import BUSY, make_flow
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.queue_choice import queue_for
 from panoptic_ros.graph.under_way import INSTANTS, UnderWay
+from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.stage import StepResult
 
 CAMERAS = captures.RIG.names
@@ -113,3 +114,11 @@ def test_no_instant_is_taken_while_there_are_enough():
     assert waiting.take() == []
     full[0] = False
     assert waiting.take() == list(CAMERAS)
+
+
+def test_more_samples_of_an_imu_wait_than_of_what_is_newest():
+    wiring = Wiring(["kinematics"])
+    waiting = queue_for(wiring, make_flow("live"), [("imu", "back"), ("skeletons_raw", "")])
+    dropped = {key: sum(waiting.put(key, k, k) for k in range(BUSY)) for key in ("imu back", "skeletons_raw")}
+    assert dropped == {"imu back": 0, "skeletons_raw": BUSY - 2}
+    assert waiting.put("imu back", BUSY, BUSY) == 1

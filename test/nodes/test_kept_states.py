@@ -23,7 +23,7 @@ def begun(executor, number, state=b"", proven=True, tried=True):
     """
     node, found = rclpy.create_node(f"node_{number}"), []
     executor.add_node(node)
-    kept = KeptStates(node, [STAGE], lambda: kept.publish({STAGE: state}), lambda stage: proven)
+    kept = KeptStates(node, [STAGE], lambda: kept.publish(lambda: {STAGE: state}), lambda stage: proven)
     spin_until(executor, lambda: node.count_publishers(f"stages/{STAGE}/kept_state"))
     for _ in range(5):
         executor.spin_once(timeout_sec=0.1)
@@ -59,6 +59,22 @@ def test_a_node_that_is_killed_before_it_takes_anything_says_nothing_about_its_s
     assert begun(executor, 1, b"good") is None
     for number in (2, 3, 4):
         assert begun(executor, number, b"good", proven=False, tried=False) == b"good"
+
+
+def test_states_that_take_long_are_handed_over_less_often(lab):
+    executor, _ = lab
+    node, times = rclpy.create_node("slow"), iter(range(100))
+    executor.add_node(node)
+    taken, begun = [], []
+    kept = KeptStates(
+        node, [STAGE], lambda: kept.publish(lambda: taken.append(1) or {STAGE: b"large"}),
+        lambda stage: True, lambda: 0.03 * next(times),
+    )  # fmt: skip
+    asked, ask = [], kept._ask_for
+    kept._ask_for = lambda: (asked.append(1), ask())
+    kept.when_known(begun.append)
+    spin_until(executor, lambda: len(asked) >= 6)
+    assert len(taken) == 2  # of 0.03 s each: every fourth time
 
 
 def test_a_timer_fires_once_even_if_its_executor_calls_it_again(executor):

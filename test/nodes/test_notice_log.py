@@ -5,6 +5,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from panoptic_ros.cli.run.watch import Watch
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.nodes.notice_log import CALM_S, NoticeLog
 from panoptic_ros.stage import Notice
@@ -30,6 +31,20 @@ def test_an_event_is_told_once_for_each_device_and_again_after_calm():
     values = statistics.values()
     assert values["notice.timecode.gap"] == "7"
     assert values["latest.timecode.gap"] == "audio of left lost block 3"
+    assert values["latest.timecode.gap right"] == "audio of right lost block 2"
+    assert statistics.warned == {"timecode.gap": 7}
+
+
+def test_a_run_prints_what_is_odd_of_each_device_once(capsys):
+    watch = Watch(table=False)
+    for stamp in range(3):
+        statistics = StageStatistics()
+        for device in ("back", "arm"):
+            text = f"{device} sends the stamp {stamp} twice"
+            statistics.take(Notice("kinematics.imu_stamps", "warning", text, {"device": device}))
+        watch.saw("diagnostics", {"kinematics": statistics.values()})
+    told = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert told == ["warning: arm sends the stamp 0 twice", "warning: back sends the stamp 0 twice"]
 
 
 def test_what_is_no_warning_is_counted_only():

@@ -42,7 +42,8 @@ STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", 
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
 _NEED = (
-    "benches.failures", "benches.fed_graph", "benches.played_graph", "benches.player", "benches.viewed_graph",
+    "benches.failures", "benches.fed_bodies", "benches.fed_graph", "benches.played_graph", "benches.player",
+    "benches.viewed_graph",
     "plans.driver_plan", "plans.driver_rig", "processes.fork_server", "recordings.control",
     "recordings.facts", "recordings.record", "recordings.replay", "runs.listening", "runs.over_dds",
     "viewer.live", "watching",

@@ -14,7 +14,9 @@ from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
 
-EACH = ("kinematics.imu_", "kinematics.never_", "kinematics.mounting", "kinematics.strap")
+EACH = (  # told for each device
+    "kinematics.imu_", "kinematics.odd_", "kinematics.never_", "kinematics.mounting", "kinematics.strap",
+)  # fmt: skip
 PATIENCE_S = 10.0  # without a result after the first detections
 START_S = 20.0  # live, without a result since the start
 
@@ -80,7 +82,8 @@ class Watch(RunObserver):
     def _tell_of(self, counted: Mapping[str, Mapping[str, str]]) -> None:
         """Print what stages say of sound, clocks and bodies: each kind of warning once, of IMUs for each."""
         for notice in warnings_of(counted):
-            kind = notice.text if notice.code.startswith(EACH) else notice.code
+            about = notice.values.get("device", "") if notice.code.startswith(EACH) else ""
+            kind = f"{notice.code} {about}"
             if kind not in self._told:
                 self._told.add(kind)
                 _warn(f"warning: {notice.text}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -104,19 +105,18 @@ def read_imu(message: Any, device: str) -> ImuSample:
         DataError: if a number is not finite where the message says that it was measured.
     """
     turn, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
-    parts = {
-        "orientation": ((turn.w, turn.x, turn.y, turn.z), message.orientation_covariance),
-        "angular_velocity": ((rate.x, rate.y, rate.z), message.angular_velocity_covariance),
-        "linear_acceleration": ((force.x, force.y, force.z), message.linear_acceleration_covariance),
-    }
+    parts: tuple[tuple[str, tuple[float, ...], Any], ...] = (
+        ("orientation", (turn.w, turn.x, turn.y, turn.z), message.orientation_covariance),
+        ("angular_velocity", (rate.x, rate.y, rate.z), message.angular_velocity_covariance),
+        ("linear_acceleration", (force.x, force.y, force.z), message.linear_acceleration_covariance),
+    )
     found = []
-    for name, (values, covariance) in parts.items():
-        array = np.array(values, np.float64)
+    for name, values, covariance in parts:
         if float(covariance[0]) == UNKNOWN:
-            array[:] = np.nan
-        elif not np.isfinite(array).all():
+            values = (np.nan,) * len(values)
+        elif not all(map(math.isfinite, values)):
             raise DataError(
-                f"Imu.{name} of {device} is {array.tolist()}; what is not measured has a covariance of -1"
+                f"Imu.{name} of {device} is {list(values)}; what is not measured has a covariance of -1"
             )
-        found.append(array)
+        found.append(np.array(values))
     return ImuSample(device, stamp_of(message.header), found[0], found[1], found[2])

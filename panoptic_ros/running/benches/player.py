@@ -4,7 +4,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,19 @@ PATIENCE_S = 300.0  # for the first skeletons: kernels may be compiled
 LAST_WORDS_S = 1.2  # for the last skeletons, and for diagnostics, which come once a second
 
 
-def played(feed: Feed, node_per_stage: bool, make: Callable[[], Player]) -> Any:
+def as_it_is(plan: Plan, folder: Path) -> Plan:
+    """The plan of every bench."""
+    return plan
+
+
+def played(
+    feed: Feed, node_per_stage: bool, make: Callable[[], Player],
+    change: Callable[[Plan, Path], Plan] = as_it_is,
+) -> Any:  # fmt: skip
     """Play to a live graph of its own; gives what the player's `do` gives.
+
+    Args:
+        change: makes of the usual plan the one of the bench, with files in a folder.
 
     Raises:
         UserError: as a node printed it, if one ended.
@@ -39,6 +50,7 @@ def played(feed: Feed, node_per_stage: bool, make: Callable[[], Player]) -> Any:
     configs = with_defaults({"refinement": {"lag": 0.0}}, {s: dict(v) for s, v in LIVE_DEFAULTS.items()})
     plan = Plan("bench", feed.rig, feed.skeleton, configs, stage="sync", frame_rate=feed.rate, live=True)
     with claim_domain(), tempfile.TemporaryDirectory(prefix="panoptic-bench-") as folder:
+        plan = change(plan, Path(folder))
         launch = write_launch_file(plan, Path(folder), "live", WINDOW, 0, node_per_stage)
         start_ros([])
         try:
@@ -104,7 +116,7 @@ class Player:
         """Publish the views of the next instant, each at its time."""
         due_ns = self.started + self.number * self.feed.period_ns
         last = due_ns
-        for offset, message in self._views[self.feed.number_of_set(self.number)]:
+        for offset, message in self.messages(self.number):
             self.spin_until(due_ns + offset)
             if message.header.frame_id not in self.away:
                 last = time.monotonic_ns()
@@ -112,8 +124,12 @@ class Player:
         self.sent.append((self.stamps_from + due_ns, last))
         self.number += 1
 
+    def messages(self, number: int) -> Sequence[tuple[int, Any]]:
+        """What comes at an instant: ns after it, and the message; the earliest first."""
+        return self._views[self.feed.number_of_set(number)]
+
     def publish(self, message: Any, stamp_ns: int) -> None:
-        """Publish a view of this instant."""
+        """Publish a message of this instant."""
         self.node.publish(message, stamp_ns, self.number)
 
     def play_until(self, moment_ns: int) -> None:

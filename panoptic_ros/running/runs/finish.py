@@ -8,6 +8,7 @@ from panoptic_ros.capture import open_source
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.evaluation.capture_report import summarise_capture
+from panoptic_ros.graph.counters import OF
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.body_models import read_body_model, read_body_shape
 from panoptic_ros.io.folders import MARK
@@ -116,12 +117,18 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
 
 
 def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
-    """The newest warning of each kind about drivers, sound, clocks and bodies, as nodes count them."""
+    """The newest warning of each kind about drivers, sound, clocks and bodies, as nodes count them; of those
+    about devices that of each device.
+    """
     found = [
-        (name, key.removeprefix(LATEST), text)
-        for name, values in counted.items() for key, text in values.items() if key.startswith(LATEST)
+        key.removeprefix(LATEST).partition(OF)[::2] + (text,)
+        for values in counted.values() for key, text in values.items() if key.startswith(LATEST)
     ]  # fmt: skip
-    return [Notice(code, "warning", text) for _, code, text in found if code.startswith(TOLD)]
+    by_device = {code for code, device, _ in found if device}
+    return [
+        Notice(code, "warning", text, {"device": device} if device else {}) for code, device, text in found
+        if code.startswith(TOLD) and (device or code not in by_device)
+    ]  # fmt: skip
 
 
 def dropped_in_all(counted: Mapping[str, Mapping[str, str]]) -> int:

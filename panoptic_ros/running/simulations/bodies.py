@@ -78,22 +78,18 @@ def _rows(points: Array, scores: Array) -> list[list[float] | None]:
 
 def _write_bag(path: Path, take: BodyGroup) -> None:
     """Rig, skeleton, 2D people and samples, by their stamps."""
-    from panoptic_ros.domain import ImuSample, ViewDetections
+    from panoptic_ros.domain import ImuSample
     from panoptic_ros.graph.topics import TOPICS
     from panoptic_ros.io.bags import BagWriter
     from panoptic_ros.io.messages import bag_messages, to_message
     from panoptic_ros.simulation import SKELETON
 
-    family, columns = bag_messages(), [take.joint_names.index(name) for name in SKELETON.joint_names]
-    rows: list[tuple[int, str, Any]] = []
-    for t, stamp in enumerate(take.stamps.tolist()):
-        for c, camera in enumerate(take.rig.cameras):
-            points, scores = (part[:, columns] for part in take.views[c][t])
-            points = np.where(scores[..., None] > 0.0, points, np.nan)
-            view = ViewDetections(
-                camera.name, stamp, t, camera.image_size, SKELETON.hash, points, scores, scores.mean(1)
-            )
-            rows.append((stamp, TOPICS["detections"].of(camera.name), view))
+    family = bag_messages()
+    rows: list[tuple[int, str, Any]] = [
+        (view.stamp_ns, TOPICS["detections"].of(view.camera), view)
+        for t in range(len(take.stamps))
+        for view in take.detections(t, SKELETON)
+    ]
     for name, series in take.devices.items():
         rows += [
             (stamp, TOPICS["imu"].of(name),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.domain import Camera, Rig, SkeletonModel, ViewDetections
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Subject
 from panoptic_ros.simulation.bodies.cameras import detect_joints
@@ -46,6 +46,19 @@ class BodyGroup:
     subjects: tuple[Subject, ...]
     truth: list[BodyState]
     strangers: list[BodyState]
+
+    def detections(self, instant: int, skeleton: SkeletonModel) -> list[ViewDetections]:
+        """2D people of all cameras at an instant, with the joints of a skeleton that the detector has all."""
+        columns = [self.joint_names.index(name) for name in skeleton.joint_names]
+        found = []
+        for camera, seen in zip(self.rig.cameras, self.views):
+            points, scores = (part[:, columns] for part in seen[instant])
+            points = np.where(scores[..., None] > 0.0, points, np.nan)
+            found.append(ViewDetections(
+                camera.name, int(self.stamps[instant]), instant, camera.image_size, skeleton.hash, points,
+                scores, scores.mean(1),
+            ))  # fmt: skip
+        return found
 
 
 def simulate_group(scene: BodyScene, seed: int, model: SegmentModel, clips: Mapping[str, Clip]) -> BodyGroup:
