@@ -53,7 +53,7 @@ class Person:
         self.tracker: SubjectTracker | None = None
         self.behind: dict[int, Behind] = {}  # by stamp, of instants that are not given yet
         self.of_track = False  # the newest 2D people are those of a track
-        self.seen_ever = False
+        self.came = False  # was ever seen, or felt by IMUs
         self.worn = frozenset(device.name for device in subject.devices)
         self._alone: SubjectTracker | None = None  # from cameras alone, to compare IMUs with
         self._mounted: tuple[float, tuple[str, ...]] | None = None  # what the tracker's IMUs are
@@ -78,7 +78,6 @@ class Person:
         mine = {name: reading for name, reading in readings.items() if name in self.worn}
         notices = self.fitting.take(stamp_ns, self.subject, mine)
         seen = bool(people) or joints is not None
-        self.seen_ever = self.seen_ever or seen
         instant = Instant(stamp_ns, {}, mine)
         if self.fitting.looking:
             notices += self._look(instant, people, joints, statistics)
@@ -90,6 +89,7 @@ class Person:
         if self.tracker is None and not self._begins(stamp_ns, seen, used):
             return done, notices
         tracker = self.tracker = self.tracker or self._new_tracker(stamp_ns)
+        self.came = True
         if seen and (self._returns or self._unseen > AGAIN_S * self._config.rate_hz):
             done += tracker.flush()
             tracker.move_to(people, joints)

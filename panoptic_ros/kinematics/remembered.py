@@ -33,7 +33,7 @@ CLASSES = (
     Motion, _Eliminated, _Linked,
     Fields.named(
         Person,
-        "_config subject weighing seen fitting tracker behind of_track seen_ever worn _alone _mounted "
+        "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
         "_without _unseen presence _returns",
     ),
     Fields.named(Presence, "last_ns _missed _usual _absence"),

@@ -266,7 +266,7 @@ class KinematicsStage(Stateful):
         return body_set(index - 1, stamp_ns, newest, self._model, self._skeleton, rows)
 
     def _never(self, number: int, person: Person) -> list[Notice]:
-        if person.seen_ever:
+        if person.came:
             return []
         text = (
             f"subject {number} has not come in {NEVER_S:g} s: no camera has seen it and no IMU that is "

@@ -23,7 +23,7 @@ from panoptic_ros.io.resources import share_folder
 from panoptic_ros.nodes.audio_common import audio_common_class
 from panoptic_ros.nodes.decoding import Decoder, decoder_of
 from panoptic_ros.nodes.family import message_class
-from panoptic_ros.nodes.negotiation import Negotiated
+from panoptic_ros.nodes.negotiation import FEW_AT_ONCE, MOST_AT_ONCE, Negotiated
 from panoptic_ros.nodes.packets import header_of, unpacked
 from panoptic_ros.nodes.quality import CLOCKS, data_quality
 from panoptic_ros.params import named_words
@@ -223,6 +223,7 @@ def _subscribe(
     subscription = Negotiated(
         node, message_class(row.message), choice.name(carrier, owner), take, quality,
         gives_way=live and not row.latched, tell=lambda notice: takers.tell(found, notice),
+        at_once=FEW_AT_ONCE if row.scope == "imu" else MOST_AT_ONCE,
     )  # fmt: skip
     name = subscription.topic_name
     arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())

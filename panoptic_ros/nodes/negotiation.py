@@ -17,6 +17,7 @@ from panoptic_ros.stage import Notice
 
 CLOSE_S = 0.003  # between messages: more of them wait
 MOST_AT_ONCE = 64  # messages, before other topics have their turn
+FEW_AT_ONCE = 8  # of devices that are read together: what one has sent must not run far ahead of the others
 BEST_EFFORT_DEPTH = 5  # as in ROS's profile for sensors
 
 
@@ -31,14 +32,15 @@ class Negotiated:
         quality: what is asked for at first.
         gives_way: whether it may become best effort (live).
         tell: about what does not fit.
+        at_once: how many messages are taken before other topics have their turn.
     """
 
     def __init__(
         self, node: Node, kind: Any, topic: str, take: Callable[[bytes, int], None], quality: QoSProfile,
-        gives_way: bool, tell: Callable[[Notice], None],
+        gives_way: bool, tell: Callable[[Notice], None], at_once: int = MOST_AT_ONCE,
     ):  # fmt: skip
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
-        self._quality, self._gives_way, self._tell = quality, gives_way, tell
+        self._quality, self._gives_way, self._tell, self._at_once = quality, gives_way, tell, at_once
         self._again: OneShot | None = None
         self._pause: OneShot | None = None
         self._newest_s = 0.0  # when a message came
@@ -75,7 +77,7 @@ class Negotiated:
         """Take what waits besides at once: waiting for each message anew costs more than the message."""
         handle = self._subscription.handle
         with handle:
-            for _ in range(MOST_AT_ONCE):
+            for _ in range(self._at_once - 1):
                 found = handle.take_message(self._kind, True) if self._pause is None else None
                 if found is None:
                     return
