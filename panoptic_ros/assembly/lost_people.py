@@ -16,7 +16,6 @@ from panoptic_ros.assembly.dynamic_programming import PartTree
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.domain.of_all import joined
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median
 from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints
 
 Array = np.ndarray
@@ -138,44 +137,23 @@ def _kinds_of_parts(skeleton: SkeletonModel) -> Array:
     return np.array(kinds, np.int64).reshape(-1, 3)
 
 
-@njit(cache=True, error_model="numpy")
-def typical_lengths(people, kinds):
+def typical_lengths(people: Array, kinds: Array) -> Array:
     """Median length (K,) m of each bone over people (P, J, 3) that have it; NaN if nobody, or no bone."""
-    lengths = np.full(len(kinds), np.nan)
-    found = np.empty(len(people))
-    for k in range(len(kinds)):
-        count = 0
-        for p in range(len(people)):
-            length = _distance(people[p, kinds[k, 0]], people[p, kinds[k, 1]])
-            if kinds[k, 2] >= 0 and length >= 0.0:  # False for NaN
-                found[count] = length
-                count += 1
-        if count:
-            lengths[k] = median(found[:count])
-    return lengths
+    lengths = np.linalg.norm(people[:, kinds[:, 0]] - people[:, kinds[:, 1]], axis=-1)
+    known = (kinds[:, 2] >= 0) & np.isfinite(lengths).any(axis=0)
+    typical = np.full(len(kinds), np.nan)
+    typical[known] = np.nanmedian(lengths[:, known], axis=0)
+    return typical
 
 
-@njit(cache=True, error_model="numpy")
-def likely_parts(nodes, joints, votes, kinds, lengths, longest):
+def likely_parts(
+    nodes: Array, joints: Array, votes: Array, kinds: Array, lengths: Array, longest: float
+) -> tuple[Array, Array, Array]:
     """Parts (M, 2), their bones and scores (M,): the mean vote of the ends, less where the length differs."""
-    parts, bones, scores = np.empty((256, 2), np.int64), np.empty(256, np.int64), np.empty(256)
-    count = 0
-    for k in range(len(kinds)):
-        for a in range(len(nodes)):
-            for b in range(len(nodes) if joints[a] == kinds[k, 0] else 0):
-                if joints[b] != kinds[k, 1]:
-                    continue
-                gap = _distance(nodes[a], nodes[b])
-                value = 0.5 * (votes[a] + votes[b])
-                if np.isfinite(lengths[k]):
-                    value *= np.exp(-0.5 * ((gap - lengths[k]) / (LENGTH_SHARE * lengths[k] + 0.02)) ** 2)
-                if not (gap <= longest and value > LEAST_SCORE):
-                    continue
-                if count == len(bones):
-                    parts = np.concatenate((parts, np.empty_like(parts)))
-                    bones = np.concatenate((bones, np.empty_like(bones)))
-                    scores = np.concatenate((scores, np.empty_like(scores)))
-                parts[count, 0], parts[count, 1] = a, b
-                bones[count], scores[count] = kinds[k, 2], value
-                count += 1
-    return parts[:count], bones[:count], scores[:count]
+    ends = (joints[:, None] == kinds[:, 0])[:, None] & (joints[:, None] == kinds[:, 1])[None]  # (N, N, K)
+    a, b, kind = np.nonzero(ends)
+    gaps, typical = np.linalg.norm(nodes[a] - nodes[b], axis=-1), lengths[kind]
+    unlike = (gaps - typical) / (LENGTH_SHARE * typical + 0.02)
+    scores = 0.5 * (votes[a] + votes[b]) * np.exp(-0.5 * np.nan_to_num(unlike) ** 2)
+    good = (gaps <= longest) & (scores > LEAST_SCORE)
+    return np.stack([a, b], axis=-1)[good], kinds[kind[good], 2], scores[good]
