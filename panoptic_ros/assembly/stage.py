@@ -18,8 +18,9 @@ from panoptic_ros.assembly.judgement import (
 )
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.map_votes import VoteNoise, move_to_votes, vote_sigmas
-from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares, residuals_to_learn
+from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares
 from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
+from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solved_in_motion, time_shift
 from panoptic_ros.assembly.warm_up import example_sets

@@ -12,7 +12,7 @@ from panoptic_ros.assembly.judgement import (
     needed_views,
     second_skeletons,
 )
-from panoptic_ros.assembly.noise import residuals_to_learn
+from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.domain import Camera
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.solving.joint_records import SolvedJoints

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from standing_people import ring
 
-from panoptic_ros.assembly.noise import CARRIED_NOISE, Marks, NoiseTable
+from panoptic_ros.assembly.noise import CARRIED_NOISE, Marks, NoiseTable, sizes_of
 from panoptic_ros.domain.rig_arrays import RigArrays
 
 RIG = replace(RigArrays.of(ring(2)), diagonals=np.array([2000.0, 1000.0]), focals=np.array([900.0, 800.0]))
@@ -16,7 +16,13 @@ def marks(scores, cameras, ages=None, zoom=1.0, kinds=0):
     plane = np.resize([[0.0, 0.0], [0.3, 0.4]], (*scores.shape, 2))
     ages = np.zeros(len(scores)) if ages is None else ages
     kinds = kinds + np.zeros(scores.shape, int)
-    return Marks(plane, np.full(scores.shape, zoom), scores, kinds, cameras, ages)
+    shown = plane, np.full(scores.shape, zoom), scores
+    return Marks(*shown, kinds, cameras, sizes_of(*shown), ages)
+
+
+def sizes_of_boxes(plane):
+    """Of 2D people (D, 2, 2) of two joints."""
+    return sizes_of(plane, np.ones(plane.shape[:2]), np.ones(plane.shape[:2]))
 
 
 def sigmas(table, seen):
@@ -77,3 +83,18 @@ def test_tails_are_the_deviation_of_nine_residuals_in_ten_over_that_of_half():
     expected = np.quantile(mixed, 0.9) / 2.14597 / (np.median(mixed) / 1.17741)
     tails = table.tails(marks(np.array([[0.25, 0.75, 0.0, 0.95]]), np.array([0])))
     assert expected > 3.0 and tails == pytest.approx(np.array([[expected, 1.0, 1.0, 1.0]]), rel=0.05)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.6, 1.0])
+def test_learns_how_noise_grows_with_size(slope):
+    rng = np.random.default_rng(1)
+    table, rows, joints = NoiseTable(2, 0.002, 4000.0), np.arange(300), np.zeros(300, int)
+    for _ in range(30):
+        sizes = rng.choice([0.1, 0.2, 0.4], 300)
+        plane = sizes[:, None, None] * np.array([[0.0, 0.0], [0.6, 0.8]])
+        seen = marks(np.full((300, 2), 0.5), np.ones(300, int))._replace(sizes=sizes_of_boxes(plane))
+        sigma = 2.0 * (sizes / 0.2) ** slope
+        table.learn(seen, (rows, joints, np.hypot(*rng.standard_normal((2, 300))) * sigma), RIG)
+    seen = marks(np.full((2, 2), 0.5), np.ones(2, int))._replace(sizes=np.array([0.1, 0.4]))
+    assert sigmas(table, seen)[:, 0] == pytest.approx(2.0 * 2.0 ** np.array([-slope, slope]), rel=0.12)
+    assert sizes_of_boxes(np.zeros((1, 2, 2)))[0] == 0.0  # of one joint
