@@ -58,6 +58,7 @@ class AssemblyStage(Stateful):
         self._hash = context.skeleton.hash  # computed at each call
         self._rig = RigArrays.of(context.rig)
         self._biases = _bias_table(config, context)
+        self._errs = any(context.skeleton.bias_floors)  # the detector, in the same way for long
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._limbs = limbs_of(context.skeleton)
         self._needed_views = needed_views(config.capture_views, context.rig.cameras)
@@ -127,6 +128,8 @@ class AssemblyStage(Stateful):
                 motion = motion_of(scene, solved, found.guide.shifts, self._rules.cauchy)
         observed = observed_views(found, scene.precision)
         tails = self._noise.tails(marks)
+        if not self._errs:
+            tails[:] = 1.0
         people = self._finish(scene, item, (solved, found, motion), observed.sum(axis=1), tails)
         supporting, cameras = (found.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
