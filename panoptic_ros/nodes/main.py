@@ -49,7 +49,8 @@ def _biases(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, An
 
 def _bodies(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
     """The kinematics stage's extras, by its parameters."""
-    names = [Path(path) for path in node.get_parameter(f"{prefix}subjects").value]
+    given = node.get_parameter_or(f"{prefix}subjects").value  # a list without entries is not set
+    names = [Path(path) for path in given or ()]
     words = ("segments", "prior", "offsets")
     return body_extras(names, *(node.get_parameter(f"{prefix}{name}").value for name in words))
 

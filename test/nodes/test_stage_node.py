@@ -16,6 +16,7 @@ from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
 from panoptic_ros.io.skeletons import load_skeleton  # noqa: E402
 from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.main import EXTRAS, make_stage_node  # noqa: E402
 from panoptic_ros.nodes.quality import LATCHED, data_quality  # noqa: E402
 from panoptic_ros.nodes.stage_node import StageNode  # noqa: E402
 from panoptic_ros.nodes.statics_node import StaticsNode  # noqa: E402
@@ -201,3 +202,13 @@ def test_what_another_stage_of_the_graph_gives_is_taken_of_every_camera(executor
     spin_until(executor, lambda: all(taken()))
     assert min(taken()) >= 1
     node.close()
+
+
+def test_bodies_of_everybody_need_no_subject(executor):
+    node = make_stage_node("kinematics", {"everybody": True, "flow": "live"})
+    try:
+        extras = EXTRAS["kinematics"](node, "", load_skeleton("panoptic19"))
+        assert extras["subjects"] == () and extras["segments"].names[0] == "hips"
+    finally:
+        node.close()
+        node.destroy_node()
