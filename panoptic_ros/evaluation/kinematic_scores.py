@@ -13,6 +13,7 @@ from panoptic_ros.geometry.rotations import mean_rotation, vectors_of
 
 Array = np.ndarray
 STANDING_SPEED = 0.1  # m/s
+ELLIPSOID_95 = 7.815  # squared Mahalanobis distance in space that 95 % stay within
 
 
 def score_bodies(
@@ -55,6 +56,17 @@ def score_bodies(
         "drift_m": _farthest(mine[:, 0] - places[:, 0], np.ones(len(pairs), bool)),
         "standing_drift_m": _farthest(mine[:, 0] - places[:, 0], _stands(places[:, list(ground)], step)),
     }  # fmt: skip
+
+
+def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
+    """Share of true joints that lie in the ellipsoids that are to hold 95 % of them; NaN without any."""
+    true, shares = {state.stamp_ns: state for state in truth}, []
+    for state in found:
+        if state.covariances is not None and state.stamp_ns in true:
+            off = state.places - true[state.stamp_ns].places
+            square = (off * np.linalg.solve(state.covariances[:, :3, :3], off[..., None])[..., 0]).sum(-1)
+            shares.append(float((square < ELLIPSOID_95).mean()))
+    return float(np.mean(shares)) if shares else float("nan")
 
 
 def _stands(joints: Array, step: float) -> Array:

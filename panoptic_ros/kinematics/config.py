@@ -70,6 +70,11 @@ class KinematicsConfig(Config):
         0.2, unit="s", ge=0.01, le=1000.0,
         doc="Time for which errors of joints and orientations stay the same: that much data count once.",
     )  # fmt: skip
+    lasting_share: float = param(
+        0.5, ge=0.0, le=1.0,
+        doc="Share of the variance of these errors that lasts longer; what bodies say of their own errors "
+        "rests on it.",
+    )  # fmt: skip
     prior_sd: float = param(
         12.0, unit="deg", ge=0.1, le=1000.0,
         doc="How far poses lie off the space of the prior, per axis, at most; less where they hardly vary.",

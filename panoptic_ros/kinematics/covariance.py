@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
 
-from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.chain import Pose, place_segments
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
@@ -14,23 +12,14 @@ Array = np.ndarray
 RIDGE = 1e-9  # as for the solution: what nothing determines is as unsure as can be
 
 
-def segment_covariances(chain: Chain, pose: Pose, information: Array) -> Array:
+def segment_covariances(chain: Chain, pose: Pose, covariance: Array) -> Array:
     """Covariances (S, 6, 6) of place, m, and of a small rotation from the left, rad, in the world.
 
     Args:
-        information: (3 + 3 S, 3 + 3 S) of a step of the pose, symmetric.
-
-    Raises:
-        ContractError: if it is not positive.
+        covariance: (3 + 3 S, 3 + 3 S) of a step of the pose.
     """
-    full = np.array(information, order="F")
-    full.ravel(order="K")[:: len(full) + 1] += RIDGE
-    factor, failed = lapack.dpotrf(full, lower=1, overwrite_a=1)
-    if failed:
-        raise ContractError(f"the information of a pose is not positive (row {failed})")
-    inverse, _ = lapack.dpotri(factor, lower=1, overwrite_c=1)
     found = np.empty((len(chain.parents), 6, 6))
-    _carry(chain, pose, inverse.T, found)
+    _carry(chain, pose, covariance, found)
     return found
 
 

@@ -14,13 +14,14 @@ import math
 from collections import deque
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, lapack
+from scipy.linalg import cho_factor, cho_solve
 
 from panoptic_ros.geometry.chain import Pose, turn_slopes
 from panoptic_ros.geometry.rotations import rotations_of, turn_about_z, vectors_of
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.normal_equations import assemble
+from panoptic_ros.kinematics.positive_matrices import inverse_of
 from panoptic_ros.kinematics.targets import Evidence, no_anchor
 
 Array = np.ndarray
@@ -173,13 +174,5 @@ class MountingEstimate:
     ) -> tuple[Array, Array]:
         """State and covariance for these deviations of the heading and of the mountings (N,)."""
         precision = np.r_[spreads[0] ** -2, np.repeat(spreads[1] ** -2, 3)]
-        covariance = _inverse(looks * information + np.diag(precision))
+        covariance = inverse_of(looks * information + np.diag(precision))
         return -covariance @ (looks * pull), covariance
-
-
-def _inverse(matrix: Array) -> Array:
-    """Of a positive matrix (N, N)."""
-    factor, _ = lapack.dpotrf(matrix, lower=1)
-    half, _ = lapack.dpotri(factor, lower=1)
-    found: Array = np.tril(half) + np.tril(half, -1).T
-    return found

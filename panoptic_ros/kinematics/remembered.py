@@ -67,7 +67,8 @@ CLASSES = (
     Fields.named(Wearing, "_looks _count"),
     Fields.named(
         PoseWindow,
-        "_chain _motion _lag _size _weights _poses _next _information _eliminated _linked iterations",
+        "_chain _motion _lag _size _weights _poses _next _information _pulled _open _eliminated _linked "
+        "iterations",
     ),
     Fields.named(
         MountingEstimate,

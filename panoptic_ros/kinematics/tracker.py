@@ -273,8 +273,8 @@ class SubjectTracker:
         )
         rate = self._config.rate_hz / (2.0 if back else 1.0)
         spins = rate * vectors_of(np.ascontiguousarray(frames[0] @ frames[2].swapaxes(1, 2)))
-        covariances = segment_covariances(self._chain, poses[back], self._window.information(back))
+        covariance = self._window.covariance(back, self._config.lasting_share)
         return BodyState(
             self._stamps[-1 - back], self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
-            spins, covariances,
+            spins, segment_covariances(self._chain, poses[back], covariance),
         )  # fmt: skip

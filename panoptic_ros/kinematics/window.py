@@ -15,18 +15,20 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack
 
-from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.chain import Pose, step_between, step_pose
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.motion_sums import add_motion, add_second_differences, first_differences
+from panoptic_ros.kinematics.positive_matrices import factor_of, forward, inverse_of, solved_by
 from panoptic_ros.kinematics.solve import solve_pose
 from panoptic_ros.kinematics.targets import NOTHING_BETWEEN, Anchor, Between, Evidence
 
 Array = np.ndarray
 LONGEST_STEP = 0.5  # rad or m, between two instants, that is carried on as a velocity
 RIDGE = 1e-6
+NEW = 0.5  # of what instants within the time of errors share, that counts as new
+OPEN = 1e-3  # 1/m^2 or 1/rad^2, of what the evidence of an instant leaves open
+LEAST = 1e-6  # of that, of what nothing determines at all: it is as unsure as can be
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,16 @@ class _Eliminated(NamedTuple):
 
 class _Linked(NamedTuple):
     """What an instant added: (D, D) of second differences with the two before it, of first differences with
-    the one before, of its own evidence; and (2 D, 2 D) of that one and it, given all up to it."""
+    the one before, of its own evidence, and its lower factor; and, given all up to it, (2 D, 2 D) of the one
+    before and it, and (2 D, D) by how much errors that last pull them, see `PoseWindow.covariance`."""
 
     bend: Array
     turn: Array
     own: Array
+    root: Array
     joint: Array
+    pulled: Array
+    weight: float
 
 
 class PoseWindow:
@@ -80,6 +86,8 @@ class PoseWindow:
         self._poses = [start.copy(), start.copy()]
         self._next: Pose | None = None  # what is predicted, once somebody asked
         self._information = self.start
+        self._pulled = np.zeros((2 * self._size, self._size))
+        self._open = OPEN * np.eye(self._size)
         self._eliminated: deque[_Eliminated] = deque(maxlen=lag + 1)
         self._linked: deque[_Linked] = deque(maxlen=lag + 1)
         self.iterations = 0
@@ -127,21 +135,27 @@ class PoseWindow:
         n = self._size
         bend, slope, turn, pull = self._between(guess, between)
         # the pose before the last, against the last and the new one
-        rows = np.empty((n, 2 * n + 1), order="F")
+        rows = np.empty((n, 3 * n + 1), order="F")
         rows[:, :n] = self._information[:n, n:] - 2.0 * bend
-        rows[:, n:-1] = bend
-        rows[:, -1] = slope
-        first = _factor(self._information[:n, :n] + bend)
+        rows[:, n : 2 * n] = bend
+        rows[:, 2 * n] = slope
+        rows[:, 2 * n + 1 :] = self._pulled[:n]
+        first = factor_of(self._information[:n, :n] + bend)
         self._eliminated.append(
-            _Eliminated(self._poses[0].copy(), self._poses[1].copy(), guess.copy(), first, rows)
+            _Eliminated(
+                self._poses[0].copy(), self._poses[1].copy(), guess.copy(), first, rows[:, : 2 * n + 1]
+            )
         )
-        solved = _forward(first, rows)
+        both = forward(first, rows)
+        solved, pulled = both[:, : 2 * n + 1], both[:, : 2 * n].T @ both[:, 2 * n + 1 :]
+        np.negative(pulled, out=pulled)
+        pulled[:n] += self._pulled[n:]
         rest = solved.T @ solved
         add_motion(self._information, (bend, slope), (turn, pull), rest)
         # the last one against the new one
-        second = _factor(rest[:n, :n])
+        second = factor_of(rest[:n, :n])
         against = np.array(rest[:n, n:], order="F")
-        solved = _forward(second, against)
+        solved = forward(second, against)
         left = rest[n:-1, n:] - solved[:, :-1].T @ solved
         anchor = Anchor(
             guess.root.copy(), guess.turns.copy(), np.ascontiguousarray(left[:, :-1]), left[:, -1].copy(), 1.0
@@ -151,28 +165,49 @@ class PoseWindow:
         step = np.ones(n + 1)
         step_between(guess, pose, step[:-1])
         middle = self._poses[1].copy()
-        step_pose(self._poses[1], -_solve(second, against @ step), middle)
+        step_pose(self._poses[1], -solved_by(second, against @ step), middle)
         full = np.empty((2 * n, 2 * n))
         full[:n, :n], full[:n, n:], full[n:, :n] = rest[:n, :n], against[:, :-1], against[:, :-1].T
         full[n:, n:] = rest[n:-1, n:-1] + hessian - anchor.information
-        self._information = full
-        self._linked.append(_Linked(bend, turn, hessian - anchor.information, full))
+        own = hessian - anchor.information
+        root = factor_of(own + self._open)
+        pulled[n:] += root
+        self._information, self._pulled = full, pulled
+        self._linked.append(_Linked(bend, turn, own, root, full, pulled, evidence.weight))
         self._poses, self._next = [middle, pose], None
         return pose
 
-    def information(self, back: int) -> Array:
+    def covariance(self, back: int, lasting: float) -> Array:
         """Of a step of the pose (D, D) of so many instants ago, given all so far.
 
         What came up to it and what came after it speak of it and of the pose before; they are added, and the
-        pose before is eliminated (Fraser and Potter 1969).
+        pose before is eliminated (Fraser and Potter 1969). That takes the errors of each stretch of evidence
+        for new. A share of them lasts: it pulls the pose the same way at all instants, so its steps add up,
+        and not their squares (a consider covariance, Schmidt 1966). Errors of an instant are those of the
+        triangular factor of its information.
+
+        Args:
+            lasting: that share of the variance.
         """
         n = self._size
-        later = np.zeros((2 * n, 2 * n))
-        for link in itertools.islice(reversed(self._linked), back):
-            later = _before(link, later)
-        both = self._linked[-1 - back].joint + later
-        solved = _forward(_factor(both[:n, :n]), both[:n, n:])
-        found: Array = both[n:, n:] - solved.T @ solved
+        later, own = np.zeros((2 * n, 2 * n)), np.zeros((n, n))
+        for after in itertools.islice(reversed(self._linked), back):
+            later = _before(after, later)
+            own += after.own
+        link = self._linked[-1 - back]
+        both, pulled = link.joint + later, link.pulled
+        if back:
+            # what moves all later evidence by the same moves the pose by it: motion says nothing against that
+            whole = later[:, :n] + later[:, n:]
+            pulled = pulled + forward(factor_of(own / back + self._open), whole.T).T
+        rows = np.empty((n, 2 * n), order="F")
+        rows[:, :n], rows[:, n:] = both[:n, n:], pulled[:n]
+        solved = forward(factor_of(both[:n, :n]), rows)
+        rest = solved[:, :n].T @ solved
+        found = inverse_of(both[n:, n:] - rest[:, :n] + LEAST * self._open)
+        # by errors of 1 in all instants, less what counts as new already
+        moved = found @ (pulled[n:] - rest[:, n:] - (NEW / link.weight) * link.root)
+        found += lasting * link.weight * (moved @ moved.T)
         return found
 
     def smoothed(self) -> list[Pose]:
@@ -186,7 +221,7 @@ class PoseWindow:
             step_between(past.later, found[-1], steps[:n])
             step_between(past.last, found[-2], steps[n:-1])
             pose = past.pose.copy()
-            step_pose(past.pose, -_solve(past.factor, past.rows @ steps), pose)
+            step_pose(past.pose, -solved_by(past.factor, past.rows @ steps), pose)
             found.append(pose)
         return found
 
@@ -214,37 +249,14 @@ def _before(link: _Linked, later: Array) -> Array:
     about it and the one before, by eliminating it."""
     n = len(link.own)
     bend, turn = link.bend, link.turn
-    against = np.concatenate([bend, later[n:, :n] - 2.0 * bend - turn], axis=1)
-    solved = _forward(_factor(bend + turn + link.own + later[n:, n:]), against)
-    found: Array = -(solved.T @ solved)
+    against = np.empty((n, 2 * n), order="F")
+    against[:, :n] = bend
+    against[:, n:] = later[n:, :n] - 2.0 * bend - turn
+    solved = forward(factor_of(bend + turn + link.own + later[n:, n:]), against)
+    found: Array = solved.T @ solved
+    np.negative(found, out=found)
     found[:n, :n] += bend
     found[:n, n:] -= 2.0 * bend
     found[n:, :n] -= 2.0 * bend
     found[n:, n:] += 4.0 * bend + turn + later[:n, :n]
     return found
-
-
-def _factor(matrix: Array) -> Array:
-    """Lower Cholesky factor (N, N).
-
-    Raises:
-        ContractError: if there is none.
-    """
-    factor: Array
-    factor, failed = lapack.dpotrf(matrix, lower=1)
-    if failed:
-        raise ContractError(f"the window has no information on degree of freedom {failed}")
-    return factor
-
-
-def _forward(factor: Array, rows: Array) -> Array:
-    """factor^-1 rows."""
-    found: Array
-    found, _ = lapack.dtrtrs(factor, rows, lower=1)
-    return found
-
-
-def _solve(factor: Array, vector: Array) -> Array:
-    """(factor factor^T)^-1 vector."""
-    found, _ = lapack.dpotrs(factor, vector, lower=1)
-    return np.ravel(found)

@@ -88,12 +88,13 @@ def test_a_lag_helps():
     assert error_mm(poses, run(poses, 6)) < 0.8 * error_mm(poses, run(poses, 0))
 
 
+@pytest.mark.parametrize("lasting", [0.0, 0.7])
 @pytest.mark.parametrize("back", [0, 1, 4])
-def test_the_information_of_a_pose_is_that_of_all_data_so_far(back):
+def test_the_covariance_of_a_pose_is_that_of_all_data_so_far(back, lasting):
     """Against the dense matrix of all poses of a body that stands still."""
-    pose, count, motion = moving(1)[0], 9, Motion(8.0, 60.0, PERIOD)
+    pose, count, motion, weight = moving(1)[0], 9, Motion(8.0, 60.0, PERIOD), 0.1
     window = PoseWindow(CHAIN, pose, motion, 5)
-    evidence = points(pose, 0.0, np.random.default_rng(0), 0.1)
+    evidence = points(pose, 0.0, np.random.default_rng(0), weight)
     for _ in range(count):
         window.step(pose.copy(), evidence)
     own, gradient = np.empty((D, D)), np.empty(D)
@@ -108,8 +109,27 @@ def test_the_information_of_a_pose_is_that_of_all_data_so_far(back):
                 dense[t - 2 + a, :, t - 2 + b] += left * right * bend
     covariance = np.linalg.inv(dense.reshape((count + 2) * D, -1)).reshape(dense.shape)
     last = count + 1 - back
-    found = np.linalg.inv(window.information(back))
-    assert np.allclose(found, covariance[last, :, last], rtol=1e-3, atol=1e-9)
+    # errors of one instant move the pose by these steps; those that last are the same in all of them
+    steps = covariance[last, :, 2:] @ np.linalg.cholesky(own)
+    common = steps.sum(1) - steps[:, last - 2] / (2.0 * weight)
+    expected = covariance[last, :, last] + lasting * weight * common @ common.T
+    found = window.covariance(back, lasting)
+    assert np.allclose(found, expected, rtol=1e-3, atol=2e-3 * expected.max())
+
+
+def test_errors_that_last_leave_a_pose_as_unsure_as_few_looks_at_it():
+    """However long a body stands still before the same cameras, with motion that would be noticed."""
+    pose, weight = moving(1)[0], 0.1
+    window = PoseWindow(CHAIN, pose, Motion(0.05, 0.5, PERIOD), 6)
+    evidence = points(pose, 0.0, np.random.default_rng(0), weight)
+    for _ in range(200):
+        window.step(pose.copy(), evidence)
+    own, gradient = np.empty((D, D)), np.empty(D)
+    assemble(CHAIN, pose, evidence._replace(weight=1.0), no_anchor(S), own, gradient)
+    look = np.diag(np.linalg.inv(own))
+    assert np.all(np.diag(window.covariance(6, 0.0)) < 0.4 * look)
+    assert np.all(np.diag(window.covariance(6, 1.0)) > 0.7 * look)
+    assert np.all(np.diag(window.covariance(6, 1.0)) < 1.3 * look)
 
 
 def test_what_came_later_makes_a_pose_surer():
@@ -118,5 +138,5 @@ def test_what_came_later_makes_a_pose_surer():
     window = PoseWindow(CHAIN, poses[0], Motion(8.0, 60.0, PERIOD), 6)
     for pose in poses[1:]:
         window.step(window.predicted(), points(pose, 0.02, rng, 0.05))
-    newest, past = (np.linalg.inv(window.information(back)) for back in (0, 6))
+    newest, past = (window.covariance(back, 0.0) for back in (0, 6))
     assert np.all(np.diag(past) < 0.8 * np.diag(newest))

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState
-from panoptic_ros.evaluation.kinematic_scores import score_bodies
+from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SKIPPED_S, BodyCase
 from panoptic_ros.stage import Progress
-
-ELLIPSOID_95 = 7.815  # squared Mahalanobis distance in space that 95 % stay within
 
 
 def study_captures(
@@ -54,17 +52,6 @@ def taken(found: Sequence[BodyState], everybody: dict[int, list[BodyState]]) -> 
         far = {o.id: np.linalg.norm(o.places - state.places) for o in everybody.get(state.stamp_ns, ())}
         count += bool(far) and min(far, key=lambda number: far[number]) != state.id
     return count
-
-
-def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
-    """Share of true joints that lie in the ellipsoids that are to hold 95 % of them; NaN without any."""
-    true, shares = {state.stamp_ns: state for state in truth}, []
-    for state in found:
-        if state.covariances is not None and state.stamp_ns in true:
-            off = state.places - true[state.stamp_ns].places
-            square = (off * np.linalg.solve(state.covariances[:, :3, :3], off[..., None])[..., 0]).sum(-1)
-            shares.append(float((square < ELLIPSOID_95).mean()))
-    return float(np.mean(shares)) if shares else float("nan")
 
 
 def capture_lines(result: dict[str, Any]) -> Iterator[str]:

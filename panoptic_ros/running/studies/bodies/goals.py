@@ -83,7 +83,7 @@ def goal_lines(result: dict[str, Any]) -> Iterator[str]:
     yield "simulated captures: no reproduction of Total Capture; mean (worst capture)"
     yield (
         f"{'cameras + IMUs':<16}{'captures':>9}  {'method':<14}{'mm':>15}{'deg':>14}{'m/s^2':>14}"
-        f"{'drift m':>14}   ours / paper: mm, deg"
+        f"{'drift m':>14}{'in 95 %':>9}   ours / paper: mm, deg"
     )
     for goal in GOALS:
         rows = {
@@ -96,6 +96,8 @@ def goal_lines(result: dict[str, Any]) -> Iterator[str]:
             cells = [_cell(found, key, 2 if key.endswith("_m") else 1) for key in keys]
             text = f"{goal.name:<16}{len(found):>9}  {method:<14}{cells[0]:>15}"
             text += "".join(f"{cell:>14}" for cell in (cells[1:] if not goal.cameras else [*cells[1:3], "-"]))
+            said = float(np.mean([row["inside"] for row in found])) if goal.cameras else np.nan
+            text += f"{said:9.3f}" if np.isfinite(said) else f"{'-':>9}"
             yield text + (f"   {_ratios(rows, goal)}" if method == OURS else "")
         yield f"{'':<16}{'':>9}  {_verdict(goal, rows)}"
 

@@ -42,6 +42,7 @@ def test_goals_that_a_capture_has_the_inputs_for(case):
 )
 def test_a_goal_is_met_by_itself_or_beside_the_papers_solver(ours, said):
     rest = {"scene": "a", "seed": 0, "inputs": "2 + 13", "deg": 5.0, "acc": 1.0, "standing_drift_m": 0.0}
+    rest["inside"] = 0.95
     rows = [rest | {"method": OURS, "mm": ours}, rest | {"method": "malleson-2020", "mm": 50.0}]
     lines = list(goal_lines({"rows": rows}))
     assert len(lines) == 5 and said in lines[4]
