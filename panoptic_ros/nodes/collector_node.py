@@ -10,10 +10,14 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
+from panoptic_ros.io.messages.bodies import read_imu
 from panoptic_ros.nodes.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.family import message_class
+from panoptic_ros.nodes.negotiation import Negotiated
+from panoptic_ros.nodes.packets import unpacked
 from panoptic_ros.nodes.quality import CLOCKS, collecting_quality
 from panoptic_ros.nodes.streams import StreamEnds
+from panoptic_ros.stage import Notice
 
 
 class CollectorNode(Node):
@@ -37,7 +41,7 @@ class CollectorNode(Node):
         self._refused: set[str] = set()  # topics of which that was told
         self.diagnostics: dict[str, dict[str, str]] = {}
         self._on_record = on_record
-        self._quality = collecting_quality(flow)
+        self._quality, self._live = collecting_quality(flow), flow.name == "live"
         self._ends = StreamEnds(self, self._end)
         self._kept = [self._subscribe("detections", camera) for camera in cameras]
         self._kept += [self._subscribe("audio", device) for device in devices]
@@ -72,7 +76,11 @@ class CollectorNode(Node):
 
         def take(message: Any) -> None:
             try:
-                self._on_record(key, from_message(message, topic.record))
+                if isinstance(message, bytes):
+                    message = unpacked(message, kind)
+                is_imu = topic.scope == "imu"  # whose frame_id is the driver's own
+                record = read_imu(message, camera) if is_imu else from_message(message, topic.record)
+                self._on_record(key, record)
             except DataError as error:
                 self._bad_messages += 1
                 self.diagnostics[self.get_name()] = {"dropped.bad_message": str(self._bad_messages)}
@@ -83,8 +91,20 @@ class CollectorNode(Node):
                 self._ends.taken(subscription.topic_name)
 
         kind, quality = message_class(topic.message), CLOCKS if topic.latched else self._quality
-        subscription = self.create_subscription(kind, topic.of(camera), take, quality)
+        subscription: Any
+        if topic.scope == "imu" and self._live:  # drivers often offer best effort only
+            subscription = Negotiated(
+                self, kind, topic.of(camera), lambda data, number: take(data), quality, gives_way=True,
+                tell=self._tell,
+            )  # fmt: skip
+        else:
+            subscription = self.create_subscription(kind, topic.of(camera), take, quality)
         return subscription
+
+    def _tell(self, notice: Notice) -> None:
+        """What does not fit of a driver; who takes its samples besides tells the rest."""
+        if notice.severity != "info":
+            self.get_logger().warning(notice.text)
 
     def _end(self, topic: str) -> None:
         self._open.discard(topic)

@@ -3,9 +3,13 @@ import time
 
 import captures
 import pytest
+from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 
+from rclpy.qos import qos_profile_sensor_data  # noqa: E402
+
+from panoptic_ros.domain import ImuSample  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import to_message  # noqa: E402
 from panoptic_ros.nodes.collector_node import CollectorNode  # noqa: E402
@@ -43,3 +47,23 @@ def test_waits_for_detections_that_come_after_the_last_skeletons(executor):
     spin(15.0, lambda: collector.over)
     assert collector.over and taken == ["detections"]
     assert collector.diagnostics["collector"] == {"dropped.bad_message": "1"}
+
+
+def test_samples_of_drivers_that_offer_best_effort_are_taken_live_by_the_name_of_their_topic(executor):
+    taken = []
+    collector = CollectorNode(
+        make_flow("live"), (), lambda key, record: taken.append((key, record)), bodies=["back"]
+    )
+    driver = rclpy.create_node("driver")
+    kind = message_class("sensor_msgs/msg/Imu")
+    publisher = driver.create_publisher(kind, "back/imu", qos_profile_sensor_data)
+    for node in (collector, driver):
+        executor.add_node(node)
+    message = to_message(ImuSample("imu_link", 5, [1, 0, 0, 0], [0, 0, 0], [0, 0, 9.8]), ros_messages())
+
+    def came():
+        publisher.publish(message)
+        return any(key == "imu" for key, _ in taken)
+
+    spin_until(executor, came)
+    assert next(record.device for key, record in taken if key == "imu") == "back"
