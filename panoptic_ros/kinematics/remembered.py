@@ -49,7 +49,8 @@ CLASSES = (
     ),
     Fields.named(MeasuredBody, "_seen"),
     Fields.named(
-        Timeline, "_rate_hz _origin _count _before _first_imu _last _periods _slowest _ahead newest_ns"
+        Timeline,
+        "_rate_hz _origin _count _before _first_imu _last _periods _slowest _ahead _others_go_on newest_ns",
     ),
     Fields.named(
         SubjectTracker,

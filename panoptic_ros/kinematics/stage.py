@@ -26,6 +26,7 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 IN_SPACE = -1  # the source of skeletons that come without 2D people
+ODD = "kinematics.odd_stamp"
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
 
@@ -122,7 +123,7 @@ class KinematicsStage(Stateful):
                 f"{item.device} is on no subject; it is left out", {"device": item.device},
             )  # fmt: skip
         notices = self._came(item.device, item.stamp_ns + wearer.fitting.offset_ns)
-        if not any(notice.code == "kinematics.odd_stamp" for notice in notices):
+        if not any(notice.code == ODD for notice in notices):
             notices += self._streams.take(item)
         return notices
 
@@ -175,7 +176,7 @@ class KinematicsStage(Stateful):
         for view in waiting.views:
             told = self._came(view.camera, view.stamp_ns)
             notices += told
-            if not any(notice.code == "kinematics.odd_stamp" for notice in told):
+            if not any(notice.code == ODD for notice in told):
                 usable.append(view)
         taken, tracked = set(), set()
         if item is not None:
@@ -193,9 +194,9 @@ class KinematicsStage(Stateful):
         if not verdict:
             return []
         name = source if isinstance(source, str) else (*self._allotment.cameras, "skeletons")[source]
-        if verdict == "odd":
+        if verdict in ("odd", "early"):
             text = f"the stamp {stamp_ns} of {name} is more than 2 s off the others; it is left out"
-            return [Notice("kinematics.odd_stamp", "warning", text, {"device": name})]
+            return [Notice(ODD, "warning" if verdict == "odd" else "info", text, {"device": name})]
         for person in self._people.values():
             person.restart()
         text = f"stamps go on from {stamp_ns}, as {name} and others say; bodies begin anew"

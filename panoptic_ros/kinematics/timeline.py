@@ -30,6 +30,7 @@ class Timeline:
         self._periods: dict[int | str, int] = {}
         self._slowest = USUAL_PERIOD_NS  # of the cameras' periods
         self._ahead: dict[int | str, int] = {}  # stamps too far off, by source, since its last that was not
+        self._others_go_on = False  # since the first of these
         self.newest_ns = -1
 
     @property
@@ -50,16 +51,18 @@ class Timeline:
         return self._slowest
 
     def came(self, source: int | str, stamp_ns: int) -> str:
-        """A sample has come: "" if it belongs to the time of the others, "jump" if time goes on from it, and
-        "odd" if it is to be left out."""
+        """A sample has come: "" if it belongs to the time of the others, "jump" if time goes on from it. It
+        is to be left out if it is "odd", as others go on in their time, or "early", as they may follow it."""
         if self.newest_ns >= 0 and abs(stamp_ns - self.newest_ns) > JUMP_NS:
+            self._others_go_on &= bool(self._ahead)
             self._ahead[source] = self._ahead.get(source, 0) + 1
             if not self._goes_on_elsewhere():
-                return "odd"
+                return "odd" if self._others_go_on else "early"
             self.restart()
             self._took(source, stamp_ns)
             return "jump"
         self._ahead.pop(source, None)
+        self._others_go_on = True
         self._took(source, stamp_ns)
         return ""
 
@@ -97,6 +100,7 @@ class Timeline:
         """Forget when sources came; instants count on."""
         self._origin = self._first_imu = None
         self._last, self._periods, self._slowest, self._ahead = {}, {}, USUAL_PERIOD_NS, {}
+        self._others_go_on = False
         self._before, self._count, self.newest_ns = self.index, 0, -1
 
     def due(self, at_end: bool = False) -> int | None:
