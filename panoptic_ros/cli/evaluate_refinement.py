@@ -14,6 +14,21 @@ from panoptic_ros.view.progress import PassBar
 REFINEMENT_STUDIES = ("refine", "refine-faults")
 
 
+def run_steady(args: argparse.Namespace) -> int:
+    """Run a capture without truth, print how steady people are, write the numbers."""
+    from panoptic_ros.running.studies.steady import steady_lines, study_steadiness  # numba is slow to load
+
+    if len(args.capture) != 1:
+        raise UsageError("--study steady needs one --capture DIR, a capture folder, demo or demo-single")
+    cameras = args.cameras.split(",") if args.cameras else []
+    with PassBar(args.study) as bar:
+        result = study_steadiness(args.capture[0], cameras, read_parameters(None, args.settings), bar.show)
+    if args.out is not None:
+        write_json(args.out / "steady.json", result)
+    print(json.dumps(result, indent=1) if args.json else "\n".join(steady_lines(result)))
+    return 0
+
+
 def run_refinement(args: argparse.Namespace) -> int:
     """Run a capture once, smooth it in every way, print a table, write the numbers."""
     from panoptic_ros.running.studies import refine, refine_faults  # numba is slow to load

@@ -34,7 +34,9 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "of IMUs; devices: IMUs that are worn otherwise than said; captures: unknown headings and clocks, "
         "bystanders, people who leave; identity: who stays who, and whom few "
         "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
-        "(--capture); refine-faults: the same of true joints with noise, outliers and gaps (--seeds); fill: "
+        "(--capture); refine-faults: the same of true joints with noise, outliers and gaps (--seeds); "
+        "steady: limb lengths and accelerations without truth, with and without patches (--capture, demo "
+        "or demo-single); fill: "
         "how bodies fit, and joints that few views see with and without them (--capture, also results of a "
         "run, with TRUTH if it is elsewhere); walkout: people whom two cameras, then one "
         "see, of a capture, or simulated (--seeds)",

@@ -5,7 +5,13 @@ import argparse
 import json
 
 from panoptic_ros.cli.evaluate_bodies import BODY_STUDIES, run_bodies
-from panoptic_ros.cli.evaluate_refinement import REFINEMENT_STUDIES, run_fill, run_refinement, run_walkout
+from panoptic_ros.cli.evaluate_refinement import (
+    REFINEMENT_STUDIES,
+    run_fill,
+    run_refinement,
+    run_steady,
+    run_walkout,
+)
 from panoptic_ros.io.files import write_json
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.view.progress import PassBar
@@ -28,5 +34,5 @@ def _run_identity(args: argparse.Namespace) -> int:
 WITHOUT_RIG = {
     **dict.fromkeys(BODY_STUDIES, run_bodies), "identity": _run_identity,
     **dict.fromkeys(REFINEMENT_STUDIES, run_refinement), "fill": run_fill,
-    "walkout": run_walkout,
+    "walkout": run_walkout, "steady": run_steady,
 }  # fmt: skip

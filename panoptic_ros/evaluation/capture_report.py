@@ -231,11 +231,11 @@ def _person(
     there = [(pose, int(i)) for pose in poses for i in np.flatnonzero(pose.ids == identity)]
     states = np.array([pose.states[i] for pose, i in there])
     found = states != JointState.MISSING
-    limbs = list(limb_joints(skeleton))
+    limbs, among = list(limb_joints(skeleton)), limb_bones(skeleton)
     lengths = 100.0 * bone_lengths(skeleton, poses, identity)
     names = [f"{skeleton.joint_names[a]}-{skeleton.joint_names[b]}" for a, b in skeleton.bones]
     kept = np.flatnonzero(np.isfinite(lengths).sum(0) >= 2).tolist()
-    of_limbs = [b for b in kept if set(skeleton.bones[b]) <= set(limbs) and not _is_across(skeleton, b)]
+    of_limbs = [b for b in kept if b in among]
     return PersonSummary(
         identity=identity,
         frames=len(there),
@@ -251,6 +251,14 @@ def _person(
         acceleration=typical_acceleration(
             np.array([pose.stamp_ns for pose, _ in there]), np.array([pose.positions[i] for pose, i in there])
         ),
+    )
+
+
+def limb_bones(skeleton: SkeletonModel) -> tuple[int, ...]:
+    """The bones of arms and legs."""
+    ends = set(limb_joints(skeleton))
+    return tuple(
+        b for b, bone in enumerate(skeleton.bones) if set(bone) <= ends and not _is_across(skeleton, b)
     )
 
 

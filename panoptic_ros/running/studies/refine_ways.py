@@ -110,13 +110,20 @@ def play(
     options = RunOptions(merged({"patches": {"active": True}}, settings))
     plan = plan_capture(folder, options, cameras=list(cameras) or None, depth=False)
     rig = with_sensors(folder, plan.rig) if depth != "none" else plan.rig
-    kept = _Kept(Played(plan, rig, read_sequence(truth_file)), progress, plan.instants or 1)
-    run_in_process(plan, kept, lambda: False)
-    played = kept.played
+    played, stamps = played_on(plan, rig, read_sequence(truth_file), progress)
     if depth != "none":
-        maps = depth_frames(folder, rig, kept.stamps, depth == "kinect", seed)
+        maps = depth_frames(folder, rig, stamps, depth == "kinect", seed)
         played.maps = sorted(maps, key=lambda item: item.stamp_ns)
     return played
+
+
+def played_on(
+    plan: Plan, rig: Rig, truth: SkeletonSequence, progress: Progress
+) -> tuple[Played, dict[tuple[str, int], int]]:
+    """Run a plan; also the stamps of images, by camera and number."""
+    kept = _Kept(Played(plan, rig, truth), progress, plan.instants or 1)
+    run_in_process(plan, kept, lambda: False)
+    return kept.played, kept.stamps
 
 
 class _Kept:
