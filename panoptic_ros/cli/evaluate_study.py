@@ -32,14 +32,12 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "VGA and QVGA images; time for a minute of capture. Without --rig: kinematics: bodies beside the "
         "paper's solver, -inputs: by cameras and IMUs; terms: each left out; alignment: heading and clock "
         "of IMUs; devices: IMUs that are worn otherwise than said; captures: unknown headings and clocks, "
-        "bystanders, people who leave; identity: who stays who, and whom few "
-        "views see; refine: smoothing of a capture with truth, with and without the motion of the surface "
-        "(--capture); refine-faults: the same of true joints with noise, outliers and gaps (--seeds); "
-        "steady: limb lengths and accelerations without truth, with and without patches (--capture, demo "
-        "or demo-single); fill: "
-        "how bodies fit, and joints that few views see with and without them (--capture, also results of a "
-        "run, with TRUTH if it is elsewhere); walkout: people whom two cameras, then one "
-        "see, of a capture, or simulated (--seeds)",
+        "bystanders, people who leave; identity: who stays who, and whom few views see; refine: smoothing "
+        "of a capture with truth, without and with the motion of the surface (--capture); refine-faults: of "
+        "true joints with noise, outliers and gaps (--seeds); steady: limb lengths and accelerations of a "
+        "capture without truth, the same (--capture, demo or demo-single); fill: how bodies fit, and joints "
+        "that few views see with and without them (--capture, also results of a run, with TRUTH if it is "
+        "elsewhere); walkout: people whom two cameras, then one see, of a capture, or simulated (--seeds)",
     )  # fmt: skip
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument(

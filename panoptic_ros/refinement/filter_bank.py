@@ -34,6 +34,7 @@ from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, 
 Array = np.ndarray
 
 LEAST = 1e-6  # s, over which a change of place is faded in
+STEADY = 1.0  # s, over which covariances of errors that last are followed
 SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
 
 
@@ -109,7 +110,7 @@ class FilterBank:
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
         else:
             people.turns[...] = np.nan
-        for name in ("scores", "noises", "person_scores", "filled"):
+        for name in ("scores", "noises", "person_scores", "filled", "lasting"):
             getattr(now.measured, name)[...] = getattr(last.measured, name)
         np.add(last.measured.ages, dt, out=now.measured.ages)
         now.predicted.states[(now.measured.ages > config.max_gap) & ~now.measured.carried] = np.nan
@@ -157,6 +158,7 @@ class FilterBank:
         there = np.isfinite(points[..., 0])
         now.measured.filled[rows] = np.where(there, item.states == FILLED, now.measured.filled[rows])
         now.measured.points[rows] = points
+        self._keep_lasting(now)
         innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
         if shift is not None:
             points = points + (shift.delays @ shift.assumed[..., None])[..., 0]
@@ -170,6 +172,18 @@ class FilterBank:
         new = now.measured.joints & np.isnan(now.motion.states[:, :, 0])
         for k in np.flatnonzero(new[rows].any(axis=1)).tolist() if new.any() else ():
             self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
+
+    def _keep_lasting(self, now: Moment) -> None:
+        """Follow what of errors lasts: it changes slowly, so bones that it moves do not shake, in place.
+
+        A joint that is not measured was lost to what made it err before: nothing is taken off.
+        """
+        measured = now.measured
+        shares = np.where(measured.joints, self._share, float(self._share > 0.0))[..., None, None]
+        new = np.trace(measured.lasting, axis1=-2, axis2=-1) == 0.0
+        gains = np.where(new, 1.0, -np.expm1(-now.dt / STEADY))
+        gains[measured.filled] = 0.0
+        measured.lasting[...] += gains[..., None, None] * (shares * measured.noises - measured.lasting)
 
     def _start(self, row: int, new: Array, points: Array, shift: TimeShift | None) -> None:
         """Begin the motion of a person's new joints (J,) from points (J, 3); shift: of this person alone."""
@@ -235,7 +249,8 @@ class FilterBank:
     def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:
         """Joints with their states, on bones of the learnt lengths, and with errors that last.
 
-        A joint that is not measured now was lost to what made it err before: nothing is taken off.
+        Bones are as wrong as errors that last make them, too: those of the filter are small where the surface
+        shows how joints move. Covariances keep all of what lasts, as learnt lengths err with it.
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
@@ -245,13 +260,14 @@ class FilterBank:
         judged = Judged(places, spreads, scores, np.empty(shape, np.uint8))
         judge(motion, measured, again, scales(self.people, self.lasting), lasting, limits, judged)
         if config.bone_sigma > 0.0:
-            lengths, frames = self.people.lengths, self.people.frames
+            (lengths, frames), whole = (self.people.lengths, self.people.frames), spreads + measured.lasting
             learn_lengths(places, spreads, judged.states, self._bones, lengths, frames)
             settled = np.where(frames >= config.bone_frames, lengths, np.nan)
-            pull_bones(places, spreads, judged.states, self._bones, settled, config.bone_sigma)
+            bones = judged.states, self._bones, settled, config.bone_sigma
+            pull_bones(places.copy(), spreads, *bones)
+            pull_bones(places, whole, *bones)
+        spreads += lasting[..., None, None] * measured.noises
         judged.states[measured.filled & (judged.states == MEASURED)] = FILLED
-        if self._share > 0.0 or measured.filled.any():
-            judged.covariances[...] += lasting[..., None, None] * measured.noises
         return judged
 
     def forget(self, stamp_ns: int) -> None:

@@ -33,6 +33,7 @@ class Measured(NamedTuple):
     carried: Array  # (P, J) bool, at each instant since those the surface showed how the joint moved
     person_scores: Array  # (P,) of those
     filled: Array  # (P, J) bool, whether the latest rest on a prediction and the rest of the body too
+    lasting: Array  # (P, J, 3, 3) m^2, of those that are not filled what smoothing leaves, of late
 
 
 class Moment(NamedTuple):
@@ -74,7 +75,7 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVI
     measured = Measured(
         np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
         np.zeros((*shape, 3, 3)), np.full((*shape, 3), np.nan), np.zeros(shape), np.zeros(shape, bool),
-        np.zeros(people), np.zeros(shape, bool),
+        np.zeros(people), np.zeros(shape, bool), np.zeros((*shape, 3, 3)),
     )  # fmt: skip
     noise, gains = np.zeros(shape), np.zeros((*shape, size, size))
     return Moment(stamp_ns, dt, noise, predicted, gains, motion, measured, np.zeros(shape, bool))

@@ -1,9 +1,13 @@
 """The compiled loops over bones against numpy."""
 import numpy as np
 
-from panoptic_ros.domain import JointState
+from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.bones import learn_lengths, pull_bones
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.stage import RefinementStage
+from panoptic_ros.stage import StageContext
 
+SECOND = 10**9
 BONES = np.array([[0, 1], [1, 2], [1, 3]])
 MISSING, MEASURED, FILLED = int(JointState.MISSING), int(JointState.MEASURED), int(JointState.FILLED)
 
@@ -86,3 +90,23 @@ def test_the_uncertain_end_moves():
     assert np.linalg.norm(points[0, 0]) < 1e-5 and 0.29 < points[0, 1, 2] < 0.32
     assert tightened[0, 1, 2, 2] < 0.1 * spread[0, 1, 2, 2]
     assert np.isclose(tightened[0, 1, 0, 0], spread[0, 1, 0, 0])
+
+
+def test_errors_that_last_are_taken_off_bones_and_stay_in_covariances():
+    model = SkeletonModel("arm", ("shoulder", "elbow"), 0, ((0, 1),), 0, bias_floors=(0.02, 0.02))
+    found = {}
+    for share in (0.0, 0.5):
+        config = RefinementConfig(lasting_share=share, lag=0.12)
+        stage, outputs = RefinementStage(config, StageContext(None, model)), []
+        for index in range(200):
+            off = 0.02 * np.sin(2.0 * np.pi * index / 50)  # of the elbow along the bone, for a second
+            positions = np.array([[[0.0, 0.0, 1.4], [0.0, 0.3 + off, 1.4]]])
+            outputs += stage.step(TrackedPoseSet(
+                index, SECOND + index * SECOND // 50, model.hash, positions,
+                np.tile(4e-4 * np.eye(3), (1, 2, 1, 1)), np.ones((1, 2)), np.full((1, 2), 4),
+                np.full((1, 2), JointState.MEASURED), np.ones(1), ids=np.array([4]),
+            )).outputs  # fmt: skip
+        lengths = [np.linalg.norm(item.positions[0, 1] - item.positions[0, 0]) for item in outputs[100:]]
+        found[share] = np.std(lengths), np.trace(outputs[-1].covariances[0, 1])
+    assert found[0.5][0] < 0.6 * found[0.0][0]
+    assert found[0.5][1] > found[0.0][1] + 3 * 0.9 * 0.5 * 4e-4
