@@ -250,7 +250,8 @@ class FilterBank:
         """Joints with their states, on bones of the learnt lengths, and with errors that last.
 
         Bones are as wrong as errors that last make them, too: those of the filter are small where the surface
-        shows how joints move. Covariances keep all of what lasts, as learnt lengths err with it.
+        shows how joints move. Lengths of bones whose ends err much are not learnt. Covariances keep all of
+        what lasts, as learnt lengths err with it.
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
@@ -261,7 +262,7 @@ class FilterBank:
         judge(motion, measured, again, scales(self.people, self.lasting), lasting, limits, judged)
         if config.bone_sigma > 0.0:
             (lengths, frames), whole = (self.people.lengths, self.people.frames), spreads + measured.lasting
-            learn_lengths(places, spreads, judged.states, self._bones, lengths, frames)
+            learn_lengths(places, whole, judged.states, self._bones, lengths, frames)
             settled = np.where(frames >= config.bone_frames, lengths, np.nan)
             bones = judged.states, self._bones, settled, config.bone_sigma
             pull_bones(places.copy(), spreads, *bones)
