@@ -38,7 +38,8 @@ VERBS: dict[str, str] = {
     "doctor": "what works on this machine, and what to do about what does not",
 }
 
-SMALL_MATRICES = frozenset(("kinematics", "evaluate", "prior"))  # threads of BLAS only wait for each other
+# no verb has matrices so large that threads of BLAS do more than wait for each other
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -95,9 +96,8 @@ def program() -> NoReturn:
     was run by exec() it would forget our exit code and kill itself with the signal.
     """
     listen_to_signals()
-    if not SMALL_MATRICES.isdisjoint(sys.argv[1:2]):
-        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-            os.environ.setdefault(name, "1")
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -1,5 +1,6 @@
 """The entry point: exit codes, one line per mistake, and interruptions whatever they come out as."""
 import errno
+import os
 import time
 
 import pytest
@@ -63,3 +64,13 @@ def test_help_of_every_verb(capsys, verb):
     with pytest.raises(SystemExit) as end:
         entry.main([verb, "--help"])
     assert end.value.code == 0 and f"panoptic {verb}" in capsys.readouterr().out
+
+
+def test_libraries_are_told_to_use_one_thread_unless_somebody_said_otherwise(monkeypatch):
+    told = {"OPENBLAS_NUM_THREADS": "3"}
+    monkeypatch.setattr(os, "environ", told)
+    monkeypatch.setattr(os, "_exit", lambda code: None)
+    monkeypatch.setattr(entry, "listen_to_signals", lambda: None)
+    monkeypatch.setattr(entry, "main", lambda: 0)
+    entry.program()
+    assert told == {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "3", "MKL_NUM_THREADS": "1"}
