@@ -158,7 +158,8 @@ class FilterBank:
         there = np.isfinite(points[..., 0])
         now.measured.filled[rows] = np.where(there, item.states == FILLED, now.measured.filled[rows])
         now.measured.points[rows] = points
-        self._keep_lasting(now)
+        if self._share > 0.0:
+            self._keep_lasting(now)
         innovations, noises = np.full((*now.noise.shape, 3), np.nan), now.measured.noises
         if shift is not None:
             points = points + (shift.delays @ shift.assumed[..., None])[..., 0]
@@ -261,13 +262,16 @@ class FilterBank:
         judged = Judged(places, spreads, scores, np.empty(shape, np.uint8))
         judge(motion, measured, again, scales(self.people, self.lasting), lasting, limits, judged)
         if config.bone_sigma > 0.0:
-            (lengths, frames), whole = (self.people.lengths, self.people.frames), spreads + measured.lasting
+            lengths, frames = self.people.lengths, self.people.frames
+            whole = spreads + measured.lasting if self._share > 0.0 else spreads
             learn_lengths(places, whole, judged.states, self._bones, lengths, frames)
             settled = np.where(frames >= config.bone_frames, lengths, np.nan)
             bones = judged.states, self._bones, settled, config.bone_sigma
-            pull_bones(places.copy(), spreads, *bones)
+            if whole is not spreads:
+                pull_bones(places.copy(), spreads, *bones)
             pull_bones(places, whole, *bones)
-        spreads += lasting[..., None, None] * measured.noises
+        if lasting.any():
+            spreads += lasting[..., None, None] * measured.noises
         judged.states[measured.filled & (judged.states == MEASURED)] = FILLED
         return judged
 
