@@ -127,7 +127,9 @@ class AssemblyStage(Stateful):
             if motion is not None and len(found.who) > known:
                 motion = motion_of(scene, solved, found.guide.shifts, self._rules.cauchy)
         observed = observed_views(found, scene.precision)
-        tails = self._noise.tails(marks) if self._errs else np.ones(marks.scores.shape)
+        tails = self._noise.tails(marks)
+        if not self._errs:
+            tails[:] = 1.0
         people = self._finish(scene, item, (solved, found, motion), observed.sum(axis=1), tails)
         supporting, cameras = (found.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
