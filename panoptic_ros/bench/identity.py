@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import DetectionSet, ViewAppearance
+from panoptic_ros.evaluation.ellipsoids import ELLIPSOID_95
 from panoptic_ros.evaluation.pairing import match_people
 from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.nodes import FUSION
@@ -25,7 +26,6 @@ Array = np.ndarray
 Settings = Mapping[str, Mapping[str, Any]]
 Looks = Callable[[Simulation, Sequence[DetectionSet]], Mapping[int, Sequence[ViewAppearance]]]
 NO_SETTINGS: Settings = {}
-ELLIPSOID = 7.815  # squared Mahalanobis distance within which 95 % of 3D errors lie
 SETTLED = 1.0  # s after an event, within which people must have their ids again
 VISITS_S, VISITORS, VISITS_HZ = 600.0, 5, 15.0
 STAYS, AWAY = (15.0, 60.0), (3.0, 30.0)  # s
@@ -205,7 +205,7 @@ def few_views(
                     present[name].append(float(there.mean()))
                     if match is not None:
                         errors[name].append(match.errors[there])
-                        inside[name].append(match.distances[there] < ELLIPSOID)
+                        inside[name].append(match.distances[there] < ELLIPSOID_95)
         child = follow(scene("child-among-3p8v"), seed + k, settings)
         seconds = (child[-1].seconds - child[0].seconds) / (len(child) - 1)
         missed = [0 not in now.found for now in child if now.seconds > 1.0]

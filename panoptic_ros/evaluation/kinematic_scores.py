@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState
+from panoptic_ros.evaluation.ellipsoids import ELLIPSOID_95, squared_distances
 from panoptic_ros.geometry.rotations import mean_rotation, vectors_of
 
 Array = np.ndarray
 STANDING_SPEED = 0.1  # m/s
-ELLIPSOID_95 = 7.815  # squared Mahalanobis distance in space that 95 % stay within
 
 
 def score_bodies(
@@ -64,8 +64,8 @@ def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
     for state in found:
         if state.covariances is not None and state.stamp_ns in true:
             off = state.places - true[state.stamp_ns].places
-            square = (off * np.linalg.solve(state.covariances[:, :3, :3], off[..., None])[..., 0]).sum(-1)
-            shares.append(float((square < ELLIPSOID_95).mean()))
+            squares = squared_distances(off, state.covariances[:, :3, :3])
+            shares.append(float((squares < ELLIPSOID_95).mean()))
     return float(np.mean(shares)) if shares else float("nan")
 
 
