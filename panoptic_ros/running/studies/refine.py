@@ -10,6 +10,8 @@ import numpy as np
 from panoptic_ros.domain import PatchTrajectories
 from panoptic_ros.domain.parts import HEAD_WORDS
 from panoptic_ros.evaluation.refinement_scores import refinement_scores
+from panoptic_ros.evaluation.surface import association_scores
+from panoptic_ros.io.surface_truth import read_surface
 from panoptic_ros.running.plans.parameters import Parameters
 from panoptic_ros.running.studies.refine_depth import free_space, transforms
 from panoptic_ros.running.studies.refine_ways import FILTERS, Played, Posed, offline, paper, play, smoothed
@@ -38,11 +40,11 @@ def study_refinement(
         "smoother": (played, ()), "smoother, patches": (played, patches)
     }  # fmt: skip
     pairs = played.pairs(played.raw)
-    told = {"images": motion_scores(played, patches)}
+    told = {"images": patch_scores(folder, played, patches)}
     if sensed.maps:
         seen = sensed.patches()
         ways["smoother, patches, depth"] = sensed, seen
-        told["depth"] = motion_scores(sensed, seen)
+        told["depth"] = patch_scores(folder, sensed, seen)
         names = [name.lower() for name in played.truth.joint_names]
         face = np.array([any(word in name for word in HEAD_WORDS) for name in names])
         told["depth"] |= free_space(sensed.rig, sensed.maps, pairs, face)
@@ -79,6 +81,11 @@ def study_lines(result: Mapping[str, Any]) -> list[str]:
             f"parts, by {name}: joints carried over one instant err by {own['t_median_mm']:.1f} mm (median), "
             f"{own['t_p90_mm']:.1f} mm (90 %), for {own['t_available']:.1%} of them"
         )
+        if "on_part" in own:
+            lines.append(
+                f"patches, by {name}: {own['on_part']:.3f} are on the right part, "
+                f"{own['wrong_person']:.2%} on somebody else, {own['off_body']:.2%} on nobody"
+            )
         if "free_true" in own:
             lines.append(
                 f"free space: {own['free_true']:.2%} of true and {own['free_measured']:.2%} of good measured "
@@ -92,10 +99,13 @@ def lag_shown(lag: float | None) -> str:
     return "all" if lag is None else f"{lag:.2f}"
 
 
-def motion_scores(played: Played, patches: Sequence[PatchTrajectories]) -> dict[str, float]:
-    """How well motions of parts carry true joints."""
-    context = StageContext(played.rig, played.skeleton)
-    return transforms(patches, played.pairs(played.raw), context, played.truth_order)
+def patch_scores(folder: Path, played: Played, patches: Sequence[PatchTrajectories]) -> dict[str, float]:
+    """How well motions of parts carry true joints, and how many patches are on the right part if the folder
+    tells where the surface is."""
+    context, pairs = StageContext(played.rig, played.skeleton), played.pairs(played.raw)
+    found = transforms(patches, pairs, context, played.truth_order)
+    surface = read_surface(folder)
+    return found if surface is None else found | association_scores(patches, pairs, surface, played.skeleton)
 
 
 def _row(method: str, lag: float | None, items: Posed, played: Played) -> dict[str, Any]:

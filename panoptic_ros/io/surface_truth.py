@@ -1,0 +1,38 @@
+"""Points of the surface of people in the `truth.npz` of a photoreal capture."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from panoptic_ros.evaluation.surface import SurfaceTruth
+from panoptic_ros.io.files import file_errors
+
+NAME, KEYS = "truth.npz", ("times", "points", "point_bone")
+# Bones of the default rig of MakeHuman, by how their names begin, and our parts. Skin of the neck belongs to
+# torso and head alike.
+BONES = {
+    "upperarm": "elbow", "lowerarm": "wrist", "wrist": "wrist", "metacarpal": "wrist", "finger": "wrist",
+    "upperleg": "knee", "lowerleg": "ankle", "foot": "ankle", "toe": "ankle",
+    "spine": "torso", "pelvis": "torso", "clavicle": "torso", "shoulder": "torso", "breast": "torso",
+    "neck": "",
+}  # fmt: skip
+
+
+def read_surface(folder: Path) -> SurfaceTruth | None:
+    """The surface of a capture folder; None if nothing tells it."""
+    path = folder / NAME
+    if not path.is_file():
+        return None
+    with file_errors(path, "read"), np.load(path) as found:
+        if any(key not in found for key in KEYS):
+            return None
+        times, points, bones = (found[key] for key in KEYS)
+    stamps = np.rint(1e9 * times).astype(np.int64)
+    return SurfaceTruth(stamps, points, np.vectorize(part_of_bone, otypes=[object])(bones))
+
+
+def part_of_bone(name: str) -> str:
+    """Our part, see `part_word`. Bones of the face are the head's."""
+    word = next((word for start, word in BONES.items() if name.startswith(start)), "head")
+    return word if word in ("torso", "head", "") else f"{name[-1].lower()} {word}"
