@@ -181,6 +181,11 @@ SCENES: dict[str, Scene] = {
         ("sit-down", "crouch", "reach"), _NEAR_RING, staging="spread", area=0.8, timing=Timing(rate=25.0),
         frames=60, rendered=True,
     ),
+    "rendered-child-4p8v": Scene(
+        "images of a child among three adults who crouch round it",
+        ("stand", "crouch", "crouch", "crouch"), _NEAR_RING, staging="among", timing=Timing(rate=25.0),
+        frames=100, rendered=True,
+    ),
     "rendered-table-4p8v": Scene(
         "images of four people round a table", ("sit",) * 4, _NEAR_RING, staging="table", table=0.60,
         timing=Timing(rate=25.0), frames=50, rendered=True,

@@ -15,10 +15,11 @@ from panoptic_ros.timecode.signal.shape_kernels import OWN, corrected, integrate
 from panoptic_ros.timecode.signal.wave import Edges, Samples, edge_places, train_rows
 from panoptic_ros.timecode.word.bit_clock import best_grid, drawn_grid
 from panoptic_ros.timecode.word.edge_kernels import fit_edges, line_through, waver
-from panoptic_ros.timecode.word.fit_kernels import FitLimits, fit_train, jumps, widest_gap
+from panoptic_ros.timecode.word.fit_kernels import FitLimits, fit_train
 from panoptic_ros.timecode.word.search_kernels import scan_lengths, sync_means
 from panoptic_ros.timecode.word.smoothing import BANDWIDTHS, Motion, likelihoods, smooth
 from panoptic_ros.timecode.word.tracking import track
+from panoptic_ros.timecode.word.unseen_kernels import jumps, widest_gap
 from panoptic_ros.timecode.word.viterbi import FREE, best_path, match, soft_bits
 
 

@@ -16,8 +16,8 @@ from panoptic_ros.timecode.follow.lines import CellLine, cell_line, curve_excess
 from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.word.fit import WordFit
-from panoptic_ros.timecode.word.fit_kernels import widest_gap
 from panoptic_ros.timecode.word.layout import WORD_CELLS
+from panoptic_ros.timecode.word.unseen_kernels import widest_gap
 
 Array = np.ndarray
 LEAST_STD = 0.00005  # samples; no sampler is better

@@ -20,8 +20,9 @@ from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid
 from panoptic_ros.timecode.signal.wave import Edges, Samples, edge_places
 from panoptic_ros.timecode.word.edge_kernels import fit_edges, line_through, waver
-from panoptic_ros.timecode.word.fit_kernels import FitLimits, fit_train, jumps, widest_gap
+from panoptic_ros.timecode.word.fit_kernels import FitLimits, fit_train
 from panoptic_ros.timecode.word.smoothing import Motion
+from panoptic_ros.timecode.word.unseen_kernels import jumps, widest_gap
 
 Array = np.ndarray
 MARGIN = 0.25  # cells before the first and after the last edge

@@ -16,7 +16,8 @@ from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid
 from panoptic_ros.timecode.signal.wave import Edges, Samples, train_rows
 from panoptic_ros.timecode.word.fit import fit_word
-from panoptic_ros.timecode.word.fit_kernels import jumps, misfit, widest_gap
+from panoptic_ros.timecode.word.fit_kernels import misfit
+from panoptic_ros.timecode.word.unseen_kernels import jumps, widest_gap
 
 
 @pytest.mark.parametrize("rate", [8000, 16000, 44100, 48000, 96000])
