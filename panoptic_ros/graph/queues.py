@@ -1,7 +1,7 @@
 """What a node keeps waiting, and what it takes next when it falls behind."""
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, Protocol
 
@@ -28,25 +28,27 @@ class InOrder:
 
     def __init__(self, limit_of: Callable[[str], int | None] = lambda key: None):
         self._limit_of = limit_of
-        self._items: deque[tuple[str, Any]] = deque()
-        self._counts: Counter[str] = Counter()
+        self._items: OrderedDict[int, tuple[str, Any]] = OrderedDict()  # by number, in order of arrival
+        self._numbers: defaultdict[str, deque[int]] = defaultdict(deque)  # of the items of each topic
+        self._newest = 0
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
         """See `Waiting`."""
-        limit, dropped = self._limit_of(key), 0
-        if limit is not None and self._counts[key] >= limit:
-            del self._items[next(i for i, entry in enumerate(self._items) if entry[0] == key)]
+        own, limit, dropped = self._numbers[key], self._limit_of(key), 0
+        if limit is not None and len(own) >= limit:
+            del self._items[own.popleft()]
             dropped = 1
-        self._items.append((key, item))
-        self._counts[key] += 1 - dropped
+        self._newest += 1
+        own.append(self._newest)
+        self._items[self._newest] = key, item
         return dropped
 
     def take(self) -> list[Any]:
         """See `Waiting`."""
         if not self._items:
             return []
-        key, item = self._items.popleft()
-        self._counts[key] -= 1
+        _, (key, item) = self._items.popitem(last=False)
+        self._numbers[key].popleft()
         return [item]
 
 

@@ -6,6 +6,7 @@ from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
+from panoptic_ros.kinematics.afterwards import Afterwards, Linked
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.contact import Contact
 from panoptic_ros.kinematics.devices import WornDevices
@@ -24,13 +25,13 @@ from panoptic_ros.kinematics.targets import Floor, Hinges, PosePrior
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.kinematics.tracker import SubjectTracker
 from panoptic_ros.kinematics.wearing import Wearing
-from panoptic_ros.kinematics.window import Motion, PoseWindow, _Eliminated, _Linked
+from panoptic_ros.kinematics.window import Motion, PoseWindow, _Eliminated
 from panoptic_ros.state import Fields
 
 CLASSES = (
     KinematicsConfig, Body, BodyState, Device, Subject, TPose, Chain, Pose, Behind, SeenJoints, SeenPoints,
     Floor, Hinges, PosePrior,
-    Motion, _Eliminated, _Linked,
+    Motion, _Eliminated, Linked, Afterwards,
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
@@ -69,7 +70,7 @@ CLASSES = (
     Fields.named(
         PoseWindow,
         "_chain _motion _lag _size _weights _poses _next _information _pulled _open _eliminated _linked "
-        "iterations",
+        "_after iterations",
     ),
     Fields.named(
         MountingEstimate,

@@ -37,6 +37,7 @@ from panoptic_ros.kinematics.window import Motion, PoseWindow
 Array = np.ndarray
 UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
+KEPT = 2  # instants, for which what comes after a pose is taken to look the same: a twentieth of a second
 SAME_LENGTHS = 0.002  # m, of a change that is not worth another
 
 
@@ -273,7 +274,8 @@ class SubjectTracker:
         )
         rate = self._config.rate_hz / (2.0 if back else 1.0)
         spins = rate * vectors_of(np.ascontiguousarray(frames[0] @ frames[2].swapaxes(1, 2)))
-        covariance = self._window.covariance(back, self._config.lasting_share)
+        kept = KEPT if back == self._lag else 0
+        covariance = self._window.covariance(back, self._config.lasting_share, kept)
         return BodyState(
             self._stamps[-1 - back], self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
             spins, segment_covariances(self._chain, poses[back], covariance),

@@ -18,6 +18,7 @@ import numpy as np
 
 from panoptic_ros.geometry.chain import Pose, step_between, step_pose
 from panoptic_ros.geometry.segment_chain import Chain
+from panoptic_ros.kinematics.afterwards import Afterwards, Linked, afterwards
 from panoptic_ros.kinematics.motion_sums import add_motion, add_second_differences, first_differences
 from panoptic_ros.kinematics.positive_matrices import factor_of, forward, inverse_of, solved_by
 from panoptic_ros.kinematics.solve import solve_pose
@@ -58,20 +59,6 @@ class _Eliminated(NamedTuple):
     rows: Array
 
 
-class _Linked(NamedTuple):
-    """What an instant added: (D, D) of second differences with the two before it, of first differences with
-    the one before, of its own evidence, and its lower factor; and, given all up to it, (2 D, 2 D) of the one
-    before and it, and (2 D, D) by how much errors that last pull them, see `PoseWindow.covariance`."""
-
-    bend: Array
-    turn: Array
-    own: Array
-    root: Array
-    joint: Array
-    pulled: Array
-    weight: float
-
-
 class PoseWindow:
     """Poses of one body, instant by instant.
 
@@ -89,7 +76,8 @@ class PoseWindow:
         self._pulled = np.zeros((2 * self._size, self._size))
         self._open = OPEN * np.eye(self._size)
         self._eliminated: deque[_Eliminated] = deque(maxlen=lag + 1)
-        self._linked: deque[_Linked] = deque(maxlen=lag + 1)
+        self._linked: deque[Linked] = deque(maxlen=lag + 1)
+        self._after: Afterwards | None = None  # as it was found last
         self.iterations = 0
 
     @property
@@ -173,11 +161,13 @@ class PoseWindow:
         root = factor_of(own + self._open)
         pulled[n:] += root
         self._information, self._pulled = full, pulled
-        self._linked.append(_Linked(bend, turn, own, root, full, pulled, evidence.weight))
+        self._linked.append(Linked(bend, turn, own, root, full, pulled, evidence.weight))
         self._poses, self._next = [middle, pose], None
+        if self._after is not None:
+            self._after = self._after._replace(age=self._after.age + 1)
         return pose
 
-    def covariance(self, back: int, lasting: float) -> Array:
+    def covariance(self, back: int, lasting: float, kept: int = 0) -> Array:
         """Of a step of the pose (D, D) of so many instants ago, given all so far.
 
         What came up to it and what came after it speak of it and of the pose before; they are added, and the
@@ -188,18 +178,14 @@ class PoseWindow:
 
         Args:
             lasting: that share of the variance.
+            kept: for so many instants what came after a pose is taken to look as it did then.
         """
         n = self._size
-        later, own = np.zeros((2 * n, 2 * n)), np.zeros((n, n))
-        for after in itertools.islice(reversed(self._linked), back):
-            later = _before(after, later)
-            own += after.own
-        link = self._linked[-1 - back]
-        both, pulled = link.joint + later, link.pulled
-        if back:
-            # what moves all later evidence by the same moves the pose by it: motion says nothing against that
-            whole = later[:, :n] + later[:, n:]
-            pulled = pulled + forward(factor_of(own / back + self._open), whole.T).T
+        link, after = self._linked[-1 - back], self._after if kept else None
+        if after is None or after.age > kept:
+            after = afterwards(itertools.islice(reversed(self._linked), back), self._open)
+            self._after = after if kept else self._after
+        both, pulled = link.joint + after.information, link.pulled + after.pulled
         rows = np.empty((n, 2 * n), order="F")
         rows[:, :n], rows[:, n:] = both[:n, n:], pulled[:n]
         solved = forward(factor_of(both[:n, :n]), rows)
@@ -242,21 +228,3 @@ class PoseWindow:
         first_differences(self._chain, self._poses[1], guess, between.turning, between.standing, turn, pull)
         turn[np.arange(n), np.arange(n)] += RIDGE
         return bend, slope, turn, pull
-
-
-def _before(link: _Linked, later: Array) -> Array:
-    """What an instant and all after it say about the two before it, (2 D, 2 D), from what those after it say
-    about it and the one before, by eliminating it."""
-    n = len(link.own)
-    bend, turn = link.bend, link.turn
-    against = np.empty((n, 2 * n), order="F")
-    against[:, :n] = bend
-    against[:, n:] = later[n:, :n] - 2.0 * bend - turn
-    solved = forward(factor_of(bend + turn + link.own + later[n:, n:]), against)
-    found: Array = solved.T @ solved
-    np.negative(found, out=found)
-    found[:n, :n] += bend
-    found[:n, n:] -= 2.0 * bend
-    found[n:, :n] -= 2.0 * bend
-    found[n:, n:] += 4.0 * bend + turn + later[:n, :n]
-    return found

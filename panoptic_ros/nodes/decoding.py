@@ -7,10 +7,13 @@ from typing import Any
 
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message
-from panoptic_ros.io.messages.bodies import read_imu
+from panoptic_ros.io.messages.bodies import imu_of_numbers, read_imu
 from panoptic_ros.nodes.audio_common import AudioDataReader
+from panoptic_ros.nodes.packets import header_of, numbers_of
 
 Decoder = Callable[[Any, int], Any]  # (message, how many came before it): the record
+PackedDecoder = Callable[[bytes], Any]  # bytes of a message: the record; None: take the message itself
+IMU_NUMBERS = 37  # of a sensor_msgs/Imu
 
 
 def decoder_of(
@@ -34,3 +37,15 @@ def decoder_of(
         reader = AudioDataReader(owner, audio_rate, audio_channels)
         return lambda message, number: reader.block(message)
     return lambda message, number: from_message(message, record)
+
+
+def packed_decoder_of(topic: str, owner: str) -> PackedDecoder | None:
+    """What makes records of the bytes of messages, for topics of which there are thousands a second."""
+    if TOPICS[topic].record != "ImuSample":
+        return None
+
+    def sample(data: bytes) -> Any:
+        numbers = numbers_of(data, IMU_NUMBERS)
+        return None if numbers is None else imu_of_numbers(numbers, header_of(data)[0], owner)
+
+    return sample

@@ -21,11 +21,12 @@ from panoptic_ros.graph.nodes import NODES, Port
 from panoptic_ros.graph.topics import TOPICS, variants
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.nodes.audio_common import audio_common_class
-from panoptic_ros.nodes.decoding import Decoder, decoder_of
+from panoptic_ros.nodes.decoding import Decoder, PackedDecoder, decoder_of, packed_decoder_of
 from panoptic_ros.nodes.family import message_class
-from panoptic_ros.nodes.negotiation import FEW_AT_ONCE, MOST_AT_ONCE, Negotiated
+from panoptic_ros.nodes.negotiation import Negotiated
 from panoptic_ros.nodes.packets import header_of, unpacked
 from panoptic_ros.nodes.quality import CLOCKS, data_quality
+from panoptic_ros.nodes.read_together import GatheringNode
 from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice
 
@@ -61,7 +62,8 @@ class Input:
         topic: key of the port's topic. carrier: of the one that is subscribed to, a variant or the same.
         owner: camera, sensor or device; "" for topics of the graph.
         name: full name. kind: class of its messages. decode: makes records of them.
-        on_record: told each record with its message.
+        on_record: told each record with its message, if there was one.
+        packed: makes records of the bytes, where that is quicker.
     """
 
     topic: str
@@ -74,6 +76,7 @@ class Input:
     continuity: Continuity | None = None
     count: int = 0
     on_record: Callable[[Any, Any], None] = lambda record, message: None
+    packed: PackedDecoder | None = None
 
     def record(self, data: bytes) -> Any:
         """The record of a message.
@@ -81,6 +84,9 @@ class Input:
         Raises:
             DataError: if it is none.
         """
+        record = None if self.packed is None else self.packed(data)
+        if record is not None:
+            return record
         message = unpacked(data, self.kind)
         record = self.decode(message, self.count)
         self.on_record(record, message)
@@ -164,7 +170,7 @@ class InputChoice:
 
 
 def subscribe(
-    node: Node, choice: InputChoice, topic: str, owner: str, flow: Flow, takers: Takers
+    node: GatheringNode, choice: InputChoice, topic: str, owner: str, flow: Flow, takers: Takers
 ) -> list[Input]:
     """Subscribe to a topic of a camera or device."""
     return [
@@ -174,7 +180,7 @@ def subscribe(
 
 
 def _subscribe(
-    node: Node, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow, takers: Takers
+    node: GatheringNode, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow, takers: Takers
 ) -> Input:
     row, live = TOPICS[carrier], flow.name == "live"
     frequent = row.scope in ("device", "imu")
@@ -223,7 +229,7 @@ def _subscribe(
     subscription = Negotiated(
         node, message_class(row.message), choice.name(carrier, owner), take, quality,
         gives_way=live and not row.latched, tell=lambda notice: takers.tell(found, notice),
-        at_once=FEW_AT_ONCE if row.scope == "imu" else MOST_AT_ONCE,
+        together=node.together if live and row.scope == "imu" else None,
     )  # fmt: skip
     name = subscription.topic_name
     arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
@@ -232,6 +238,7 @@ def _subscribe(
     found = Input(
         topic, carrier, owner, name, message_class(row.message), decoder, arrivals,
         Continuity() if in_order else None, on_record=takers.on_record,
+        packed=packed_decoder_of(carrier, owner),
     )  # fmt: skip
     return found
 

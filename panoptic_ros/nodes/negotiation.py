@@ -13,11 +13,11 @@ from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_n
 
 from panoptic_ros.nodes.executor import with_facts
 from panoptic_ros.nodes.one_shot import OneShot
+from panoptic_ros.nodes.read_together import Came, ReadTogether
 from panoptic_ros.stage import Notice
 
 CLOSE_S = 0.003  # between messages: more of them wait
 MOST_AT_ONCE = 64  # messages, before other topics have their turn
-FEW_AT_ONCE = 8  # of devices that are read together: what one has sent must not run far ahead of the others
 BEST_EFFORT_DEPTH = 5  # as in ROS's profile for sensors
 
 
@@ -32,20 +32,22 @@ class Negotiated:
         quality: what is asked for at first.
         gives_way: whether it may become best effort (live).
         tell: about what does not fit.
-        at_once: how many messages are taken before other topics have their turn.
+        together: reads the subscription; None: the executor does.
     """
 
     def __init__(
         self, node: Node, kind: Any, topic: str, take: Callable[[bytes, int], None], quality: QoSProfile,
-        gives_way: bool, tell: Callable[[Notice], None], at_once: int = MOST_AT_ONCE,
+        gives_way: bool, tell: Callable[[Notice], None], together: ReadTogether | None = None,
     ):  # fmt: skip
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
-        self._quality, self._gives_way, self._tell, self._at_once = quality, gives_way, tell, at_once
+        self._quality, self._gives_way, self._tell, self._together = quality, gives_way, tell, together
         self._again: OneShot | None = None
         self._pause: OneShot | None = None
         self._newest_s = 0.0  # when a message came
         self._subscription = self._subscribe()
         self._name = str(self._subscription.topic_name)
+        if together is not None:
+            together.add(self)
 
     @property
     def topic_name(self) -> str:
@@ -69,25 +71,49 @@ class Negotiated:
             if now - before < CLOSE_S:
                 self._drain()
 
-        return self._node.create_subscription(
+        made = self._node.create_subscription(
             self._kind, self._topic, with_facts(take), self._quality, event_callbacks=events, raw=True
         )
+        if self._together is not None:
+            self._together.keep(made)
+        return made
+
+    def _unsubscribe(self) -> None:
+        if self._together is not None:
+            self._together.forget(self._subscription)
+        self._node.destroy_subscription(self._subscription)
 
     def _drain(self) -> None:
         """Take what waits besides at once: waiting for each message anew costs more than the message."""
         handle = self._subscription.handle
         with handle:
-            for _ in range(self._at_once - 1):
+            for _ in range(MOST_AT_ONCE - 1):
                 found = handle.take_message(self._kind, True) if self._pause is None else None
                 if found is None:
                     return
                 self._take(found[0], found[1]["publication_sequence_number"])
 
+    def waiting(self) -> list[Came]:
+        """See `nodes.read_together.Source`."""
+        came: list[Came] = []
+        if self._pause is not None:
+            return came
+        handle = self._subscription.handle
+        with handle:
+            while len(came) < self._quality.depth and (found := handle.take_message(self._kind, True)):
+                came.append(Came(found[0], found[1]["publication_sequence_number"]))
+        return came
+
+    def take(self, came: Came) -> None:
+        """See `nodes.read_together.Source`."""
+        if self._pause is None:
+            self._take(*came)
+
     def pause(self, seconds: float, resumed: Callable[[], None]) -> None:
         """Take nothing for so long; publishers do not even send."""
 
         def begin() -> None:  # not within a callback of the subscription itself
-            self._node.destroy_subscription(self._subscription)
+            self._unsubscribe()
             self._pause = OneShot(self._node, seconds, end)
 
         def end() -> None:
@@ -113,7 +139,7 @@ class Negotiated:
     def _give_way(self) -> None:
         self._again = None
         if self._pause is None:
-            self._node.destroy_subscription(self._subscription)
+            self._unsubscribe()
         self._quality = copy.copy(self._quality)
         self._quality.reliability = ReliabilityPolicy.BEST_EFFORT
         self._quality.depth = max(self._quality.depth, BEST_EFFORT_DEPTH)

@@ -25,6 +25,7 @@ from panoptic_ros.nodes.own_cameras import OwnCameras
 from panoptic_ros.nodes.own_reading import OwnReading
 from panoptic_ros.nodes.parameters import declare_config, declare_flow
 from panoptic_ros.nodes.pausing import Pausing
+from panoptic_ros.nodes.read_together import GatheringNode, ReadTogether
 from panoptic_ros.nodes.reports import reports_of
 from panoptic_ros.nodes.rig_changes import RigChanges
 from panoptic_ros.nodes.stage_work import ChosenStages, StageWork, Surroundings
@@ -37,7 +38,7 @@ from panoptic_ros.stage import StageContext
 Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages need beyond the context
 
 
-class StageNode(Node):
+class StageNode(GatheringNode):
     """A node that runs one or more connected stages of `graph.nodes.NODES`.
 
     Records go from stage to stage as they are; messages are made for topics that leave the process or that
@@ -104,6 +105,7 @@ class StageNode(Node):
             lambda count: self._tally.dropped(self._tally.first, "queue_full", count),
             lambda: self._at_work.fetch(),
         )
+        self.together = ReadTogether(self, self._worker.at_once)
         self._reading = OwnReading(
             self, self._flow, own, lambda entry, record: self._at_work.put_own(entry, record),
             lambda key: self._at_work.end(key),

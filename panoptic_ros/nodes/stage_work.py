@@ -8,8 +8,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rclpy.node import Node
-
 from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.companions import Companions, Item
@@ -34,6 +32,7 @@ from panoptic_ros.nodes.own_cameras import OwnInput
 from panoptic_ros.nodes.own_reading import OwnReading
 from panoptic_ros.nodes.pausing import Pausing
 from panoptic_ros.nodes.progress import ProgressTold
+from panoptic_ros.nodes.read_together import GatheringNode
 from panoptic_ros.nodes.reports import Report
 from panoptic_ros.nodes.streams import StreamEnds
 from panoptic_ros.nodes.tally import Tally
@@ -51,7 +50,7 @@ class Surroundings:
         kept, pausing: None in replay.
     """
 
-    node: Node
+    node: GatheringNode
     flow: Flow
     choice: InputChoice
     reading: OwnReading

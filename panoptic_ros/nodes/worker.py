@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from panoptic_ros.errors import PanopticError
@@ -48,6 +49,12 @@ class Worker:
             self._changed.notify()
         if dropped:
             self._on_drop(dropped)
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """The thread sees nothing of what is enqueued meanwhile before all of it: it is woken once."""
+        with self._changed:
+            yield
 
     def note(self, item: Any) -> None:
         """Enqueue something that must not be dropped; it is done when no items wait."""

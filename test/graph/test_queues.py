@@ -9,6 +9,15 @@ def test_in_order_drops_the_oldest_of_the_same_topic():
     assert [queue.take() for _ in range(4)] == [["a1"], ["a2"], ["b0"], []]
 
 
+def test_what_is_left_of_many_topics_stays_in_order():
+    queue = InOrder(lambda key: 3)
+    assert sum(queue.put(f"{i % 7}", i, i) for i in range(70)) == 49
+    assert [queue.take()[0] for _ in range(21)] == list(range(49, 70))
+    assert queue.take() == []
+    queue.put("0", 0, "again")
+    assert queue.take() == ["again"]
+
+
 def test_without_a_limit_nothing_is_dropped():
     queue = InOrder()
     assert sum(queue.put("a", i, i) for i in range(1000)) == 0

@@ -132,6 +132,29 @@ def test_errors_that_last_leave_a_pose_as_unsure_as_few_looks_at_it():
     assert np.all(np.diag(window.covariance(6, 1.0)) < 1.3 * look)
 
 
+def test_what_comes_after_a_pose_is_kept_for_some_instants():
+    """While nothing changes that makes no difference; what came up to the pose counts at once."""
+    pose, rng = moving(1)[0], np.random.default_rng(0)
+    window = PoseWindow(CHAIN, pose, Motion(8.0, 60.0, PERIOD), 6)
+    few, many = (points(pose, 0.0, rng, weight) for weight in (0.05, 0.5))
+    for _ in range(60):
+        window.step(pose.copy(), few)
+    for _ in range(5):
+        window.step(pose.copy(), few)
+        kept, exact = window.covariance(6, 0.5, 2), window.covariance(6, 0.5)
+        assert np.allclose(kept, exact, rtol=1e-4, atol=1e-6 * exact.max())
+    same = []
+    for _ in range(6):
+        window.step(pose.copy(), many)
+        kept, exact = window.covariance(6, 0.5, 2), window.covariance(6, 0.5)
+        same.append(np.array_equal(kept, exact))
+    assert same.count(True) == 2  # found anew every third instant
+    for _ in range(6):
+        window.step(pose.copy(), many)
+        kept, exact = window.covariance(6, 0.5, 2), window.covariance(6, 0.5)
+    assert np.allclose(np.diag(kept), np.diag(exact), rtol=0.1)
+
+
 def test_what_came_later_makes_a_pose_surer():
     poses = moving(30)
     rng = np.random.default_rng(1)

@@ -105,18 +105,41 @@ def read_imu(message: Any, device: str) -> ImuSample:
         DataError: if a number is not finite where the message says that it was measured.
     """
     turn, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
-    parts: tuple[tuple[str, tuple[float, ...], Any], ...] = (
-        ("orientation", (turn.w, turn.x, turn.y, turn.z), message.orientation_covariance),
-        ("angular_velocity", (rate.x, rate.y, rate.z), message.angular_velocity_covariance),
-        ("linear_acceleration", (force.x, force.y, force.z), message.linear_acceleration_covariance),
-    )
+    return _sample(
+        device, stamp_of(message.header), (
+            ("orientation", (turn.w, turn.x, turn.y, turn.z), message.orientation_covariance[0]),
+            ("angular_velocity", (rate.x, rate.y, rate.z), message.angular_velocity_covariance[0]),
+            ("linear_acceleration", (force.x, force.y, force.z), message.linear_acceleration_covariance[0]),
+        ),
+    )  # fmt: skip
+
+
+def imu_of_numbers(numbers: Sequence[float], stamp_ns: int, device: str) -> ImuSample:
+    """The sample of a sensor_msgs/Imu whose numbers (37,) stand in the order of its definition.
+
+    Raises:
+        DataError: as `read_imu`.
+    """
+    x, y, z, w = numbers[:4]
+    return _sample(
+        device, stamp_ns, (
+            ("orientation", (w, x, y, z), numbers[4]), ("angular_velocity", numbers[13:16], numbers[16]),
+            ("linear_acceleration", numbers[25:28], numbers[28]),
+        ),
+    )  # fmt: skip
+
+
+def _sample(device: str, stamp_ns: int, parts: Sequence[tuple[str, Sequence[float], float]]) -> ImuSample:
+    """Of (field, numbers, first number of its covariance)."""
     found = []
     for name, values, covariance in parts:
-        if float(covariance[0]) == UNKNOWN:
+        if covariance == UNKNOWN:
             values = (np.nan,) * len(values)
         elif not all(map(math.isfinite, values)):
             raise DataError(
                 f"Imu.{name} of {device} is {list(values)}; what is not measured has a covariance of -1"
             )
-        found.append(np.array(values))
-    return ImuSample(device, stamp_of(message.header), found[0], found[1], found[2])
+        array = np.array(values)
+        array.flags.writeable = False
+        found.append(array)
+    return ImuSample(device, stamp_ns, found[0], found[1], found[2])
