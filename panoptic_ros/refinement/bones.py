@@ -4,7 +4,11 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.refinement.joint_states import MEASURED, MISSING
+from panoptic_ros.refinement import fading
+from panoptic_ros.refinement.joint_states import MEASURED, MISSING, Judged
+from panoptic_ros.refinement.records import Moment, People
+
+Array = np.ndarray
 
 MEMORY = 300.0  # frames over which a length is averaged
 GOOD_SIGMA = 0.04  # m, joints less certain than this are not learnt from
@@ -12,6 +16,36 @@ OUTLIER = 3.0  # sigmas from the mean, beyond which a length has less weight
 SHORTEST = 1e-3  # m, below which a bone has no direction
 EXTRA_SIGMA = 0.01  # m, of a length besides the noise of its ends, when outliers are judged
 SETTLED = 5.0  # frames after which outliers are cut
+
+
+def on_bones(
+    judged: Judged, people: People, bones: Array, config: tuple[float, int], lasting: Array | None,
+    target: Moment,
+) -> None:  # fmt: skip
+    """Learn the lengths of bones (B, 2), and put joints on bones of the learnt lengths, in place.
+
+    Bones are as wrong as errors that last make them, too: those of the filter are small where the surface
+    shows how joints move. What only these explain is followed gradually: else joints that shake make their
+    neighbours shake. Lengths of bones whose ends err much are not learnt.
+
+    Args:
+        config: m and frames, `bone_sigma` and `bone_frames`. lasting: (P, J, 3, 3) m^2, of errors that last;
+            covariances stay those of the filter. None = there are none.
+        target: the moment.
+    """
+    (places, spreads, _, states), (sigma, fewest) = judged, config
+    whole = spreads if lasting is None else spreads + lasting
+    learn_lengths(places, whole, states, bones, people.lengths, people.frames)
+    settled = np.where(people.frames >= fewest, people.lengths, np.nan)
+    if lasting is None:
+        pull_bones(places, spreads, states, bones, settled, sigma)
+        return
+    quick = places.copy()
+    pull_bones(quick, spreads, states, bones, settled, sigma)
+    pull_bones(places, whole, states, bones, settled, sigma)
+    change = places - quick - people.pulled
+    places -= fading.not_yet(change, target.linked, target.dt, fading.SLOW_BONES)
+    people.pulled[...] = places - quick
 
 
 @njit(cache=True, error_model="numpy")

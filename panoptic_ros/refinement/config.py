@@ -34,8 +34,8 @@ class RefinementConfig(Config):
     )
     fading: float = param(
         0.4, ge=0.0, le=10.0,
-        doc="Share of the lag over which a joint follows what later views tell of its place, while its "
-        "surface shows how it moves; 0 = at once.",
+        doc="Share of the lag, but at least 15 ms, over which a joint follows what later views tell of its "
+        "place, while its surface shows how it moves.",
     )
     cauchy: float = param(
         3.0, unit="sigma", ge=0.5, le=100.0,

@@ -6,7 +6,8 @@ import numpy as np
 from panoptic_ros.domain import PartMotions, SkeletonModel, TimeShift, TrackedPoseSet
 from panoptic_ros.domain.of_all import joined, of_all, selected
 from panoptic_ros.domain.parts import rigid_parts
-from panoptic_ros.refinement.bones import learn_lengths, pull_bones
+from panoptic_ros.refinement import fading
+from panoptic_ros.refinement.bones import on_bones
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.joint_states import FILLED, MEASURED, Judged, judge, take_measurements
 from panoptic_ros.refinement.kalman import (
@@ -33,7 +34,6 @@ from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, 
 
 Array = np.ndarray
 
-LEAST = 1e-6  # s, over which a change of place is faded in
 STEADY = 1.0  # s, over which covariances of errors that last are followed
 SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
 
@@ -235,10 +235,9 @@ class FilterBank:
             again = np.zeros_like(target.measured.joints)
             last = self.moments[index - 1].motion
             smooth(self._sized, last, target.gains, target.predicted, again, before, again)
+            span = max(self._config.fading * self._config.lag, fading.LEAST)
             change = before.states[..., :3] - shown
-            change[np.isnan(change) | ~target.linked[..., None]] = 0.0
-            span = max(self._config.fading * self._config.lag, LEAST)
-            motion.states[..., :3] -= np.exp(-target.dt / span) * change
+            motion.states[..., :3] -= fading.not_yet(change, target.linked, target.dt, span)
         shown[...] = np.nan if between else motion.states[..., :3]
 
     def _ahead(self, motion: Motion, dt: float, noise: Array) -> Motion:
@@ -250,9 +249,7 @@ class FilterBank:
     def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:
         """Joints with their states, on bones of the learnt lengths, and with errors that last.
 
-        Bones are as wrong as errors that last make them, too: those of the filter are small where the surface
-        shows how joints move. Lengths of bones whose ends err much are not learnt. Covariances keep all of
-        what lasts, as learnt lengths err with it.
+        Covariances keep all of what lasts, as learnt lengths err with it.
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
@@ -262,14 +259,8 @@ class FilterBank:
         judged = Judged(places, spreads, scores, np.empty(shape, np.uint8))
         judge(motion, measured, again, scales(self.people, self.lasting), lasting, limits, judged)
         if config.bone_sigma > 0.0:
-            lengths, frames = self.people.lengths, self.people.frames
-            whole = spreads + measured.lasting if self._share > 0.0 else spreads
-            learn_lengths(places, whole, judged.states, self._bones, lengths, frames)
-            settled = np.where(frames >= config.bone_frames, lengths, np.nan)
-            bones = judged.states, self._bones, settled, config.bone_sigma
-            if whole is not spreads:
-                pull_bones(places.copy(), spreads, *bones)
-            pull_bones(places, whole, *bones)
+            errs = measured.lasting if self._share > 0.0 else None
+            on_bones(judged, self.people, self._bones, (config.bone_sigma, config.bone_frames), errs, target)
         if lasting.any():
             spreads += lasting[..., None, None] * measured.noises
         judged.states[measured.filled & (judged.states == MEASURED)] = FILLED

@@ -2,8 +2,10 @@
 import numpy as np
 
 from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
-from panoptic_ros.refinement.bones import learn_lengths, pull_bones
+from panoptic_ros.refinement.bones import learn_lengths, on_bones, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.refinement.joint_states import Judged
+from panoptic_ros.refinement.records import new_people, unknown
 from panoptic_ros.refinement.stage import RefinementStage
 from panoptic_ros.stage import StageContext
 
@@ -110,3 +112,33 @@ def test_errors_that_last_are_taken_off_bones_and_stay_in_covariances():
         found[share] = np.std(lengths), np.trace(outputs[-1].covariances[0, 1])
     assert found[0.5][0] < 0.6 * found[0.0][0]
     assert found[0.5][1] > found[0.0][1] + 3 * 0.9 * 0.5 * 4e-4
+
+
+def shaken(linked, dt=0.02, frames=20):
+    """A bone of 0.3 m, one end of which shakes: places (F, 2, 3) m, and those that are taken at once."""
+    people, bones, told = new_people([7], 2, 1), BONES[:1], []
+    people.lengths[:], people.frames[:] = 0.3, 100.0
+    states, small = np.full((1, 2), MEASURED, np.uint8), np.tile(1e-6 * np.eye(3), (1, 2, 1, 1))
+    for frame in range(frames):
+        places = np.array([[[0.0, 0.0, 0.0], [0.31 + 0.004 * (-1) ** frame, 0.0, 0.0]]])
+        moment = unknown(SECOND, dt, 1, 2)
+        moment.linked[:] = linked
+        at_once = places.copy()
+        pull_bones(at_once, 401.0 * small, states, bones, people.lengths.copy(), 0.01)
+        judged = Judged(places, small.copy(), np.ones((1, 2)), states)
+        on_bones(judged, people, bones, (0.01, 10), 400.0 * small, moment)
+        told.append((places[0], at_once[0]))
+    return np.array(told).swapaxes(0, 1)
+
+
+def test_what_bones_tell_of_errors_that_last_does_not_shake_neighbours():
+    told, at_once = shaken(True)
+    steps = [np.abs(np.diff(places[10:, 0, 0])).mean() for places in (told, at_once)]
+    assert steps[0] < 0.4 * steps[1]
+    middles = [places[10:, 0].mean(axis=0) for places in (told, at_once)]
+    assert np.allclose(*middles, atol=5e-4) and middles[0][0] > 0.003  # what lasts is followed
+
+
+def test_bones_of_joints_whose_surface_is_not_followed_are_taken_at_once():
+    told, at_once = shaken(False)
+    assert np.allclose(told, at_once, atol=2e-4)  # lengths are learnt a little further

@@ -9,6 +9,7 @@ from panoptic_ros.domain import JointState, PartMotions, TrackedPoseSet
 from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.refinement import fading
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import NINE, SIX, transition
 from panoptic_ros.refinement.records import Motion
@@ -168,12 +169,34 @@ def test_a_gap_is_filled_where_the_surface_shows_the_motion(lag):
 def test_what_later_views_tell_is_faded_in_and_motion_is_not_delayed():
     with_motion, _, truth = noisy(24, 0.015)
     told = {}
-    for fading in (0.0, 0.5):
-        own = {"refinement": {"lag": 0.12, "bone_sigma": 0.0, "fading": fading}}
+    for share in (0.0, 0.5):
+        own = {"refinement": {"lag": 0.12, "bone_sigma": 0.0, "fading": share}}
         stage = make_stage("refinement", configure(own)["refinement"], captures.CONTEXT)
         items = [output for item in with_motion for output in stage.step(item).outputs]
         errors = np.array([item.positions[0] for item in items]) - truth[: len(items)]
         turns = np.linalg.norm(np.diff(errors[6:], 2, axis=0), axis=2).mean()
-        told[fading] = np.linalg.norm(errors[6:], axis=2).mean(), turns
+        told[share] = np.linalg.norm(errors[6:], axis=2).mean(), turns
     assert told[0.5][1] < 0.9 * told[0.0][1]
     assert told[0.5][0] < 1.1 * told[0.0][0]
+
+
+def turning(items, config):
+    """How much errors turn (J,) m from instant to instant, and their means (J,) m."""
+    stage = make_stage("refinement", configure({"refinement": config})["refinement"], captures.CONTEXT)
+    *items, truth = items
+    told = [output.positions[0] for item in items for output in stage.step(item).outputs]
+    errors = np.array(told) - truth[: len(told)]
+    turns = np.linalg.norm(np.diff(errors[6:], 2, axis=0), axis=2).mean(axis=0)
+    return turns, np.linalg.norm(errors[6:], axis=2).mean(axis=0)
+
+
+def test_without_a_lag_too_steps_of_single_views_are_faded_in(monkeypatch):
+    with_motion, without, truth = noisy(24, 0.015)
+    own = {"lag": 0.0, "bone_sigma": 0.0}
+    monkeypatch.setattr(fading, "LEAST", 0.03)
+    turns, errors = turning([*with_motion, truth], own)
+    plain, _ = turning([*without, truth], own)
+    monkeypatch.setattr(fading, "LEAST", 1e-9)
+    at_once, errors_at_once = turning([*with_motion, truth], own)
+    assert turns.mean() < 0.9 * at_once.mean() and errors.mean() < 1.05 * errors_at_once.mean()
+    assert (turning([*without, truth], own)[0] == plain).all()  # nothing shows how joints move
