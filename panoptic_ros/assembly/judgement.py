@@ -140,7 +140,7 @@ def judge_joints(solved, observed, marked, bones, standards):
 
     Args:
         solved: `SolvedJoints`. marked: scores (D, J) of the 2D joints, and their tails (D, J), by which
-            deviations grow where few views show a joint. bones: (B, 2). standards: `Standards`.
+            deviations grow where no further view shows a joint. bones: (B, 2). standards: `Standards`.
         observed: (P, J) number of views whose 2D person shows each joint, also where that was not used.
     """
     scores, tails = marked
@@ -165,7 +165,7 @@ def judge_joints(solved, observed, marked, bones, standards):
                 if np.isfinite(covariances[p, j, 0, 0]):
                     worst[p, j] = largest_eigenvalue(covariances[p, j])
                     good[p, j] = worst[p, j] <= standards.worst**2
-                    if views[p, j] <= FEW_VIEWS:
+                    if views[p, j] + unused <= FEW_VIEWS:  # else those that disagree count already
                         covariances[p, j] *= squares / max(views[p, j], 1)
         for b in range(len(bones)):
             start, end = bones[b]

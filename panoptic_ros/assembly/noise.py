@@ -74,8 +74,8 @@ class NoiseTable:
     start was, and outliers do not matter. A net errs by a share of the person (a slope of 1, as in COCO's
     object keypoint similarity) or of its grid (0). Deterministic: a function of the residuals in their order.
 
-    Of many views those that err are found out. Of two or one they are not, and all of the residuals count:
-    their tail, the deviation that nine of ten show over that of half of them.
+    Of many views those that err are found out. Where two or one show a joint they are not, and all residuals
+    count: their tail, the deviation that nine of ten show over that of half of them.
     """
 
     def __init__(self, cameras: int, initial: float, memory: float):

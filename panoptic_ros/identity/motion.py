@@ -18,7 +18,6 @@ ACCELERATION = 10.0  # m/s^2, standard deviation, of a joint
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
 FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
 LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten
-LEAST_GAIN = 0.2  # of a measured joint: one that is seen, however badly, is followed and does not run away
 FILLED = int(JointState.FILLED)
 FIRM_VIEWS = 3  # views that must agree on a joint to make its position firm
 FIRM_TIME = 0.08  # s, how long it stays firm
@@ -134,7 +133,6 @@ def _update_joint(state, variance, point, noise):
             state[k], state[3 + k] = point[k], 0.0
         variance[0], variance[1], variance[2] = noise, 0.0, START_SPEED**2
         return
-    noise = min(noise, (1.0 / LEAST_GAIN - 1.0) * variance[0])
     spread = variance[0] + noise
     if spread < 1e-12:
         spread = 1e-12
