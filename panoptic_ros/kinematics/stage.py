@@ -241,7 +241,8 @@ class KinematicsStage(Stateful):
             notices += told
             self._keep(states)
             if person.tracker is None and person.missed and not self._is_designated(number):
-                del self._people[number]
+                if not any(number in kept for _, _, kept in self._given):
+                    del self._people[number]
             elif self._timeline.index > NEVER_S * self._config.rate_hz and person.tracker is None:
                 notices += self._never(number, person)
         return notices

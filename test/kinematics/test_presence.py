@@ -60,15 +60,20 @@ def walking_through(frame):
     return (max(0.0, 1.5 - 0.06 * max(0, frame - LEAVES)), 0.1)
 
 
-def solved(sets, **values):
-    """Stamps, s, and middles of the joints (N, 2) m of the subject."""
+def bodies_of(sets, designated=True, **values):
+    """What the stage gives, of the subject or of everybody."""
     model, prior = read_body_model(), read_prior()
     subject = Subject(0, model.body(1.7), (), start=np.array([0.0, 0.0, 0.95]))
-    extras = {"subjects": (subject,), "segments": model, "pose_prior": prior}
+    extras = {"subjects": (subject,) if designated else (), "segments": model, "pose_prior": prior}
     config = configure({"kinematics": {"rate_hz": 30.0, "lag": 0.0, **values}})["kinematics"]
     stage = make_stage("kinematics", config, replace(CONTEXT, extras=extras))
     results = [stage.step(item) for item in sets] + [stage.flush()]
-    bodies = [body for result in results for body in result.outputs if len(body.ids)]
+    return [body for result in results for body in result.outputs]
+
+
+def solved(sets, **values):
+    """Stamps, s, and middles of the joints (N, 2) m of the subject."""
+    bodies = [body for body in bodies_of(sets, **values) if len(body.ids)]
     stamps = np.array([body.stamp_ns / SECOND for body in bodies])
     return stamps, np.array([np.nanmedian(body.keypoints[0], axis=0)[:2] for body in bodies])
 
@@ -83,3 +88,13 @@ def test_who_stands_where_the_subject_left_is_not_taken_and_the_subject_is_found
     assert stamps[gone].max(initial=0.0) < LEAVES / RATE + 0.7
     after = stamps > (RETURNS + 5) / RATE
     assert after.sum() > 10 and np.linalg.norm(places[after] - back, axis=1).max() < 0.15
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.1])
+def test_everybody_has_a_body_until_it_is_given_up_and_the_instants_that_the_lag_holds_back_are_given(lag):
+    sets = tracked_until_lost(recording((0.0, 0.0), walking_through))
+    bodies = bodies_of(sets, designated=False, everybody=True, lag=lag)
+    there = np.array([item.stamp_ns / SECOND for item in bodies if len(item.ids)])
+    assert len(bodies) >= END - 1
+    assert np.abs(there.max() - (LEAVES / RATE + 0.5)) < 0.1  # LOST_S after the last data
+    assert len(there) > 0.9 * (there.max() - there.min()) * RATE
