@@ -15,7 +15,7 @@ from panoptic_ros.kinematics.imu_fitting import ImuFitting
 from panoptic_ros.kinematics.imu_streams import ImuStreams
 from panoptic_ros.kinematics.lengths import LengthEstimate
 from panoptic_ros.kinematics.measured_body import MeasuredBody
-from panoptic_ros.kinematics.mounting import MountingEstimate
+from panoptic_ros.kinematics.mounting import Looks, MountingEstimate
 from panoptic_ros.kinematics.noise_level import NoiseLevel
 from panoptic_ros.kinematics.person import Behind, Person
 from panoptic_ros.kinematics.presence import Presence
@@ -31,7 +31,7 @@ from panoptic_ros.state import Fields
 CLASSES = (
     KinematicsConfig, Body, BodyState, Device, Subject, TPose, Chain, Pose, Behind, SeenJoints, SeenPoints,
     Floor, Hinges, PosePrior,
-    Motion, _Eliminated, Linked, Afterwards,
+    Motion, _Eliminated, Linked, Afterwards, Looks,
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
@@ -51,7 +51,8 @@ CLASSES = (
     Fields.named(MeasuredBody, "_seen"),
     Fields.named(
         Timeline,
-        "_rate_hz _origin _count _before _first_imu _last _periods _slowest _ahead _others_go_on newest_ns",
+        "_rate_hz _origin _count _before _first_imu _last _awaited _periods _slowest _ahead _others_go_on "
+        "newest_ns",
     ),
     Fields.named(
         SubjectTracker,
@@ -74,8 +75,8 @@ CLASSES = (
     ),
     Fields.named(
         MountingEstimate,
-        "_config _chain _segments _heading_sd _unseen _information _pull _looks heading mountings _common "
-        "_strap spreads _recent _moved mistaken slipped",
+        "_config _chain _segments _heading_sd _unseen _older _looks heading mountings _common _strap spreads "
+        "_recent _suspect _moved mistaken slipped",
     ),
     Fields.named(
         Weighing,

@@ -27,6 +27,7 @@ class Timeline:
         self._before = 0  # and before that
         self._first_imu: int | None = None
         self._last: dict[int | str, int] = {}
+        self._awaited: int | str | None = None  # who was waited for when it was asked last
         self._periods: dict[int | str, int] = {}
         self._slowest = USUAL_PERIOD_NS  # of the cameras' periods
         self._ahead: dict[int | str, int] = {}  # stamps too far off, by source, since its last that was not
@@ -100,6 +101,7 @@ class Timeline:
         """Forget when sources came; instants count on."""
         self._origin = self._first_imu = None
         self._last, self._periods, self._slowest, self._ahead = {}, {}, USUAL_PERIOD_NS, {}
+        self._awaited = None
         self._others_go_on = False
         self._before, self._count, self.newest_ns = self.index, 0, -1
 
@@ -112,9 +114,16 @@ class Timeline:
         stamp = self.next_ns
         if stamp is None or self.newest_ns < stamp:
             return None
-        waiting = self.newest_ns < stamp + self.patience_ns and not at_end
-        alive = self.newest_ns - STOPPED_NS
-        if waiting and any(alive < last < stamp for last in self._last.values()):
+        if self.newest_ns < stamp + self.patience_ns and not at_end and self._waits(stamp):
             return None
         self._count += 1
         return stamp
+
+    def _waits(self, stamp_ns: int) -> bool:
+        """Whether somebody who is alive has not come to an instant."""
+        alive = self.newest_ns - STOPPED_NS
+        if self._awaited is not None and alive < self._last.get(self._awaited, alive) < stamp_ns:
+            return True  # as with most of the samples, of which there are many
+        late = (name for name, last in self._last.items() if alive < last < stamp_ns)
+        self._awaited = next(late, None)
+        return self._awaited is not None

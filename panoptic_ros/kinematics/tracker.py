@@ -84,6 +84,11 @@ class SubjectTracker:
         """Whether there is a pose."""
         return self._pose is not None
 
+    @property
+    def offsets(self) -> Array:
+        """Joints (S, 3) m in the frames of their parents: lengths as they are taken to be now."""
+        return self._chain.offsets
+
     def begun_anew(self) -> SubjectTracker:
         """One that has seen nothing yet of the same person."""
         mounts = dict(zip(self.devices.names, self.devices.mounts))

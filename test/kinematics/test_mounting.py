@@ -77,15 +77,25 @@ def test_two_exchanged_devices_are_told_and_taken_for_each_other(good):
     assert np.degrees(np.abs(tracker.mounting.mountings)).max() < 20.0
 
 
-def test_a_slipped_strap_is_told(good):
-    k = worn_on(good, "rThigh")
-    device = good.subject.devices[k].name
-    series = good.devices[device]
+def slipped(take, name, turn):
+    """What is told where the device of a segment turns after 5 s, by a rotation vector in deg."""
+    device = take.subject.devices[worn_on(take, name)]
+    series = take.devices[device.name]
     late = series.stamps > series.stamps[0] + 5_000_000_000
     turned = from_quaternions(series.quaternions)
-    turned[late] = turned[late] @ rotations_of(np.radians([[5.0, 25.0, 0.0]]))[0]
-    notices, _ = told(good, devices={device: replace(series, quaternions=to_quaternions(turned))})
-    assert notices[0] == f"subject 0: {device} has slipped on rThigh; its mounting is found anew"
+    turned[late] = turned[late] @ device.mount.T @ rotations_of(np.radians([turn]))[0] @ device.mount
+    notices, _ = told(take, devices={device.name: replace(series, quaternions=to_quaternions(turned))})
+    return [notice.replace(device.name, "it") for notice in notices]
+
+
+@pytest.mark.parametrize("name", ["rThigh", "lForearm"])
+def test_a_slipped_strap_is_told(good, name):
+    told_first = slipped(good, name, [25.0, 0.0, 5.0])[0]
+    assert told_first == f"subject 0: it has slipped on {name}; its mounting is found anew"
+
+
+def test_what_cameras_do_not_see_is_no_slip(good):
+    assert slipped(good, "lForearm", [0.0, 25.0, 0.0]) == []  # about the bone
 
 
 def test_a_heading_that_is_off_is_told_and_corrected(good):

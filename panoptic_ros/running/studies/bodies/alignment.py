@@ -1,4 +1,4 @@
-"""Heading and clock of IMUs found from a few seconds of motion; both are injected."""
+"""Heading and clock of IMUs found from a few seconds of motion, both injected; and lengths of bodies."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from panoptic_ros.domain.subjects import ImuSeries
 from panoptic_ros.kinematics.alignment import Felt, align, cameras_alone, felt_of
 from panoptic_ros.running.kinematics import body_config
 from panoptic_ros.running.studies.bodies.cases import SKIPPED_S, BodyCase
+from panoptic_ros.running.studies.bodies.learnt_lengths import lengths_lines, lengths_row
 from panoptic_ros.simulation.bodies.imus import unknown_heading
 from panoptic_ros.stage import Progress
 
@@ -25,13 +26,15 @@ RATE_HZ = 60.0
 def study_alignment(
     cases: Iterable[BodyCase], number: int, settings: Sequence[str], progress: Progress
 ) -> dict[str, Any]:
-    """A row for each stretch of motion, half of which overlaps with the next: errors, deg and ms.
+    """A row for each stretch of motion, half of which overlaps with the next: errors, deg and ms; and a row
+    for each capture: errors with lengths that motion tells.
 
     Args:
         settings: NAME=VALUE of the kinematics.
     """
-    config = cameras_alone(body_config(settings=settings))
-    rows = []
+    whole = body_config(settings=settings)
+    config = cameras_alone(whole)
+    rows, lengths = [], []
     for n, case in enumerate(cases):
         for k, (cameras, imus) in enumerate(INPUTS):
             progress((n + k / len(INPUTS)) / number, f"{case.name}, {cameras} cameras, {imus} IMUs")
@@ -40,6 +43,8 @@ def study_alignment(
             seen = replace(part, subjects=bare, recording=replace(part.recording, devices={}))
             states = seen.solve(config).states
             kind = {"scene": case.name, "seed": case.seed, "cameras": cameras, "imus": imus}
+            learnt = lengths_row(part, whole)
+            lengths += [] if learnt is None else [kind | learnt]
             rng = np.random.default_rng([case.seed, 5])
             for length in WINDOWS_S:
                 begin = states[0].stamp_ns + round(1e9 * SKIPPED_S)
@@ -47,7 +52,7 @@ def study_alignment(
                     stretch = [s for s in states if begin <= s.stamp_ns <= begin + round(1e9 * length)]
                     rows.append(kind | {"seconds": length} | _found(part, stretch, rng))
                     begin += round(5e8 * length)
-    return {"study": "alignment", "rows": rows}
+    return {"study": "alignment", "rows": rows, "lengths": lengths}
 
 
 def _found(case: BodyCase, states: list[Any], rng: np.random.Generator) -> dict[str, Any]:
@@ -89,6 +94,7 @@ def alignment_lines(result: dict[str, Any]) -> Iterator[str]:
         ratio = ", ".join(_cell([row[key] / row[f"unsure_{key}"] for row in found]) for key in ("deg", "ms"))
         text = f"{kind[0]:7} {kind[1]:4}  {kind[2]:7g}  {len(mine):9}  {len(found):6}"
         yield f"{text}  {cells[0]:>15}   {cells[1]:>15}   {ratio}"
+    yield from lengths_lines(result["lengths"])
 
 
 def _cell(values: Sequence[float]) -> str:
