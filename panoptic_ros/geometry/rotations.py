@@ -147,7 +147,8 @@ def turn_about_z(angle: float) -> Array:
 
 
 def mean_rotation(rotations: Array) -> Array:
-    """The rotation (3, 3) nearest to the arithmetic mean of rotations (N, 3, 3)."""
+    """The rotation (..., 3, 3) nearest to the arithmetic mean of rotations (N, ..., 3, 3)."""
     u, _, v = np.linalg.svd(rotations.mean(0))
-    mean: Array = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    u[..., 2] *= np.linalg.det(u @ v)[..., None]
+    mean: Array = u @ v
     return mean

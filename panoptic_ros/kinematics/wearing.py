@@ -68,25 +68,30 @@ class Wearing:
         return Exchange((i, j), (mounts[j], mounts[i])) if worst < RIGHT else None
 
     def _turns(self, seen: Array, told: Array) -> Exchange | None:
-        own = [self._scatter(seen, told, i, i)[0] for i in range(self._count)]
-        odd = [i for i in range(self._count) if own[i] > ODD]
-        best, share = None, BETTER
-        for i in odd:
-            for j in odd:
-                if i < j:
-                    there, mount_i = self._scatter(seen, told, j, i)
-                    here, mount_j = self._scatter(seen, told, i, j)
-                    if there + here < share * (own[i] + own[j]):
-                        best, share = Exchange((i, j), (mount_i, mount_j)), (there + here) / (own[i] + own[j])
-        return best
+        own, _ = _scatter(seen, told)
+        odd = np.flatnonzero(own > ODD)
+        pairs = [(i, j) for i in odd for j in odd if i < j]
+        if not pairs:
+            return None
+        first, second = np.array(pairs).T
+        there, mounts_i = _scatter(seen[:, second], told[:, first])
+        here, mounts_j = _scatter(seen[:, first], told[:, second])
+        share = (there + here) / (own[first] + own[second])
+        best = int(share.argmin())
+        if share[best] >= BETTER:
+            return None
+        i, j = pairs[best]
+        return Exchange((int(i), int(j)), (mounts_i[best], mounts_j[best]))
 
-    @staticmethod
-    def _scatter(seen: Array, told: Array, place: int, device: int) -> tuple[float, Array]:
-        """Root mean square, rad, about a constant mounting (3, 3) of a device at the place of another."""
-        turned = seen[:, place].swapaxes(1, 2) @ told[:, device]
-        turned = turned[np.isfinite(turned).all((1, 2))]
-        if len(turned) < FEWEST:
-            return 0.0, np.eye(3)
-        middle = mean_rotation(turned)
-        apart = vectors_of(np.ascontiguousarray(turned @ middle.T))
-        return float(np.sqrt((apart**2).sum(-1).mean())), middle
+
+def _scatter(seen: Array, told: Array) -> tuple[Array, Array]:
+    """Root mean square (N,), rad, about a constant mounting (N, 3, 3), of N devices (looks, N, 3, 3) at the
+    places (looks, N, 3, 3) that were seen; 0 where there are too few looks."""
+    turned = seen.swapaxes(-1, -2) @ told
+    there = np.isfinite(turned).all((-1, -2))
+    turned = np.where(there[..., None, None], turned, 0.0)  # a mean is of the same direction with zeros
+    middle = mean_rotation(turned)
+    apart = np.where(there[..., None, None], turned @ middle.swapaxes(-1, -2), np.eye(3))
+    squares = (vectors_of(apart.reshape(-1, 3, 3)) ** 2).sum(-1).reshape(there.shape).sum(0)
+    count = there.sum(0)
+    return np.where(count < FEWEST, 0.0, np.sqrt(squares / np.maximum(count, 1))), middle
