@@ -24,7 +24,7 @@ Array = np.ndarray
 
 SPAN = 0.3  # s, over which motions are compared
 MEMORY = 10.0  # s, for which comparisons count
-PRIOR = 0.1**2 * SPAN  # m^2 s, weight of a gain of 1
+PRIOR = 0.05**2 * SPAN  # m^2 s, weight of a gain of 1
 SOFT = 0.05  # m, of views from the surface, from which on a comparison counts less
 MOST = 1.5  # gain
 
