@@ -30,7 +30,7 @@ PAPER_WIDTH = 656  # px, of the images that the paper's weights are for
 PAPER = {"position": 1e-3, "orientation": 1.0, "projection": 0.7, "deviation": 0.06, "floor": 10.0}
 PAPER_RADIUS = 0.05  # m
 FLOOR_SD = 0.02  # m
-OFFSET_SD = 0.015  # m, how far a detector's joint lies off where the body has it, per axis
+OFFSET_SD = 0.01  # m, how far a detector's joint lies off where the body has it, per axis
 
 
 class Weighing:
