@@ -17,6 +17,8 @@ Array = np.ndarray
 KEPT = 64  # samples of a device
 NEAREST_NS = 2_000_000  # between two samples: more of them tell nothing new
 SILENT_NS = 500_000_000
+ALL_SILENT_NS = 2_000_000_000  # where most are silent at once, as when the machine stalls
+FEW = 2  # silent devices that are no stall
 FLOOD = 0.6  # share of the samples of a device that are left out: more than 1 kHz leaves out
 FLOOD_S, FEWEST = 2.0, 100  # s that count, about; samples left out in them
 UPRIGHT_S = 3.0  # over which the mean specific force of somebody who moves is that of gravity
@@ -41,7 +43,7 @@ class ImuStreams:
         self._force = np.zeros((count, 3))  # mean in the inertial frame
         self._weight = np.zeros(count)  # s over which it was taken
         self._odd = np.zeros(count, bool)  # of another convention
-        self._silent = np.zeros(count, bool)
+        self._silent = np.zeros(count, bool)  # and told so
         self._taken = np.zeros((count, 2))  # samples lately that were kept, and that were left out
         self._flooding = np.zeros(count, bool)
         self._rates = np.zeros((count, 4))  # lately, see `rate_sums`
@@ -102,13 +104,15 @@ class ImuStreams:
         if not self.names:
             return []
         notices = []
-        silent = (self.last != NONE) & (stamp_ns - self.last > SILENT_NS)
-        for d in np.flatnonzero(silent & ~self._silent).tolist():
-            text = f"{self.names[d]} has been silent for {1e-9 * SILENT_NS:g} s; bodies go on without it"
+        come, passed = self.last != NONE, stamp_ns - self.last
+        silent = come & (passed > SILENT_NS)
+        limit = ALL_SILENT_NS if silent.sum() > max(FEW, 0.5 * come.sum()) else SILENT_NS
+        for d in np.flatnonzero(silent & (passed > limit) & ~self._silent).tolist():
+            text = f"{self.names[d]} has been silent for {1e-9 * limit:g} s; bodies go on without it"
             notices.append(_notice("imu_silent", "warning", text, self.names[d]))
         for d in np.flatnonzero(self._silent & ~silent).tolist():
             notices.append(_notice("imu_back", "info", f"{self.names[d]} is back", self.names[d]))
-        self._silent = silent
+        self._silent = silent & (self._silent | (passed > limit))
         notices += self._floods(period)
         notices += self._units(period)
         newest = self._values[:, -1]

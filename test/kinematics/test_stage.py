@@ -164,6 +164,21 @@ def test_a_device_that_dies_is_told_once_and_its_return():
     assert [notice.code for notice in told] == ["kinematics.imu_silent", "kinematics.imu_back"]
 
 
+@pytest.mark.parametrize(("seconds", "told_at"), [(1.0, []), (3.0, [3.01])])
+def test_devices_that_are_silent_together_are_told_later(seconds, told_at):
+    """As when the machine stalls, or what they send by fails."""
+    names = tuple("abcd")
+    streams, told = ImuStreams(names), []
+    for k in range(500):
+        for name in names:
+            if not 100 <= k < 100 + 100 * seconds:
+                streams.take(sample(k * 10_000_000, device=name))
+        told += [(0.01 * k, n.code) for n in streams.judge(k * 10_000_000, 0.01)]
+    silent = [when for when, code in told if code == "kinematics.imu_silent"]
+    assert silent == pytest.approx([when for when in told_at for _ in names], abs=0.02)
+    assert len(told) == 2 * len(silent)
+
+
 def test_a_sample_is_whole_or_not_there():
     nan = np.full(4, np.nan)
     assert np.isnan(ImuSample("a", 1, nan, nan[:3], nan[:3]).force).all()

@@ -35,7 +35,9 @@ LEFT_DEG = {  # of a mounting that cameras correct: floors of the segments, and 
     "hips": 7.0, "spine4": 7.0, "head": 9.0, "UpperArm": 11.0, "Forearm": 12.0, "Thigh": 6.0, "Shin": 6.0,
     "Foot": 14.0,
 }  # fmt: skip
-KINDS = ("good", "mounting", "swapped", "strap", "heading")
+WHOLE = "good, to its end"
+KINDS = ("good", WHOLE, "mounting", "swapped", "strap", "heading")
+LONGER_S = 60.0  # than any capture
 
 
 class Spoilt(NamedTuple):
@@ -58,12 +60,16 @@ def study_devices(seeds: Sequence[int], settings: Sequence[str], progress: Progr
     total = len(seeds) * len(SCENES) * len(KINDS)
     for seed in seeds:
         for n, name in enumerate(SCENES):
-            scene = replace(body_scene(name), seconds=SLIPS_S + TOLD_S + 0.5)
+            whole = body_scene(name)
+            scene = replace(whole, seconds=SLIPS_S + TOLD_S + 0.5)
             capture = simulate_body(scene, seed, model, clips)
             statistics = prior_without(scene.clips, clips, model)
             for kind in KINDS:
                 progress(len(rows) / total, f"{name}, seed {seed}: {kind}")
-                spoilt = spoil(capture, kind, seed * len(SCENES) + n)
+                if kind == WHOLE:
+                    spoilt = Spoilt(simulate_body(whole, seed, model, clips), kind, (), LONGER_S)
+                else:
+                    spoilt = spoil(capture, kind, seed * len(SCENES) + n)
                 rows.append({"scene": name, "seed": seed} | _trial(spoilt, config, statistics))
     return {"study": "devices", "rows": rows}
 
@@ -183,6 +189,8 @@ def device_lines(result: dict[str, Any]) -> Iterator[str]:
 def _groups(rows: list[dict[str, Any]]) -> Iterator[tuple[str, list[dict[str, Any]]]]:
     for kind in KINDS:
         mine = [row for row in rows if row["kind"] == kind]
+        if not mine:
+            continue
         yield kind, mine
         places = dict.fromkeys(_place(row) for row in mine if row["segments"])
         for place in sorted(places):
@@ -199,7 +207,7 @@ def _in_bounds(row: dict[str, Any]) -> bool:
     """Whether what is left after 5 s is as little as it should be."""
     if row["kind"] == "heading":
         return bool(row["heading_deg"] <= 0.5 * HEADING_DEG)
-    if row["kind"] == "good":
+    if row["kind"] in ("good", WHOLE):
         return bool(row["others_deg"] <= row["others_before_deg"])
     return bool(row["left_deg"] <= LEFT_DEG[_place(row)])
 
