@@ -1,4 +1,8 @@
-"""Solved bodies as the record that travels."""
+"""Solved bodies as the record that travels.
+
+A detector's constant biases are the same at every instant, so no filter sees them: what places state of their
+errors has them added here, as refinement adds them to those of skeletons.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +44,7 @@ def body_set(
     keypoints = np.full((count, joints, 3), np.nan)
     keypoint_covariances = np.full((count, joints, 3, 3), np.nan)
     velocities, covariances = np.zeros((count, segments, 6)), np.full((count, segments, 6, 6), np.nan)
+    biases = np.square(skeleton.bias_floors or np.zeros(joints))[:, None, None] * np.eye(3)
     for k, row in enumerate(rows):
         state = row.state
         if state.velocities is not None and state.spins is not None:
@@ -47,6 +52,8 @@ def body_set(
         if state.covariances is not None:
             covariances[k] = state.covariances
         keypoints[k], keypoint_covariances[k] = _keypoints(row, skeleton, covariances[k])
+        keypoint_covariances[k] += biases
+        covariances[k, :, :3, :3] += biases.mean(axis=0)
     frames = np.array([row.state.frames for row in rows]).reshape(count, segments, 3, 3)
     places = np.array([row.state.places for row in rows]).reshape(count, segments, 3)
     return BodyStateSet(

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import DetectionSet, RefinedPoseSet
+from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.ellipsoids import EllipsoidTally
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.params import Config
 from panoptic_ros.running.plans.parameters import Parameters
 from panoptic_ros.running.studies.detected import detected
@@ -61,8 +62,8 @@ def study_walkout(
     Raises:
         UsageError: if the folder has no truth, is no capture, or has too few cameras.
     """
-    tallies: dict[str, EllipsoidTally] = {name: EllipsoidTally() for name in (EVERY, TWO, ONE)}
-    capture = None
+    tallies, of_bodies = ({name: EllipsoidTally() for name in (EVERY, TWO, ONE)} for _ in range(2))
+    capture, everybody = None, bool(settings.get("kinematics", {}).get("everybody"))
     if folder is not None:
         capture = detected(folder, cameras, settings, truth)
         if capture.truth is None:
@@ -77,11 +78,14 @@ def study_walkout(
             assert capture.truth is not None
             context, configs = capture.context, capture.configs
             take = thinned(Leaving(context, configs, capture.sets, {}, capture.truth), seed)
-        tally(take, solved(take), tallies)
+        skeletons, bodies = solved(take, everybody)
+        tally(take, skeletons, tallies)
+        tally(take, bodies, of_bodies)
     progress(1.0, "scoring")
+    told = {"bodies": {name: own.rows() for name, own in of_bodies.items()}} if everybody else {}
     return {
         "study": "walkout", "capture": "" if folder is None else str(folder), "seeds": list(seeds),
-        "phases": {name: own.rows() for name, own in tallies.items()},
+        "phases": {name: own.rows() for name, own in tallies.items()}, **told,
     }  # fmt: skip
 
 
@@ -90,13 +94,18 @@ def walkout_lines(result: Mapping[str, Any]) -> Iterator[str]:
     source = result["capture"] or f"simulated {SCENE}"
     seeds = ", ".join(map(str, result["seeds"]))
     yield f"{source}, people walk out of the cameras; seeds {seeds}"
-    yield f"{'phase':12}{'joints seen by':22}{'given':>8}{'mean mm':>9}{'95 % mm':>9}{'in ellipsoid':>14}"
-    for phase, rows in result["phases"].items():
-        for name, row in rows.items():
-            yield (
-                f"{phase:12}{name:22}{row['given']:8.1%}{row['mean_mm']:9.1f}{row['p95_mm']:9.1f}"
-                f"{row['in_ellipsoid']:14.1%}"
-            )
+    for key, first in (("phases", "phase"), ("bodies", "bodies")):
+        for number, (phase, rows) in enumerate(result.get(key, {}).items()):
+            if not number:
+                yield (
+                    f"{first:12}{'joints seen by':22}{'given':>8}{'mean mm':>9}{'95 % mm':>9}"
+                    f"{'in ellipsoid':>14}"
+                )
+            for name, row in rows.items():
+                yield (
+                    f"{phase:12}{name:22}{row['given']:8.1%}{row['mean_mm']:9.1f}{row['p95_mm']:9.1f}"
+                    f"{row['in_ellipsoid']:14.1%}"
+                )
 
 
 def simulated(take: Simulation, settings: Parameters) -> Leaving:
@@ -109,8 +118,9 @@ def simulated(take: Simulation, settings: Parameters) -> Leaving:
     joints = np.stack([person.joints(ticks) for person in take.people], axis=1)
     ids = np.array([person.id for person in take.people])
     frames = tuple(SkeletonFrame(stamp, ids, own) for stamp, own in zip(stamps, joints))
+    context = StageContext(take.rig, SKELETON, body_extras(()))
     return Leaving(
-        StageContext(take.rig, SKELETON), configure(settings), list(take.detection_sets()), phases,
+        context, configure(settings), list(take.detection_sets()), phases,
         SkeletonSequence(JOINTS, frames), (LEAVING,),
     )  # fmt: skip
 
@@ -133,24 +143,41 @@ def thinned(take: Leaving, seed: int) -> Leaving:
     return replace(take, sets=sets, phases=phases)
 
 
-def solved(take: Leaving) -> list[RefinedPoseSet]:
-    """`/skeletons` of a take."""
-    found: list[Any] = []
+def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame], list[SkeletonFrame]]:
+    """`/skeletons` of a take; and the joints of `/bodies`, with the views of their skeletons, if everybody
+    has one."""
+    found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     pipeline = Pipeline(
-        take.configs, take.context, FUSION,
-        on_record=lambda topic, record: found.append(record) if topic == "skeletons" else None,
+        take.configs, take.context, (*FUSION, "kinematics") if everybody else FUSION,
+        on_record=lambda topic, record: found[topic].append(record) if topic in found else None,
     )  # fmt: skip
     for item in take.sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()
-    return found
+    skeletons = [SkeletonFrame(item.stamp_ns, item.ids, item.positions, item.covariances, views=item.views)
+                 for item in found["skeletons"]]  # fmt: skip
+    views = {(item.stamp_ns, n): row for item in skeletons for n, row in zip(item.ids.tolist(), item.views)}
+    bodies = []
+    for item in found["bodies"]:
+        near = nearest_instant(take, item.stamp_ns)  # bodies have instants of their own
+        rows = [k for k, n in enumerate(item.ids.tolist()) if (near, n) in views]
+        own = np.array([views[near, n] for n in item.ids[rows].tolist()], np.int64)
+        points, spreads = item.keypoints[rows], item.keypoint_covariances[rows]
+        bodies.append(SkeletonFrame(
+            item.stamp_ns, item.ids[rows], points, spreads, views=own.reshape(points.shape[:2])
+        ))  # fmt: skip
+    return skeletons, bodies
 
 
-def tally(take: Leaving, items: Sequence[RefinedPoseSet], tallies: Mapping[str, EllipsoidTally]) -> None:
+def nearest_instant(take: Leaving, stamp_ns: int) -> int:
+    """The stamp of the set that is nearest to an instant."""
+    return min(take.phases, key=lambda stamp: abs(stamp - stamp_ns))
+
+
+def tally(take: Leaving, frames: Sequence[SkeletonFrame], tallies: Mapping[str, EllipsoidTally]) -> None:
     """Add results of a take to the tallies of its phases."""
     names = take.context.skeleton.joint_names
-    frames = tuple(SkeletonFrame(i.stamp_ns, i.ids, i.positions, i.covariances, views=i.views) for i in items)
-    for pair in pair_sequences(take.truth, SkeletonSequence(names, frames)):
-        phase = take.phases.get(pair.stamp_ns, "")
+    for pair in pair_sequences(take.truth, SkeletonSequence(names, tuple(frames))):
+        phase = take.phases[nearest_instant(take, pair.stamp_ns)]
         if phase:
             tallies[phase].take(pair, take.people)

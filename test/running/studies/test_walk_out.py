@@ -64,6 +64,16 @@ def test_somebody_is_held_while_views_see_the_upper_half():
     assert sum(line.startswith(ONE) for line in lines) == len(result["phases"][ONE])
 
 
+def test_bodies_of_everybody_are_told_too_if_they_are_asked_for():
+    result = study_walkout(None, (), {"kinematics": {"everybody": True}}, range(7, 8), untold)
+    rows = {phase: own["all"] for phase, own in result["bodies"].items()}
+    assert rows[EVERY]["mean_mm"] < 20.0 and rows[ONE]["mean_mm"] < 200.0
+    assert "bodies" not in study_walkout(None, (), {}, range(7, 8), untold)
+    lines = list(walkout_lines(result))
+    told = len(result["phases"][ONE]) + len(result["bodies"][ONE])
+    assert sum(line.startswith(ONE) for line in lines) == told
+
+
 def test_what_is_asked_for_wrongly_is_told_in_a_line(tmp_path, capsys):
     twice = ["--capture", str(tmp_path), "--capture", str(tmp_path)]
     assert main(["evaluate", "--study", "walkout", *twice]) == 2
