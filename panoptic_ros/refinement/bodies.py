@@ -4,7 +4,8 @@ A body has joints elsewhere than the detector has them, by much the same in the 
 seen joints are off is learnt per person and joint, and so is how much that varies. The body rests in part on
 the same 2D joints, so both are not independent: what comes out is taken to be as certain as the better of the
 two. With IMUs it knows much more than two views do, whose errors last: what smoothing took off these is put
-back. All that one view says of a joint is in the body, which alone tells where it is.
+back. Where one view or none sees a joint, neither is right as a rule: skeletons hold on to what more views saw
+before, bodies to lengths and to how people move. Their covariances decide.
 """
 from __future__ import annotations
 
@@ -18,7 +19,6 @@ from panoptic_ros.refinement.joint_states import FILLED, MEASURED, MISSING, Judg
 
 Array = np.ndarray
 WELL_SEEN = 3  # views of a joint that is left as it is, and learnt from
-SEVERAL = 2  # views of a joint that tell more than its body does
 REACH_NS = 100_000_000  # for which a body is carried on by its velocity
 KEPT_NS = 500_000_000  # for which bodies are kept
 SPREAD, BELIEF = .02, 3.0  # m per axis, of bodies of which nothing is learnt, and what it counts, in looks
@@ -86,9 +86,7 @@ class BodyFill:
             self._learnt[number] = learnt = learn(learnt, apart, own, well & np.isfinite(apart).all(-1))
             placed = points + learnt.offsets @ hips.T
             noise = spreads + learnt.variances[:, None, None] * np.eye(3)
-            _take_over(judged, row, placed, noise, ~well & (views[row] < SEVERAL))
-            asked = ~well & ((views[row] >= SEVERAL) | (judged.states[row] == MISSING))
-            _mend(judged, row, placed, noise, worn * noises[row], asked, max_sigma)
+            _mend(judged, row, placed, noise, worn * noises[row], ~well, max_sigma)
 
     def _at(self, stamp_ns: int, number: int) -> tuple[Array, Array, Array, bool] | None:
         """Keypoints (J, 3), covariances and hips of a person at an instant, by the two bodies next to it, and
@@ -126,13 +124,6 @@ def learn(learnt: Learnt, apart: Array, own: Array, well: Array) -> Learnt:
     more = np.maximum((far**2).mean(axis=-1) - np.where(well, own, 0.0), 0.0)
     variances = learnt.variances + slow * (more - learnt.variances)
     return Learnt(looks, learnt.offsets + gain[:, None] * far, variances)
-
-
-def _take_over(judged: Judged, row: int, placed: Array, noise: Array, asked: Array) -> None:
-    """Joints of a person that are there as the body has them: places (J, 3) m of noise (J, 3, 3) m^2."""
-    there = asked & (judged.states[row] != MISSING)
-    told = there & np.isfinite(placed).all(-1) & np.isfinite(noise).all((-2, -1))
-    judged.positions[row, told], judged.covariances[row, told] = placed[told], noise[told]
 
 
 def _mend(
