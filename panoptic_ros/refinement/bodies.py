@@ -4,8 +4,8 @@ A body has joints elsewhere than the detector has them, by much the same in the 
 seen joints are off is learnt per person and joint, and so is how much that varies. The body rests in part on
 the same 2D joints, so both are not independent: what comes out is taken to be as certain as the better of the
 two. With IMUs it knows much more than two views do, whose errors last: what smoothing took off these is put
-back. Where one view or none sees a joint, neither is right as a rule: skeletons hold on to what more views saw
-before, bodies to lengths and to how people move. Their covariances decide.
+back. Where one view or none sees a joint, neither is right as a rule: skeletons hold on to what more views
+saw before, bodies to lengths and to how people move. Their covariances decide.
 """
 from __future__ import annotations
 
