@@ -88,6 +88,7 @@ class BodyStateSet:
         velocities: (B, S, 6) m/s and rad/s in the world.
         covariances: (B, S, 6, 6) of position, m, and rotation, rad, both in the world; NaN = not known.
         keypoints: (B, J, 3) m, NaN where the body has no such joint; keypoint_covariances: (B, J, 3, 3) m^2.
+            Of places both hold the detector's constant biases (`SkeletonModel.bias_floors`).
     """
 
     index: int

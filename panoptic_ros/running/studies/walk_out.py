@@ -51,7 +51,8 @@ def study_walkout(
     folder: Path | None, cameras: Sequence[str], settings: Parameters, seeds: Sequence[int],
     progress: Progress, truth: Path | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Errors and ellipsoids by phase and by how many views see a joint, over all takes, for JSON.
+    """Errors and ellipsoids by phase and by how many views see a joint, over all takes, for JSON; of bodies,
+    too, where `settings` ask for `kinematics.everybody`.
 
     Args:
         folder: a capture with its truth, of which everybody is left with two cameras after a third of the
