@@ -12,7 +12,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import file_errors, read_bytes, read_yaml
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.kinematics.fitting import Site
+from panoptic_ros.kinematics.body.fitting import Site
 
 Array = np.ndarray
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")

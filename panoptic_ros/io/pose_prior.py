@@ -9,7 +9,7 @@ import numpy as np
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 DEFAULT_PRIOR = "prior-cmu.npz"
 PRIOR_KEYS = ("mean", "components", "deviations", "spreads")

@@ -10,10 +10,10 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Device, ImuReading, Instant, Subject, ViewPeople
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import from_quaternions
-from panoptic_ros.kinematics.nearest_people import assign_people
-from panoptic_ros.kinematics.person import Person
-from panoptic_ros.kinematics.prior import PoseStatistics
-from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPoints
+from panoptic_ros.kinematics.people.nearest_people import assign_people
+from panoptic_ros.kinematics.people.person import Person
+from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPoints
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 STATURE = 1.7
 GATE = 0.5  # m

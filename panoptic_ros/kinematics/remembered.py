@@ -6,26 +6,26 @@ from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
-from panoptic_ros.kinematics.afterwards import Afterwards, Linked
+from panoptic_ros.kinematics.body.contact import Contact
+from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.lengths import LengthEstimate
+from panoptic_ros.kinematics.body.measured_body import MeasuredBody
+from panoptic_ros.kinematics.body.noise_level import NoiseLevel
+from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.contact import Contact
-from panoptic_ros.kinematics.devices import WornDevices
-from panoptic_ros.kinematics.evidence import Weighing
-from panoptic_ros.kinematics.imu_fitting import ImuFitting
-from panoptic_ros.kinematics.imu_streams import ImuStreams
-from panoptic_ros.kinematics.lengths import LengthEstimate
-from panoptic_ros.kinematics.measured_body import MeasuredBody
-from panoptic_ros.kinematics.mounting import Looks, MountingEstimate
-from panoptic_ros.kinematics.noise_level import NoiseLevel
-from panoptic_ros.kinematics.person import Behind, Person
-from panoptic_ros.kinematics.presence import Presence
-from panoptic_ros.kinematics.returning import Absence
-from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPerson, SeenPoints
-from panoptic_ros.kinematics.targets import Floor, Hinges, PosePrior
+from panoptic_ros.kinematics.imus.devices import WornDevices
+from panoptic_ros.kinematics.imus.fitting import ImuFitting
+from panoptic_ros.kinematics.imus.mounting import Looks, MountingEstimate
+from panoptic_ros.kinematics.imus.streams import ImuStreams
+from panoptic_ros.kinematics.imus.wearing import Wearing
+from panoptic_ros.kinematics.people.person import Behind, Person
+from panoptic_ros.kinematics.people.presence import Presence
+from panoptic_ros.kinematics.people.returning import Absence
+from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPerson, SeenPoints
+from panoptic_ros.kinematics.pose.afterwards import Afterwards, Linked
+from panoptic_ros.kinematics.pose.targets import Floor, Hinges, PosePrior
+from panoptic_ros.kinematics.pose.window import Motion, PoseWindow, _Eliminated
 from panoptic_ros.kinematics.timeline import Timeline
-from panoptic_ros.kinematics.tracker import SubjectTracker
-from panoptic_ros.kinematics.wearing import Wearing
-from panoptic_ros.kinematics.window import Motion, PoseWindow, _Eliminated
 from panoptic_ros.state import Fields
 
 CLASSES = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,20 +10,20 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
 from panoptic_ros.errors import DataError
-from panoptic_ros.kinematics.alignment import align, cameras_alone, felt_of, taken_over
+from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.evidence import Weighing
-from panoptic_ros.kinematics.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
-from panoptic_ros.kinematics.presence import Looked, Presence, middle_expected, people_of
-from panoptic_ros.kinematics.prior import PoseStatistics
-from panoptic_ros.kinematics.recorded_imus import looked_through
-from panoptic_ros.kinematics.resampling import instants_of
-from panoptic_ros.kinematics.t_pose import t_pose_mounts
-from panoptic_ros.kinematics.tracker import SubjectTracker
+from panoptic_ros.kinematics.imus.alignment import align, cameras_alone, felt_of, taken_over
+from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
+from panoptic_ros.kinematics.imus.recorded import looked_through
+from panoptic_ros.kinematics.imus.resampling import instants_of
+from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
+from panoptic_ros.kinematics.people.first_people import nearest_to_start
+from panoptic_ros.kinematics.people.presence import Looked, Presence, middle_expected, people_of
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
-FIRST_GATE = 0.8  # m, from where a subject is said to start
 LOST_S = 0.5  # out of sight and without IMUs, after which a body is given up
 
 
@@ -187,33 +186,3 @@ def _first_people(
                 "where the pelvis is at the first instant"
             )
     return nearest_to_start(subject, instant, weighing)
-
-
-def nearest_to_start(
-    subject: Subject, instant: Instant, weighing: Weighing
-) -> dict[int, tuple[Array, Array]]:
-    """Points (K, 2) and scores (K,) by camera of who stands where the subject starts; where nothing says so,
-    of who is alone in a view."""
-    found = {}
-    for camera, people in instant.views.items():
-        if subject.start is None:
-            if len(people.points) == 1:
-                found[camera] = (people.points[0], people.scores[0])
-            continue
-        if not len(people.points):
-            continue
-        local = weighing.rotations[camera] @ subject.start + weighing.translations[camera]
-        if local[2] < 0.1:
-            continue
-        goal = local[:2] / local[2]
-        far = [_middle_distance(points, goal) * local[2] for points in people.points]
-        best = int(np.argmin(far))
-        if far[best] < FIRST_GATE:
-            found[camera] = (people.points[best], people.scores[best])
-    return found
-
-
-def _middle_distance(points: Array, goal: Array) -> float:
-    """From the middle of a 2D person's joints (K, 2) to a point (2,); infinite if it has none."""
-    seen = points[np.isfinite(points).all(-1)]
-    return float(np.linalg.norm(np.median(seen, axis=0) - goal)) if len(seen) else math.inf

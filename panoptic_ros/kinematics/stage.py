@@ -11,16 +11,16 @@ from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.errors import DataError
-from panoptic_ros.kinematics.allotment import Allotment, SeenView
+from panoptic_ros.kinematics.body.measured_body import MeasuredBody
 from panoptic_ros.kinematics.body_records import Solved, body_set
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.examples import step_examples
-from panoptic_ros.kinematics.imu_streams import ImuStreams
-from panoptic_ros.kinematics.measured_body import MeasuredBody
-from panoptic_ros.kinematics.person import Behind, Person
-from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.imus.streams import ImuStreams
+from panoptic_ros.kinematics.people.allotment import Allotment, SeenView
+from panoptic_ros.kinematics.people.person import Behind, Person
+from panoptic_ros.kinematics.people.seen_people import SeenJoints, joints_as_seen
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
-from panoptic_ros.kinematics.seen_people import SeenJoints, joints_as_seen
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout

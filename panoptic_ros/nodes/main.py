@@ -23,14 +23,14 @@ from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.output import print_to
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
-from panoptic_ros.nodes.heat_maps_node import HeatMapsNode
-from panoptic_ros.nodes.markers_node import MarkersNode
-from panoptic_ros.nodes.own_cameras import OwnCameras
-from panoptic_ros.nodes.people_node import PeopleNode
-from panoptic_ros.nodes.rpt_node import RptNode
-from panoptic_ros.nodes.runtime import in_namespace, leave, run_nodes
-from panoptic_ros.nodes.stage_node import StageNode
-from panoptic_ros.nodes.statics_node import StaticsNode
+from panoptic_ros.nodes.listeners.heat_maps_node import HeatMapsNode
+from panoptic_ros.nodes.listeners.markers_node import MarkersNode
+from panoptic_ros.nodes.listeners.people_node import PeopleNode
+from panoptic_ros.nodes.listeners.rpt_node import RptNode
+from panoptic_ros.nodes.middleware.runtime import in_namespace, leave, run_nodes
+from panoptic_ros.nodes.sources.statics_node import StaticsNode
+from panoptic_ros.nodes.stages.own_cameras import OwnCameras
+from panoptic_ros.nodes.stages.stage_node import StageNode
 
 
 def _detector(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
@@ -137,7 +137,7 @@ def camera() -> None:
         quality = int(arguments.declare_parameter("jpeg_quality", 90).value)
         flow = arguments.text("flow", "live")
         arguments.destroy_node()
-        from panoptic_ros.nodes.sources import make_camera_node
+        from panoptic_ros.nodes.sources.making import make_camera_node
 
         if not name or not path or bool(video) == bool(device):
             raise UsageError("node camera needs the parameters `camera`, `rig`, and `video` or `device`")
@@ -187,7 +187,7 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
 def _source(entry: Mapping[str, Any], rig_of_run: Any, overrides: Mapping[str, Any]) -> Any:
     """The node of what records come from."""
     from panoptic_ros.io.bag_streams import BagStream  # decoders that nodes of stages start without
-    from panoptic_ros.nodes.sources import make_bag_node, make_imu_node, make_sound_node
+    from panoptic_ros.nodes.sources.making import make_bag_node, make_imu_node, make_sound_node
 
     if entry["kind"] == "sound":
         return make_sound_node(entry["sound"], rig_of_run.names, overrides)

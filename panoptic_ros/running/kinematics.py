@@ -20,7 +20,7 @@ from panoptic_ros.io.plain_formats import PlainDetections, read_detections
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
 from panoptic_ros.params import load
 

@@ -17,8 +17,8 @@ from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
 from panoptic_ros.io.pose_prior import PRIOR_KEYS
 from panoptic_ros.io.recorded_motions import read_clips
-from panoptic_ros.kinematics.fitting import fit_motion
-from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
+from panoptic_ros.kinematics.body.fitting import fit_motion
+from panoptic_ros.kinematics.pose.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray

@@ -11,8 +11,8 @@ from rclpy.utilities import try_shutdown
 
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.health import Told
-from panoptic_ros.nodes.runtime import start_ros
-from panoptic_ros.nodes.watch_node import WatchNode
+from panoptic_ros.nodes.listeners.watch_node import WatchNode
+from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.running.processes.children import prepare_environment
 
 PATIENCE_S = 6.0  # for the first word of a graph: discovery, and the second between two

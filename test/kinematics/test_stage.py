@@ -8,8 +8,8 @@ from stage_cases import SECOND, cases, chain, imu_samples
 
 from panoptic_ros.domain import BodySource, ImuSample
 from panoptic_ros.errors import DataError
-from panoptic_ros.kinematics.imu_streams import ImuStreams
-from panoptic_ros.kinematics.seen_people import SeenJoints, SeenPerson, SeenPoints
+from panoptic_ros.kinematics.imus.streams import ImuStreams
+from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPerson, SeenPoints
 from panoptic_ros.kinematics.timeline import Timeline
 
 UP = np.array([0.0, 0.0, 9.81])

@@ -13,10 +13,10 @@ from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
 from panoptic_ros.io.messages.images import image_message  # noqa: E402
-from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
-from panoptic_ros.nodes.quality import data_quality  # noqa: E402
-from panoptic_ros.nodes.stage_node import StageNode  # noqa: E402
-from panoptic_ros.nodes.statics_node import StaticsNode  # noqa: E402
+from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.middleware.quality import data_quality  # noqa: E402
+from panoptic_ros.nodes.sources.statics_node import StaticsNode  # noqa: E402
+from panoptic_ros.nodes.stages.stage_node import StageNode  # noqa: E402
 
 pytestmark = pytest.mark.ros
 SIZES = {"input_side": 256, "smallest_input": 64, "adapt_input": False}

@@ -8,12 +8,12 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
-from panoptic_ros.nodes.diagnostics import own_statuses  # noqa: E402
-from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
-from panoptic_ros.nodes.quality import data_quality  # noqa: E402
-from panoptic_ros.nodes.runtime import in_namespace  # noqa: E402
-from panoptic_ros.nodes.stage_node import StageNode  # noqa: E402
-from panoptic_ros.nodes.statics_node import StaticsNode  # noqa: E402
+from panoptic_ros.nodes.health.diagnostics import own_statuses  # noqa: E402
+from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.middleware.quality import data_quality  # noqa: E402
+from panoptic_ros.nodes.middleware.runtime import in_namespace  # noqa: E402
+from panoptic_ros.nodes.sources.statics_node import StaticsNode  # noqa: E402
+from panoptic_ros.nodes.stages.stage_node import StageNode  # noqa: E402
 
 pytestmark = pytest.mark.ros
 VIEW = message_class("panoptic_msgs/msg/ViewDetections")

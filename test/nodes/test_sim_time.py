@@ -11,8 +11,8 @@ from recordings import write_bag
 rclpy = pytest.importorskip("rclpy")
 
 from panoptic_ros.graph.nodes import AFTER_DETECTION  # noqa: E402
-from panoptic_ros.nodes.family import message_class  # noqa: E402
-from panoptic_ros.nodes.stage_node import StageNode  # noqa: E402
+from panoptic_ros.nodes.middleware.family import message_class  # noqa: E402
+from panoptic_ros.nodes.stages.stage_node import StageNode  # noqa: E402
 
 pytestmark = pytest.mark.ros
 FRAMES, DIES_AT = 75, 30

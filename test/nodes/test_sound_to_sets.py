@@ -12,10 +12,10 @@ from sensor_msgs.msg import TimeReference  # noqa: E402
 from panoptic_ros.domain import AudioBlock, Timecode  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
-from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
-from panoptic_ros.nodes.quality import data_quality  # noqa: E402
-from panoptic_ros.nodes.stage_node import StageNode  # noqa: E402
-from panoptic_ros.nodes.statics_node import StaticsNode  # noqa: E402
+from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.middleware.quality import data_quality  # noqa: E402
+from panoptic_ros.nodes.sources.statics_node import StaticsNode  # noqa: E402
+from panoptic_ros.nodes.stages.stage_node import StageNode  # noqa: E402
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate  # noqa: E402
 
 pytestmark = pytest.mark.ros

@@ -14,7 +14,7 @@ rclpy = pytest.importorskip("rclpy")
 import panoptic_ros  # noqa: E402
 from panoptic_ros.domain import JointState, RefinedPoseSet  # noqa: E402
 from panoptic_ros.io.messages import to_message  # noqa: E402
-from panoptic_ros.nodes.family import message_class, ros_messages  # noqa: E402
+from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 
 EXAMPLES = Path(panoptic_ros.__file__).parents[1] / "docs" / "examples"
 pytestmark = [

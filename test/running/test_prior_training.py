@@ -11,7 +11,7 @@ from panoptic_ros.io.motion_files import read_bvh, read_sites
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import MOTION
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.kinematics.fitting import fit_motion
+from panoptic_ros.kinematics.body.fitting import fit_motion
 
 BVH = """HIERARCHY
 ROOT Hips { OFFSET 0 0 0 CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation

@@ -54,8 +54,12 @@ NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
 THIN = {"errors", "domain", "stage", "io", "view", "bench", "running"}
 LONGEST_VERB = 120  # lines of a module of cli
 SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io reads, not the reverse
-# Rooms inside of a stage: each imports itself and those before it. Modules beside them import all.
-INNER_ROOMS = {"timecode": ("config", "signal", "word", "label", "follow")}
+# Rooms inside of a room: each imports itself and those before it. Modules beside them import all.
+INNER_ROOMS = {
+    "timecode": ("config", "signal", "word", "label", "follow"),
+    "kinematics": ("config", "pose", "imus", "body", "people"),
+    "nodes": ("middleware", "health", "flow", "stages", "listeners", "sources"),
+}
 
 
 def room_of(module: str) -> str:

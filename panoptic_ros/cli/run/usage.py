@@ -6,7 +6,7 @@ import argparse
 from panoptic_ros.cli.options import names
 from panoptic_ros.errors import UsageError
 
-# see `nodes.people_node`, `heat_maps_node`
+# see `nodes.listeners`: `people_node`, `heat_maps_node`
 PUBLISHABLE = ("roots", "tf", "bodies", "boxes", "joints", "segments", "stream", "heat_maps")
 _FILES = ("capture", "demo", "video")
 _MEANS_SOMETHING_FOR = {

@@ -12,11 +12,11 @@ import numpy as np
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.recorded_motions import read_clips
+from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.prior import PoseStatistics
-from panoptic_ros.kinematics.solve import solve_pose
-from panoptic_ros.kinematics.targets import Evidence, no_anchor
-from panoptic_ros.kinematics.tracker import SubjectTracker
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
+from panoptic_ros.kinematics.pose.solve import solve_pose
+from panoptic_ros.kinematics.pose.targets import Evidence, no_anchor
 from panoptic_ros.running.simulations.body_scenes import body_scene
 from panoptic_ros.running.studies.bodies.cases import prior_without
 from panoptic_ros.running.studies.bodies.following import follow, tracker_of

@@ -19,8 +19,8 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.kinematic_files import subject_document
 from panoptic_ros.io.messages import stamp_of, to_message
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.nodes.family import message_class, ros_messages
-from panoptic_ros.nodes.quality import collecting_quality, data_quality
+from panoptic_ros.nodes.middleware.family import message_class, ros_messages
+from panoptic_ros.nodes.middleware.quality import collecting_quality, data_quality
 from panoptic_ros.params import config_of
 from panoptic_ros.running.benches.player import LAST_WORDS_S, Player, played
 from panoptic_ros.running.plans.designated import with_subjects

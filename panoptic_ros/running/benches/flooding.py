@@ -9,7 +9,7 @@ from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.running.processes.children import child_environment
 
-MODULE = "panoptic_ros.nodes.flooding_node"
+MODULE = "panoptic_ros.nodes.sources.flooding_node"
 
 
 class Flood(NamedTuple):

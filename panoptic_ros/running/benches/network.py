@@ -19,7 +19,7 @@ from panoptic_ros.stage import Progress, untold
 
 ABOUT = "2D people from host to host with packets lost (network namespaces, root)"
 CAMERAS = ("cam0", "cam1", "cam2")
-MODULE = "panoptic_ros.nodes.network_probe"
+MODULE = "panoptic_ros.nodes.sources.network_probe"
 BEFORE_S, AFTER_S = 8.0, 6.0  # of sending: discovery, and what is repaired later
 
 

@@ -16,7 +16,7 @@ from panoptic_ros.bench.graph_feed import Feed
 from panoptic_ros.bench.graph_figures import arrivals
 from panoptic_ros.bench.view_feed import PREVIEW_EVERY, moving_previews
 from panoptic_ros.bench.view_figures import Phase, ages_of
-from panoptic_ros.nodes.preview_feeding_node import PreviewFeedingNode
+from panoptic_ros.nodes.sources.preview_feeding_node import PreviewFeedingNode
 from panoptic_ros.running.benches.player import Player, played
 from panoptic_ros.running.processes.children import Processes, child_environment
 from panoptic_ros.running.processes.usage import usage_of

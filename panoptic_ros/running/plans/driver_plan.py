@@ -9,7 +9,7 @@ from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.io.driver_topics import DriverFile, DriverTopics, read_driver_topics
 from panoptic_ros.io.messages.images import ENCODINGS
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.nodes.drivers import Drivers, find_drivers
+from panoptic_ros.nodes.sources.drivers import Drivers, find_drivers
 from panoptic_ros.running.plans.driver_rig import rig_by_calibration, rig_by_transforms, with_info
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plans.parameters import live_parameters, with_defaults

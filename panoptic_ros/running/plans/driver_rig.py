@@ -11,8 +11,8 @@ from panoptic_ros.errors import CalibrationError, DataError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.io.driver_topics import DriverFile, DriverTopics
 from panoptic_ros.io.messages.images import camera_from_info, rectified
-from panoptic_ros.nodes.drivers import Drivers
-from panoptic_ros.nodes.transforms import find_transforms
+from panoptic_ros.nodes.sources.drivers import Drivers
+from panoptic_ros.nodes.sources.transforms import find_transforms
 
 RECTIFIED = "_rect"  # in the last words of a topic's name, as image_proc and drivers call them
 SAME_FOCAL = 0.01  # relative: what CameraInfo and the rig may differ by

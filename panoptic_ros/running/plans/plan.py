@@ -34,7 +34,7 @@ class Plan:
         frame_count: of all cameras together, None if not known; instants: of the longest camera.
         live: devices, in place of recordings.
         namespace: of the graph's nodes and topics.
-        publish: what `nodes.people_node` makes of skeletons for other packages.
+        publish: what `nodes.listeners.people_node` makes of skeletons for other packages.
         subjects: files of the designated people.
         imus: file with samples by device; empty for bags and running drivers.
         worn: devices on the designated people, in the order of their files.

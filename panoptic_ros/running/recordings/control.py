@@ -10,8 +10,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.errors import EnvironmentProblem
-from panoptic_ros.nodes.family import service_class
-from panoptic_ros.nodes.runtime import start_ros
+from panoptic_ros.nodes.middleware.family import service_class
+from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.running.processes.children import prepare_environment
 
 SERVICE = "record"  # of a recorder's node, as std_srvs/SetBool

@@ -21,10 +21,10 @@ from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.nodes.executor import make_executor
-from panoptic_ros.nodes.family import service_class
-from panoptic_ros.nodes.recorder_node import RecorderNode
-from panoptic_ros.nodes.runtime import start_ros
+from panoptic_ros.nodes.listeners.recorder_node import RecorderNode
+from panoptic_ros.nodes.middleware.executor import make_executor
+from panoptic_ros.nodes.middleware.family import service_class
+from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.running.recordings.control import PREFIX, SERVICE, prepare_recording
 from panoptic_ros.running.recordings.facts import as_text, recording_facts
 from panoptic_ros.running.recordings.options import RecordOptions

@@ -17,8 +17,8 @@ from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
 from panoptic_ros.io.interruption import first_request_told
-from panoptic_ros.nodes.replay_node import ReplayNode, is_latched
-from panoptic_ros.nodes.runtime import start_ros
+from panoptic_ros.nodes.middleware.runtime import start_ros
+from panoptic_ros.nodes.sources.replay_node import ReplayNode, is_latched
 from panoptic_ros.running.processes.children import prepare_environment
 from panoptic_ros.running.recordings.replay_topics import chosen_topics, topics_from
 

@@ -12,11 +12,11 @@ from rclpy.utilities import try_shutdown
 from panoptic_ros.graph.flow import WINDOW, make_flow
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.nodes.collector_node import CollectorNode
-from panoptic_ros.nodes.domain_claim import claim_domain
-from panoptic_ros.nodes.executor import make_executor
-from panoptic_ros.nodes.runtime import in_namespace, start_ros
-from panoptic_ros.nodes.statics_node import StaticsNode
+from panoptic_ros.nodes.listeners.collector_node import CollectorNode
+from panoptic_ros.nodes.listeners.domain_claim import claim_domain
+from panoptic_ros.nodes.middleware.executor import make_executor
+from panoptic_ros.nodes.middleware.runtime import in_namespace, start_ros
+from panoptic_ros.nodes.sources.statics_node import StaticsNode
 from panoptic_ros.params import config_of
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.plan import Plan

@@ -213,7 +213,7 @@ def test_round_trip_through_bag_bytes(record):
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: type(r).__name__)
 def test_round_trip_through_ros_bytes(record):
     serialization = pytest.importorskip("rclpy.serialization")
-    from panoptic_ros.nodes.family import ros_messages
+    from panoptic_ros.nodes.middleware.family import ros_messages
 
     message = to_message(record, ros_messages())
     data = serialization.serialize_message(message)

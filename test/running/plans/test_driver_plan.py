@@ -14,7 +14,7 @@ from panoptic_ros.geometry import Rigid
 from panoptic_ros.graph.build import configure
 from panoptic_ros.io.messages import bag_messages, camera_info_message
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.nodes.drivers import Drivers
+from panoptic_ros.nodes.sources.drivers import Drivers
 from panoptic_ros.running.plans import driver_plan, driver_rig
 from panoptic_ros.running.runs.launch import write_launch_file
 

@@ -12,8 +12,8 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
 from panoptic_ros.errors import DataError, EnvironmentProblem, UsageError  # noqa: E402
-from panoptic_ros.nodes.family import message_class  # noqa: E402
-from panoptic_ros.nodes.quality import LATCHED  # noqa: E402
+from panoptic_ros.nodes.middleware.family import message_class  # noqa: E402
+from panoptic_ros.nodes.middleware.quality import LATCHED  # noqa: E402
 from panoptic_ros.running.recordings import replay as replays  # noqa: E402
 from panoptic_ros.running.recordings.replay import ReplayOptions, replay  # noqa: E402
 from panoptic_ros.running.recordings.replay_topics import chosen_topics, topics_from  # noqa: E402

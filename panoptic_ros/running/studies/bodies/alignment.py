@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain.subjects import ImuSeries
-from panoptic_ros.kinematics.alignment import Felt, align, cameras_alone, felt_of
+from panoptic_ros.kinematics.imus.alignment import Felt, align, cameras_alone, felt_of
 from panoptic_ros.running.kinematics import body_config
 from panoptic_ros.running.studies.bodies.cases import SKIPPED_S, BodyCase
 from panoptic_ros.running.studies.bodies.learnt_lengths import lengths_lines, lengths_row

@@ -18,7 +18,7 @@ from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.prior import PoseStatistics, other_sides, train_prior
+from panoptic_ros.kinematics.pose.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
 from panoptic_ros.running.kinematics import PAPER, body_config, read_body_task
 from panoptic_ros.running.simulations.body_scenes import body_scene

@@ -15,9 +15,9 @@ import numpy as np
 from panoptic_ros.geometry.rotations import from_quaternions, rotations_of, to_quaternions, vectors_of
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.recorded_motions import read_clips
+from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.prior import PoseStatistics
-from panoptic_ros.kinematics.tracker import SubjectTracker
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.running.kinematics import body_config
 from panoptic_ros.running.simulations.body_scenes import body_scene
 from panoptic_ros.running.studies.bodies.cases import prior_without

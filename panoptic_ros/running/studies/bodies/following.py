@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from typing import Any
 
 from panoptic_ros.domain.subjects import Instant
+from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.evidence import Weighing
-from panoptic_ros.kinematics.nearest_people import assign_people
-from panoptic_ros.kinematics.prior import PoseStatistics
-from panoptic_ros.kinematics.resampling import instants_of
-from panoptic_ros.kinematics.session import nearest_to_start
-from panoptic_ros.kinematics.t_pose import t_pose_mounts
-from panoptic_ros.kinematics.tracker import SubjectTracker
+from panoptic_ros.kinematics.imus.resampling import instants_of
+from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
+from panoptic_ros.kinematics.people.first_people import nearest_to_start
+from panoptic_ros.kinematics.people.nearest_people import assign_people
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.running.studies.bodies.cases import recording_of
 from panoptic_ros.simulation.bodies.capture import BodyCapture
 

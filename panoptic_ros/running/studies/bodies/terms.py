@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, BodyCase
 from panoptic_ros.stage import Progress

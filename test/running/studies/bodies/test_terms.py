@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from panoptic_ros.kinematics.prior import PoseStatistics
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.running.studies.bodies.cases import BodyCase
 from panoptic_ros.running.studies.bodies.terms import (
     FULL,

@@ -1,0 +1,146 @@
+"""From data of an instant to targets, weighed as standard deviations or as in the paper."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.subjects import Subject
+from panoptic_ros.kinematics.body.sight import seen_joints
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.pose.prior import PoseStatistics, PriorCosts, hinges_of
+from panoptic_ros.kinematics.pose.targets import (
+    NO_POINTS,
+    NO_TURNS,
+    NO_VIEWS,
+    Evidence,
+    Floor,
+    PointTargets,
+    TurnTargets,
+    ViewTargets,
+)
+
+Array = np.ndarray
+PAPER_WIDTH = 656  # px, of the images that the paper's weights are for
+PAPER = {"position": 1e-3, "orientation": 1.0, "projection": 0.7, "deviation": 0.06, "floor": 10.0}
+PAPER_RADIUS = 0.05  # m
+FLOOR_SD = 0.02  # m
+OFFSET_SD = 0.01  # m, how far a detector's joint lies off where the body has it, per axis
+
+
+class Weighing:
+    """Makes the evidence for one subject.
+
+    Args:
+        joint_names: (K) of the detections.
+    """
+
+    def __init__(
+        self,
+        config: KinematicsConfig,
+        subject: Subject,
+        statistics: PoseStatistics,
+        rig: Rig | None,
+        joint_names: Sequence[str],
+    ):
+        self._config, self._subject = config, subject
+        model, keypoints = subject.body.model, subject.body.seen
+        self._columns = np.array([k for k, name in enumerate(joint_names) if name in keypoints], np.int64)
+        self._names = [joint_names[k] for k in self._columns]
+        known = [keypoints[name] for name in self._names]
+        self._segments = np.array([segment for segment, _ in known], np.int64)
+        self._offsets = np.array([offset for _, offset in known]).reshape(-1, 3)
+        joints = subject.body.keypoints
+        self._anchors = np.array([joints[name][0] for name in self._names], np.int64)
+        cameras = rig.cameras if rig is not None else ()
+        self.rotations = np.array([c.cam_from_world.rotation for c in cameras]).reshape(-1, 3, 3)
+        self.translations = np.array([c.cam_from_world.translation for c in cameras]).reshape(-1, 3)
+        focal = [c.intrinsics.matrix[0, 0] * PAPER_WIDTH / c.image_size[0] for c in cameras]
+        self._paper_focal = np.array(focal)
+        paper = config.paper_weights
+        scale = config.prior_scale**2
+        ours = PriorCosts(
+            1.0, scale, config.deviation_sd**-2, scale, math.radians(config.limit_sd) ** -2,
+            math.radians(config.prior_sd),
+        )  # fmt: skip
+        self.prior = statistics.prior(
+            model.lower, model.upper,
+            PriorCosts(PAPER["projection"], 1.0, PAPER["deviation"], 1.0, 0.0) if paper else ours,
+        )  # fmt: skip
+        if not paper:
+            self.prior = self.prior._replace(hinges=hinges_of(model, math.radians(config.hinge_sd)))
+        ground = np.array([model.index(name) for name in model.ground], np.int64)
+        self.floor = (
+            Floor(ground, PAPER_RADIUS, PAPER["floor"]) if paper else Floor(ground, 0.0, FLOOR_SD**-2)
+        )
+
+    @property
+    def sites(self) -> tuple[Array, Array, Array]:
+        """Columns of the detections that are used, their segments and offsets m."""
+        return self._columns, self._segments, self._offsets
+
+    def with_body(self, body: Body) -> Weighing:
+        """The same for the subject with other lengths."""
+        seen = body.seen
+        found = copy.copy(self)
+        found._offsets = np.array([seen[name][1] for name in self._names]).reshape(-1, 3)
+        return found
+
+    def views(
+        self, people: dict[int, tuple[Array, Array]], root: Array, level: float = 1.0
+    ) -> ViewTargets:
+        """Targets of the views of one person.
+
+        Args:
+            people: points (K, 2) on the plane and scores (K,) by camera. root: (3,) m, about where it is.
+            level: of the errors of joints, a share of what is assumed.
+        """
+        if not people:
+            return NO_VIEWS
+        cameras = np.array(sorted(people), np.int64)
+        depth = self.rotations[cameras, 2] @ root + self.translations[cameras, 2]
+        config = self._config
+        if config.paper_weights:
+            factors, power = PAPER["position"] * self._paper_focal[cameras] ** 2, 1.0
+        else:
+            factors, power = (np.maximum(depth, 0.3) / (level * config.joint_sd)) ** 2, config.score_power
+        points = np.array([people[camera][0] for camera in cameras.tolist()])
+        scores = np.array([people[camera][1] for camera in cameras.tolist()])
+        sites, views, seen, weights = seen_joints(points, scores, self._columns, factors, power)
+        scale = 1.0 if config.paper_weights else config.joint_scale**2
+        return ViewTargets(
+            self._segments[sites], self._offsets[sites], cameras[views], seen, weights, scale, self.rotations,
+            self.translations, self._anchors[sites],
+        )  # fmt: skip
+
+    def points(self, joints: tuple[Array, Array] | None) -> PointTargets:
+        """Targets of joints in space: positions (K, 3) m, NaN = missing, and covariances (K, 3, 3) m^2."""
+        if joints is None:
+            return NO_POINTS
+        goals, covariances = joints[0][self._columns], joints[1][self._columns]
+        known = np.flatnonzero(np.isfinite(goals).all(-1) & np.isfinite(covariances).all((-2, -1)))
+        spread = covariances[known] + OFFSET_SD**2 * np.eye(3)
+        return PointTargets(
+            self._segments[known], self._offsets[known], np.ascontiguousarray(goals[known]),
+            np.linalg.inv(spread), self._config.joint_scale**2, self._anchors[known],
+        )  # fmt: skip
+
+    def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:
+        """Targets of orientations: segments (N,), goals (N, 3, 3), standard deviations (N,) rad."""
+        if not len(segments):
+            return NO_TURNS
+        weights = (
+            np.full(len(segments), PAPER["orientation"]) if self._config.paper_weights else 4.0 / spreads**2
+        )
+        return TurnTargets(segments, np.ascontiguousarray(goals), weights, 0.0)
+
+    def evidence(
+        self, views: ViewTargets, turns: TurnTargets, points: PointTargets = NO_POINTS
+    ) -> Evidence:
+        """All of an instant."""
+        return Evidence(views, points, turns, self.floor, self.prior, 1.0)

@@ -1,0 +1,150 @@
+"""Lengths of a body from its motion: what joints that are seen say about them, for any pose.
+
+At single instants the pose and the lengths are solved for together, the pose is eliminated, and what is left
+on the lengths is averaged over instants: a detector's joints are off their places by about the same at all of
+them, so lengths are known no better than a few looks allow. Left is as right.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.geometry.chain import Pose, place_segments, place_sites
+from panoptic_ros.geometry.segment_chain import Chain
+from panoptic_ros.kinematics.pose.normal_equations import assemble
+from panoptic_ros.kinematics.pose.targets import Evidence, PointTargets, ViewTargets, no_anchor
+
+Array = np.ndarray
+LENGTH_SD = 0.05  # share of a length, about what the stature tells
+LOOKS = 10.0  # independent ones, at most
+LEAST_SHARE = 0.02  # of the stature, of a part of an offset that is worth a length of its own
+NEAREST = 0.1  # m before a camera
+
+
+def lengths_of(model: SegmentModel) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """All lengths of a skeleton, each the parts of offsets that grow together: segments and axes. Left and
+    right are one, and so are numbered segments, as of the spine."""
+    groups: dict[tuple[str, int], list[tuple[int, int]]] = {}
+    for s, name in enumerate(model.names):
+        paired = name[:1] in "lr" and name[1:2].isupper()
+        kind = (name[1:] if paired else name).rstrip("0123456789")
+        for axis in range(3):
+            if abs(model.shares[s, axis]) >= LEAST_SHARE:
+                groups.setdefault((kind, axis), []).append((s, axis))
+    return tuple(tuple(parts) for parts in groups.values())
+
+
+class LengthEstimate:
+    """Offsets (S, 3) m of one person.
+
+    Args:
+        offsets: those that the stature tells.
+    """
+
+    def __init__(self, model: SegmentModel, offsets: Array):
+        self._usual = offsets.copy()
+        self._lengths = lengths_of(model)
+        count = len(self._lengths)
+        self._information, self._pull = np.zeros((count, count)), np.zeros(count)
+        self.looks = 0
+        self.scales: Array = np.zeros(count)
+
+    def offsets(self) -> Array:
+        """As they are known now."""
+        found = self._usual.copy()
+        for scale, length in zip(self.scales, self._lengths):
+            for s, axis in length:
+                found[s, axis] *= math.exp(scale)
+        return found
+
+    def look(self, chain: Chain, pose: Pose, evidence: Evidence) -> None:
+        """Learn from an instant, of which the pose is solved with this chain.
+
+        Args:
+            evidence: all of the instant, with views or joints in space.
+        """
+        size = 3 + 3 * len(chain.parents)
+        hessian, gradient = np.empty((size, size)), np.empty(size)
+        assemble(chain, pose, evidence, no_anchor(len(chain.parents)), hessian, gradient)
+        grown = self._grown(chain, pose)
+        parts = (
+            _view_slopes(chain, pose, evidence.views, grown),
+            _point_slopes(chain, pose, evidence.points, grown),
+        )
+        by_pose, by_length, residuals = (np.concatenate(rows) for rows in zip(*parts))
+        cross = by_length.T @ by_pose
+        inner = cho_factor(hessian + 1e-6 * np.eye(size), check_finite=False)
+        solved = cho_solve(inner, np.column_stack([cross.T, gradient]), check_finite=False)
+        information = by_length.T @ by_length - cross @ solved[:, :-1]
+        pull = by_length.T @ residuals - cross @ solved[:, -1] - information @ self.scales
+        self.looks += 1
+        self._information += (information - self._information) / self.looks
+        self._pull += (pull - self._pull) / self.looks
+
+    def update(self) -> float:
+        """Take over what was learnt: by how much the longest change goes, m."""
+        before = self.offsets()
+        looks = min(float(self.looks), LOOKS)
+        precision = np.diag(np.full(len(self.scales), LENGTH_SD**-2))
+        self.scales = -np.linalg.solve(looks * self._information + precision, looks * self._pull)
+        return float(np.linalg.norm(self.offsets() - before, axis=-1).max())
+
+    def _grown(self, chain: Chain, pose: Pose) -> Array:
+        """How the joint of each segment moves in the world by the lengths, (S, 3, L)."""
+        count = len(chain.parents)
+        frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
+        place_segments(chain, pose, frames, places)
+        grown = np.zeros((count, 3, len(self._lengths)))
+        for k, length in enumerate(self._lengths):
+            for s, axis in length:
+                grown[s, :, k] += frames[chain.parents[s], :, axis] * chain.offsets[s, axis]
+        for s in range(1, count):
+            grown[s] += grown[chain.parents[s]]
+        return grown
+
+
+def _view_slopes(chain: Chain, pose: Pose, views: ViewTargets, grown: Array) -> tuple[Array, Array, Array]:
+    """Slopes of the weighted residuals (2 N,) by pose (2 N, D) and by lengths (2 N, L), and these."""
+    slopes = np.empty((len(views.segments), 3, 3 + 3 * len(chain.parents)))
+    sites = place_sites(chain, pose, views.segments, views.offsets, slopes)
+    rotation = views.rotations[views.cameras]
+    local = (rotation @ sites[..., None])[..., 0] + views.translations[views.cameras]
+    depth = np.maximum(local[:, 2], NEAREST)
+    plane = local[:, :2] / depth[:, None]
+    apart = plane - views.points
+    error = views.weights * (apart**2).sum(-1)
+    weight = np.sqrt(np.where(local[:, 2] > NEAREST, views.weights * _kept(error, views.scale), 0.0))
+    across = (rotation[:, :2] - plane[..., None] * rotation[:, 2:]) * (weight / depth)[:, None, None]
+    return _rows(across, slopes), _rows(across, grown[_anchors(views)]), (apart * weight[:, None]).ravel()
+
+
+def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) -> tuple[Array, Array, Array]:
+    """The same (3 N,) of joints in space."""
+    slopes = np.empty((len(points.segments), 3, 3 + 3 * len(chain.parents)))
+    sites = place_sites(chain, pose, points.segments, points.offsets, slopes)
+    apart = (sites - points.goals)[..., None]
+    error = (apart.swapaxes(1, 2) @ points.information @ apart)[:, 0, 0]
+    kept = np.sqrt(_kept(error, points.scale))[:, None, None]
+    halves = kept * np.linalg.cholesky(points.information).swapaxes(1, 2)
+    return _rows(halves, slopes), _rows(halves, grown[_anchors(points)]), (halves @ apart).ravel()
+
+
+def _anchors(targets: ViewTargets | PointTargets) -> Array:
+    """Segments (N,) with whose proximal joints the sites move."""
+    return targets.anchors if len(targets.anchors) else targets.segments
+
+
+def _kept(error: Array, scale: float) -> Array:
+    """What Cauchy's loss of this scale leaves of weights."""
+    found: Array = 1.0 / (1.0 + error / scale) if scale > 0.0 else np.ones(len(error))
+    return found
+
+
+def _rows(weights: Array, slopes: Array) -> Array:
+    """Slopes (N, 3, M) of sites as rows (K N, M) of residuals with weights (N, K, 3)."""
+    found: Array = (weights @ slopes).reshape(-1, slopes.shape[-1])
+    return found

@@ -1,0 +1,287 @@
+"""One designated person, instant by instant."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.domain.subjects import BodyState, Instant, Subject
+from panoptic_ros.geometry.chain import Pose, place_all, place_segments
+from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.kinematics.body.contact import Contact
+from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.lengths import LengthEstimate
+from panoptic_ros.kinematics.body.noise_level import NoiseLevel
+from panoptic_ros.kinematics.body.start import first_pose, middle_of
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.devices import WornDevices
+from panoptic_ros.kinematics.imus.mounting import MountingEstimate
+from panoptic_ros.kinematics.pose.covariance import segment_covariances
+from panoptic_ros.kinematics.pose.solve import solve_pose
+from panoptic_ros.kinematics.pose.targets import (
+    NO_ACCELERATIONS,
+    NO_TURNS,
+    NOTHING_STANDS,
+    Between,
+    Evidence,
+    PointTargets,
+    Standing,
+    Turning,
+    no_anchor,
+)
+from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
+
+Array = np.ndarray
+UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
+LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
+KEPT = 2  # instants, for which what comes after a pose is taken to look the same: a twentieth of a second
+SAME_LENGTHS = 0.002  # m, of a change that is not worth another
+
+
+class SubjectTracker:
+    """Solves for one person; `step` by instants of the configured rate.
+
+    Args:
+        mounts: (3, 3) segment from device, by name, of all devices that are used.
+        heading: rad, world from the IMUs' inertial frame, about the vertical.
+    """
+
+    def __init__(
+        self,
+        config: KinematicsConfig,
+        subject: Subject,
+        weighing: Weighing,
+        mounts: dict[str, Array],
+        heading: float = 0.0,
+    ):
+        self.subject, self.weighing, self._config, self._heading = subject, weighing, config, heading
+        self._chain = subject.body.chain
+        self.lengths: LengthEstimate | None = None
+        if config.lengths and not subject.measured and not config.paper_weights:
+            self.lengths = LengthEstimate(subject.body.model, subject.body.offsets)
+        self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
+        self._noise = NoiseLevel()
+        self._count = len(self._chain.parents)
+        self.devices = WornDevices(config, subject, self._chain, mounts, heading)
+        self._contact = Contact(self._chain.parents, weighing.floor.segments, config.rate_hz)
+        self._window: PoseWindow | None = None
+        self._pose: Pose | None = None
+        self._before: Pose | None = None
+        self._stamps: deque[int] = deque(maxlen=64)
+        self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
+        self.iterations: deque[int] = deque(maxlen=1000)
+
+    @property
+    def mounting(self) -> MountingEstimate:
+        """How the devices sit on their segments."""
+        return self.devices.mounting
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a pose."""
+        return self._pose is not None
+
+    @property
+    def offsets(self) -> Array:
+        """Joints (S, 3) m in the frames of their parents: lengths as they are taken to be now."""
+        return self._chain.offsets
+
+    def begun_anew(self) -> SubjectTracker:
+        """One that has seen nothing yet of the same person."""
+        mounts = dict(zip(self.devices.names, self.devices.mounts))
+        return SubjectTracker(self._config, self.subject, self.weighing, mounts, self._heading)
+
+    def begin_at(self, pose: Pose) -> None:
+        """Begin with this pose in place of one from nothing."""
+        self._pose = pose.copy()
+
+    def move_to(self, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None) -> None:
+        """Carry the body to where cameras see it, of whom it was out of sight; one camera alone does not
+        tell."""
+        pose = self.expected()
+        place = middle_of(self.weighing, people, joints)
+        if pose is None or place is None:
+            return
+        moved = pose.copy()
+        moved.root[:] = place
+        self._pose, self._window, self._before = moved, None, None
+        self.devices.forget()
+        self._stamps.clear()
+
+    def expected(self) -> Pose | None:
+        """Where the body is expected at the next instant."""
+        if self._window is not None:
+            return self._window.predicted()
+        return self._pose
+
+    def expected_sites(self) -> tuple[Array, Array] | None:
+        """Columns (N,) of the detections and places (N, 3) m where their joints are expected."""
+        pose = self.expected()
+        if pose is None:
+            return None
+        frames, places = np.empty((self._count, 3, 3)), np.empty((self._count, 3))
+        place_segments(self._chain, pose, frames, places)
+        columns, segments, offsets = self.weighing.sites
+        return columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0]
+
+    def step(
+        self, instant: Instant, people: dict[int, tuple[Array, Array]],
+        joints: tuple[Array, Array] | None = None,
+    ) -> list[BodyState]:  # fmt: skip
+        """Solve an instant.
+
+        Args:
+            people: points (K, 2) and scores (K,) of this person by camera.
+            joints: in space, where there is nothing in 2D: positions (K, 3) m and covariances (K, 3, 3) m^2.
+
+        Returns:
+            Bodies that are final: of the instant that is the lag ago, if there is one yet.
+        """
+        period = 1.0 / self._config.rate_hz
+        which, goals = self.devices.orientations(instant)
+        if self._pose is None:
+            if not people and joints is None and not len(which):
+                return []
+            goals_now = self.mounting.corrected(goals, which)
+            oriented = self.devices.segments[which], goals_now
+            self._pose = first_pose(self.weighing, self.subject, people, oriented, joints)
+        self._unseen_s = 0.0 if people or joints is not None else self._unseen_s + period
+        guess = self.expected()
+        assert guess is not None
+        views = self.weighing.views(people, guess.root, self._noise.level)
+        turns = self.weighing.turns(
+            self.devices.segments[which], self.mounting.corrected(goals, which), self.devices.spreads(which)
+        )
+        points = self.weighing.points(joints)
+        evidence = self.weighing.evidence(views, turns, points)
+        if self._config.window:
+            self._step_window(guess, evidence, (which, goals))
+        else:
+            self._step_alone(evidence, period)
+        assert self._pose is not None
+        seen = self.weighing.evidence(views, NO_TURNS, points)
+        self.devices.look(instant, self._pose, seen, len(people), (which, goals))
+        self.devices.remember(instant, which, goals)
+        self._learn_lengths(evidence, len(people))
+        if self._config.noise_level:
+            self._noise.learn(views, self._chain, self._pose, period)
+        self._stamps.append(instant.stamp_ns)
+        return self._final()
+
+    def flush(self) -> list[BodyState]:
+        """Bodies of the instants that the lag still holds back."""
+        if self._window is None:
+            return []
+        poses = self._window.smoothed()
+        return [
+            self._smoothed_state(poses, back) for back in range(min(self._lag, len(self._stamps)) - 1, -1, -1)
+        ]
+
+    @property
+    def _lag(self) -> int:
+        return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
+
+    def _learn_lengths(self, evidence: Evidence, views: int) -> None:
+        """Look now and then; take over what was learnt at twice as many looks each time, until it stays."""
+        self._next_look -= 1.0 / self._config.rate_hz
+        if self.lengths is None or views < 2 or self._next_look > 1e-9:
+            return
+        assert self._pose is not None
+        self._next_look = LENGTH_LOOK_S
+        self.lengths.look(self._chain, self._pose, evidence)
+        if self.lengths.looks >= self._next_update:
+            self._next_update *= 2
+            change = self.lengths.update()
+            body = self.subject.body
+            body = body.with_offsets(dict(zip(body.model.names, self.lengths.offsets())))
+            self._chain, self.weighing = body.chain, self.weighing.with_body(body)
+            self.devices.take_chain(self._chain)
+            if self._window is not None:
+                self._window.take_chain(self._chain)
+            if change < SAME_LENGTHS and self.lengths.looks > LENGTH_LOOKS:
+                self.lengths = None
+
+    def _step_window(self, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array]) -> None:
+        period = 1.0 / self._config.rate_hz
+        if self._window is None:
+            assert self._pose is not None
+            motion = Motion(self._config.root_acceleration, self._config.joint_acceleration, period)
+            self._window = PoseWindow(self._chain, self._pose, motion, self._lag)
+            guess = self._window.predicted()
+        turning = self.devices.turning(*oriented)
+        free = self._unseen_s > UNSEEN_S
+        accelerations = self.devices.accelerations(free) if len(self._stamps) >= 2 else NO_ACCELERATIONS
+        weight = min(period / self._config.error_time, 1.0)
+        self._pose = self._window.step(
+            guess, evidence._replace(weight=weight),
+            Between(accelerations, turning, self._standing(turning)),
+            self._config.iterations,
+        )  # fmt: skip
+        self.iterations.append(self._window.iterations)
+
+    def _step_alone(self, evidence: Evidence, period: float) -> None:
+        assert self._pose is not None
+        if self._config.paper_acceleration > 0.0 and self._before is not None and self.devices.measured:
+            evidence = evidence._replace(points=self._acceleration_goals(period))
+        before = self._pose.copy()
+        size = 3 + 3 * self._count
+        _, done = solve_pose(
+            self._chain, self._pose, evidence, no_anchor(self._count), self._config.iterations,
+            np.empty((size, size)),
+        )  # fmt: skip
+        self._before = before
+        self.iterations.append(done)
+
+    def _acceleration_goals(self, period: float) -> PointTargets:
+        """The paper's term: a site's place that gives the measured acceleration with the two poses before."""
+        assert self._pose is not None and self._before is not None
+        measured = self.devices.measured
+        which = np.array(sorted(measured))
+        segments, offsets = self.devices.segments[which], self.devices.positions[which]
+        places, frames = place_all(
+            self._chain, np.stack([self._before.root, self._pose.root]),
+            np.stack([self._before.turns, self._pose.turns]),
+        )  # fmt: skip
+        sites = places[:, segments] + (frames[:, segments] @ offsets[..., None])[..., 0]
+        values = np.array([measured[k] for k in which])
+        information = self._config.paper_acceleration / period**4 * np.tile(np.eye(3), (len(which), 1, 1))
+        goals = 2.0 * sites[1] - sites[0] + period**2 * values
+        return PointTargets(segments, offsets, goals, information, 1.0)
+
+    def _standing(self, turning: Turning) -> Standing:
+        """What carries the body, while no camera sees it."""
+        if self._unseen_s <= UNSEEN_S or self._pose is None:
+            self._contact.forget()
+            return NOTHING_STANDS
+        rate = self._config.rate_hz
+        angles = np.linalg.norm(vectors_of(np.ascontiguousarray(turning.changes)), axis=-1)
+        rates = dict(zip(turning.segments.tolist(), (rate * angles).tolist()))
+        return self._contact.step(self._chain, self._pose, rates, self.devices.shaken())
+
+    def _final(self) -> list[BodyState]:
+        assert self._pose is not None
+        if self._window is None:
+            places, frames = place_all(self._chain, self._pose.root[None], self._pose.turns[None])
+            return [BodyState(self._stamps[-1], self.subject.id, places[0], frames[0])]
+        if len(self._stamps) <= self._lag:
+            return []
+        return [self._smoothed_state(self._window.smoothed(), self._lag)]
+
+    def _smoothed_state(self, poses: Sequence[Pose], back: int) -> BodyState:
+        """The body of so many instants ago, from poses that begin with the newest one."""
+        assert self._window is not None
+        around = [poses[max(back - 1, 0)], poses[back], poses[back + 1]]
+        places, frames = place_all(
+            self._chain, np.array([pose.root for pose in around]), np.array([pose.turns for pose in around])
+        )
+        rate = self._config.rate_hz / (2.0 if back else 1.0)
+        spins = rate * vectors_of(np.ascontiguousarray(frames[0] @ frames[2].swapaxes(1, 2)))
+        kept = KEPT if back == self._lag else 0
+        covariance = self._window.covariance(back, self._config.lasting_share, kept)
+        return BodyState(
+            self._stamps[-1 - back], self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
+            spins, segment_covariances(self._chain, poses[back], covariance),
+        )  # fmt: skip

@@ -1,0 +1,289 @@
+"""Heading and clock of IMUs from motion: how a segment turns over a quarter of a second is the same however a
+device sits on it, and so is, in the world, the acceleration of the place where it sits.
+
+Cameras know some turns better than others, as the covariances of their poses say: those of limbs about
+themselves hardly at all. How large the errors of turns and of accelerations are is not known beforehand; each
+kind is weighed by what is left of it (the likelihood with its variance taken out).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject
+from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.resampling import resample
+
+Array = np.ndarray
+TURN_S = 0.25  # over which turns are compared
+SMOOTHING_S = 0.06  # of accelerations, about 3 Hz
+COMPARED_S = 0.05  # between instants that are compared
+TISSUE = math.radians(3.0)  # how an IMU turns on its segment
+OFFSETS_S = np.arange(-0.15, 0.1501, 0.005)
+HEADINGS = 720
+LEAST_SURE = math.radians(6.0)  # of a heading; the motion tells too little, if it is less sure
+ALIGNED_LAG_S = 0.2  # of the poses that are compared: with less, they follow late and look like a late clock
+LEAST_OFFSET_S, SURE = 0.012, 3.0  # s, standard deviations: less is within the error of finding it
+SAME_S = 0.3  # for which errors stay the same
+CLOCK_SD = 0.004  # s, of what stays the same in a capture: poses that follow late, soft tissue
+OWN_HEADING = math.radians(2.0)  # of each device, about the common one
+ENOUGH_S, ENOUGH = 0.008, math.radians(2.5)  # standard deviations at which no more motion is needed
+GRAVITY = np.array([0.0, 0.0, 9.81])
+
+
+class Felt(NamedTuple):
+    """What a device felt at instants of a fixed rate: stamps (N,) ns, orientations (N, 3, 3), inertial frame
+    from device, and specific forces (N, 3) m/s^2 in the device's frame; NaN = not there."""
+
+    stamps: Array
+    turns: Array
+    forces: Array
+
+
+class Alignment(NamedTuple):
+    """Heading, rad, world from inertial frame; offset, s, that is added to the stamps of the IMUs; standard
+    deviations of both."""
+
+    heading: float
+    offset: float
+    heading_unsure: float
+    unsure: float
+
+    @property
+    def late(self) -> bool:
+        """Whether the clock is off by more than the error of finding it."""
+        return abs(self.offset) >= max(LEAST_OFFSET_S, SURE * self.unsure)
+
+    @property
+    def enough(self) -> bool:
+        """Whether both are known so well that more motion is not worth waiting for."""
+        return self.heading_unsure < ENOUGH and self.unsure < ENOUGH_S
+
+
+class _Pair(NamedTuple):
+    """Vectors in the inertial frame (N, 3) at stamps (N,) ns, and the same in the world (T, 3) at stamps
+    (T,), with their information (T, 3, 3) but for a factor."""
+
+    when: Array
+    felt: Array
+    stamps: Array
+    seen: Array
+    information: Array
+
+
+class _Seen(NamedTuple):
+    """Bodies at instants of a fixed rate: stamps (T,) ns, places (T, S, 3), frames (T, S, 3, 3), covariances
+    of small rotations (T, S, 3, 3) rad^2; NaN = not there. step: s."""
+
+    stamps: Array
+    places: Array
+    frames: Array
+    covariances: Array
+    step: float
+
+
+def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt]) -> Alignment | None:
+    """How the IMUs of a subject lie in the world and in time; None if motion does not tell.
+
+    Args:
+        states: solved from cameras alone in the window, at a fixed rate; without covariances they are exact.
+        felt: by device.
+    """
+    worn = [device for device in subject.devices if device.name in felt]
+    if len(states) < 10 or not worn:
+        return None
+    seen = _regular(states)
+    kinds = [
+        [_turns(seen, device, felt[device.name]) for device in worn],
+        [_accelerations(seen, device, felt[device.name]) for device in worn],
+    ]
+    headings = np.zeros(1) if subject.heading_known else 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS - np.pi
+    fits = [_fit(pairs, headings) for pairs in kinds]
+    surface = sum(1.5 * fit.counts.sum() * COMPARED_S / SAME_S * np.log(fit.variances) for fit in fits)
+    assert isinstance(surface, np.ndarray)
+    best, turned = map(int, np.unravel_index(int(np.argmin(surface)), surface.shape))
+    offset, unsure = _vertex(OFFSETS_S, surface.min(axis=1), best)
+    heading, heading_unsure = 0.0, 0.0
+    if not subject.heading_known:
+        alike = _of_devices(fits, best, turned)
+        turned, near = int(np.argmin(alike)), np.array([-4, 0, 4])
+        apart, heading_unsure = _vertex(
+            2.0 * np.pi / HEADINGS * near, alike[(turned + near) % HEADINGS], 1
+        )
+        heading = float(headings[turned]) + apart
+    if not heading_unsure < LEAST_SURE:
+        return None
+    return Alignment(heading, offset, heading_unsure, math.hypot(unsure, CLOCK_SD))
+
+
+def _regular(states: Sequence[BodyState]) -> _Seen:
+    """The bodies on a grid of stamps without gaps."""
+    stamps = np.array([state.stamp_ns for state in states])
+    step = float(np.median(np.diff(stamps)))
+    rows = np.round((stamps - stamps[0]) / step).astype(int)
+    count, segments = int(rows[-1]) + 1, len(states[0].places)
+    places, frames = np.full((count, segments, 3), np.nan), np.full((count, segments, 3, 3), np.nan)
+    covariances = np.full((count, segments, 3, 3), np.nan)
+    places[rows], frames[rows] = [s.places for s in states], [s.frames for s in states]
+    exact = np.zeros((segments, 3, 3))
+    covariances[rows] = [exact if s.covariances is None else s.covariances[:, 3:, 3:] for s in states]
+    grid = stamps[0] + np.round(step * np.arange(count)).astype(np.int64)
+    return _Seen(grid, places, frames, covariances, 1e-9 * step)
+
+
+def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
+    """How the segment and the device turned over a while, at the middle of it."""
+    frames, spread = seen.frames[:, device.segment], seen.covariances[:, device.segment]
+    back = max(round(TURN_S / seen.step), 1)
+    information = np.full((len(frames) - back, 3, 3), np.nan)
+    both = spread[back:] + spread[:-back] + TISSUE**2 * np.eye(3)
+    known = np.isfinite(both).all((1, 2))
+    information[known] = np.linalg.inv(both[known])
+    own = max(round(TURN_S / (1e-9 * float(np.median(np.diff(felt.stamps))))), 1)
+    return _thinned(_Pair(
+        (felt.stamps[own:] + felt.stamps[:-own]) // 2, _between(felt.turns, own),
+        (seen.stamps[back:] + seen.stamps[:-back]) // 2, _between(frames, back), information,
+    ), seen.step)  # fmt: skip
+
+
+def _accelerations(seen: _Seen, device: Device, felt: Felt) -> _Pair:
+    """How the place of the device was accelerated, less than 3 Hz."""
+    site = seen.places[:, device.segment] + seen.frames[:, device.segment] @ device.position
+    own = 1e-9 * float(np.median(np.diff(felt.stamps)))
+    forces = (felt.turns @ felt.forces[..., None])[..., 0] - GRAVITY
+    pushed = np.gradient(np.gradient(site, seen.step, axis=0), seen.step, axis=0)
+    return _thinned(_Pair(
+        felt.stamps, gaussian_filter1d(forces, SMOOTHING_S / own, axis=0),
+        seen.stamps, gaussian_filter1d(pushed, SMOOTHING_S / seen.step, axis=0),
+        np.tile(np.eye(3), (len(site), 1, 1)),
+    ), seen.step)  # fmt: skip
+
+
+def _between(frames: Array, steps: int) -> Array:
+    """Rotation vectors (T - steps, 3) from each of (T, 3, 3) to the one so many steps later, in the world."""
+    turned = frames[steps:] @ frames[:-steps].swapaxes(1, 2)
+    known = np.isfinite(turned).all((1, 2))
+    found = np.full((len(turned), 3), np.nan)
+    found[known] = vectors_of(np.ascontiguousarray(turned[known]))
+    return found
+
+
+def _thinned(pair: _Pair, step: float) -> _Pair:
+    every = max(round(COMPARED_S / step), 1)
+    return pair._replace(
+        stamps=pair.stamps[::every], seen=pair.seen[::every], information=pair.information[::every]
+    )
+
+
+class _Fit(NamedTuple):
+    """What is left of one kind of data, (O, D, H) sums of weighed squares by offsets, devices and headings,
+    and counts (D,) of instants."""
+
+    left: Array
+    counts: Array
+
+    @property
+    def variances(self) -> Array:
+        """That fit best (O, H)."""
+        found: Array = np.maximum(self.left.sum(1), 1e-12) / max(int(self.counts.sum()), 1)
+        return found
+
+
+def _fit(pairs: Sequence[_Pair], headings: Array) -> _Fit:
+    """Compare one kind of data of all devices."""
+    turns = np.stack([np.cos(headings), np.sin(headings)])
+    left, counts = np.zeros((len(OFFSETS_S), len(pairs), len(headings))), np.zeros(len(pairs), int)
+    for d, pair in enumerate(map(_covered, pairs)):
+        counts[d] = len(pair.stamps)
+        for o, offset in enumerate(OFFSETS_S):
+            when = pair.stamps - offset * 1e9
+            there = np.stack([np.interp(when, pair.when, pair.felt[:, j]) for j in range(3)], axis=-1)
+            known = np.isfinite(there).all(-1)
+            there, weight = there[known], pair.information[known]
+            level = np.stack([there, np.column_stack([-there[:, 1], there[:, 0], there[:, 2]])], axis=-1)
+            level[:, 2] = 0.0
+            rest = pair.seen[known] - there * [0.0, 0.0, 1.0]
+            weighed = weight @ level
+            matrix = np.einsum("tij,tik->jk", level, weighed)
+            vector = np.einsum("tik,ti->k", weighed, rest)
+            constant = float(np.einsum("ti,tij,tj->", rest, weight, rest))
+            sums = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
+            left[o, d] = sums * (len(pair.stamps) / max(len(there), 1))
+    return _Fit(left, counts)
+
+
+def _of_devices(fits: Sequence[_Fit], offset: int, heading: int) -> Array:
+    """Minus the logarithm of the likelihood of headings (H,), where each device has one of its own."""
+    own = sum(
+        0.5 * COMPARED_S / SAME_S * fit.left[offset] / fit.variances[offset, heading] * 3.0 for fit in fits
+    )
+    apart = np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS
+    apart = np.minimum(apart, 2.0 * np.pi - apart)
+    spread = np.exp(-0.5 * (apart / OWN_HEADING) ** 2)
+    likely = np.exp(own.min(1, keepdims=True) - own)
+    blurred = np.fft.irfft(np.fft.rfft(likely, axis=1) * np.fft.rfft(spread), HEADINGS, axis=1)
+    found: Array = -np.log(np.maximum(blurred, 1e-12)).sum(0)
+    return found
+
+
+def _covered(pair: _Pair) -> _Pair:
+    """What was seen while there are samples whatever the offset is."""
+    most = 1e9 * float(np.abs(OFFSETS_S).max())
+    there = (pair.stamps >= pair.when[0] + most) & (pair.stamps <= pair.when[-1] - most)
+    there &= np.isfinite(pair.seen).all(-1) & np.isfinite(pair.information).all((1, 2))
+    return pair._replace(
+        stamps=pair.stamps[there], seen=pair.seen[there], information=pair.information[there]
+    )
+
+
+def _vertex(grid: Array, values: Array, k: int) -> tuple[float, float]:
+    """Where a parabola through a value and its neighbours is least, and the standard deviation there of
+    what has these values as minus the logarithm of its likelihood; infinite at the ends."""
+    if not 0 < k < len(values) - 1:
+        return float(grid[k]), math.inf
+    spacing = float(grid[1] - grid[0])
+    bend = float(values[k - 1] - 2.0 * values[k] + values[k + 1]) / spacing**2
+    if bend <= 0.0:
+        return float(grid[k]), math.inf
+    slope = float(values[k + 1] - values[k - 1]) / (2.0 * spacing)
+    return float(grid[k]) - slope / bend, 1.0 / math.sqrt(bend)
+
+
+def felt_of(series: ImuSeries, rate_hz: float) -> Felt:
+    """A device at instants of a fixed rate."""
+    count = int((series.stamps[-1] - series.stamps[0]) * 1e-9 * rate_hz) + 1
+    stamps = series.stamps[0] + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
+    turns, forces = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
+    for k, reading in enumerate(resample(series, stamps)):
+        if reading is not None:
+            turns[k], forces[k] = reading.orientation, reading.force
+    return Felt(stamps, turns, forces)
+
+
+def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:
+    """How motion is solved that is compared with what IMUs felt."""
+    return replace(config, lag=ALIGNED_LAG_S)
+
+
+def taken_over(subject: Subject, found: Alignment, clocks: bool) -> tuple[float, int, list[str]]:
+    """Heading, rad, what is added to the stamps of the IMUs, ns, and lines about both where they are not as
+    stated.
+
+    Args:
+        clocks: whether an offset of the clock is taken over.
+    """
+    heading, offset_ns, lines = 0.0, 0, []
+    if not subject.heading_known:
+        heading = found.heading
+        lines.append(f"heading of the IMUs found from motion: {math.degrees(heading):.1f} deg")
+    if clocks and found.late:
+        offset_ns = round(1e9 * found.offset)
+        lines.append(f"clock of the IMUs found from motion: {1e3 * found.offset:+.0f} ms")
+    return heading, offset_ns, lines

@@ -1,0 +1,149 @@
+"""How somebody's IMUs sit on the body and lie in space and time, found while data come."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.alignment import Felt, align, taken_over
+from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
+from panoptic_ros.kinematics.imus.t_pose import t_pose_mount
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
+from panoptic_ros.stage import Notice
+
+Array = np.ndarray
+LOOK_S, LONGEST_S = 5.0, 15.0  # between looks at heading and clock, and after which there are no more
+BENT_S = 3.0  # after the T-pose, of joints that bend
+UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
+
+
+class ImuFitting:
+    """Heading, clock and mounting of one person's IMUs.
+
+    Attributes:
+        heading: rad, world from the IMUs' inertial frame; None = not known yet.
+        offset_ns: what is added to their stamps.
+        looking: whether motion that cameras alone have seen is still asked for.
+    """
+
+    def __init__(self, config: KinematicsConfig, subject: Subject):
+        self.heading = 0.0 if subject.heading_known else None
+        self.offset_ns = 0
+        self._clocks = config.clocks
+        worn = bool(subject.devices)
+        self.looking = worn and config.window and (config.clocks or not subject.heading_known)
+        self._states: list[BodyState] = []
+        self._stamps: list[int] = []
+        self._turns: dict[str, list[Array]] = {}  # orientations, and forces, at all stamps
+        self._forces: dict[str, list[Array]] = {}
+        self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
+        self._poseless: list[str] = []  # devices that had no samples in it
+        self._unseen = 0
+
+    def take(self, stamp_ns: int, subject: Subject, readings: dict[str, ImuReading]) -> list[Notice]:
+        """What the person's devices measured at an instant."""
+        pose = subject.t_pose
+        for name, reading in readings.items():
+            known = np.isfinite(reading.orientation).all()
+            if known and pose is not None and pose.from_ns <= stamp_ns <= pose.to_ns:
+                self._held.setdefault(name, []).append(reading.orientation)
+        if self.looking:
+            self._stamps.append(stamp_ns)
+            for device in subject.devices:
+                found = readings.get(device.name)
+                turn = np.full((3, 3), np.nan) if found is None else found.orientation
+                self._turns.setdefault(device.name, []).append(turn)
+                force = np.full(3, np.nan) if found is None else found.force
+                self._forces.setdefault(device.name, []).append(force)
+        return self._missing(stamp_ns, subject)
+
+    def mounts(self, stamp_ns: int, subject: Subject) -> dict[str, Array]:
+        """Mounting (3, 3), segment from device, of all devices of which it is known by now; none before the
+        heading is."""
+        if self.heading is None:
+            return {}
+        found, pose = {}, subject.t_pose
+        for device in subject.devices:
+            if device.mount is not None:
+                found[device.name] = device.mount
+            elif pose is not None and stamp_ns > pose.to_ns and device.name in self._held:
+                found[device.name] = t_pose_mount(pose, self.heading, self._held[device.name])
+        return found
+
+    def learn(
+        self, subject: Subject, states: list[BodyState], rate_hz: float, statistics: PoseStatistics
+    ) -> list[Notice]:
+        """Motion that cameras alone have seen; heading and clock, once there is enough of it."""
+        self._states += states
+        self._unseen = 0 if states else self._unseen + 1
+        lasted = len(self._states) / rate_hz
+        if self._unseen / rate_hz > UNSEEN_S:
+            return self._without_cameras(subject, rate_hz, statistics)
+        if lasted < LOOK_S or len(self._states) % round(LOOK_S * rate_hz) or not states:
+            return []
+        stamps = np.array(self._stamps)
+        felt = {
+            name: Felt(stamps, np.array(turns), np.array(self._forces[name]))
+            for name, turns in self._turns.items()
+        }
+        found = align(subject, self._states, felt)
+        if lasted < LONGEST_S and (found is None or not found.enough):
+            return []
+        if found is None:
+            return self._give_up(subject, "the person hardly moves")
+        self._done()
+        self.heading, self.offset_ns, lines = taken_over(subject, found, self._clocks)
+        return [_notice("imu_aligned", "info", subject, line) for line in lines]
+
+    def _without_cameras(
+        self, subject: Subject, rate_hz: float, statistics: PoseStatistics
+    ) -> list[Notice]:
+        """The heading, as joints bend since a T-pose that tells the mountings."""
+        why = "no camera sees enough of the person"
+        if self.heading is not None or not t_pose_decides(subject):
+            return self._give_up(subject, why)
+        assert subject.t_pose is not None
+        waited = 1e-9 * (self._stamps[-1] - subject.t_pose.to_ns)
+        if waited < BENT_S or len(self._stamps) % round(rate_hz):
+            return []
+        turns = {name: np.array(found) for name, found in self._turns.items()}
+        heading = heading_from_poses(subject, statistics, turns, self._held)
+        if heading is None:
+            return self._give_up(subject, f"{why}, and it hardly moves") if waited > LONGEST_S else []
+        self._done()
+        self.heading = heading
+        return [_notice("imu_aligned", "info", subject, bent_line(heading))]
+
+    def _give_up(self, subject: Subject, why: str) -> list[Notice]:
+        self._done()
+        if self.heading is not None:
+            return []
+        self.heading = 0.0
+        line = f"{why}, so the heading of its IMUs is taken as 0"
+        return [_notice("imu_heading", "warning", subject, line)]
+
+    def _done(self) -> None:
+        self.looking = False
+        self._states, self._stamps, self._turns, self._forces = [], [], {}, {}
+
+    def _missing(self, stamp_ns: int, subject: Subject) -> list[Notice]:
+        """Devices whose mounting nothing tells, each once."""
+        pose, notices = subject.t_pose, []
+        for device in subject.devices:
+            if device.mount is not None or device.name in (*self._held, *self._poseless):
+                continue
+            if pose is not None and stamp_ns <= pose.to_ns:
+                continue
+            self._poseless.append(device.name)
+            why = "has no mount, and there is no t_pose" if pose is None else "has no samples in the T-pose"
+            line = f"device {device.name} {why}; it is left out"
+            notices.append(_notice("imu_mount", "warning", subject, line, device.name))
+        return notices
+
+
+def _notice(code: str, severity: str, subject: Subject, line: str, device: str = "") -> Notice:
+    return Notice(
+        f"kinematics.{code}", "warning" if severity == "warning" else "info",
+        f"subject {subject.id}: {line}", {"device": device or f"subject {subject.id}"},
+    )  # fmt: skip

@@ -1,0 +1,240 @@
+"""How IMUs sit on their segments, kept uncertain: mounting of each, and the heading that they share.
+
+At single instants, cameras and prior tell the orientation of a segment apart from its IMU. What they tell is
+wrong by about the same at all instants, so information is averaged over instants, never added up: a mounting
+is known no better than a few looks at the body allow, whatever the length of the recording. How far
+mountings are off at all is learnt from all devices together (empirical Bayes), so that a good T-pose is kept
+and a poor one is mended. What is far off from all others is a mistake: nothing holds it back. What the newest
+looks contradict has moved since: the older ones are forgotten.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from panoptic_ros.geometry.chain import Pose, turn_slopes
+from panoptic_ros.geometry.rotations import rotations_of, turn_about_z, vectors_of
+from panoptic_ros.geometry.segment_chain import Chain
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.pose.normal_equations import assemble
+from panoptic_ros.kinematics.pose.positive_matrices import inverse_of
+from panoptic_ros.kinematics.pose.targets import Evidence, no_anchor
+
+Array = np.ndarray
+MEMORY = 100  # looks over which information is averaged
+DEVICE_TRUST = 3.0  # how many measurements the common deviation of mountings counts as, for one device
+COMMON_TRUST = 6.0  # the same for the stated deviation, against all devices
+MOST_SD = math.radians(60.0)
+MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0  # off by more, and by so many common deviations
+WIDE, ROUNDS = math.radians(25.0), 4
+FEWEST_LOOKS = 5  # before anything is told
+RECENT = 12  # looks that are compared with those before
+SLIPPED, SLIPPED_SDS, SLIPPED_LOOKS = math.radians(13.0), 3.3, 6
+FEWEST_BEFORE = 8  # looks that others are compared with
+UNKNOWN = 1e-9  # 1/rad^2, what is known of what nothing tells
+MISTAKEN_SPREADS = 2.2  # in what is known of it
+TOLD = math.radians(20.0)
+HEADING_TRUST = 2.0  # measurements that the stated error of the heading counts as
+LATE_HEADING = math.radians(5.0)  # that is told
+
+
+class Looks(NamedTuple):
+    """Looks on the average: information (1 + 3 N, 1 + 3 N) and pull (1 + 3 N,) of the heading and the
+    mountings, and how many they are."""
+
+    information: Array
+    pull: Array
+    number: int
+
+
+def _both(one: Looks, other: Looks) -> Looks:
+    count = one.number + other.number
+    information, pull = (
+        (one.number * a + other.number * b) / count for a, b in zip(one[:2], other[:2])
+    )
+    return Looks(information, pull, count)
+
+
+class MountingEstimate:
+    """Corrections of heading and mountings: a device's segment is at turn(heading) goal exp(mounting).
+
+    Args:
+        segments: (N,) of the devices.
+        unseen: (N, 3) axes of the segments about which cameras do not see them turn, 0 = none.
+    """
+
+    def __init__(self, config: KinematicsConfig, chain: Chain, segments: Array, unseen: Array):
+        self._config, self._chain, self._segments = config, chain, segments
+        self._heading_sd, self._unseen = math.radians(config.heading_sd), unseen
+        size = 1 + 3 * len(segments)
+        self._older, self._looks = Looks(np.zeros((size, size)), np.zeros(size), 0), 0
+        self.heading, self.mountings = 0.0, np.zeros((len(segments), 3))
+        self._common = math.radians(config.mounting_sd)
+        self._strap = math.radians(config.strap_sd)
+        self.spreads = np.full(len(segments), math.hypot(self._common, self._strap))
+        self._recent: deque[tuple[Array, Array]] = deque(maxlen=RECENT)
+        self._suspect, self._moved = -1, 0  # a device that may have moved, and looks that said so
+        self.mistaken = np.zeros(len(segments), bool)
+        self.slipped: list[int] = []
+
+    @property
+    def heading_off(self) -> bool:
+        """Whether the heading of the inertial frame is off by more than it should."""
+        return abs(self.heading) > LATE_HEADING and self._looks >= FEWEST_BEFORE
+
+    def take_chain(self, chain: Chain) -> None:
+        """Go on with other lengths."""
+        self._chain = chain
+
+    def corrected(self, goals: Array, which: Array) -> Array:
+        """Orientations (M, 3, 3) of the segments of these devices (M,)."""
+        found: Array = turn_about_z(self.heading) @ goals @ rotations_of(self.mountings[which])
+        return found
+
+    def look(self, pose: Pose, seen: Evidence, goals: Array, which: Array) -> None:
+        """Learn from an instant.
+
+        Args:
+            seen: all but the orientations. goals: (M, 3, 3) uncorrected, of the devices in `which` (M,).
+        """
+        size = len(pose.turns) * 3 + 3
+        hessian, gradient = np.empty((size, size)), np.empty(size)
+        assemble(self._chain, pose, seen, no_anchor(len(pose.turns)), hessian, gradient)
+        slopes = np.empty((len(which), 3, size))
+        frames = turn_slopes(self._chain, pose, self._segments[which], slopes)
+        corrected = self.corrected(goals, which)
+        apart = vectors_of(np.ascontiguousarray(frames @ corrected.swapaxes(1, 2)))
+        constants = np.zeros((len(which), 3, 1 + self.mountings.size))
+        constants[:, 2, 0] = -1.0
+        for m, device in enumerate(which):
+            constants[m, :, 1 + 3 * device : 4 + 3 * device] = -corrected[m]
+        weight = self._strap**-2
+        j, c = slopes.reshape(-1, size), constants.reshape(-1, 1 + self.mountings.size)
+        e = apart.ravel()
+        inner = cho_factor(hessian + weight * j.T @ j + 1e-6 * np.eye(size), check_finite=False)
+        cross = weight * j.T @ c
+        solved = cho_solve(inner, np.column_stack([cross, gradient + weight * j.T @ e]), check_finite=False)
+        information = weight * c.T @ c - cross.T @ solved[:, :-1]
+        pull = weight * c.T @ e - cross.T @ solved[:, -1] - information @ self._state()
+        self._take(information, pull)
+        self._update()
+
+    def _state(self) -> Array:
+        state: Array = np.r_[self.heading, self.mountings.ravel()]
+        return state
+
+    def _take(self, information: Array, pull: Array) -> None:
+        """One more look; the oldest of the recent ones goes to those before."""
+        if len(self._recent) == RECENT:
+            count = min(self._older.number + 1, MEMORY - RECENT)
+            (information_before, pull_before, _), (first, second) = self._older, self._recent[0]
+            self._older = Looks(
+                information_before + (first - information_before) / count,
+                pull_before + (second - pull_before) / count, count,
+            )  # fmt: skip
+        self._recent.append((information, pull))
+
+    def _newest(self) -> Looks:
+        """The recent looks."""
+        information, pull = (np.mean(parts, axis=0) for parts in zip(*self._recent))
+        return Looks(information, pull, len(self._recent))
+
+    def _update(self) -> None:
+        """The most likely corrections, how far mountings are off at all, and what is out of the ordinary."""
+        newest, self.slipped = self._newest(), []
+        if self._older.number > FEWEST_BEFORE:
+            slipped = self._slip(newest)
+            self._moved = self._moved + 1 if slipped == self._suspect else 1
+            self._suspect = slipped
+            if slipped >= 0 and self._moved >= SLIPPED_LOOKS:
+                self.slipped, self._suspect = [slipped], -1
+                self._older = self._older._replace(number=0)
+        state, covariance = self._corrections(_both(self._older, newest))
+        self.heading, self.mountings = float(state[0]), state[1:].reshape(-1, 3)
+        left = np.diag(covariance)[1:].reshape(-1, 3).mean(1)
+        self.spreads = np.sqrt(left + self._strap**2)
+        off = np.linalg.norm(self._seen_part(self.mountings), axis=-1)
+        self._looks = self._older.number + newest.number
+        self.mistaken = self._far(state, covariance) & (off > TOLD) & (self._looks >= FEWEST_LOOKS)
+
+    def _slip(self, newest: Looks) -> int:
+        """The device that has moved since, as the recent looks say; -1: none.
+
+        A generalised likelihood ratio (Willsky and Jones 1976): by how much each mounting would have to be
+        another for what the newest looks say beyond all before, with nothing that holds it back.
+        """
+        state, covariance = self._corrections(self._older)
+        looks = min(self._config.looks, float(newest.number))
+        before = np.linalg.inv(covariance)
+        after = np.linalg.inv(before + looks * newest.information)
+        drawn = -before @ after @ (looks * (newest.information @ state + newest.pull))
+        known = before - before @ after @ before
+        blocks, drawn, axes = _own_blocks(known), drawn[1:].reshape(-1, 3), self._unseen
+        # turns about an axis that cameras do not see are free, and eliminated
+        along = (blocks @ axes[..., None])[..., 0]
+        share = along / np.maximum((along * axes).sum(-1), UNKNOWN)[:, None]
+        blocks = blocks - along[:, :, None] * share[:, None, :] + WIDE**-2 * np.eye(3)
+        drawn = drawn - (drawn * axes).sum(-1, keepdims=True) * share
+        moved = np.linalg.solve(blocks, drawn[..., None])[..., 0]
+        sure = np.sqrt(np.maximum((moved * drawn).sum(-1), 0.0))
+        sure[np.linalg.norm(moved, axis=-1) < SLIPPED] = 0.0
+        device = int(sure.argmax())
+        return device if sure[device] > SLIPPED_SDS else -1
+
+    def _corrections(self, found: Looks) -> tuple[Array, Array]:
+        """Most likely state and its covariance."""
+        information, pull, _ = found
+        looks = min(self._config.looks, float(found.number))
+        stated = math.radians(self._config.mounting_sd)
+        count = len(self._segments)
+        # first without holding anything back, or a mistake would be before it is seen
+        state, covariance = self._solved(information, pull, looks, (self._heading_sd, np.full(count, WIDE)))
+        far = self._far(state, covariance)
+        heading_sd, own = self._heading_sd, np.where(far, MOST_SD, self._common)
+        for _ in range(ROUNDS):
+            state, covariance = self._solved(information, pull, looks, (heading_sd, own))
+            turned2 = HEADING_TRUST * self._heading_sd**2 + state[0] ** 2 + covariance[0, 0]
+            heading_sd = math.sqrt(turned2 / (HEADING_TRUST + 1.0))
+            squares = (state[1:].reshape(-1, 3) ** 2).sum(1) / 3.0
+            squares += np.diag(covariance)[1:].reshape(-1, 3).mean(1)
+            typical = float(np.median(squares))
+            common2 = (COMMON_TRUST * stated**2 + count * typical) / (COMMON_TRUST + count)
+            self._common = math.sqrt(common2)
+            own = np.sqrt((DEVICE_TRUST * common2 + 3.0 * squares) / (DEVICE_TRUST + 3.0))
+            own = np.where(far, MOST_SD, np.minimum(own, MOST_SD))
+        return state, covariance
+
+    def _far(self, state: Array, covariance: Array) -> Array:
+        """Which mountings (N,) are off by more than those of one person are, and than cameras mistake."""
+        off = np.linalg.norm(self._seen_part(state[1:].reshape(-1, 3)), axis=-1)
+        blocks, axes = _own_blocks(covariance), self._unseen
+        unseen = ((blocks @ axes[..., None])[..., 0] * axes).sum(-1)
+        unsure = np.sqrt(np.trace(blocks, axis1=1, axis2=2) - unseen)
+        found: Array = off > np.maximum(max(MISTAKEN, MISTAKEN_SDS * self._common), MISTAKEN_SPREADS * unsure)
+        return found
+
+    def _seen_part(self, turns: Array) -> Array:
+        """Turns (N, 3) of the segments without what the prior alone tells."""
+        found: Array = turns - (turns * self._unseen).sum(-1, keepdims=True) * self._unseen
+        return found
+
+    @staticmethod
+    def _solved(
+        information: Array, pull: Array, looks: float, spreads: tuple[float, Array]
+    ) -> tuple[Array, Array]:
+        """State and covariance for these deviations of the heading and of the mountings (N,)."""
+        precision = np.r_[spreads[0] ** -2, np.repeat(spreads[1] ** -2, 3)]
+        covariance = inverse_of(looks * information + np.diag(precision))
+        return -covariance @ (looks * pull), covariance
+
+
+def _own_blocks(matrix: Array) -> Array:
+    """(N, 3, 3) of each mounting with itself, of (1 + 3 N, 1 + 3 N)."""
+    count = len(matrix) // 3
+    found: Array = matrix[1:, 1:].reshape(count, 3, count, 3)[np.arange(count), :, np.arange(count)]
+    return found

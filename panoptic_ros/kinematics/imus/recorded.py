@@ -1,0 +1,126 @@
+"""Recorded samples of IMUs, looked through before a recording is solved: what is odd about a device is told
+once, and nobody else suffers from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from panoptic_ros.domain.subjects import ImuSeries
+from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.imus.resampling import LONGEST_GAP_S
+from panoptic_ros.kinematics.imus.streams import GRAVITY, NEAREST_NS, SILENT_NS, UPRIGHT, UPRIGHT_S
+from panoptic_ros.kinematics.imus.units import ALIKE, LEAST_RATE, rate_sums, turned_by, unit_fault
+
+Array = np.ndarray
+FEWEST = 10  # samples, of a device that is any use
+
+
+def looked_through(
+    devices: Mapping[str, ImuSeries], time: tuple[int, int] | None = None
+) -> tuple[dict[str, ImuSeries], list[str]]:
+    """Devices that can be used, with what of their samples can be, and a line about each thing that is odd,
+    of all devices of which it is true.
+
+    Args:
+        time: of the cameras, from and to in ns; None without cameras.
+    """
+    found, told = {}, dict[str, list[str]]()
+    end = max((int(s.stamps[-1]) for s in devices.values() if len(s.stamps)), default=0)
+    end = min(end, time[1]) if time is not None else end
+    for name, series in devices.items():
+        kept, odd = _usable(series, end)
+        useless = _useless(kept, time)
+        if useless:
+            odd = [f"{useless}; it is left out"]
+        else:
+            found[name] = kept
+            odd += [fault] if (fault := unit_fault(_rates(kept))) else []
+        for text in odd:
+            told.setdefault(text, []).append(name)
+    return found, [f"{', '.join(names)} {text}" for text, names in told.items()]
+
+
+def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
+    """Samples at most 500 times a second, impossible quaternions taken out; and what is odd about them."""
+    lines = []
+    kept = _spaced(series.stamps)
+    if len(kept) < len(series.stamps):
+        dropped = len(series.stamps) - len(kept)
+        lines.append(f"sends more than {1e9 / NEAREST_NS:.0f} samples/s; {dropped} are left out")
+    quaternions, rates, forces = (
+        part[kept].copy() for part in (series.quaternions, series.rates, series.forces)
+    )
+    with np.errstate(invalid="ignore"):
+        known = np.linalg.norm(quaternions, axis=-1) > 1e-3
+    quaternions[~known] = np.nan
+    if not known.all():
+        lines.append(f"tells no orientation in {int((~known).sum())} of {len(known)} samples")
+    found = ImuSeries(series.stamps[kept], quaternions, rates, forces)
+    told = found.stamps[known]
+    gaps = np.diff(np.append(told, max(end_ns, int(told[-1])))) if len(told) else np.zeros(0)
+    if len(gaps) and gaps.max() > SILENT_NS:
+        k = int(np.argmax(gaps))
+        since = 1e-9 * (int(told[k]) - int(told[0]))
+        lines.append(
+            f"is silent for {1e-9 * gaps[k]:.1f} s, {since:.1f} s after its first sample; bodies go on "
+            "without it"
+        )
+    return found, lines
+
+
+def _spaced(stamps: Array) -> Array:
+    """Rows of samples that are not too near to the one before that is taken."""
+    if not len(stamps) or (np.diff(stamps) >= NEAREST_NS).all():
+        return np.arange(len(stamps))
+    kept, last = [0], int(stamps[0])
+    for k, stamp in enumerate(stamps.tolist()):
+        if stamp - last >= NEAREST_NS:
+            kept.append(k)
+            last = stamp
+    return np.array(kept)
+
+
+def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
+    """Why a device cannot be used; "" if it can."""
+    if len(series.stamps) < FEWEST:
+        return f"has {len(series.stamps)} samples that can be used"
+    if time is not None and (series.stamps[-1] < time[0] or series.stamps[0] > time[1]):
+        return "has no samples in the time of the cameras"
+    known = np.isfinite(series.quaternions).all(-1) & np.isfinite(series.forces).all(-1)
+    lasted = 1e-9 * (int(series.stamps[-1]) - int(series.stamps[0]))
+    if known.sum() < FEWEST or lasted < UPRIGHT_S:
+        return ""
+    turned = from_quaternions(series.quaternions[known])
+    if _turns_otherwise(_rates(series)):
+        return "turns otherwise by its quaternions, w x y z into its inertial frame, than by its rates"
+    force = (turned @ series.forces[known][..., None])[..., 0].mean(0)
+    if np.linalg.norm(force - GRAVITY) <= UPRIGHT:
+        return ""
+    mean = np.array2string(force, precision=1)
+    return (
+        f"measures a mean force of {mean} m/s^2 in its inertial frame, where (0, 0, 9.81) is asked for: "
+        "z up, quaternions that turn device vectors into it, m/s^2, gravity not taken off"
+    )
+
+
+def _rates(series: ImuSeries) -> Array:
+    """Sums of the rates that orientations and gyroscope tell, see `rate_sums`."""
+    known = np.isfinite(series.quaternions).all(-1)
+    stamps, told = series.stamps[known], series.rates[known][:-1]
+    if len(stamps) < 2:
+        return np.zeros(4)
+    turns, apart = series.quaternions[known], 1e-9 * np.diff(stamps)
+    near = (apart < LONGEST_GAP_S) & np.isfinite(told).all(-1)
+    own = turned_by(turns[:-1][near], turns[1:][near], apart[near])
+    found: Array = rate_sums(own, told[near]).sum(0)
+    return found
+
+
+def _turns_otherwise(sums: Array) -> bool:
+    """Whether rates, whatever their unit, are not those with which orientations turn."""
+    count, own, told, both = sums.tolist()
+    if count < FEWEST or own < count * LEAST_RATE**2 or not told:
+        return False
+    return bool(both < ALIKE * np.sqrt(own * told))

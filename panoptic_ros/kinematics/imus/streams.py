@@ -1,0 +1,186 @@
+"""The newest samples of all IMUs, read at any instant; and which of them are not to be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.domain.bodies import ImuSample
+from panoptic_ros.domain.subjects import ImuReading
+from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.imus.resampling import LONGEST_GAP_S, slerp
+from panoptic_ros.kinematics.imus.units import rate_sums, turned_by, unit_fault
+from panoptic_ros.stage import Notice
+
+Array = np.ndarray
+KEPT = 64  # samples of a device
+NEAREST_NS = 2_000_000  # between two samples: more of them tell nothing new
+SILENT_NS = 500_000_000
+ALL_SILENT_NS = 2_000_000_000  # where most are silent at once, as when the machine stalls
+FEW = 2  # silent devices that are no stall
+FLOOD = 0.6  # share of the samples of a device that are left out: more than 1 kHz leaves out
+FLOOD_S, FEWEST = 2.0, 100  # s that count, about; samples left out in them
+UPRIGHT_S = 3.0  # over which the mean specific force of somebody who moves is that of gravity
+UPRIGHT = 5.0  # m/s^2, by which it may differ
+GRAVITY = np.array([0.0, 0.0, 9.81])
+FEWEST_TURNS = 30  # between samples, that tell the unit of rates
+NONE = -1  # in place of a stamp
+
+
+class ImuStreams:
+    """Samples of the devices that somebody wears.
+
+    Args:
+        devices: names.
+    """
+
+    def __init__(self, devices: Sequence[str]):
+        self.names = tuple(devices)
+        count = len(self.names)
+        self._stamps = np.full((count, KEPT), NONE)
+        self._values = np.full((count, KEPT, 10), np.nan)  # w x y z, force, rate
+        self._force = np.zeros((count, 3))  # mean in the inertial frame
+        self._weight = np.zeros(count)  # s over which it was taken
+        self._odd = np.zeros(count, bool)  # of another convention
+        self._silent = np.zeros(count, bool)  # and told so
+        self._taken = np.zeros((count, 2))  # samples lately that were kept, and that were left out
+        self._flooding = np.zeros(count, bool)
+        self._rates = np.zeros((count, 4))  # lately, see `rate_sums`
+        self._learnt = np.full(count, NONE)  # stamps of the newest samples in these
+        self._rates_told = np.zeros(count, bool)
+
+    @property
+    def last(self) -> Array:
+        """Stamps (D,) of the newest samples, -1 where there is none."""
+        found: Array = self._stamps[:, -1]
+        return found
+
+    def take(self, sample: ImuSample) -> tuple[Notice, ...]:
+        """Keep a sample; one that is not newer than the last is left out, with a notice."""
+        if sample.device not in self.names:
+            return ()
+        d = self.names.index(sample.device)
+        stamps, values = self._stamps[d], self._values[d]
+        last = int(stamps[-1])
+        if sample.stamp_ns <= last:
+            text = (
+                f"{sample.device} sends the stamp {sample.stamp_ns} after {last}; such samples are left out"
+            )
+            return (_notice("imu_stamps", "warning", text, sample.device),)
+        is_near = last != NONE and sample.stamp_ns - last < NEAREST_NS
+        self._taken[d, int(is_near)] += 1.0
+        if is_near:
+            return ()
+        stamps[:-1], values[:-1] = stamps[1:], values[1:]
+        stamps[-1] = sample.stamp_ns
+        values[-1, :4], values[-1, 4:7], values[-1, 7:] = sample.orientation, sample.force, sample.rate
+        return ()
+
+    def at(self, stamp_ns: int) -> dict[str, ImuReading]:
+        """What devices measured at an instant, between the samples on both sides of it (slerp, linear)."""
+        if not self.names:
+            return {}
+        rows = np.arange(len(self.names))
+        after = np.clip((self._stamps < stamp_ns).sum(1), 1, KEPT - 1)
+        begin, end = self._stamps[rows, after - 1], self._stamps[rows, after]
+        gap = end - begin
+        share = (stamp_ns - begin) / np.maximum(gap, 1)
+        usable = (begin != NONE) & (gap < LONGEST_GAP_S * 1e9) & (share > -0.5) & (share < 1.5) & ~self._odd
+        share = np.clip(share, 0.0, 1.0)[:, None]
+        first, second = self._values[rows, after - 1], self._values[rows, after]
+        between = first[:, 4:] * (1.0 - share) + second[:, 4:] * share
+        with np.errstate(invalid="ignore"):
+            turns = from_quaternions(slerp(_unit(first[:, :4]), _unit(second[:, :4]), share))
+        return {self.names[d]: ImuReading(turns[d], between[d, :3], between[d, 3:])
+                for d in np.flatnonzero(usable).tolist()}  # fmt: skip
+
+    def judge(self, stamp_ns: int, period: float) -> list[Notice]:
+        """Look at all devices once an instant: who is silent, who measures in another convention.
+
+        Args:
+            period: s since the instant before.
+        """
+        if not self.names:
+            return []
+        notices = []
+        come, passed = self.last != NONE, stamp_ns - self.last
+        silent = come & (passed > SILENT_NS)
+        limit = ALL_SILENT_NS if silent.sum() > max(FEW, 0.5 * come.sum()) else SILENT_NS
+        for d in np.flatnonzero(silent & (passed > limit) & ~self._silent).tolist():
+            text = f"{self.names[d]} has been silent for {1e-9 * limit:g} s; bodies go on without it"
+            notices.append(_notice("imu_silent", "warning", text, self.names[d]))
+        for d in np.flatnonzero(self._silent & ~silent).tolist():
+            notices.append(_notice("imu_back", "info", f"{self.names[d]} is back", self.names[d]))
+        self._silent = silent & (self._silent | (passed > limit))
+        notices += self._floods(period)
+        notices += self._units(period)
+        newest = self._values[:, -1]
+        with np.errstate(invalid="ignore"):
+            forces = (from_quaternions(newest[:, :4]) @ newest[:, 4:7, None])[..., 0]
+        known = np.isfinite(forces).all(-1) & ~silent
+        share = period / np.minimum(self._weight + period, UPRIGHT_S)
+        self._force[known] += share[known, None] * (forces[known] - self._force[known])
+        self._weight[known] += period
+        far = np.linalg.norm(self._force - GRAVITY, axis=-1)
+        odd = (self._weight >= UPRIGHT_S) & (far > UPRIGHT)
+        for d in np.flatnonzero(odd & ~self._odd).tolist():
+            mean = np.array2string(self._force[d], precision=1)
+            text = (
+                f"{self.names[d]} measures a mean force of {mean} m/s^2 in its inertial frame, where "
+                "(0, 0, 9.81) is asked for: z up, quaternions that turn device vectors into it, m/s^2, "
+                "gravity not taken off; it is left out"
+            )
+            notices.append(_notice("imu_convention", "warning", text, self.names[d]))
+        self._odd = odd
+        return notices
+
+    def _learn_rates(self) -> None:
+        """Compare how the newest samples turned from those before with what gyroscopes tell."""
+        before, newest = self._stamps[:, -2], self._stamps[:, -1]
+        new = (newest != self._learnt) & (before != NONE) & (newest - before < LONGEST_GAP_S * 1e9)
+        self._learnt[:] = newest
+        which = np.flatnonzero(new & np.isfinite(self._values[:, -2:, [0, 7]]).all((1, 2)))
+        if len(which):
+            turns = self._values[which, -2:, :4]
+            own = turned_by(turns[:, 0], turns[:, 1], 1e-9 * (newest - before)[which])
+            self._rates[which] += rate_sums(own, self._values[which, -2, 7:])
+
+    def _units(self, period: float) -> list[Notice]:
+        """Of devices whose rates are of another unit: told once."""
+        self._learn_rates()
+        notices = []
+        ready = (self._rates[:, 0] >= FEWEST_TURNS) & ~self._rates_told
+        for d in np.flatnonzero(ready).tolist():
+            if fault := unit_fault(self._rates[d]):
+                notices.append(_notice("imu_rates", "warning", f"{self.names[d]} {fault}", self.names[d]))
+                self._rates_told[d] = True
+        self._rates *= max(0.0, 1.0 - period / UPRIGHT_S)
+        return notices
+
+    def _floods(self, period: float) -> list[Notice]:
+        """Of devices that send most of their samples too soon after another: told once."""
+        kept, left = self._taken.T
+        floods = (left > FLOOD * (kept + left)) & (left > FEWEST)
+        notices = []
+        for d in np.flatnonzero(floods & ~self._flooding).tolist():
+            share = left[d] / (kept[d] + left[d])
+            text = (
+                f"{share:.0%} of the samples of {self.names[d]} are less than 2 ms after another; "
+                "they are left out; set a lower rate in its driver"
+            )
+            notices.append(_notice("imu_flood", "warning", text, self.names[d]))
+        self._flooding |= floods
+        self._taken *= max(0.0, 1.0 - period / FLOOD_S)
+        return notices
+
+
+def _unit(quaternions: Array) -> Array:
+    """Of length 1."""
+    found: Array = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    return found
+
+
+def _notice(code: str, severity: str, text: str, device: str) -> Notice:
+    return Notice(f"kinematics.{code}", "warning" if severity == "warning" else "info", text,
+                  {"device": device})  # fmt: skip

@@ -1,0 +1,131 @@
+"""Whose the 2D people of an instant are: of whom a track holds them, or who is expected where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import Rig, TrackedPoseSet
+from panoptic_ros.domain.rig_arrays import camera_records
+from panoptic_ros.domain.subjects import Instant, ViewPeople
+from panoptic_ros.errors import DataError
+from panoptic_ros.geometry.lens_kernels import undistort_points
+from panoptic_ros.kinematics.people.first_people import nearest_to_start
+from panoptic_ros.kinematics.people.person import Person
+from panoptic_ros.kinematics.people.presence import Looked, middle_expected, people_of
+from panoptic_ros.kinematics.people.seen_people import SeenPoints
+
+Array = np.ndarray
+Rows = set[tuple[int, int]]  # cameras and rows of 2D people
+
+
+class SeenView(NamedTuple):
+    """2D people of a camera that wait for those who are tracked: camera, stamp ns, frame number, points (P,
+    J, 2) px, scores (P, J)."""
+
+    camera: int
+    stamp_ns: int
+    frame: int
+    points: Array
+    scores: Array
+
+
+class Allotment:
+    """Gives 2D people to those whose they are.
+
+    Args:
+        gate: m, from where somebody is expected.
+    """
+
+    def __init__(self, rig: Rig, gate: float):
+        self._lenses, self._gate = camera_records(rig.cameras), gate
+        self._cameras = {name: k for k, name in enumerate(rig.names)}
+        self._planes(SeenView(0, 0, 0, np.zeros((0, 1, 2)), np.zeros((0, 1))), [])
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(self._cameras)
+
+    def camera(self, name: str) -> int:
+        """The index of a camera.
+
+        Raises:
+            DataError: if the rig has none of this name.
+        """
+        if name not in self._cameras:
+            raise DataError(f"a view of camera {name!r}; the rig has {', '.join(self._cameras)}")
+        return self._cameras[name]
+
+    def by_tracks(
+        self, people: Mapping[int, Person], views: Sequence[SeenView], item: TrackedPoseSet
+    ) -> Rows:
+        """Give people the 2D people that their tracks hold; all that any track holds."""
+        sources, taken = item.sources, Rows()
+        if sources is None:
+            return taken
+        columns = {(self._cameras.get(name), int(frame)): v
+                   for v, (name, frame) in enumerate(zip(sources.cameras, sources.frames))}  # fmt: skip
+        held: dict[int, int] = {}  # views, by person
+        for view in views:
+            v = columns.get((view.camera, view.frame))
+            if v is None:
+                continue
+            for number, row in zip(item.ids.tolist(), sources.persons[:, v].tolist()):
+                if not 0 <= row < len(view.points):
+                    continue
+                taken.add((view.camera, row))
+                if number in people:
+                    plane = self._planes(view, [row])
+                    seen = SeenPoints(view.stamp_ns, plane.points[0], plane.scores[0])
+                    people[number].see(seen, view.camera, of_track=True)
+                    held[number] = held.get(number, 0) + 1
+        for number, count in held.items():
+            people[number].follow(item.stamp_ns, count)
+        return taken
+
+    def by_places(
+        self, people: Mapping[int, Person], views: Sequence[SeenView], taken: Rows, tracked: set[int],
+        tracks_begin: bool,
+    ) -> None:  # fmt: skip
+        """Give people without a track the 2D people that are where they are expected, or with which they
+        come back.
+
+        Args:
+            taken: 2D people that tracks hold. tracked: ids of who is tracked.
+            tracks_begin: whether only tracks tell where somebody is at first.
+        """
+        lost = [person for number, person in people.items() if number not in tracked]
+        known = [person for person in lost if person.is_expected or person.presence.is_away]
+        new = [
+            person for person in lost
+            if person.tracker is None and not person.presence.is_away and not tracks_begin
+        ]  # fmt: skip
+        if not views or not (known or new):
+            return
+        rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}
+        planes = {v.camera: self._planes(v, rows[v.camera]) for v in views}
+        stamps = {v.camera: v.stamp_ns for v in views}
+        instant = Instant(max(stamps.values()), planes, {})
+        weighing = (known or new)[0].weighing
+        looked = [Looked(person.tracker, person.presence) for person in known]
+        found = people_of(looked, instant, weighing, self._gate)
+        for person in new:
+            known.append(person)
+            alone = person.subject.start is not None or len(people) == 1
+            found.append(nearest_to_start(person.subject, instant, weighing) if alone else {})
+        for person, own in zip(known, found):
+            person.look(instant, bool(own), middle_expected(person.tracker))
+            for camera, (points, scores) in own.items():
+                person.see(SeenPoints(stamps[camera], points, scores), camera, of_track=False)
+
+    def _planes(self, view: SeenView, rows: list[int]) -> ViewPeople:
+        """Some 2D people of a view on the plane at distance 1."""
+        points, scores = view.points[rows], view.scores[rows]
+        usable = (scores > 0.0) & np.isfinite(points).all(-1)
+        cameras = np.full(len(rows), view.camera, np.int64)
+        plane, _, good = undistort_points(np.ascontiguousarray(points), usable, cameras, self._lenses)
+        plane[~good] = np.nan
+        return ViewPeople(plane, np.where(good, scores, 0.0))

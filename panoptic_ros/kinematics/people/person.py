@@ -1,0 +1,209 @@
+"""One person while data come: what was seen, how the IMUs sit, and the body that is solved from both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.domain.bodies import BodySource
+from panoptic_ros.domain.subjects import BodyState, ImuReading, Instant, Subject
+from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.tracker import SubjectTracker
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.alignment import cameras_alone
+from panoptic_ros.kinematics.imus.fitting import ImuFitting
+from panoptic_ros.kinematics.people.presence import Presence
+from panoptic_ros.kinematics.people.seen_people import SeenPerson, SeenPoints
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
+from panoptic_ros.stage import Notice
+
+Array = np.ndarray
+LOST_S = 0.5  # without any data, after which a body is given up
+AWAITED_S = 2.0  # for which somebody whom no camera has seen yet is waited for
+AGAIN_S = 1.0  # without cameras, after which the place is taken from what they see
+
+
+class Behind(NamedTuple):
+    """What an instant of a body rests on: `BodySource`, numbers of cameras and devices."""
+
+    source: int
+    views: int
+    devices: int
+
+
+class Person:
+    """A designated person, or somebody who is tracked.
+
+    Args:
+        joint_names: (K,) of the detections.
+    """
+
+    def __init__(
+        self, config: KinematicsConfig, subject: Subject, statistics: PoseStatistics, rig: Rig,
+        joint_names: Sequence[str],
+    ):  # fmt: skip
+        self._config, self.subject = config, subject
+        self.weighing = Weighing(config, subject, statistics, rig, joint_names)
+        self.seen = SeenPerson()
+        self.fitting = ImuFitting(config, subject)
+        self.tracker: SubjectTracker | None = None
+        self.behind: dict[int, Behind] = {}  # by stamp, of instants that are not given yet
+        self.of_track = False  # the newest 2D people are those of a track
+        self.came = False  # was ever seen, or felt by IMUs
+        self.worn = frozenset(device.name for device in subject.devices)
+        self._alone: SubjectTracker | None = None  # from cameras alone, to compare IMUs with
+        self._mounted: tuple[float, tuple[str, ...]] | None = None  # what the tracker's IMUs are
+        self.presence = Presence()
+        self._returns = False  # is seen again, maybe elsewhere
+        self._without = 0  # instants without any data
+        self._unseen = 0  # instants without cameras
+
+    def step(
+        self, stamp_ns: int, readings: dict[str, ImuReading], half_period_ns: int,
+        statistics: PoseStatistics,
+    ) -> tuple[list[BodyState], list[Notice]]:
+        """Solve an instant: bodies that are final, of the instant that is the lag ago, and notices.
+
+        Args:
+            readings: of all devices. half_period_ns: for so long a sample alone counts.
+            statistics: of poses.
+        """
+        people = self.seen.views_at(stamp_ns, half_period_ns)
+        joints = self.seen.joints_at(stamp_ns, half_period_ns)
+        people = _of_others(people, joints)
+        mine = {name: reading for name, reading in readings.items() if name in self.worn}
+        notices = self.fitting.take(stamp_ns, self.subject, mine)
+        seen = bool(people) or joints is not None
+        instant = Instant(stamp_ns, {}, mine)
+        if self.fitting.looking:
+            notices += self._look(instant, people, joints, statistics)
+        done = self._remount(stamp_ns)
+        used = {name for name in mine if name in self._devices()}
+        self._without = 0 if seen or used else self._without + 1
+        if self.missed:
+            return done + self._give_up(), notices
+        if self.tracker is None and not self._begins(stamp_ns, seen, used):
+            return done, notices
+        tracker = self.tracker = self.tracker or self._new_tracker(stamp_ns)
+        self.came = True
+        if seen and (self._returns or self._unseen > AGAIN_S * self._config.rate_hz):
+            done += tracker.flush()
+            tracker.move_to(people, joints)
+            self._returns = False
+        self._unseen = 0 if seen else self._unseen + 1
+        done += tracker.step(replace(instant, readings={n: mine[n] for n in used}), people, joints)
+        notices += tracker.devices.take_notices()
+        self.behind[stamp_ns] = Behind(int(self._source(people, joints, used)), len(people), len(used))
+        return done, notices
+
+    @property
+    def missed(self) -> bool:
+        """Whether there have been no data of the person for so long that the body was given up."""
+        return self._without > LOST_S * self._config.rate_hz
+
+    def see(self, seen: SeenPoints, camera: int, of_track: bool) -> None:
+        """A camera has seen the person; of_track: in a view that its track holds."""
+        self.seen.see(camera, seen)
+        self.of_track = of_track
+
+    @property
+    def is_expected(self) -> bool:
+        """Whether there is a body that tells where the person is expected."""
+        return self.tracker is not None and self.tracker.started
+
+    def look(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
+        """Views without a track of the person have been looked through, see `Presence.saw`."""
+        self._returns |= is_seen and self.presence.is_away
+        self.presence.saw(instant, is_seen, expected)
+
+    def follow(self, stamp_ns: int, views: int) -> None:
+        """A track holds the person in so many views."""
+        self._returns |= self.presence.is_away
+        self.presence.told(stamp_ns, views)
+
+    def restart(self) -> None:
+        """Time goes on elsewhere: forget the motion, keep how the IMUs sit."""
+        self.seen, self.tracker, self._alone = SeenPerson(), None, None
+        self.presence, self._returns = Presence(), False
+        self.behind, self._without, self._unseen = {}, 0, 0
+
+    def flush(self) -> list[BodyState]:
+        """Bodies of the instants that the lag still holds back."""
+        return [] if self.tracker is None else self.tracker.flush()
+
+    def _source(self, people: object, joints: object, used: object) -> int:
+        if people:
+            return BodySource.TRACK if self.of_track else BodySource.VIEWS
+        if joints is not None:
+            return BodySource.JOINTS
+        return BodySource.IMUS if used else BodySource.PREDICTED
+
+    def _begins(self, stamp_ns: int, seen: bool, used: set[str]) -> bool:
+        """Whether there is something to begin with; without a camera, once nobody waits for one any more."""
+        if seen:
+            return True
+        self._unseen += 1
+        waited = self._unseen / self._config.rate_hz > AWAITED_S or not len(self.weighing.rotations)
+        return waited and bool(self.fitting.mounts(stamp_ns, self.subject).keys() & used)
+
+    def _look(
+        self, instant: Instant, people: dict[int, tuple[Array, Array]],
+        joints: tuple[Array, Array] | None, statistics: PoseStatistics,
+    ) -> list[Notice]:  # fmt: skip
+        """Solve from cameras alone, and compare with the IMUs."""
+        if self._alone is None and people:
+            bare = replace(self.subject, devices=())
+            self._alone = SubjectTracker(cameras_alone(self._config), bare, self.weighing, {})
+        states = (
+            self._alone.step(instant, people, joints) if self._alone is not None and people else []
+        )
+        notices = self.fitting.learn(self.subject, states, self._config.rate_hz, statistics)
+        if not self.fitting.looking:
+            self._alone = None
+        return notices
+
+    def _devices(self) -> tuple[str, ...]:
+        return self._mounted[1] if self._mounted is not None else ()
+
+    def _remount(self, stamp_ns: int) -> list[BodyState]:
+        """Solve with the IMUs whose mounting is known by now: bodies that the tracker before still held."""
+        mounts = self.fitting.mounts(stamp_ns, self.subject)
+        now = (self.fitting.heading or 0.0, tuple(sorted(mounts)))
+        if now == (self._mounted or (now[0], ())):
+            return []
+        self._mounted = now
+        if self.tracker is None:
+            return []
+        held, pose = self.tracker.flush(), self.tracker.expected()
+        self.tracker = self._new_tracker(stamp_ns)
+        if pose is not None:
+            self.tracker.begin_at(pose)
+        return held
+
+    def _new_tracker(self, stamp_ns: int) -> SubjectTracker:
+        mounts = self.fitting.mounts(stamp_ns, self.subject)
+        return SubjectTracker(
+            self._config, self.subject, self.weighing, mounts, self.fitting.heading or 0.0
+        )  # fmt: skip
+
+    def _give_up(self) -> list[BodyState]:
+        held = self.flush()
+        self.tracker = None
+        return held
+
+
+def _of_others(
+    people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None
+) -> dict[int, tuple[Array, Array]]:
+    """2D people (points (K, 2), scores (K,) by camera) without the joints that are told in space."""
+    if joints is None:
+        return people
+    told = np.isfinite(joints[0]).all(-1)
+    return {
+        camera: (np.where(told[:, None], np.nan, points), np.where(told, 0.0, scores))
+        for camera, (points, scores) in people.items()
+    }

@@ -1,0 +1,230 @@
+"""A window of poses in time: filter with a marginal prior, and smoothing of the instants behind it.
+
+The state is the poses of the last two instants with their joint information. A new instant brings the
+motion between (white acceleration of every degree of freedom, and what IMUs measured) and its own
+evidence. The pose before the last is eliminated; what it would be for any pose of the later two is
+kept, so that smoothing over a lag is a few products with a vector for each instant (Rauch, Tung and
+Striebel 1965, in information form) and costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.geometry.chain import Pose, step_between, step_pose
+from panoptic_ros.geometry.segment_chain import Chain
+from panoptic_ros.kinematics.pose.afterwards import Afterwards, Linked, afterwards
+from panoptic_ros.kinematics.pose.motion_sums import add_motion, add_second_differences, first_differences
+from panoptic_ros.kinematics.pose.positive_matrices import factor_of, forward, inverse_of, solved_by
+from panoptic_ros.kinematics.pose.solve import solve_pose
+from panoptic_ros.kinematics.pose.targets import NOTHING_BETWEEN, Anchor, Between, Evidence
+
+Array = np.ndarray
+LONGEST_STEP = 0.5  # rad or m, between two instants, that is carried on as a velocity
+RIDGE = 1e-6
+NEW = 0.5  # of what instants within the time of errors share, that counts as new
+OPEN = 1e-3  # 1/m^2 or 1/rad^2, of what the evidence of an instant leaves open
+LEAST = 1e-6  # of that, of what nothing determines at all: it is as unsure as can be
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Standard deviations of the accelerations of the root, m/s^2, and of every joint, rad/s^2; period, s."""
+
+    root: float
+    joints: float
+    period: float
+
+    def weights(self, freedoms: int) -> Array:
+        """Of the second differences (D,) of the degrees of freedom."""
+        step = self.period**2
+        spread = np.full(freedoms, self.joints * step)
+        spread[:3] = self.root * step
+        return 1.0 / spread**2
+
+
+class _Eliminated(NamedTuple):
+    """A pose that later ones determine: its step from `pose` is u with factor factor^T u = -rows [v; w; 1],
+    for steps v and w of the two later ones from `later` and `last`."""
+
+    pose: Pose
+    later: Pose
+    last: Pose
+    factor: Array
+    rows: Array
+
+
+class PoseWindow:
+    """Poses of one body, instant by instant.
+
+    Args:
+        lag: instants over which poses are smoothed.
+    """
+
+    def __init__(self, chain: Chain, start: Pose, motion: Motion, lag: int):
+        self._chain, self._motion, self._lag = chain, motion, lag
+        self._size = 3 + 3 * len(chain.parents)
+        self._weights = motion.weights(self._size)
+        self._poses = [start.copy(), start.copy()]
+        self._next: Pose | None = None  # what is predicted, once somebody asked
+        self._information = self.start
+        self._pulled = np.zeros((2 * self._size, self._size))
+        self._open = OPEN * np.eye(self._size)
+        self._eliminated: deque[_Eliminated] = deque(maxlen=lag + 1)
+        self._linked: deque[Linked] = deque(maxlen=lag + 1)
+        self._after: Afterwards | None = None  # as it was found last
+        self.iterations = 0
+
+    @property
+    def last(self) -> Pose:
+        """The newest pose."""
+        return self._poses[1]
+
+    @property
+    def start(self) -> Array:
+        """What is known of the first two poses, (2 D, 2 D): about where they are, and that they are slow."""
+        slow = np.diag(np.full(self._size, 1.0))
+        speed = np.r_[np.full(3, 1.0), np.full(self._size - 3, 0.5)]
+        still = np.diag(speed / self._motion.period**2)
+        found: Array = np.block([[slow + still, -still], [-still, slow + still]])
+        return found
+
+    def take_chain(self, chain: Chain) -> None:
+        """Go on with other lengths."""
+        self._chain = chain
+
+    def predicted(self) -> Pose:
+        """The next pose at constant velocity."""
+        if self._next is None:
+            step = np.empty(self._size)
+            step_between(self._poses[0], self._poses[1], step)
+            np.clip(step, -LONGEST_STEP, LONGEST_STEP, out=step)
+            self._next = self._poses[1].copy()
+            step_pose(self._poses[1], step, self._next)
+        return self._next.copy()
+
+    def step(
+        self,
+        guess: Pose,
+        evidence: Evidence,
+        between: Between = NOTHING_BETWEEN,
+        iterations: int = 5,
+    ) -> Pose:
+        """Take in the evidence of the next instant: its pose.
+
+        Args:
+            guess: where it begins, see `predicted`.
+        """
+        n = self._size
+        bend, slope, turn, pull = self._between(guess, between)
+        # the pose before the last, against the last and the new one
+        rows = np.empty((n, 3 * n + 1), order="F")
+        rows[:, :n] = self._information[:n, n:] - 2.0 * bend
+        rows[:, n : 2 * n] = bend
+        rows[:, 2 * n] = slope
+        rows[:, 2 * n + 1 :] = self._pulled[:n]
+        first = factor_of(self._information[:n, :n] + bend)
+        self._eliminated.append(
+            _Eliminated(
+                self._poses[0].copy(), self._poses[1].copy(), guess.copy(), first, rows[:, : 2 * n + 1]
+            )
+        )
+        both = forward(first, rows)
+        solved, pulled = both[:, : 2 * n + 1], both[:, : 2 * n].T @ both[:, 2 * n + 1 :]
+        np.negative(pulled, out=pulled)
+        pulled[:n] += self._pulled[n:]
+        rest = solved.T @ solved
+        add_motion(self._information, (bend, slope), (turn, pull), rest)
+        # the last one against the new one
+        second = factor_of(rest[:n, :n])
+        against = np.array(rest[:n, n:], order="F")
+        solved = forward(second, against)
+        left = rest[n:-1, n:] - solved[:, :-1].T @ solved
+        anchor = Anchor(
+            guess.root.copy(), guess.turns.copy(), np.ascontiguousarray(left[:, :-1]), left[:, -1].copy(), 1.0
+        )
+        pose, hessian = guess.copy(), np.empty((n, n))
+        _, self.iterations = solve_pose(self._chain, pose, evidence, anchor, iterations, hessian)
+        step = np.ones(n + 1)
+        step_between(guess, pose, step[:-1])
+        middle = self._poses[1].copy()
+        step_pose(self._poses[1], -solved_by(second, against @ step), middle)
+        full = np.empty((2 * n, 2 * n))
+        full[:n, :n], full[:n, n:], full[n:, :n] = rest[:n, :n], against[:, :-1], against[:, :-1].T
+        full[n:, n:] = rest[n:-1, n:-1] + hessian - anchor.information
+        own = hessian - anchor.information
+        root = factor_of(own + self._open)
+        pulled[n:] += root
+        self._information, self._pulled = full, pulled
+        self._linked.append(Linked(bend, turn, own, root, full, pulled, evidence.weight))
+        self._poses, self._next = [middle, pose], None
+        if self._after is not None:
+            self._after = self._after._replace(age=self._after.age + 1)
+        return pose
+
+    def covariance(self, back: int, lasting: float, kept: int = 0) -> Array:
+        """Of a step of the pose (D, D) of so many instants ago, given all so far.
+
+        What came up to it and what came after it speak of it and of the pose before; they are added, and the
+        pose before is eliminated (Fraser and Potter 1969). That takes the errors of each stretch of evidence
+        for new. A share of them lasts: it pulls the pose the same way at all instants, so its steps add up,
+        and not their squares (a consider covariance, Schmidt 1966). Errors of an instant are those of the
+        triangular factor of its information.
+
+        Args:
+            lasting: that share of the variance.
+            kept: for so many instants what came after a pose is taken to look as it did then.
+        """
+        n = self._size
+        link, after = self._linked[-1 - back], self._after if kept else None
+        if after is None or after.age > kept:
+            after = afterwards(itertools.islice(reversed(self._linked), back), self._open)
+            self._after = after if kept else self._after
+        both, pulled = link.joint + after.information, link.pulled + after.pulled
+        rows = np.empty((n, 2 * n), order="F")
+        rows[:, :n], rows[:, n:] = both[:n, n:], pulled[:n]
+        solved = forward(factor_of(both[:n, :n]), rows)
+        rest = solved[:, :n].T @ solved
+        found = inverse_of(both[n:, n:] - rest[:, :n] + LEAST * self._open)
+        # by errors of 1 in all instants, less what counts as new already
+        moved = found @ (pulled[n:] - rest[:, n:] - (NEW / link.weight) * link.root)
+        found += lasting * link.weight * (moved @ moved.T)
+        return found
+
+    def smoothed(self) -> list[Pose]:
+        """Poses of the last instants given all so far, newest first: up to lag + 2."""
+        found = [self._poses[1], self._poses[0]]
+        n = self._size
+        steps = np.ones(2 * n + 1)
+        for past in reversed(self._eliminated):
+            if len(found) > self._lag + 1:
+                break
+            step_between(past.later, found[-1], steps[:n])
+            step_between(past.last, found[-2], steps[n:-1])
+            pose = past.pose.copy()
+            step_pose(past.pose, -solved_by(past.factor, past.rows @ steps), pose)
+            found.append(pose)
+        return found
+
+    def _between(self, guess: Pose, between: Between) -> tuple[Array, Array, Array, Array]:
+        """Matrix (D, D) and vector (D,) of second differences of the last two poses and the guess, and of
+        first differences of the last one and the guess."""
+        n = self._size
+        before, after = np.empty(n), np.empty(n)
+        step_between(self._poses[0], self._poses[1], before)
+        step_between(self._poses[1], guess, after)
+        bend, slope = np.diag(self._weights), self._weights * (after - before)
+        if len(between.accelerations.segments):
+            poses = (self._poses[0], self._poses[1], guess)
+            add_second_differences(
+                self._chain, poses, between.accelerations, self._motion.period, bend, slope
+            )
+        turn, pull = np.empty((n, n)), np.empty(n)
+        first_differences(self._chain, self._poses[1], guess, between.turning, between.standing, turn, pull)
+        turn[np.arange(n), np.arange(n)] += RIDGE
+        return bend, slope, turn, pull

@@ -1,0 +1,1 @@
+"""What nodes tell of themselves: diagnostics, notices, counts, clocks, previews."""

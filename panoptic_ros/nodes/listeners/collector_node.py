@@ -1,0 +1,115 @@
+"""The launcher's own node: takes what the graph gives, and knows when it is over."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from rclpy.node import Node
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.flow import Flow
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.io.messages.bodies import read_imu
+from panoptic_ros.nodes.flow.streams import StreamEnds
+from panoptic_ros.nodes.health.diagnostics import own_statuses, values_of
+from panoptic_ros.nodes.middleware.family import message_class
+from panoptic_ros.nodes.middleware.negotiation import Negotiated
+from panoptic_ros.nodes.middleware.packets import unpacked
+from panoptic_ros.nodes.middleware.quality import CLOCKS, collecting_quality
+from panoptic_ros.stage import Notice
+
+
+class CollectorNode(Node):
+    """Hands every record of some topics to a function, and keeps the last diagnostics of every node.
+
+    Args:
+        cameras: whose detections are taken. devices: whose sound.
+        bodies: whose samples of IMUs are taken beside bodies; None: there are no bodies.
+        more: keys and owners of topics that are taken besides, which end.
+        on_record: called with (key of the topic, record), and with ("diagnostics", those of all nodes).
+    """
+
+    def __init__(
+        self, flow: Flow, cameras: Sequence[str], on_record: Callable[[str, Any], None],
+        devices: Iterable[str] = (), bodies: Iterable[str] | None = None,
+        more: Iterable[tuple[str, str]] = (),
+    ):  # fmt: skip
+        super().__init__("collector")
+        self._open: set[str] = set()  # topics that have not ended
+        self._bad_messages = 0
+        self._refused: set[str] = set()  # topics of which that was told
+        self.diagnostics: dict[str, dict[str, str]] = {}
+        self._on_record = on_record
+        self._quality, self._live = collecting_quality(flow), flow.name == "live"
+        self._ends = StreamEnds(self, self._end)
+        self._kept = [self._subscribe("detections", camera) for camera in cameras]
+        self._kept += [self._subscribe("audio", device) for device in devices]
+        if cameras:  # without, there are bodies alone
+            self._kept.append(self._subscribe("skeletons", ""))
+        if bodies is not None:
+            self._kept += [self._subscribe("imu", device) for device in bodies]
+            self._kept.append(self._subscribe("bodies", ""))
+        self._kept += [self._subscribe(key, owner) for key, owner in more]
+        for subscription in self._kept:
+            self._open.add(subscription.topic_name)
+            self._ends.watch(subscription.topic_name)
+        self._kept.append(self._subscribe("clock_models", ""))  # has no end
+        self._kept += [self._subscribe("preview", camera) for camera in cameras]  # none is waited for
+        self._kept.append(
+            self.create_subscription(
+                message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", self._take_status, 100
+            )
+        )
+
+    @property
+    def over(self) -> bool:
+        """Whether all messages of all topics have come (replay; a live graph has no end)."""
+        return not self._open
+
+    def finished(self, names: Iterable[str]) -> bool:
+        """Whether these nodes have said that they are through."""
+        return all(self.diagnostics.get(name, {}).get("finished") == "true" for name in names)
+
+    def _subscribe(self, key: str, camera: str) -> Any:
+        topic = TOPICS[key]
+
+        def take(message: Any) -> None:
+            try:
+                if isinstance(message, bytes):
+                    message = unpacked(message, kind)
+                is_imu = topic.scope == "imu"  # whose frame_id is the driver's own
+                record = read_imu(message, camera) if is_imu else from_message(message, topic.record)
+                self._on_record(key, record)
+            except DataError as error:
+                self._bad_messages += 1
+                self.diagnostics[self.get_name()] = {"dropped.bad_message": str(self._bad_messages)}
+                if subscription.topic_name not in self._refused:  # the rest is counted
+                    self._refused.add(subscription.topic_name)
+                    self.get_logger().warning(f"dropped: {error}")
+            if not topic.latched:
+                self._ends.taken(subscription.topic_name)
+
+        kind, quality = message_class(topic.message), CLOCKS if topic.latched else self._quality
+        subscription: Any
+        if topic.scope == "imu" and self._live:  # drivers often offer best effort only
+            subscription = Negotiated(
+                self, kind, topic.of(camera), lambda data, number: take(data), quality, gives_way=True,
+                tell=self._tell,
+            )  # fmt: skip
+        else:
+            subscription = self.create_subscription(kind, topic.of(camera), take, quality)
+        return subscription
+
+    def _tell(self, notice: Notice) -> None:
+        """What does not fit of a driver; who takes its samples besides tells the rest."""
+        if notice.severity != "info":
+            self.get_logger().warning(notice.text)
+
+    def _end(self, topic: str) -> None:
+        self._open.discard(topic)
+
+    def _take_status(self, message: Any) -> None:
+        for name, status in own_statuses(message, self.get_namespace()):
+            self.diagnostics[name] = values_of(status)
+        self._on_record("diagnostics", self.diagnostics)

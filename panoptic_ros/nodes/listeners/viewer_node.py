@@ -1,0 +1,134 @@
+"""Takes messages for the viewer as they are, and only those that somebody looks at."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, Protocol
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from panoptic_ros.domain import Rig, SkeletonModel
+from panoptic_ros.errors import PanopticError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.nodes.health.diagnostics import own_statuses, values_of
+from panoptic_ros.nodes.middleware.family import message_class
+from panoptic_ros.nodes.middleware.quality import LATCHED
+
+LOOK_S = 0.1  # for other topics that somebody looks at, and for messages where no skeletons come
+WAKING = "skeletons"
+QUALITY = QoSProfile(  # a publisher never waits for who looks on; what comes between two looks is held
+    history=HistoryPolicy.KEEP_LAST, depth=16, reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)  # fmt: skip
+
+
+class Taker(Protocol):
+    """What the node feeds, e.g. `view.page.live.LiveScene`."""
+
+    def begin(self, rig: Rig, skeleton: SkeletonModel) -> None:
+        """The rig and the skeleton are known, or are others now."""
+
+    def wanted(self) -> frozenset[str]:
+        """Keys of topics that somebody looks at."""
+
+    def take(self, key: str, owner: str, data: bytes, now_s: float, wall_ns: int) -> None:
+        """CDR bytes of a topic."""
+
+    def tell(self, name: str, status: Mapping[str, Any]) -> None:
+        """What a node says of itself."""
+
+
+class ViewerNode(Node):
+    """Subscribes to what a taker wants, while it wants it. Messages are not decoded.
+
+    Only skeletons wake it. They come last of an instant, so what else has come is taken then.
+    """
+
+    fault = None
+    healthy = True
+
+    def __init__(self, taker: Taker, namespace: str = ""):
+        super().__init__("viewer", namespace=namespace)
+        self._taker = taker
+        self._facts: dict[str, Any] = {}
+        self._rig: Rig | None = None
+        self._taken: dict[tuple[str, str], Any] = {}  # subscriptions by topic
+        self._aside = Node(  # no executor spins it, so what it subscribes to wakes nobody
+            "viewer_aside", namespace=namespace, enable_rosout=False, start_parameter_services=False
+        )
+        self._kept = [
+            self.create_subscription(
+                message_class(TOPICS[key].message), TOPICS[key].name, partial(self._take_fact, key), LATCHED
+            )
+            for key in ("rig", "skeleton_model")
+        ]
+        self._kept.append(
+            self.create_subscription(
+                message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", self._take_status, 100
+            )
+        )
+        self._timer = self.create_timer(LOOK_S, self._look)
+
+    def close(self) -> None:
+        """Nothing to stop."""
+
+    def destroy_node(self) -> None:
+        """With what it subscribes to aside."""
+        self._aside.destroy_node()
+        super().destroy_node()
+
+    def _take_fact(self, key: str, message: Any) -> None:
+        try:
+            self._facts[key] = from_message(message, TOPICS[key].record)
+        except PanopticError as error:
+            self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
+            return
+        if len(self._facts) == 2:
+            self._rig = self._facts["rig"]
+            self._taker.begin(self._facts["rig"], self._facts["skeleton_model"])
+
+    def _take_status(self, message: Any) -> None:
+        for name, status in own_statuses(message, self.get_namespace()):
+            level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
+            said = {"name": name, "level": level, "message": status.message,
+                    "owner": status.hardware_id, "values": values_of(status)}  # fmt: skip
+            self._taker.tell(name, said)
+
+    def _look(self) -> None:
+        """Subscribe to what is wanted now, and to nothing else; take what has come."""
+        if self._rig is None:
+            return
+        wanted = {
+            (key, owner)
+            for key in self._taker.wanted()
+            for owner in (self._rig.names if TOPICS[key].scope == "camera" else ("",))
+        }
+        for topic in self._taken.keys() - wanted:
+            self._of(topic[0]).destroy_subscription(self._taken.pop(topic))
+        for key, owner in sorted(wanted - self._taken.keys()):
+            self._taken[key, owner] = self._of(key).create_subscription(
+                message_class(TOPICS[key].message), TOPICS[key].of(owner), self._take_skeletons, QUALITY,
+                raw=True,
+            )  # fmt: skip
+        self._drain()
+
+    def _of(self, key: str) -> Node:
+        """The node that subscribes to a topic."""
+        return self if key == WAKING else self._aside
+
+    def _take_skeletons(self, data: bytes) -> None:
+        self._drain()
+        self._taker.take(WAKING, "", data, time.monotonic(), time.time_ns())
+
+    def _drain(self) -> None:
+        """Take all that has come of what does not wake this node."""
+        for (key, owner), subscription in self._taken.items():
+            if key == WAKING:
+                continue
+            with subscription.handle:
+                while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+                    self._taker.take(key, owner, found[0], time.monotonic(), time.time_ns())

@@ -1,0 +1,149 @@
+"""Subscriptions that take what publishers offer: camera drivers often offer best effort only."""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+
+from panoptic_ros.nodes.middleware.executor import with_facts
+from panoptic_ros.nodes.middleware.one_shot import OneShot
+from panoptic_ros.nodes.middleware.read_together import Came, ReadTogether
+from panoptic_ros.stage import Notice
+
+CLOSE_S = 0.003  # between messages: more of them wait
+MOST_AT_ONCE = 64  # messages, before other topics have their turn
+BEST_EFFORT_DEPTH = 5  # as in ROS's profile for sensors
+
+
+class Negotiated:
+    """A subscription that is reliable, or best effort as soon as a publisher offers no more.
+
+    Reliable publishers go on reaching it then, without their promise. Nothing but the reliability gives way;
+    what else does not fit is told, with the remedy.
+
+    Args:
+        topic: name. take: called with the bytes of every message, and its number by the middleware.
+        quality: what is asked for at first.
+        gives_way: whether it may become best effort (live).
+        tell: about what does not fit.
+        together: reads the subscription; None: the executor does.
+    """
+
+    def __init__(
+        self, node: Node, kind: Any, topic: str, take: Callable[[bytes, int], None], quality: QoSProfile,
+        gives_way: bool, tell: Callable[[Notice], None], together: ReadTogether | None = None,
+    ):  # fmt: skip
+        self._node, self._kind, self._topic, self._take = node, kind, topic, take
+        self._quality, self._gives_way, self._tell, self._together = quality, gives_way, tell, together
+        self._again: OneShot | None = None
+        self._pause: OneShot | None = None
+        self._newest_s = 0.0  # when a message came
+        self._subscription = self._subscribe()
+        self._name = str(self._subscription.topic_name)
+        if together is not None:
+            together.add(self)
+
+    @property
+    def topic_name(self) -> str:
+        """The full name."""
+        return self._name
+
+    @property
+    def is_reliable(self) -> bool:
+        """Whether lost messages are sent again."""
+        return bool(self._quality.reliability == ReliabilityPolicy.RELIABLE)
+
+    def _subscribe(self) -> Any:
+        events = SubscriptionEventCallbacks(incompatible_qos=self._does_not_fit)
+
+        def take(data: bytes, info: Mapping[str, Any]) -> None:
+            if self._pause is not None:
+                return
+            self._take(data, info["publication_sequence_number"])
+            now, before = time.monotonic(), self._newest_s
+            self._newest_s = now
+            if now - before < CLOSE_S:
+                self._drain()
+
+        made = self._node.create_subscription(
+            self._kind, self._topic, with_facts(take), self._quality, event_callbacks=events, raw=True
+        )
+        if self._together is not None:
+            self._together.keep(made)
+        return made
+
+    def _unsubscribe(self) -> None:
+        if self._together is not None:
+            self._together.forget(self._subscription)
+        self._node.destroy_subscription(self._subscription)
+
+    def _drain(self) -> None:
+        """Take what waits besides at once: waiting for each message anew costs more than the message."""
+        handle = self._subscription.handle
+        with handle:
+            for _ in range(MOST_AT_ONCE - 1):
+                found = handle.take_message(self._kind, True) if self._pause is None else None
+                if found is None:
+                    return
+                self._take(found[0], found[1]["publication_sequence_number"])
+
+    def waiting(self) -> list[Came]:
+        """See `nodes.read_together.Source`."""
+        came: list[Came] = []
+        if self._pause is not None:
+            return came
+        handle = self._subscription.handle
+        with handle:
+            while len(came) < self._quality.depth and (found := handle.take_message(self._kind, True)):
+                came.append(Came(found[0], found[1]["publication_sequence_number"]))
+        return came
+
+    def take(self, came: Came) -> None:
+        """See `nodes.read_together.Source`."""
+        if self._pause is None:
+            self._take(*came)
+
+    def pause(self, seconds: float, resumed: Callable[[], None]) -> None:
+        """Take nothing for so long; publishers do not even send."""
+
+        def begin() -> None:  # not within a callback of the subscription itself
+            self._unsubscribe()
+            self._pause = OneShot(self._node, seconds, end)
+
+        def end() -> None:
+            self._pause = None
+            self._subscription = self._subscribe()
+            resumed()
+
+        self._pause = OneShot(self._node, 0.0, begin)
+
+    def _does_not_fit(self, info: QoSRequestedIncompatibleQoSInfo) -> None:
+        policy = QoSPolicyKind(info.last_policy_kind)
+        if policy == QoSPolicyKind.RELIABILITY and self._gives_way and self.is_reliable:
+            if self._again is None:  # not within a callback of the subscription itself
+                self._again = OneShot(self._node, 0.0, self._give_way)
+            return
+        name = qos_policy_name_from_kind(policy).lower()
+        text = (
+            f"a publisher of {self.topic_name} does not fit: it offers another {name} than is needed, so "
+            "nothing of it is taken; let it offer what others do, or take another topic"
+        )
+        self._tell(Notice("graph.incompatible_qos", "warning", text, {"device": self._topic}))
+
+    def _give_way(self) -> None:
+        self._again = None
+        if self._pause is None:
+            self._unsubscribe()
+        self._quality = copy.copy(self._quality)
+        self._quality.reliability = ReliabilityPolicy.BEST_EFFORT
+        self._quality.depth = max(self._quality.depth, BEST_EFFORT_DEPTH)
+        if self._pause is None:
+            self._subscription = self._subscribe()
+        text = f"{self.topic_name} is taken as best effort, as a publisher offers no more"
+        self._tell(Notice("graph.best_effort", "info", text, {"device": self._topic}))

@@ -1,0 +1,1 @@
+"""Nodes that publish: cameras, files, bags, and what benches put in their place."""

@@ -1,0 +1,108 @@
+"""The latched facts that every stage works with: rig and skeleton model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+from panoptic_ros.domain import Rig, SkeletonModel
+from panoptic_ros.errors import ConfigError, DataError, PanopticError
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.nodes.middleware.family import message_class
+from panoptic_ros.nodes.middleware.quality import LATCHED
+
+
+class Facts:
+    """Waits for both. Another rig is offered to the node; another skeleton is not worked with, and the log
+    says so.
+
+    Args:
+        on_ready: called once, with both.
+        on_rig: called with another rig that comes later; raises ConfigError if the node cannot work with it.
+        on_bad: told about messages that cannot be used, which are left out.
+        needs_cameras: whether a rig without any cannot be used.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        on_ready: Callable[[Rig, SkeletonModel], None],
+        on_bad: Callable[[PanopticError], None],
+        on_rig: Callable[[Rig], None],
+        needs_cameras: bool = True,
+    ):
+        self._needs_cameras = needs_cameras
+        self._node, self._on_ready, self._on_bad, self._on_rig = node, on_ready, on_bad, on_rig
+        self._taken: dict[str, tuple[Any, Any]] = {}  # message and record
+        self._unfit: dict[str, str] = {}  # why the newest of a topic is not worked with
+        self._ready = False
+        self._kept = [
+            node.create_subscription(
+                message_class(TOPICS[key].message), TOPICS[key].name, partial(self._take, key), LATCHED
+            )
+            for key in ("rig", "skeleton_model")
+        ]
+
+    @property
+    def rig(self) -> Rig:
+        """Only once both are there."""
+        record: Rig = self._taken["rig"][1]
+        return record
+
+    @property
+    def skeleton(self) -> SkeletonModel:
+        """Only once both are there."""
+        record: SkeletonModel = self._taken["skeleton_model"][1]
+        return record
+
+    @property
+    def missing(self) -> list[str]:
+        """Those that have not come."""
+        return [TOPICS[key].name for key in ("rig", "skeleton_model") if key not in self._taken]
+
+    @property
+    def unfit(self) -> list[str]:
+        """Why the newest that came is not worked with."""
+        return list(self._unfit.values())
+
+    def take_over(self, rig: Rig) -> None:
+        """Work with another rig from now on."""
+        self._taken["rig"] = self._taken["rig"][0], rig
+
+    def _take(self, key: str, message: Any) -> None:
+        try:
+            record = from_message(message, TOPICS[key].record)
+            if key == "rig" and self._needs_cameras and not record.cameras:
+                raise DataError("/rig is a rig without cameras")
+        except PanopticError as error:
+            self._on_bad(error)
+            return
+        if not self._ready:
+            self._taken[key] = message, record
+            if len(self._taken) == len(self._kept):
+                self._ready = True
+                self._on_ready(self.rig, self.skeleton)
+        elif message != self._taken[key][0]:
+            self._taken[key] = message, self._taken[key][1]
+            self._change(key, record)
+
+    def _change(self, key: str, record: Any) -> None:
+        self._unfit.pop(key, None)
+        if self._is_in_use(key, record):
+            return
+        try:
+            if key != "rig":
+                name = self._node.get_name()
+                raise ConfigError(f"another /{key} has come: restart node {name} to work with it")
+            self._on_rig(record)
+        except ConfigError as error:
+            self._unfit[key] = str(error)
+            self._node.get_logger().warning(str(error), throttle_duration_sec=5.0)
+
+    def _is_in_use(self, key: str, record: Any) -> bool:
+        """Whether a skeleton is the one that is worked with; a rig that fits is taken over in any case."""
+        return key != "rig" and bool(record.hash == self.skeleton.hash)

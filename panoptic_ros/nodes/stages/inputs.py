@@ -1,0 +1,261 @@
+"""What a node subscribes to: one input for each topic of each camera or device."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.graph.arrivals import Arrivals
+from panoptic_ros.graph.continuity import Continuity
+from panoptic_ros.graph.floods import MOST_BYTES, MOST_MESSAGES, FloodGuard
+from panoptic_ros.graph.flow import Flow
+from panoptic_ros.graph.nodes import NODES, Port
+from panoptic_ros.graph.topics import TOPICS, variants
+from panoptic_ros.io.resources import share_folder
+from panoptic_ros.nodes.middleware.audio_common import audio_common_class
+from panoptic_ros.nodes.middleware.decoding import Decoder, PackedDecoder, decoder_of, packed_decoder_of
+from panoptic_ros.nodes.middleware.family import message_class
+from panoptic_ros.nodes.middleware.negotiation import Negotiated
+from panoptic_ros.nodes.middleware.packets import header_of, unpacked
+from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality
+from panoptic_ros.nodes.middleware.read_together import GatheringNode
+from panoptic_ros.params import named_words
+from panoptic_ros.stage import Notice
+
+ALL = "*"
+LOSSY = 0.2  # of best-effort messages lost: more is told
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+FLOODED = 128  # messages that wait in the middleware while bad ones are sorted out from among them
+
+
+class Takers(NamedTuple):
+    """Who takes what comes of an input.
+
+    Args:
+        receive: (input, key of a queue, stamp, bytes of the message).
+        refuse: told of messages without a stamp that could be one.
+        tell: about publishers that do not fit, and topics that are left alone for a while.
+        lost: told how many messages are gone, and why.
+        on_record: told each record with its message.
+    """
+
+    receive: Callable[[Input, str, int, bytes], None]
+    refuse: Callable[[Input, DataError], None]
+    tell: Callable[[Input, Notice], None]
+    lost: Callable[[Input, str, int], None]
+    on_record: Callable[[Any, Any], None]
+
+
+@dataclass
+class Input:
+    """One subscribed topic.
+
+    Args:
+        topic: key of the port's topic. carrier: of the one that is subscribed to, a variant or the same.
+        owner: camera, sensor or device; "" for topics of the graph.
+        name: full name. kind: class of its messages. decode: makes records of them.
+        on_record: told each record with its message, if there was one.
+        packed: makes records of the bytes, where that is quicker.
+    """
+
+    topic: str
+    carrier: str
+    owner: str
+    name: str
+    kind: Any
+    decode: Decoder
+    arrivals: Arrivals
+    continuity: Continuity | None = None
+    count: int = 0
+    on_record: Callable[[Any, Any], None] = lambda record, message: None
+    packed: PackedDecoder | None = None
+
+    def record(self, data: bytes) -> Any:
+        """The record of a message.
+
+        Raises:
+            DataError: if it is none.
+        """
+        record = None if self.packed is None else self.packed(data)
+        if record is not None:
+            return record
+        message = unpacked(data, self.kind)
+        record = self.decode(message, self.count)
+        self.on_record(record, message)
+        return record
+
+    def missing_before(self, record: Any) -> int:
+        """How many records did not come before this one though nothing was lost on the way."""
+        number = getattr(record, "index", getattr(record, "frame_number", None))
+        return 0 if number is None else self.arrivals.numbered(number)
+
+
+class InputChoice:
+    """Which inputs a node has, by its parameters.
+
+    Parameters, each a list of names: `inputs.<topic>` for every port of cameras or devices that is
+    optional, and that no stage of the graph gives: who has it; `inputs.<variant>` for every other message
+    that a port can take: whose records come so ("*": all). `topics`: "<topic> <owner>=<name>" where a
+    driver calls it otherwise. `encodings`: "<camera>=<encoding>" of raw images whose driver says something
+    else. `devices`: audio devices. `audio_rate` and `audio_channels`: of audio_common_msgs, which do not
+    tell.
+    """
+
+    def __init__(self, node: Node, ports: Sequence[Port], graph: Collection[str]):
+        """graph: stages that run in the graph; what they give of a camera they give of all."""
+        given = {topic for name in graph if name in NODES for topic in NODES[name].outputs}
+        self._node, self._ports = node, ports
+        self._devices = self._names("devices")
+        self._renamed = named_words("topics", self._names("topics"))
+        self._encodings = named_words("encodings", self._names("encodings"))
+        self._optional = {
+            port.topic: self._names(f"inputs.{port.topic}") for port in ports
+            if port.optional and TOPICS[port.topic].scope != "graph" and port.topic not in given
+        }  # fmt: skip
+        self._variants = {
+            key: self._names(f"inputs.{key}") for port in ports for key in variants(port.topic)
+            if TOPICS[key].message.split("/")[0] != "audio_common_msgs"
+        }  # fmt: skip
+        self._sound = (16000, 1)
+        if any(TOPICS[port.topic].scope == "device" for port in ports):
+            self._sound = (
+                int(node.declare_parameter("audio_rate", 16000).value),
+                int(node.declare_parameter("audio_channels", 1).value),
+            )
+
+    def _names(self, parameter: str) -> list[str]:
+        return list(self._node.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
+
+    def owners(self, topic: str, rig: Rig) -> list[str]:
+        """The cameras, sensors or devices that give a topic to this node, in the order of the rig.
+
+        Raises:
+            ConfigError: if a parameter names one that is not there.
+        """
+        scope = TOPICS[topic].scope
+        known = {
+            "camera": list(rig.names), "sensor": [sensor.name for sensor in rig.depth_sensors],
+            "device": self._devices, "imu": self._optional.get(topic, []), "graph": [""],
+        }[scope]  # fmt: skip
+        if topic not in self._optional:
+            return known
+        return [owner for owner in known if owner in self._optional[topic]]
+
+    def carriers(self, topic: str, owner: str) -> Iterator[str]:
+        """The topics on which the records of a port come: one, and for sound the message of another
+        package.
+        """
+        packed = [key for key in variants(topic) if {owner, ALL} & set(self._variants.get(key, ()))]
+        if len(packed) > 1:
+            raise ConfigError(f"{owner}: {topic} comes as {' and as '.join(packed)}; name one")
+        yield packed[0] if packed else topic
+        if "audio_common" in variants(topic) and audio_common_class() is not None:
+            yield "audio_common"
+
+    def name(self, carrier: str, owner: str) -> str:
+        """What the topic is called."""
+        return self._renamed.get(f"{carrier} {owner}".strip(), TOPICS[carrier].of(owner))
+
+    def decoder(self, carrier: str, owner: str) -> Decoder:
+        """See `nodes.decoding`."""
+        return decoder_of(carrier, owner, *self._sound, self._encodings.get(owner, ""))
+
+
+def subscribe(
+    node: GatheringNode, choice: InputChoice, topic: str, owner: str, flow: Flow, takers: Takers
+) -> list[Input]:
+    """Subscribe to a topic of a camera or device."""
+    return [
+        _subscribe(node, choice, topic, carrier, owner, flow, takers)
+        for carrier in choice.carriers(topic, owner)
+    ]
+
+
+def _subscribe(
+    node: GatheringNode, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow, takers: Takers
+) -> Input:
+    row, live = TOPICS[carrier], flow.name == "live"
+    frequent = row.scope in ("device", "imu")
+    images, sound = row.record in ("ViewFrame", "DepthFrame"), row.scope == "device"
+    quality = CLOCKS if row.latched else data_quality(flow, images=images, sound=frequent)
+    if live and row.scope == "graph" and not row.latched:
+        quality.depth = FLOODED
+    is_guarded = live and row.scope != "graph"
+    guard = FloodGuard(0 if sound else MOST_MESSAGES, MOST_BYTES if carrier == "detections" else 0)
+
+    def take(data: bytes, sequence: int) -> None:
+        now_ns, lost = time.monotonic_ns(), arrivals.lost
+        flood = guard.came(now_ns, len(data), arrivals.bad) if is_guarded else ""
+        try:
+            stamp_ns, frame_id = header_of(data)
+        except DataError as error:
+            arrivals.came(now_ns, sequence)
+            takers.refuse(found, error)
+        else:
+            latency = node.get_clock().now().nanoseconds - stamp_ns if live and not row.latched else None
+            arrivals.came(now_ns, sequence, latency)
+            odd = found.continuity.judge(stamp_ns, now_ns) if found.continuity is not None else ""
+            if odd:
+                takers.lost(found, odd, 1)
+                return
+            # what comes of many devices on one topic does not push each other out
+            queue = f"{topic} of {frame_id}" if row.latched else f"{topic} {owner}".strip()
+            takers.receive(found, queue, stamp_ns, data)
+        if arrivals.lost > lost:
+            takers.lost(found, "lost", arrivals.lost - lost)
+            if not subscription.is_reliable and arrivals.lost_share() > LOSSY:
+                takers.tell(found, lossy(arrivals, len(data)))
+        if flood:
+            leave_alone(flood, now_ns)
+
+    def leave_alone(why: str, now_ns: int) -> None:
+        seconds = 1e-9 * guard.pause(now_ns)
+        arrivals.paused = f"{arrivals.title}: {why} came; nothing of it is taken for {seconds:g} s"
+        subscription.pause(seconds, resume)
+        values = {"camera": owner}
+        takers.tell(found, Notice("graph.flood", "warning", arrivals.paused, values))
+
+    def resume() -> None:
+        arrivals.paused = ""
+
+    subscription = Negotiated(
+        node, message_class(row.message), choice.name(carrier, owner), take, quality,
+        gives_way=live and not row.latched, tell=lambda notice: takers.tell(found, notice),
+        together=node.together if live and row.scope == "imu" else None,
+    )  # fmt: skip
+    name = subscription.topic_name
+    arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
+    decoder = choice.decoder(carrier, owner)
+    in_order = live and row.scope == "graph" and not row.latched
+    found = Input(
+        topic, carrier, owner, name, message_class(row.message), decoder, arrivals,
+        Continuity() if in_order else None, on_record=takers.on_record,
+        packed=packed_decoder_of(carrier, owner),
+    )  # fmt: skip
+    return found
+
+
+def lossy(arrivals: Arrivals, size: int) -> Notice:
+    """A driver that offers best effort loses much: its own middleware has room for little, or cuts images
+    into datagrams, as is needed between machines. On one machine it shall do as this graph does.
+    """
+    profile = os.environ.get(PROFILE) or share_folder() / "config" / "fastdds.xml"
+    text = (
+        f"{100 * arrivals.lost_share():.0f} % of {arrivals.name} ({size / 1e6:.2g} MB each) is lost on the "
+        f"way, as its driver offers best effort: start the driver with {PROFILE}={profile}, or let it offer "
+        "reliable, or smaller or fewer images"
+    )
+    return Notice("graph.lossy", "warning", text, {"camera": arrivals.owner})
+
+
+def _is_regular(topic: str, carrier: str) -> bool:
+    """Whether messages come at a rate, so that their absence is an outage. Sound comes as one of two."""
+    return not TOPICS[topic].latched and topic not in ("timecode", "audio") and carrier != "audio_common"

@@ -1,0 +1,154 @@
+"""Live: what stages remember outlives their node.
+
+A node hands over the state of its stages twice a second, large ones less often; the node of the rig keeps the
+newest of each. A node that is started anew begins with them: people keep their identities, and tables of
+noise what they learnt. A state is on trial until its stage has taken a record; one that fails twice is not
+handed out again.
+"""
+
+from __future__ import annotations
+
+import array
+import time
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+from panoptic_ros.nodes.middleware.family import message_class
+from panoptic_ros.nodes.middleware.one_shot import OneShot
+from panoptic_ros.nodes.middleware.quality import LATCHED, NEWEST
+
+PERIOD_S = 0.5
+SHARE = 0.02  # of the worker's time that goes into handing over, at most
+MOST_TRIALS = 2
+EMPTY = 16  # bytes of a message without a state: its beginner tries the kept one
+WAITING_S = 0.3  # for states, if somebody keeps any: they come with the rig
+SEVERAL = ("detection", "flow", "appearance")  # stages that several nodes may have, and that remember little
+KIND = "std_msgs/msg/UInt8MultiArray"
+
+
+def given_topic(stage: str) -> str:
+    """What a stage remembers, from its node."""
+    return f"stages/{stage}/state"
+
+
+def kept_topic(stage: str) -> str:
+    """The newest of it, latched, from the node that keeps it."""
+    return f"stages/{stage}/kept_state"
+
+
+class StateKeeper:
+    """Keeps the newest state of each stage for nodes that are started anew; part of the node of the rig."""
+
+    def __init__(self, node: Node, stages: Collection[str]):
+        kind = message_class(KIND)
+        self._publishers = {
+            stage: node.create_publisher(kind, kept_topic(stage), LATCHED)
+            for stage in stages if stage not in SEVERAL
+        }  # fmt: skip
+        self._kind, self._logger = kind, node.get_logger()
+        self._trials = dict.fromkeys(self._publishers, 0)
+        for stage in self._publishers:
+            node.create_subscription(kind, given_topic(stage), partial(self._take, stage), NEWEST, raw=True)
+
+    def _take(self, stage: str, data: bytes) -> None:
+        if len(data) > EMPTY:
+            self._trials[stage] = 0
+            self._publishers[stage].publish(data)
+            return
+        self._trials[stage] += 1
+        if self._trials[stage] == MOST_TRIALS:
+            self._publishers[stage].publish(self._kind())
+            self._logger.warning(f"what stage {stage} remembered is given up: it failed with it twice")
+
+
+class KeptStates:
+    """Hands over the states of a node's stages, and gives those that were kept.
+
+    Args:
+        ask: called twice a second at most: it calls `publish` where states may be taken.
+        proven: whether a stage has taken a record. clock: processor time of a thread, s.
+    """
+
+    def __init__(
+        self, node: Node, stages: Collection[str], ask: Callable[[], None], proven: Callable[[str], bool],
+        clock: Callable[[], float] = time.thread_time,
+    ):  # fmt: skip
+        self._node, self._ask, self._proven, self._clock = node, ask, proven, clock
+        self._left_out, self._asked = 0, False  # moments to come; whether one is under way
+        self._kept: dict[str, bytes] = {}
+        self._kind = message_class(KIND)
+        self._listening = {
+            stage: node.create_subscription(
+                self._kind, kept_topic(stage), partial(self._take, stage), LATCHED
+            )
+            for stage in stages if stage not in SEVERAL
+        }  # fmt: skip
+        self._publishers = {
+            stage: node.create_publisher(self._kind, given_topic(stage), NEWEST) for stage in self._listening
+        }
+        self._begin: Callable[[Mapping[str, bytes]], None] | None = None
+        self._on_trial: set[str] = set()  # not told yet
+        self._waiting: OneShot | None = None
+        self._timer: Any = None
+
+    def _take(self, stage: str, message: Any) -> None:
+        if len(message.data):
+            self._kept[stage] = bytes(message.data)
+        if self._begin is not None and self._kept.keys() == self._listening.keys():
+            self._wait(0.0)  # not now, within a subscription's callback
+
+    def when_known(self, begin: Callable[[Mapping[str, bytes]], None]) -> None:
+        """Call `begin` with the states that were kept, when they have come; with none if nobody keeps any."""
+        self._begin = begin
+        if not any(self._node.count_publishers(kept_topic(stage)) for stage in self._listening):
+            self._end_waiting()
+            return
+        self._wait(0.0 if self._kept.keys() == self._listening.keys() else WAITING_S)
+
+    def _wait(self, seconds: float) -> None:
+        if self._waiting is not None:
+            self._waiting.cancel()
+        self._waiting = OneShot(self._node, seconds, self._end_waiting)
+
+    def _end_waiting(self) -> None:
+        begin, self._begin = self._begin, None
+        assert begin is not None
+        kept, self._kept = self._kept, {}
+        for subscription in self._listening.values():
+            self._node.destroy_subscription(subscription)
+        self._on_trial = set(kept)
+        begin(kept)
+        self._timer = self._node.create_timer(PERIOD_S, self._ask_for)
+
+    def tried(self) -> None:
+        """The stages are about to take a record: told before it can do harm, and not before, as a node may
+        be killed while it waits for one.
+        """
+        for stage in sorted(self._on_trial):
+            if self._proven(stage) or self._publishers[stage].get_subscription_count():
+                self._on_trial.discard(stage)
+                if not self._proven(stage):
+                    self._publishers[stage].publish(self._kind())
+
+    def _ask_for(self) -> None:
+        if self._left_out > 0:
+            self._left_out -= 1
+        elif not self._asked and any(p.get_subscription_count() for p in self._publishers.values()):
+            self._asked = True  # a busy worker comes to it later
+            self._ask()
+
+    def publish(self, states: Callable[[], Mapping[str, bytes]]) -> None:
+        """Hand over the states of those stages that are kept; one that is switched off has none.
+
+        Args:
+            states: takes them, by stage.
+        """
+        began = self._clock()
+        found = states()
+        for stage in self._publishers.keys() & found.keys():
+            if self._proven(stage):
+                self._publishers[stage].publish(self._kind(data=array.array("B", found[stage])))
+        self._asked, self._left_out = False, int((self._clock() - began) / (SHARE * PERIOD_S))

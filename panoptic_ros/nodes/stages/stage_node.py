@@ -1,0 +1,201 @@
+"""The one adapter round stages: a node that declares, waits for rig and skeleton model, and starts them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from panoptic_ros.domain import Rig, SkeletonModel
+from panoptic_ros.errors import PanopticError
+from panoptic_ros.graph.build import ports_in_use, resolve, rows_in_use
+from panoptic_ros.graph.counters import StageStatistics
+from panoptic_ros.graph.flow import live_defaults
+from panoptic_ros.graph.health import Doing, Health
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.wiring import Wiring
+from panoptic_ros.nodes.flow.streams import StreamEnds
+from panoptic_ros.nodes.health.compilation import Compilation
+from panoptic_ros.nodes.health.diagnostics import Diagnostics
+from panoptic_ros.nodes.health.reports import reports_of
+from panoptic_ros.nodes.health.tally import Tally
+from panoptic_ros.nodes.middleware.parameters import declare_config, declare_flow
+from panoptic_ros.nodes.middleware.read_together import GatheringNode, ReadTogether
+from panoptic_ros.nodes.middleware.worker import Worker
+from panoptic_ros.nodes.stages.facts import Facts
+from panoptic_ros.nodes.stages.inputs import InputChoice
+from panoptic_ros.nodes.stages.kept_states import KeptStates
+from panoptic_ros.nodes.stages.own_cameras import OwnCameras
+from panoptic_ros.nodes.stages.own_reading import OwnReading
+from panoptic_ros.nodes.stages.pausing import Pausing
+from panoptic_ros.nodes.stages.rig_changes import RigChanges
+from panoptic_ros.nodes.stages.stage_work import ChosenStages, StageWork, Surroundings
+from panoptic_ros.params import Config, named_words
+from panoptic_ros.stage import StageContext
+
+Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages need beyond the context
+
+
+class StageNode(GatheringNode):
+    """A node that runs one or more connected stages of `graph.nodes.NODES`.
+
+    Records go from stage to stage as they are; messages are made for topics that leave the process or that
+    somebody subscribes to. Waits for the latched rig and skeleton model, then builds the stages. A message
+    with bad content is counted, reported on /diagnostics and dropped; any other error ends the node (see
+    `fault`).
+
+    Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
+    replay), `replay_window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all
+    stages that run in the graph (empty: those that this node needs), and the ports that parameters of them
+    switch on; `marked`: whether nodes tell each other places (replay, see `graph.host`);
+    `shifts`: "camera or topic=ns", see `graph.lanes.Lane` (replay);
+    inputs as in `nodes.stages.inputs.InputChoice`.
+
+    Args:
+        stages: names.
+        extras: what stages need beyond the context, by (node, prefix of its parameters, skeleton).
+        own: cameras that the node reads itself; their images are sent only to those who subscribe.
+    """
+
+    def __init__(
+        self,
+        stages: str | Sequence[str],
+        overrides: Mapping[str, Any] = {},
+        extras: Mapping[str, Extras] = {},
+        name: str | None = None,
+        own: OwnCameras | None = None,
+    ):
+        names = [stages] if isinstance(stages, str) else list(stages)
+        super().__init__(
+            name or names[0],
+            parameter_overrides=[Parameter(key, value=value) for key, value in overrides.items()],
+        )
+        self._extras = extras
+        self._flow = declare_flow(self)
+        live = self._flow.name == "live"
+        self._cameras = self._names("cameras")
+        graph = self._names("graph")
+        shifts = {name: int(ns) for name, ns in named_words("shifts", self._names("shifts")).items()}
+        marked = bool(self.declare_parameter("marked", False).value)
+        self.prefixes = {stage: f"{stage}." if len(names) > 1 else "" for stage in names}
+        configs = {
+            stage: declare_config(
+                self, resolve(NODES[stage].config), live_defaults(self._flow.name, stage), prefix
+            )
+            for stage, prefix in self.prefixes.items()
+        }
+        used = {*graph, *ports_in_use(configs)}
+        everywhere = [stage for stage in NODES if stage in {*graph, *names}]
+        self._chosen = ChosenStages(configs, everywhere, used, shifts, marked)
+        self._work: StageWork | None = None  # once rig and skeleton model are there
+        self._fault: PanopticError | None = None
+        self._tally = Tally(self.get_logger(), names)
+        choice = InputChoice(self, Wiring(names, table=rows_in_use(used)).inputs, graph)
+        self._health = Health(self.get_name(), self._tally.statistics, live=live)
+        self._diagnostics = Diagnostics(self, self._health, self._look)
+        self._compilation = Compilation(self.get_logger(), self._diagnostics.publish)
+        reports = reports_of(self, Wiring(names))
+        self._diagnostics.more = lambda: [
+            status for report in reports.values() for status in report.statuses()
+        ]
+        self._worker = Worker(
+            lambda batch: self._at_work.do(batch),
+            lambda count: self._tally.dropped(self._tally.first, "queue_full", count),
+            lambda: self._at_work.fetch(),
+        )
+        self.together = ReadTogether(self, self._worker.at_once)
+        self._reading = OwnReading(
+            self, self._flow, own, lambda entry, record: self._at_work.put_own(entry, record),
+            lambda key: self._at_work.end(key),
+        )  # fmt: skip
+        ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._at_work.topic_over(topic)))
+        self._kept = KeptStates(self, names, self._hand_over, self._tally.has_taken) if live else None
+        self._rig_changes = RigChanges(self, self._cameras, self._worker.note, self._change_rig)
+        self._facts = Facts(
+            self, self._begin, lambda error: self._tally.refuse(self._tally.first, error),
+            lambda rig: self._rig_changes.offer(rig, self._facts.rig),
+            needs_cameras=not all(port.optional for stage in names for port in NODES[stage].inputs),
+        )  # fmt: skip
+        self._surroundings = Surroundings(
+            self, self._flow, choice, self._reading, self._worker, self._tally, self._facts, self._health,
+            self._diagnostics, reports, ends, self._kept, Pausing(self) if live else None,
+        )  # fmt: skip
+
+    def _names(self, parameter: str) -> list[str]:
+        return list(self.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
+
+    @property
+    def _at_work(self) -> StageWork:
+        """The stages, which are there before the worker begins and before anything comes."""
+        assert self._work is not None
+        return self._work
+
+    @property
+    def fault(self) -> PanopticError | None:
+        """What ended this node, if anything did."""
+        return self._fault or self._worker.fault
+
+    @property
+    def healthy(self) -> bool:
+        """False after a fault or a bug."""
+        return self._fault is None and self._worker.alive
+
+    @property
+    def configs(self) -> Mapping[str, Config]:
+        """The configuration of each stage."""
+        return self._chosen.configs
+
+    @property
+    def statistics(self) -> Mapping[str, StageStatistics]:
+        """What each stage counted."""
+        return self._tally.statistics
+
+    def close(self) -> None:
+        """Stop the worker, and what reads cameras."""
+        self._reading.close()
+        self._worker.stop()
+        self._compilation.close()
+
+    def _look(self) -> None:
+        """What the stages are at, for /diagnostics."""
+        stage, since_ns = self._work.pipeline.stepping if self._work is not None else ("", 0)
+        self._health.doing = Doing(stage, since_ns, self._compilation.kernel)
+        self._health.awaited, self._health.unfit = self._facts.missing, self._facts.unfit
+
+    def _begin(self, rig: Rig, skeleton: SkeletonModel) -> None:
+        def start(states: Mapping[str, bytes]) -> None:
+            try:
+                self._start(rig, skeleton, states)
+            except PanopticError as error:
+                self._fail(error)
+
+        if self._kept is None:
+            start({})
+        else:
+            self._kept.when_known(start)
+
+    def _start(self, rig: Rig, skeleton: SkeletonModel, states: Mapping[str, bytes]) -> None:
+        extras: dict[str, Any] = {}
+        for stage, prefix in self.prefixes.items():
+            if stage in self._extras:
+                extras |= self._extras[stage](self, prefix, skeleton)
+        context = StageContext(self._used(rig), skeleton, extras)
+        self._work = StageWork(self._surroundings, self._chosen, context)
+        self._work.start(states, self._fail)
+
+    def _used(self, rig: Rig) -> Rig:
+        return rig.subset(self._cameras) if self._cameras else rig
+
+    def _fail(self, error: PanopticError) -> None:
+        self._fault = error
+
+    def _hand_over(self) -> None:
+        """Let others keep what the stages remember; taken between two records."""
+        kept = self._kept
+        if kept is not None:
+            self._worker.note(lambda: self._at_work.publish_states(kept))
+
+    def _change_rig(self, rig: Rig) -> Sequence[str]:
+        return self._at_work.change_rig(rig, self._used(rig))

@@ -1,0 +1,295 @@
+"""The stages of a node at work: messages in, one step after the other, messages out."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from panoptic_ros.domain import Rig, ViewFrame
+from panoptic_ros.errors import DataError, PanopticError
+from panoptic_ros.graph.companions import Companions, Item
+from panoptic_ros.graph.flow import Flow
+from panoptic_ros.graph.health import Health
+from panoptic_ros.graph.host import Host, lanes_of
+from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.queue_choice import queue_for
+from panoptic_ros.graph.schedule import Place
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.under_way import UnderWay
+from panoptic_ros.nodes.flow.delivery import Arrival, Delivery, LiveDelivery, ReplayDelivery
+from panoptic_ros.nodes.flow.progress import ProgressTold
+from panoptic_ros.nodes.flow.streams import StreamEnds
+from panoptic_ros.nodes.health.diagnostics import Diagnostics
+from panoptic_ros.nodes.health.reports import Report
+from panoptic_ros.nodes.health.tally import Tally
+from panoptic_ros.nodes.middleware.read_together import GatheringNode
+from panoptic_ros.nodes.middleware.worker import Worker
+from panoptic_ros.nodes.stages.entrance import Entrance
+from panoptic_ros.nodes.stages.facts import Facts
+from panoptic_ros.nodes.stages.inputs import Input, InputChoice, subscribe
+from panoptic_ros.nodes.stages.kept_states import KeptStates
+from panoptic_ros.nodes.stages.outputs import Outputs
+from panoptic_ros.nodes.stages.own_cameras import OwnInput
+from panoptic_ros.nodes.stages.own_reading import OwnReading
+from panoptic_ros.nodes.stages.pausing import Pausing
+from panoptic_ros.params import Config
+from panoptic_ros.stage import StageContext
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a node has before rig and skeleton model come.
+
+    Args:
+        reports: what is told of records on /diagnostics, by the name of their class.
+        kept, pausing: None in replay.
+    """
+
+    node: GatheringNode
+    flow: Flow
+    choice: InputChoice
+    reading: OwnReading
+    worker: Worker
+    tally: Tally
+    facts: Facts
+    health: Health
+    diagnostics: Diagnostics
+    reports: Mapping[str, Report]
+    ends: StreamEnds
+    kept: KeptStates | None
+    pausing: Pausing | None
+
+
+@dataclass(frozen=True)
+class ChosenStages:
+    """The stages of a node, as its parameters choose them.
+
+    Args:
+        configs: by stage. everywhere: all stages that run in the graph.
+        used: ports that parameters switch on. shifts, marked: see `StageNode`.
+    """
+
+    configs: Mapping[str, Config]
+    everywhere: Sequence[str]
+    used: Collection[str]
+    shifts: Mapping[str, int]
+    marked: bool
+
+
+class StageWork:
+    """Takes what comes, lets the stages step and publishes what they give; all but the start, `_receive` and
+    `_take_own` on the node's worker.
+
+    Raises:
+        PanopticError: if a stage cannot be made of its configuration.
+    """
+
+    def __init__(self, around: Surroundings, chosen: ChosenStages, context: StageContext):
+        self._around, self._chosen, self._rig = around, chosen, context.rig
+        self._live = around.flow.name == "live"
+        self._logger = around.node.get_logger()
+        self._inputs: dict[str, Input] = {}  # by full name
+        self._companions = Companions((), ())
+        reading, tally = around.reading, around.tally
+        reading.open(context.rig, chosen.configs, context, chosen.used, chosen.shifts)
+        self.pipeline = Pipeline(
+            chosen.configs, replace(context, extras={**context.extras, "looks": reading.looks}),
+            list(chosen.configs), on_record=self._gave, on_notice=tally.tell, on_refused=self._refused,
+            on_end=self._owner_over, on_step=self._stepped, on_cpu=tally.used,
+            clock=time.monotonic_ns, cpu_clock=time.thread_time_ns, everywhere=chosen.everywhere,
+            table=reading.table, used=chosen.used,
+        )  # fmt: skip
+        self._entrance = Entrance(around.facts, tally, around.reports, self.pipeline.wiring)
+        self._outputs = self._open_outputs()
+        owners = reading.owners(
+            {port.topic: around.choice.owners(port.topic, self._rig) for port in self.pipeline.wiring.inputs}
+        )
+        self._present = [(topic, owner) for topic, found in owners.items() for owner in found]
+        under_way = UnderWay(self.pipeline, reading.pool, around.worker.urge)
+        self._delivery: Delivery = LiveDelivery(under_way) if self._live else self._in_order(owners)
+        self._full = (lambda: under_way.full) if self._live else (lambda: False)
+
+    # -------------------------------------------------------------- start
+
+    def start(self, states: Mapping[str, bytes], failed: Callable[[PanopticError], None]) -> None:
+        """Begin to take what comes.
+
+        Args:
+            states: what stages remembered, by stage. failed: told why a live camera of the node has ended.
+        """
+        around, present, ports = self._around, self._present, self.pipeline.wiring.inputs
+        self._take_over(states)
+        for own in around.reading.inputs(present):  # before the worker may fetch their records
+            around.health.add(own.arrivals, self._entrance.taker(own.topic))
+        if self._live:
+            self._companions = Companions([port for port in ports if port.patience_ns], present)
+        around.worker.start(queue_for(self.pipeline.wiring, around.flow, present, self._full))
+        self._subscribe()
+        around.reading.start(self._rig, self._take_own, failed)
+        gc.freeze()  # what is there by now stays; to look through it takes longer than a period
+        self._logger.info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
+
+    def _open_outputs(self) -> Outputs:
+        around, wiring = self._around, self.pipeline.wiring
+        told = self._chosen.marked and not self._live
+        progress = ProgressTold(around.node, self._progress_heard) if told else None
+        final = {topic for topic in wiring.given if TOPICS[topic].latched or not _is_taken(topic)}
+        outputs = Outputs(around.node, around.flow, wiring.leaving | final, around.ends, progress)
+        for topic in sorted(wiring.given):
+            for owner in around.choice.owners(topic, self._rig):
+                outputs.open(topic, owner)
+        return outputs
+
+    def _in_order(self, owners: Mapping[str, Sequence[str]]) -> ReplayDelivery:
+        chosen, outputs, clock_of = self._chosen, self._outputs, self._around.facts.rig.clock_of
+        waited_for = [topic for topic in owners if self._is_waited_for(topic)]
+        lanes = lanes_of(waited_for, lambda topic: owners[topic], self.pipeline, clock_of, chosen.shifts)
+        host = Host(self.pipeline, lanes, marked=chosen.marked, on_marker=outputs.mark, on_end=outputs.end)
+        return ReplayDelivery(host, self._around.diagnostics.finish)
+
+    def _subscribe(self) -> None:
+        around = self._around
+        takers = self._entrance.takers(self._receive, self._outputs.origins.keep)
+        for topic, owner in self._present:
+            if around.reading.reads(topic, owner):
+                continue
+            for entry in subscribe(around.node, around.choice, topic, owner, around.flow, takers):
+                self._inputs[entry.name] = entry
+                around.health.add(entry.arrivals, self._entrance.taker(topic))
+                if self._is_waited_for(topic) and entry.carrier != "audio_common":
+                    around.ends.watch(entry.name)
+
+    def _take_over(self, states: Mapping[str, bytes]) -> None:
+        """Begin with what stages of this name remembered, each by itself."""
+        for stage, state in states.items():
+            try:
+                self.pipeline.begin({stage: state})
+                self._logger.info(f"stage {stage} goes on from what it remembered")
+            except DataError as error:
+                self._logger.warning(f"stage {stage} begins anew: {error}")
+
+    def publish_states(self, kept: KeptStates) -> None:
+        """Hand over what the stages remember."""
+        self._delivery.wait()
+        kept.publish(self.pipeline.state)
+
+    def _is_waited_for(self, topic: str) -> bool:
+        """Whether messages of a topic are sure to come, and have an end: the latched only from a stage of
+        the graph.
+        """
+        around = self._chosen.marked and topic in self.pipeline.wiring.given_around
+        return around or not TOPICS[topic].latched
+
+    # --------------------------------------------------------------- work
+
+    def _receive(self, entry: Input, queue: str, stamp_ns: int, data: bytes | ViewFrame) -> None:
+        """Enqueue a message, with those that belong to it."""
+        if self._around.pausing is not None and self._around.pausing.leaves_out():
+            return
+        for bundle in self._companions.put(Item(entry.topic, entry.owner, stamp_ns, (entry, data))):
+            last = bundle[-1]
+            key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
+            self._around.worker.put(key, last.stamp_ns, bundle)
+
+    def do(self, batch: Sequence[Any]) -> None:
+        """What is enqueued are messages with those that belong to them, or calls."""
+        if callable(batch[0]):
+            batch[0]()
+        else:
+            self._work_on(batch)
+
+    def _work_on(self, bundles: Sequence[tuple[Item, ...]]) -> None:
+        if self._around.kept is not None:
+            self._around.kept.tried()
+        arrivals = []
+        for item in (item for bundle in bundles for item in bundle):
+            entry, data = item.message
+            record = self._entrance.record(entry, data)
+            arrivals.append(Arrival(entry.topic, entry.owner, item.stamp_ns, record))
+            entry.count += 1
+            self._around.ends.taken(entry.name)
+        self._delivery.take(arrivals)
+
+    def _take_own(self, entry: OwnInput, frame: ViewFrame) -> None:
+        """A live camera of this node has given an image; on the camera's thread."""
+        overtaken = entry.came(frame, self._age_ns(frame))
+        if overtaken:
+            self._entrance.lost(entry, "overtaken", overtaken)
+        self._receive(entry, f"{entry.topic} {entry.owner}", frame.stamp_ns, frame)
+
+    def put_own(self, entry: OwnInput, record: Any) -> None:
+        """The next record of a recording of this node."""
+        self._work_on([(Item(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
+
+    def end(self, key: Key) -> None:
+        """No more comes of a recording of this node."""
+        self._replay.end(key)
+
+    def fetch(self) -> bool:
+        """Take what the stages want next of a recording of this node; whether there is more to do."""
+        delivery = self._delivery
+        return isinstance(delivery, ReplayDelivery) and self._around.reading.fetch(delivery.host)
+
+    def _gave(self, topic: str, record: Any) -> None:
+        giver = next(spec.name for spec in self.pipeline.wiring.specs if topic in spec.outputs)
+        if self._outputs.publish(topic, record, self._around.facts.rig):
+            self._delivery.gave(topic, record)
+        self._around.tally.gave(giver, self._age_ns(record))
+
+    def _age_ns(self, record: Any) -> int | None:
+        """Since the stamp of a record (live)."""
+        stamp_ns = getattr(record, "stamp_ns", None)
+        if stamp_ns is None or not self._live:
+            return None
+        return int(self._around.node.get_clock().now().nanoseconds - stamp_ns)
+
+    def _refused(self, stage: str, error: DataError) -> None:
+        """A stage has refused a record. One that refuses all is spoilt, e.g. by a record that looked good."""
+        self._around.tally.refuse(stage, error)
+        if self._live and self._around.tally.refuses_all(stage):
+            self._delivery.wait()
+            self.pipeline.begin_anew(stage)
+            self._logger.warning(f"stage {stage} has refused all of late: it forgets what it knew")
+
+    def _stepped(self, stage: str, duration_ns: int) -> None:
+        self._around.tally.stepped(stage, self._around.reading.duration_ns(stage, duration_ns))
+
+    # ---------------------------------------------------------------- what changes, and the end
+
+    def change_rig(self, rig: Rig, used: Rig) -> Sequence[str]:
+        """Work with another rig (`used`: its cameras of this node); gives the stages that begin anew."""
+        self._delivery.wait()
+        self._around.facts.take_over(rig)
+        return self.pipeline.change_rig(used)
+
+    @property
+    def _replay(self) -> ReplayDelivery:
+        assert isinstance(self._delivery, ReplayDelivery)
+        return self._delivery
+
+    def _progress_heard(self, name: str, place: Place, count: int) -> None:
+        """Where a topic has come to; on the executor's thread."""
+        entry = self._inputs.get(name)
+        if entry is not None:
+            key = entry.topic, entry.owner
+            self._around.worker.note(lambda: self._replay.mark(key, place, count))
+
+    def topic_over(self, name: str) -> None:
+        """All messages of a topic have been taken (replay)."""
+        entry = self._inputs[name]
+        self._replay.end((entry.topic, entry.owner))
+
+    def _owner_over(self, topic: str, owner: str) -> None:
+        """The stages give no more of a camera or device."""
+        if not self._live:
+            self._outputs.end(topic, owner)
+
+
+def _is_taken(topic: str) -> bool:
+    """Whether a stage of the table takes a topic."""
+    return any(port.topic == topic for spec in NODES.values() for port in spec.inputs)

@@ -1,0 +1,72 @@
+"""Heading and clock of IMUs from motion: exact from exact motion, sure only of what motion tells."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from panoptic_ros.domain.subjects import ImuSeries
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
+from panoptic_ros.kinematics.imus.alignment import align, felt_of
+from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
+from panoptic_ros.simulation.bodies.imus import ImuNoise, unknown_heading
+
+NONE = ImuNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def take():
+    scene = BodyScene(seconds=9.0, cameras=1, imus=NONE)
+    return simulate_body(scene, 1, read_body_model(), read_clips())
+
+
+def felt(take, heading=0.0, late_s=0.0, spoil=lambda series: series):
+    moved = {
+        name: unknown_heading(spoil(series), heading).shifted(round(1e9 * late_s))
+        for name, series in take.devices.items()
+    }
+    return {name: felt_of(series, 60.0) for name, series in moved.items()}
+
+
+def states(take, begin_s=3.0, seconds=5.0):
+    first = take.stamps[0] + round(1e9 * begin_s)
+    return [s for s in take.truth() if first <= s.stamp_ns <= first + round(1e9 * seconds)]
+
+
+@pytest.mark.parametrize(("heading", "late_s"), [(2.5, 0.06), (-3.1, -0.093), (0.4, 0.0)])
+def test_exact_motion_tells_heading_and_clock_exactly(take, heading, late_s):
+    subject = replace(take.subject, heading_known=False)
+    found = align(subject, states(take), felt(take, heading, late_s))
+    off = (found.heading - heading + np.pi) % (2 * np.pi) - np.pi
+    assert abs(np.degrees(off)) < 0.6 and abs(found.offset + late_s) < 0.002
+    assert found.enough and found.late == (late_s != 0.0)
+
+
+def test_a_known_heading_is_not_looked_for(take):
+    found = align(take.subject, states(take), felt(take, 0.0, -0.05))
+    assert found.heading == 0.0 and abs(found.offset - 0.05) < 0.002
+
+
+def test_somebody_who_stands_still_tells_no_heading(take):
+    subject = replace(take.subject, heading_known=False)
+    assert align(subject, states(take, 0.0, 1.8), felt(take, 1.0)) is None
+
+
+def test_gaps_of_a_device_are_left_out(take):
+    def gappy(series):
+        there = np.ones(len(series.stamps), bool)
+        there[250:300] = there[400:430] = False
+        return ImuSeries(*(part[there] for part in vars(series).values()))
+
+    subject = replace(take.subject, heading_known=False)
+    found = align(subject, states(take), felt(take, 1.0, 0.03, gappy))
+    assert abs(np.degrees(found.heading - 1.0)) < 0.6 and abs(found.offset + 0.03) < 0.002
+
+
+def test_devices_without_orientation_tell_nothing(take):
+    def bare(series):
+        return replace(series, quaternions=np.full_like(series.quaternions, np.nan))
+
+    subject = replace(take.subject, heading_known=False)
+    assert align(subject, states(take), felt(take, 1.0, 0.03, bare)) is None

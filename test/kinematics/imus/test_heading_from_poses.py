@@ -1,0 +1,73 @@
+"""The heading of IMUs without cameras: found again from recorded motion, whatever it was."""
+
+import math
+
+import numpy as np
+import pytest
+from bodies import BODY, MODEL
+
+from panoptic_ros.domain.subjects import Device, ImuReading, Subject, TPose
+from panoptic_ros.geometry.chain import place_all
+from panoptic_ros.geometry.rotations import rotations_of, turn_about_z
+from panoptic_ros.io.pose_prior import read_prior
+from panoptic_ros.io.recorded_motions import read_clips
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.fitting import ImuFitting
+from panoptic_ros.kinematics.imus.heading_from_poses import heading_from_poses, t_pose_decides
+
+WORN = ("hips", "spine4", "lUpperArm", "lForearm", "rUpperArm", "rForearm", "lThigh", "lShin", "rThigh")
+
+
+def measured(heading, facing, vectors, worn=WORN):
+    """Somebody with devices put on anyhow: the subject, and orientations in motion and in the T-pose."""
+    rng = np.random.default_rng(3)
+    turns = rotations_of(np.ascontiguousarray(vectors.reshape(-1, 3))).reshape(*vectors.shape[:2], 3, 3)
+    frames = place_all(BODY.chain, np.zeros((len(turns), 3)), turns)[1]
+    back, stood = turn_about_z(-heading), turn_about_z(math.atan2(facing[1], facing[0]))
+    devices, moved, held = [], {}, {}
+    for name in worn:
+        mount, s = np.linalg.qr(rng.normal(size=(3, 3)))[0], MODEL.index(name)
+        mount *= np.linalg.det(mount)
+        devices.append(Device(name, s, np.zeros(3), None))
+        moved[name] = back @ frames[:, s] @ mount
+        held[name] = np.tile(back @ stood @ mount, (5, 1, 1))
+    pose = TPose(0, 1, np.array(facing))
+    return Subject(0, BODY, tuple(devices), t_pose=pose, heading_known=False), moved, held
+
+
+@pytest.mark.parametrize("facing", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
+@pytest.mark.parametrize("heading", [0.3, 2.5, -1.9])
+def test_it_is_found_again(heading, facing):
+    vectors = read_clips()["02_05"].vectors
+    subject, moved, held = measured(heading, facing, vectors)
+    moved["lShin"][::7] = np.nan
+    found = heading_from_poses(subject, read_prior(""), moved, held)
+    assert t_pose_decides(subject) and abs(math.remainder(found - heading, 2 * math.pi)) < math.radians(6.0)
+
+
+def test_nobody_moves_or_one_device_tells_nothing():
+    vectors = np.zeros((100, len(MODEL.names), 3))
+    assert heading_from_poses(*_with_prior(measured(0.3, (1.0, 0.0, 0.0), vectors))) is None
+    vectors = read_clips()["02_05"].vectors
+    assert heading_from_poses(*_with_prior(measured(0.3, (1.0, 0.0, 0.0), vectors, ("hips",)))) is None
+
+
+def test_live_it_is_told_some_seconds_after_the_t_pose():
+    subject, moved, held = measured(0.7, (1.0, 0.0, 0.0), read_clips()["02_05"].vectors)
+    fitting, told, statistics = ImuFitting(KinematicsConfig(), subject), [], read_prior("")
+    nothing, rate = np.full(3, np.nan), 60.0
+    for k in range(300):
+        turns = {name: held[name][0] if k == 0 else own[k] for name, own in moved.items()}
+        readings = {name: ImuReading(turn, nothing, nothing) for name, turn in turns.items()}
+        stamp = round(k * 1e9 / rate)
+        told += fitting.take(stamp, subject, readings) + fitting.learn(subject, [], rate, statistics)
+        assert bool(fitting.mounts(stamp, subject)) == (fitting.heading is not None)
+        if told:
+            break
+    assert [notice.code for notice in told] == ["kinematics.imu_aligned"] and "40 deg" in told[0].text
+    assert not fitting.looking and abs(fitting.heading - 0.7) < math.radians(6.0)
+
+
+def _with_prior(given):
+    subject, moved, held = given
+    return subject, read_prior(""), moved, held

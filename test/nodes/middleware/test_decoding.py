@@ -1,0 +1,66 @@
+"""Samples of IMUs out of the bytes of their messages: what the messages themselves say."""
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+from rclpy.serialization import serialize_message
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.nodes.middleware.decoding import decoder_of, packed_decoder_of
+from panoptic_ros.nodes.middleware.family import message_class
+from panoptic_ros.nodes.middleware.packets import unpacked
+
+IMU = message_class("sensor_msgs/msg/Imu")
+
+
+def message(frame_id="imu", **first):
+    """One whose numbers all differ; first: of each covariance that is not 0."""
+    rng = np.random.default_rng(0)
+    found = IMU()
+    found.header.frame_id, found.header.stamp.sec, found.header.stamp.nanosec = frame_id, 12, 345
+    turn = rng.normal(size=4)
+    x, y, z, w = (turn / np.linalg.norm(turn)).tolist()
+    found.orientation.x, found.orientation.y, found.orientation.z, found.orientation.w = x, y, z, w
+    for vector in (found.angular_velocity, found.linear_acceleration):
+        vector.x, vector.y, vector.z = rng.normal(size=3).tolist()
+    for name in ("orientation", "angular_velocity", "linear_acceleration"):
+        getattr(found, f"{name}_covariance")[:] = rng.uniform(0.1, 1.0, 9)
+    for name, value in first.items():
+        getattr(found, f"{name}_covariance")[0] = value
+    return found
+
+
+def both(data):
+    return packed_decoder_of("imu", "d")(data), decoder_of("imu", "d", 0, 0)(unpacked(data, IMU), 0)
+
+
+@pytest.mark.parametrize("length", range(9))
+def test_bytes_say_what_the_message_says(length):
+    quick, slow = both(serialize_message(message("x" * length, angular_velocity=-1.0)))
+    assert (quick.device, quick.stamp_ns) == (slow.device, slow.stamp_ns) == ("d", 12_000_000_345)
+    for name in ("orientation", "rate", "force"):
+        assert np.array_equal(getattr(quick, name), getattr(slow, name), equal_nan=True)
+        assert not getattr(quick, name).flags.writeable
+    assert np.isnan(quick.rate).all() and not np.isnan(quick.force).any()
+
+
+def test_what_is_no_plain_message_is_left_to_the_message_itself():
+    data = serialize_message(message())
+    for other in (data[:-1], data + b"\0", b"\0\0" + data[2:], b""):
+        assert packed_decoder_of("imu", "d")(other) is None
+    assert packed_decoder_of("bodies", "") is None
+
+
+@pytest.mark.parametrize("read", [
+    lambda data: packed_decoder_of("imu", "d")(data),
+    lambda data: decoder_of("imu", "d", 0, 0)(unpacked(data, IMU), 0),
+])  # fmt: skip
+def test_bad_numbers_are_refused_either_way(read):
+    bad = message()
+    bad.linear_acceleration.y = float("nan")
+    with pytest.raises(DataError, match="Imu.linear_acceleration of d is .*nan.* covariance of -1"):
+        read(serialize_message(bad))
+    bad = message()
+    bad.orientation.w += 3.0
+    with pytest.raises(DataError, match=r"ImuSample.orientation of d holds .*, expected 1|holds|length"):
+        read(serialize_message(bad))
