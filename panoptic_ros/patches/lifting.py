@@ -87,6 +87,29 @@ def lift(origin, rays, own, capsules, points, normals, seen):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def nearest_parts(points, rows, firsts, lasts, radii, nearest):
+    """nearest (N,) becomes which part of their people (N,) has its surface nearest to points (N, 3) m.
+
+    -1: no part is known. firsts, lasts: (P, K, 3) m, ends of the axes of K parts of P people, NaN = not
+    known. radii: (K,) m.
+    """
+    for n in range(len(points)):
+        nearest[n], least = -1, np.inf
+        for k in range(len(radii)):
+            first, last = firsts[rows[n], k], lasts[rows[n], k]
+            along = square = distance = 0.0
+            for i in range(3):
+                along += (last[i] - first[i]) * (points[n, i] - first[i])
+                square += (last[i] - first[i]) ** 2
+            share = min(1.0, max(0.0, along / max(square, 1e-9)))
+            for i in range(3):
+                distance += (points[n, i] - first[i] - share * (last[i] - first[i])) ** 2
+            above = np.sqrt(distance) - radii[k]
+            if above < least:
+                nearest[n], least = k, above
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def _pass(origin, ray, capsules, k, nearest, foot):
     """Depth m along a ray and distance m from the axis of a capsule, where the ray is nearest to it.
 

@@ -121,16 +121,19 @@ class PatchesStage(Stateful):
         if before is None or item.stamp_ns - before.stamp_ns > LONGEST_NS:
             self._begin_anew(item)
         else:
-            notices = self._depth.judge(item.stamp_ns, self._capsules())
+            notices = self._depth.judge(item.stamp_ns, joined(list(self._capsules().values())))
             free = free_joints(self._depth, self._parts, before, item, self._free)
             self._follow(before, item, tracks, free)
         self._before, self._free = item, free
         record = self._record(before or item, item, free)
         return StepResult((record,), (*notices, *self._silence(item, tracks)))
 
-    def _capsules(self) -> Capsules:
-        """Of everybody, as carried."""
-        return joined([axes(self._parts, self._skeleton, own.positions) for own in self._people.values()])
+    def _capsules(self) -> dict[int, Capsules]:
+        """Of everybody, as carried, by id."""
+        return {
+            number: axes(self._parts, self._skeleton, own.positions)
+            for number, own in self._people.items()
+        }
 
     def _begin_anew(self, item: TrackedPoseSet) -> None:
         self._people = {
@@ -152,8 +155,9 @@ class PatchesStage(Stateful):
             lifted, self._expected(measured, lifted), self._people, self._last
         )
         self._carry(measured, dt)
-        surface = moved(self._surface, self._last, lifted, config.life, self._tracker.views)
-        new = seeded(surface, self._last, lifted, self._most, self._next)
+        bodies = self._capsules()
+        surface = moved(self._surface, self._last, lifted, bodies, config.life, self._tracker.views)
+        new = seeded(surface, self._last, lifted, bodies, self._most, self._next)
         self._next += len(new.ids) - len(surface.ids)
         self._surface = new
 
