@@ -89,9 +89,8 @@ class Arrivals:
 
     def is_silent(self, now_ns: int) -> bool:
         """Whether messages are overdue."""
-        return self.regular and self.age_ns(now_ns) > max(
-            LEAST_SILENCE_NS, SILENT_PERIODS * self.period_ns()
-        )
+        age = self.age_ns(now_ns)
+        return self.regular and age > LEAST_SILENCE_NS and age > SILENT_PERIODS * self.period_ns()
 
     def rate_hz(self, now_ns: int) -> float:
         """Messages per second of late; falls while none come."""
@@ -135,6 +134,9 @@ class _Publishers:
 
     def missing_before(self, sequence: int) -> int:
         """How many messages of its publisher are missing before this one."""
+        if self._newest and self._newest[-1] == sequence - 1:  # as nearly always
+            self._newest[-1] = sequence
+            return 0
         gaps = [(sequence - newest - 1, newest) for newest in self._newest]
         gap, newest = min(((g, n) for g, n in gaps if 0 <= g <= MOST_LOST), default=(0, -1))
         self._newest = [*(n for n in self._newest if n != newest), sequence][-MOST_PUBLISHERS:]

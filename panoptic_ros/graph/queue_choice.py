@@ -29,7 +29,8 @@ def queue_for(
         topic: PATIENT if kind == {"all"} else BUSY if TOPICS[topic].scope == "imu" else flow.queue_limit
         for topic, kind in kinds.items()
     }
-    others = InOrder(lambda key: limits[key.split(" ")[0]])
+    frequent = [f"{topic} {owner}" for topic, owner in present if TOPICS[topic].scope == "imu"]
+    others = InOrder(lambda key: limits[key.split(" ")[0]], frequent)
     beside = {port.topic for port in wiring.inputs if port.patience_ns}
     instants = [
         f"{topic} {owner}" for topic, owner in present if "instant" in kinds[topic] and topic not in beside

@@ -24,10 +24,13 @@ class InOrder:
 
     Args:
         limit_of: how many items of a topic wait at most, by its key; None: not limited.
+        in_runs: topics, by their keys, of which those that follow one another are taken together.
     """
 
-    def __init__(self, limit_of: Callable[[str], int | None] = lambda key: None):
-        self._limit_of = limit_of
+    def __init__(
+        self, limit_of: Callable[[str], int | None] = lambda key: None, in_runs: Collection[str] = ()
+    ):
+        self._limit_of, self._in_runs = limit_of, frozenset(in_runs)
         self._items: OrderedDict[int, tuple[str, Any]] = OrderedDict()  # by number, in order of arrival
         self._numbers: defaultdict[str, deque[int]] = defaultdict(deque)  # of the items of each topic
         self._newest = 0
@@ -47,9 +50,15 @@ class InOrder:
         """See `Waiting`."""
         if not self._items:
             return []
-        _, (key, item) = self._items.popitem(last=False)
-        self._numbers[key].popleft()
-        return [item]
+        found = []
+        while self._items:
+            _, (key, item) = self._items.popitem(last=False)
+            self._numbers[key].popleft()
+            found.append(item)
+            following = next((other for other, _ in self._items.values()), "")
+            if not {key, following} <= self._in_runs:
+                break
+        return found
 
 
 class InstantsAndOthers:

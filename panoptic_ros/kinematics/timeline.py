@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.kinematics.people.seen_people import NEAR_NS
+
 Array = np.ndarray
 JUMP_NS = 2_000_000_000  # a stamp that is so far ahead is another's, unless others follow
 BELIEVED = 5  # of them, of most of the cameras; where there is none, of most of the devices
@@ -112,7 +114,7 @@ class Timeline:
             at_end: nothing more comes: all instants up to the newest sample.
         """
         stamp = self.next_ns
-        if stamp is None or self.newest_ns < stamp:
+        if stamp is None or self.newest_ns < stamp - NEAR_NS:
             return None
         if self.newest_ns < stamp + self.patience_ns and not at_end and self._waits(stamp):
             return None
@@ -121,9 +123,9 @@ class Timeline:
 
     def _waits(self, stamp_ns: int) -> bool:
         """Whether somebody who is alive has not come to an instant."""
-        alive = self.newest_ns - STOPPED_NS
-        if self._awaited is not None and alive < self._last.get(self._awaited, alive) < stamp_ns:
+        alive, begin = self.newest_ns - STOPPED_NS, stamp_ns - NEAR_NS
+        if self._awaited is not None and alive < self._last.get(self._awaited, alive) < begin:
             return True  # as with most of the samples, of which there are many
-        late = (name for name, last in self._last.items() if alive < last < stamp_ns)
+        late = (name for name, last in self._last.items() if alive < last < begin)
         self._awaited = next(late, None)
         return self._awaited is not None

@@ -18,6 +18,15 @@ def test_what_is_left_of_many_topics_stays_in_order():
     assert queue.take() == ["again"]
 
 
+def test_samples_that_follow_one_another_are_taken_together_and_nothing_overtakes():
+    queue = InOrder(in_runs=("imu left", "imu right"))
+    for key, item in (("imu left", 1), ("imu right", 2), ("sets", 3), ("sets", 4), ("imu left", 5)):
+        queue.put(key, 0, item)
+    assert [queue.take() for _ in range(5)] == [[1, 2], [3], [4], [5], []]
+    queue.put("imu left", 0, 6)
+    assert queue.take() == [6]
+
+
 def test_without_a_limit_nothing_is_dropped():
     queue = InOrder()
     assert sum(queue.put("a", i, i) for i in range(1000)) == 0

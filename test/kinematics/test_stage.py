@@ -230,6 +230,17 @@ def test_an_instant_waits_for_all_that_are_alive_and_no_longer_than_a_period():
     assert line.due() == 170_000_000
 
 
+def test_an_instant_does_not_wait_beyond_a_sample_that_rounding_alone_puts_before_it():
+    line, period = Timeline(60.0), 1e9 / 30.0
+    waited = []
+    for k in range(60):
+        for source in (0, "back"):
+            line.came(source, k * int(period))  # a third of a nanosecond less each time
+        while (stamp := line.due()) is not None:
+            waited.append(k * int(period) - stamp)
+    assert max(waited) <= 1e9 / 60.0 + 1.0
+
+
 def test_a_stamp_that_is_far_off_is_left_out_and_several_are_believed():
     line = Timeline(50.0)
     line.came(0, SECOND)

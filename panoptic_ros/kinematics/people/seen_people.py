@@ -12,8 +12,8 @@ from panoptic_ros.domain.segments import SegmentModel
 
 Array = np.ndarray
 KEPT = 8  # samples of a camera
+NEAR_NS = 1_000  # a sample is at an instant: periods are no whole numbers of ns
 LONGEST_GAP_NS = 150_000_000  # over which joints are interpolated
-NEAR_NS = 1_000  # a sample is at an instant
 SEVERAL = 2  # views that measured a joint: it is told in space, by those of them that agree
 
 

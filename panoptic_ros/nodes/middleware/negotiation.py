@@ -98,10 +98,12 @@ class Negotiated:
         came: list[Came] = []
         if self._pause is not None:
             return came
-        handle = self._subscription.handle
+        handle, kind = self._subscription.handle, self._kind
         with handle:
-            while len(came) < self._quality.depth and (found := handle.take_message(self._kind, True)):
+            while found := handle.take_message(kind, True):
                 came.append(Came(found[0], found[1]["publication_sequence_number"]))
+                if len(came) >= self._quality.depth:
+                    break
         return came
 
     def take(self, came: Came) -> None:

@@ -19,6 +19,7 @@ from rclpy.subscription import Subscription
 from panoptic_ros.nodes.middleware.packets import stamp_in
 
 LOOK_S = 0.004  # between looks: a tenth of a camera's period or less
+MOST_LEFT_OUT = 2  # looks at a source: later than its next message it must not be looked at
 
 
 class Came(NamedTuple):
@@ -47,7 +48,7 @@ class ReadTogether:
 
     def __init__(self, node: Node, at_once: Callable[[], AbstractContextManager[None]]):
         self._node, self._at_once = node, at_once
-        self._sources: list[Source] = []
+        self._sources: list[_Looked] = []
         self._subscriptions: set[Subscription] = set()
         self._timer: Any = None
 
@@ -56,7 +57,7 @@ class ReadTogether:
 
     def add(self, source: Source) -> None:
         """Read one more source from now on."""
-        self._sources.append(source)
+        self._sources.append(_Looked(source))
         if self._timer is None:
             clock = Clock(clock_type=ClockType.STEADY_TIME)
             self._timer = self._node.create_timer(LOOK_S, self.read, clock=clock)
@@ -71,13 +72,35 @@ class ReadTogether:
 
     def read(self) -> None:
         """Take all that waits."""
-        found = [(stamp_in(came.data), source, came) for source in self._sources for came in source.waiting()]
+        found = [row for looked in self._sources for row in looked.waiting()]
         if not found:
             return
         found.sort(key=lambda row: row[0])
         with self._at_once():
             for _, source, came in found:
                 source.take(came)
+
+
+class _Looked:
+    """A source, at which nobody looks for the first half of its period: nothing comes then, and to look takes
+    as long as to take a message."""
+
+    def __init__(self, source: Source):
+        self._source = source
+        self._newest_ns = 0
+        self._left_out = 0  # looks to come
+
+    def waiting(self) -> list[tuple[int, Source, Came]]:
+        """All that waits, by its stamps."""
+        if self._left_out:
+            self._left_out -= 1
+            return []
+        found = [(stamp_in(came.data), self._source, came) for came in self._source.waiting()]
+        if found:
+            before, self._newest_ns = self._newest_ns, found[-1][0]
+            looks = 0.5e-9 * (found[0][0] - before) / LOOK_S if len(found) == 1 else 0.0
+            self._left_out = int(min(max(looks, 0.0), MOST_LEFT_OUT))
+        return found
 
 
 class GatheringNode(Node):

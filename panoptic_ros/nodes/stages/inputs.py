@@ -24,6 +24,7 @@ from panoptic_ros.nodes.middleware.audio_common import audio_common_class
 from panoptic_ros.nodes.middleware.decoding import Decoder, PackedDecoder, decoder_of, packed_decoder_of
 from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.negotiation import Negotiated
+from panoptic_ros.nodes.middleware.node_time import now_of
 from panoptic_ros.nodes.middleware.packets import header_of, unpacked
 from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality
 from panoptic_ros.nodes.middleware.read_together import GatheringNode
@@ -200,7 +201,7 @@ def _subscribe(
             arrivals.came(now_ns, sequence)
             takers.refuse(found, error)
         else:
-            latency = node.get_clock().now().nanoseconds - stamp_ns if live and not row.latched else None
+            latency = now_of(node) - stamp_ns if live and not row.latched else None
             arrivals.came(now_ns, sequence, latency)
             odd = found.continuity.judge(stamp_ns, now_ns) if found.continuity is not None else ""
             if odd:

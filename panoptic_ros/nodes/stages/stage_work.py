@@ -27,6 +27,7 @@ from panoptic_ros.nodes.flow.streams import StreamEnds
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.health.reports import Report
 from panoptic_ros.nodes.health.tally import Tally
+from panoptic_ros.nodes.middleware.node_time import now_of
 from panoptic_ros.nodes.middleware.read_together import GatheringNode
 from panoptic_ros.nodes.middleware.worker import Worker
 from panoptic_ros.nodes.stages.entrance import Entrance
@@ -212,7 +213,8 @@ class StageWork:
             record = self._entrance.record(entry, data)
             arrivals.append(Arrival(entry.topic, entry.owner, item.stamp_ns, record))
             entry.count += 1
-            self._around.ends.taken(entry.name)
+            if not self._live:
+                self._around.ends.taken(entry.name)
         self._delivery.take(arrivals)
 
     def _take_own(self, entry: OwnInput, frame: ViewFrame) -> None:
@@ -246,7 +248,7 @@ class StageWork:
         stamp_ns = getattr(record, "stamp_ns", None)
         if stamp_ns is None or not self._live:
             return None
-        return int(self._around.node.get_clock().now().nanoseconds - stamp_ns)
+        return int(now_of(self._around.node) - stamp_ns)
 
     def _refused(self, stage: str, error: DataError) -> None:
         """A stage has refused a record. One that refuses all is spoilt, e.g. by a record that looked good."""

@@ -7,12 +7,13 @@ from spinning import spin_until
 rclpy = pytest.importorskip("rclpy")
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.serialization import serialize_message  # noqa: E402
 
 from panoptic_ros.nodes.middleware.executor import make_executor  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.negotiation import Negotiated  # noqa: E402
 from panoptic_ros.nodes.middleware.packets import header_of  # noqa: E402
-from panoptic_ros.nodes.middleware.read_together import GatheringNode, ReadTogether  # noqa: E402
+from panoptic_ros.nodes.middleware.read_together import Came, GatheringNode, ReadTogether  # noqa: E402
 
 pytestmark = pytest.mark.ros
 HEADER = message_class("std_msgs/msg/Header")
@@ -68,6 +69,35 @@ def test_what_waits_of_all_is_taken_in_the_order_of_stamps(gathered):
     spin_until(executor, lambda: len(taker.came) == 50)
     assert taker.came == sorted(taker.came, key=lambda row: row[0])
     assert taker.rounds <= 3
+
+
+def test_nobody_looks_while_nothing_can_come():
+    class Steady:
+        """Gives a message at every fifth look, as a device of 50 Hz does."""
+
+        looks = 0
+
+        def waiting(self):
+            self.looks += 1
+            return [Came(data, 0)] if number % 5 == 0 else []
+
+        def take(self, came):
+            taken.append(number)
+
+    source, taken = Steady(), []
+    together = ReadTogether(Clockless(), contextlib.nullcontext)
+    together.add(source)
+    for number in range(100):
+        data = serialize_message(message(number * 4_000_000))
+        together.read()
+    assert taken == list(range(0, 100, 5)) and source.looks <= 3 * len(taken) + 2
+
+
+class Clockless:
+    """A node whose timer never comes."""
+
+    def create_timer(self, period, callback, clock):
+        return None
 
 
 def test_a_driver_with_best_effort_is_heard(gathered):
