@@ -18,6 +18,7 @@ __all__ = [
     "Pass",
     "Progress",
     "Recording",
+    "Resting",
     "Stage",
     "StageContext",
     "StepResult",
@@ -86,6 +87,14 @@ class Stage(Protocol[In, Out]):
             DataError: if the bytes are not whole, or of another stage, version, configuration or context; the
                 stage is then unchanged.
         """
+
+
+@runtime_checkable
+class Resting(Protocol):
+    """A stage whose state is large because of what only the next moments need."""
+
+    def lasting_state(self) -> bytes:
+        """What counts after a pause, in the form of `state`: who begins with it goes on as after one."""
 
 
 # Passes: what needs a whole recording.

@@ -21,7 +21,7 @@ from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Tur
 from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
-from panoptic_ros.stage import Notice, Stage, StageContext, StepResult
+from panoptic_ros.stage import Notice, Resting, Stage, StageContext, StepResult
 
 Observer = Callable[[str, Any], None]  # (key of the topic, record)
 NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
@@ -139,6 +139,13 @@ class Pipeline:
     def state(self) -> dict[str, bytes]:
         """What all later output depends on, by stage. Between two records nothing else is held."""
         return {name: stage.state() for name, stage in zip(self.names, self._stages)}
+
+    def lasting_state(self) -> dict[str, bytes]:
+        """What counts after a pause, by stage: less than `state`, where a stage tells it apart."""
+        return {
+            name: stage.lasting_state() if isinstance(stage, Resting) else stage.state()
+            for name, stage in zip(self.names, self._stages)
+        }
 
     def begin(self, states: Mapping[str, bytes]) -> None:
         """Go on from a state; stages that it lacks go on from their own.

@@ -21,12 +21,12 @@ from panoptic_ros.kinematics.people.person import Behind, Person
 from panoptic_ros.kinematics.people.seen_people import SeenJoints, joints_as_seen
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
+from panoptic_ros.kinematics.stage_notices import ODD, jump, never_came, odd_stamp, unworn
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 IN_SPACE = -1  # the source of skeletons that come without 2D people
-ODD = "kinematics.odd_stamp"
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
 
@@ -113,15 +113,19 @@ class KinematicsStage(Stateful):
             notices = self._take_tracked(item)
         return StepResult(tuple(self._run(notices)), tuple(notices))
 
+    def lasting_state(self) -> bytes:
+        """See `stage.Resting`: without the windows of the bodies, which are nearly all of the state."""
+        resting = copy.copy(self)
+        resting._people = {number: person.at_rest() for number, person in self._people.items()}
+        resting._given = deque()
+        return Stateful.state(resting)
+
     # ------------------------------------------------------------------ what comes
 
     def _take_sample(self, item: ImuSample) -> list[Notice]:
         wearer = next((p for p in self._people.values() if item.device in p.worn), None)
         if wearer is None:
-            return self._once(
-                f"nobody wears {item.device}", "imu_unknown",
-                f"{item.device} is on no subject; it is left out", {"device": item.device},
-            )  # fmt: skip
+            return self._once(unworn(item.device))
         notices = self._came(item.device, item.stamp_ns + wearer.fitting.offset_ns)
         if not any(notice.code == ODD for notice in notices):
             notices += self._streams.take(item)
@@ -195,12 +199,10 @@ class KinematicsStage(Stateful):
             return []
         name = source if isinstance(source, str) else (*self._allotment.cameras, "skeletons")[source]
         if verdict in ("odd", "early"):
-            text = f"the stamp {stamp_ns} of {name} is more than 2 s off the others; it is left out"
-            return [Notice(ODD, "warning" if verdict == "odd" else "info", text, {"device": name})]
+            return [odd_stamp(stamp_ns, name, verdict == "odd")]
         for person in self._people.values():
             person.restart()
-        text = f"stamps go on from {stamp_ns}, as {name} and others say; bodies begin anew"
-        return [Notice("kinematics.jump", "warning", text)]
+        return [jump(stamp_ns, name)]
 
     def _measure(self, item: TrackedPoseSet) -> list[Notice]:
         """Bodies of people without a file: their lengths are taken from their first skeletons."""
@@ -244,7 +246,7 @@ class KinematicsStage(Stateful):
                 if not any(number in kept for _, _, kept in self._given):
                     del self._people[number]
             elif self._timeline.index > NEVER_S * self._config.rate_hz and person.tracker is None:
-                notices += self._never(number, person)
+                notices += [] if person.came else self._once(never_came(number, NEVER_S))
         return notices
 
     def _keep(self, states: list[BodyState]) -> None:
@@ -267,15 +269,6 @@ class KinematicsStage(Stateful):
         newest = max(self._timeline.newest_ns, stamp_ns)
         return body_set(index - 1, stamp_ns, newest, self._model, self._skeleton, rows)
 
-    def _never(self, number: int, person: Person) -> list[Notice]:
-        if person.came:
-            return []
-        text = (
-            f"subject {number} has not come in {NEVER_S:g} s: no camera has seen it and no IMU that is "
-            "mounted tells of it; look at `start`, `id` and the devices of its file"
-        )
-        return self._once(f"subject {number}", "never_came", text, {"device": f"subject {number}"})
-
     # ------------------------------------------------------------------ helpers
 
     def _new_person(self, subject: Subject) -> Person:
@@ -292,9 +285,9 @@ class KinematicsStage(Stateful):
             own = f"{self._skeleton.name} ({self._hash})"
             raise DataError(f"people of skeleton {skeleton_hash}, but kinematics works on {own}")
 
-    def _once(self, key: str, code: str, text: str, values: dict[str, str]) -> list[Notice]:
+    def _once(self, notice: Notice) -> list[Notice]:
+        key = f"{notice.code} {notice.values['device']}"
         if key in self._told:
             return []
         self._told.add(key)
-        return [Notice(f"kinematics.{code}", "warning", text, values)]
-
+        return [notice]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import deque
 from collections.abc import Sequence
@@ -38,6 +39,7 @@ Array = np.ndarray
 UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
 KEPT = 2  # instants, for which what comes after a pose is taken to look the same: a twentieth of a second
+KEPT_STAMPS = 64
 SAME_LENGTHS = 0.002  # m, of a change that is not worth another
 
 
@@ -70,7 +72,7 @@ class SubjectTracker:
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
-        self._stamps: deque[int] = deque(maxlen=64)
+        self._stamps: deque[int] = deque(maxlen=KEPT_STAMPS)
         self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
         self.iterations: deque[int] = deque(maxlen=1000)
 
@@ -97,6 +99,12 @@ class SubjectTracker:
     def begin_at(self, pose: Pose) -> None:
         """Begin with this pose in place of one from nothing."""
         self._pose = pose.copy()
+
+    def at_rest(self) -> SubjectTracker:
+        """The same without its motion, as it goes on after a pause: from where the body was."""
+        found = copy.copy(self)
+        found._window, found._before, found._stamps = None, None, deque(maxlen=KEPT_STAMPS)
+        return found
 
     def move_to(self, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None) -> None:
         """Carry the body to where cameras see it, of whom it was out of sight; one camera alone does not

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
@@ -40,6 +42,12 @@ class ImuFitting:
         self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
         self._poseless: list[str] = []  # devices that had no samples in it
         self._unseen = 0
+
+    def at_rest(self) -> ImuFitting:
+        """The same without the motion so far, which says nothing about a clock that was stopped."""
+        found = copy.copy(self)
+        found._states, found._stamps, found._turns, found._forces = [], [], {}, {}
+        return found
 
     def take(self, stamp_ns: int, subject: Subject, readings: dict[str, ImuReading]) -> list[Notice]:
         """What the person's devices measured at an instant."""

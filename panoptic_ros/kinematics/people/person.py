@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -130,6 +131,13 @@ class Person:
         self.seen, self.tracker, self._alone = SeenPerson(), None, None
         self.presence, self._returns = Presence(), False
         self.behind, self._without, self._unseen = {}, 0, 0
+
+    def at_rest(self) -> Person:
+        """The same as it goes on after a pause."""
+        found = copy.copy(self)
+        found.fitting, found.behind, found._alone = self.fitting.at_rest(), {}, None
+        found.tracker = None if self.tracker is None else self.tracker.at_rest()
+        return found
 
     def flush(self) -> list[BodyState]:
         """Bodies of the instants that the lag still holds back."""

@@ -177,7 +177,7 @@ class StageWork:
     def publish_states(self, kept: KeptStates) -> None:
         """Hand over what the stages remember."""
         self._delivery.wait()
-        kept.publish(self.pipeline.state)
+        kept.publish(self.pipeline.lasting_state)
 
     def _is_waited_for(self, topic: str) -> bool:
         """Whether messages of a topic are sure to come, and have an end: the latched only from a stage of
