@@ -6,6 +6,8 @@ the texture round it, in which direction it can be followed (`tracking`).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
@@ -19,6 +21,19 @@ TORSO_WIDTH = 0.1  # m, least half width that is looked at
 HEAD_RING = 0.055  # m
 QUANTILE = 0.8  # of the scales that parts say: parts that point at the camera look small
 FEWEST = 3  # joints of a person who is followed
+
+
+class Laid(NamedTuple):
+    """N points on P people: points (N, 2) px, person (N,) and part (N,) of each, ordered by person.
+
+    middles (P, 2) px and scales (P,) px per metre of the people; NaN = nothing is laid on that one.
+    """
+
+    points: Array
+    persons: Array
+    parts: Array
+    middles: Array
+    scales: Array
 
 
 class Pattern:
@@ -35,24 +50,24 @@ class Pattern:
         ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._ring = HEAD_RING * np.concatenate([np.zeros((1, 2)), ring])
 
-    def lay(self, points: Array, there: Array) -> tuple[Array, Array, Array]:
-        """Points on people with joints (P, J, 2) px that are there (P, J).
-
-        Returns:
-            points (N, 2) px, person (N,) and part (N,) of each.
-        """
+    def lay(self, points: Array, there: Array) -> Laid:
+        """Points on people with joints (P, J, 2) px that are there (P, J)."""
         laid, persons, parts = [np.zeros((0, 2))], [], []
+        middles, scales = np.full((len(points), 2), np.nan), np.full(len(points), np.nan)
         for person in np.flatnonzero(there.sum(axis=1) >= FEWEST).tolist():
             own = np.where(there[person, :, None], points[person], np.nan)
             scale = self._scale(own)
             if not np.isfinite(scale):
                 continue
+            middles[person], scales[person] = np.nanmean(own, axis=0), scale
             for number, part in enumerate(self.parts):
                 found = self._on(part, own, scale)
                 laid.append(found)
                 persons += [person] * len(found)
                 parts += [number] * len(found)
-        return np.concatenate(laid), np.array(persons, np.int32), np.array(parts, np.int32)
+        return Laid(
+            np.concatenate(laid), np.array(persons, np.int32), np.array(parts, np.int32), middles, scales
+        )
 
     def _scale(self, points: Array) -> float:
         """Px per metre of a person with joints (J, 2), NaN = not there; NaN if no part tells."""

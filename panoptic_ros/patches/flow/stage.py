@@ -11,6 +11,7 @@ from panoptic_ros.domain import PatchTracks, ViewDetections, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.patches.flow.config import FlowConfig
 from panoptic_ros.patches.flow.samples import Pattern
+from panoptic_ros.patches.flow.sharing import Sharing
 from panoptic_ros.patches.flow.tracking import followed, ready
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -43,6 +44,7 @@ class FlowStage(Stateful):
     def __init__(self, config: FlowConfig, context: StageContext):
         self._config, self._hash = config, context.skeleton.hash
         self._pattern = Pattern(context.skeleton)
+        self._sharing = Sharing(context.rig, config.views)
         self._seen: dict[str, Seen] = {}
         ready()
 
@@ -90,10 +92,13 @@ class FlowStage(Stateful):
         seen = self._seen.get(item.camera)
         if seen is None or seen.frame_number != item.frame_number or seen.stamp_ns != item.stamp_ns:
             return
-        laid, persons, parts = self._pattern.lay(item.points, item.scores > 0.0)
-        begins = (laid + 0.5) / seen.scale - 0.5
+        laid = self._pattern.lay(item.points, item.scores > 0.0)
+        shares = self._sharing.shares(item.camera, laid.middles, laid.scales)
+        kept = self._sharing.followed(item.camera, laid.persons, shares)
+        begins = (laid.points[kept] + 0.5) / seen.scale - 0.5
         self._seen[item.camera] = Seen(
-            seen.stamp_ns, seen.frame_number, seen.grey, seen.scale, begins, persons, parts
+            seen.stamp_ns, seen.frame_number, seen.grey, seen.scale, begins, laid.persons[kept],
+            laid.parts[kept],
         )
 
     def _tracks(self, item: ViewFrame, before: Seen, now: Seen) -> PatchTracks:
