@@ -12,7 +12,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.files import read_json, write_json
+from panoptic_ros.io.files import malformed, read_json, write_json
 
 Array = np.ndarray
 KINEMATICS = "panoptic-kinematics-1"
@@ -77,7 +77,7 @@ def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
         ]
         return tuple(document["segment_names"]), states
     except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path}: not as the format says: {error!r}") from None
+        raise malformed(path, error) from None
 
 
 def _body_state(stamp_ns: int, row: Mapping[str, Any]) -> BodyState:

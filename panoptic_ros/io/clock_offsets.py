@@ -11,7 +11,7 @@ import numpy as np
 
 from panoptic_ros.domain import ClockModel
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_json, write_json
+from panoptic_ros.io.files import malformed, read_json, write_json
 from panoptic_ros.offsets import CameraClocks
 
 FORMAT = "panoptic-offsets-1"
@@ -97,7 +97,7 @@ def read_offsets(path: Path) -> dict[str, SavedOffset]:
             if row["applied"]
         }
     except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path}: not as the format says: {error!r}") from None
+        raise malformed(path, error) from None
 
 
 def _number(row: Mapping[str, Any], key: str, default: float | None = None) -> float:

@@ -31,6 +31,12 @@ def file_errors(path: Path, doing: str) -> Iterator[None]:
         raise EnvironmentProblem(f"cannot {doing} {path}: {error.strerror or error}") from None
 
 
+def malformed(where: Path | str, error: Exception) -> DataError:
+    """In one line, what is wrong with a document whose keys or values are not those of its format."""
+    what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else f"a value is wrong: {error}"
+    return DataError(f"{where}: {what}; docs/formats.md says what must be there")
+
+
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that replaces it if all goes well and vanishes if not."""

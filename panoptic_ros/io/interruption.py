@@ -2,9 +2,11 @@
 from __future__ import annotations
 
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TIDYING_S = 5.0  # further requests within this time must not cut the tidying up short
@@ -26,6 +28,13 @@ def listen_to_signals(answer: Callable[[], None] | None = None) -> None:
             (answer or _interrupt)()
 
     _handle(hear)
+    before = sys.unraisablehook
+
+    def tell(lost: Any) -> None:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            before(lost)
+
+    sys.unraisablehook = tell  # a lost interruption is no news: `interrupted` tells of it
 
 
 def interrupted() -> bool:
@@ -37,11 +46,13 @@ def interrupted() -> bool:
 def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
     """Within it the first request interrupts nothing; the function that is given tells of it.
 
+    It also tells of an interruption that got lost, as where it met a destructor.
+
     Args:
-        wanted: if False, nothing changes and the function says no.
+        wanted: if False, nothing else changes.
     """
     if not wanted:
-        yield lambda: False
+        yield interrupted
         return
     told: list[bool] = []
     _heeded.clear()  # what was answered before does not hide the first request of this work
@@ -55,7 +66,7 @@ def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
 
     _handle(note)
     try:
-        yield lambda: bool(told)
+        yield lambda: bool(told) or interrupted()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -17,7 +17,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Device, ImuSeries, Subject, TPose
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.files import read_bytes, read_json, write_bytes
+from panoptic_ros.io.files import malformed, read_bytes, read_json, write_bytes
 
 Array = np.ndarray
 SUBJECT = "panoptic-subject-1"
@@ -123,7 +123,7 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise DataError(f"{path}: not as the format says: {error!r}") from None
+        raise malformed(path, error) from None
 
 
 def subject_document(subject: Subject) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from panoptic_ros.domain import (
     ViewDetections,
 )
 from panoptic_ros.errors import CalibrationError, DataError
-from panoptic_ros.io.files import read_json, write_json
+from panoptic_ros.io.files import malformed, read_json, write_json
 
 Array = np.ndarray
 DETECTIONS = "panoptic-detections-1"
@@ -140,7 +140,7 @@ def read_detections(path: Path) -> PlainDetections:
                 PlainFrame(int(frame.get("index", number)), _integer(frame["stamp_ns"], where), views)
             )
         except (KeyError, TypeError, AttributeError) as error:
-            raise DataError(f"{where}: not as the format says: {error!r}") from None
+            raise malformed(where, error) from None
     return PlainDetections(names, tuple(frames))
 
 
@@ -190,7 +190,7 @@ def read_skeletons(path: Path) -> PlainSkeletons:
                 )
             )  # fmt: skip
         except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise DataError(f"{where}: not as the format says: {error!r}") from None
+            raise malformed(where, error) from None
     return PlainSkeletons(names, tuple(frames))
 
 

@@ -1,6 +1,7 @@
 """Requests to end interrupt, or are told, and are not heard twice while a program tidies up."""
 import os
 import signal
+import sys
 
 import pytest
 
@@ -11,6 +12,7 @@ from panoptic_ros.io import interruption
 def as_before(monkeypatch):
     monkeypatch.setattr(interruption, "_heeded", [])
     monkeypatch.setattr(interruption, "_interruptions", [])
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     handlers = {number: signal.getsignal(number) for number in interruption.SIGNALS}
     yield
     for number, handler in handlers.items():
@@ -68,6 +70,18 @@ def test_what_follows_a_told_request_is_not_cut_short():
         assert asked()
     send(signal.SIGINT)
     assert not interruption.interrupted()
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_an_interruption_that_met_a_destructor_is_told(wanted):
+    class Destroyed:
+        def __del__(self):
+            send(signal.SIGINT)
+
+    interruption.listen_to_signals()
+    Destroyed()  # Python ignores what is raised there
+    with interruption.first_request_told(wanted) as asked:
+        assert asked()
 
 
 def test_where_it_is_not_wanted_requests_interrupt():

@@ -19,6 +19,9 @@ from panoptic_ros.simulation.bodies.imus import unknown_heading
 MODEL = read_body_model()
 
 
+LEFT_OUT = "left out"
+
+
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
     from panoptic_ros.running.simulations import bodies as simulated_bodies
@@ -90,10 +93,14 @@ def test_files_are_read_as_they_were_written(capture, tmp_path):
         ({"inertial_frame": "mars"}, "neither of world, unknown heading"),
         ({"t_pose": {"from_ns": 5, "to_ns": 1}}, "is not before to_ns"),
         ({"t_pose": {"from_ns": 0, "to_ns": 1, "facing": [0, 0, 1]}}, "no direction on the floor"),
+        ({"height_m": LEFT_OUT}, "'height_m' is missing"),
+        ({"height_m": "tall"}, "a value is wrong: could not convert"),
+        ({"keypoints": {"nose": {"offset": [0, 0, 0]}}}, "'segment' is missing"),
     ],
 )
 def test_wrong_subjects_are_told_in_one_line(capture, tmp_path, change, told, capsys):
     document = json.loads((capture / "subject.json").read_text()) | change
+    document = {key: value for key, value in document.items() if value != LEFT_OUT}
     (tmp_path / "subject.json").write_text(json.dumps(document))
     words = [
         "--imu",

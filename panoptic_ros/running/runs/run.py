@@ -99,7 +99,7 @@ def run(
                 if not (plan.live and results.has_something):
                     raise
                 counted, fault = {}, error
-            if asked() and not results.has_something:
+            if asked() and not (plan.live and results.has_something):
                 raise KeyboardInterrupt
         observer.ended()
         notices = (*told, *check.judge())
