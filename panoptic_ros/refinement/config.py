@@ -34,7 +34,7 @@ class RefinementConfig(Config):
     )
     fading: float = param(
         0.4, ge=0.0, le=10.0,
-        doc="Share of the lag, but at least 15 ms, over which a joint follows what later views tell of its "
+        doc="Share of the lag, but at least 18 ms, over which a joint follows what later views tell of its "
         "place, while its surface shows how it moves.",
     )
     cauchy: float = param(

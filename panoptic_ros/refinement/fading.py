@@ -9,7 +9,7 @@ import numpy as np
 
 Array = np.ndarray
 
-LEAST = 0.015  # s, over which what later views tell is faded in, however short the lag is
+LEAST = 0.018  # s, over which what later views tell is faded in, however short the lag is
 SLOW_BONES = 0.03  # s, the same of what bones tell of errors that last
 
 
@@ -19,4 +19,20 @@ def not_yet(change: Array, linked: Array, dt: float, span: float) -> Array:
     Joints without a link (P, J), and those of which nothing was known (NaN), are followed at once.
     """
     left: Array = np.where(np.isnan(change) | ~linked[..., None], 0.0, np.exp(-dt / span) * change)
+    return left
+
+
+def settled(apart: Array, linked: Array, dt: float, span: float) -> Array:
+    """By how much what is shown still differs from what is known, in place m and speed m/s (P, J, 6), dt s
+    after it differed by `apart` (P, J, 6); joints as in `not_yet`.
+
+    The two meet as a critically damped spring does, which lags by the span: what is shown never steps, nor
+    does its speed, whatever views tell. If only places are followed, by an exponential, each measurement is
+    an impulse of acceleration.
+    """
+    rate = 2.0 / span
+    place, speed = apart[..., :3], apart[..., 3:]
+    pull = speed + rate * place
+    later = np.exp(-rate * dt) * np.concatenate([place + dt * pull, speed - rate * dt * pull], axis=-1)
+    left: Array = np.where(np.isnan(later) | ~linked[..., None], 0.0, later)
     return left

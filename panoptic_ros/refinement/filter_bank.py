@@ -106,7 +106,7 @@ class FilterBank:
                 self._sized, last.motion, step, now.noise, links, config.cauchy, now.predicted, now.gains,
                 turns,
             )  # fmt: skip
-            learn_turns(people, turns)
+            learn_turns(people, turns, dt)
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
         else:
             people.turns[...] = np.nan
@@ -222,23 +222,25 @@ class FilterBank:
         return self._judged(target, motion, again)
 
     def _fade(self, index: int, motion: Motion, between: bool) -> None:
-        """Fade in what changes the places that were given for the moment before, in place.
+        """Fade in what changes the motion that was found for the moment before, in place.
 
         What came after that moment moves it as a whole, along with this one, by single measurements: a step
         that nobody made. How joints moved since is known by their surface and is taken at once.
 
         between: the motion is not of the moment but of later, and nothing is faded.
         """
-        target, shown = self.moments[index], self.people.shown
+        target, people = self.moments[index], self.people
+        left = np.zeros_like(people.left)
         if index > 0 and target.linked.any() and not between:
             before = of_all(np.copy, motion)
             again = np.zeros_like(target.measured.joints)
             last = self.moments[index - 1].motion
             smooth(self._sized, last, target.gains, target.predicted, again, before, again)
             span = max(self._config.fading * self._config.lag, fading.LEAST)
-            change = before.states[..., :3] - shown
-            motion.states[..., :3] -= fading.not_yet(change, target.linked, target.dt, span)
-        shown[...] = np.nan if between else motion.states[..., :3]
+            apart = people.found + people.left - before.states[..., :MOVING]
+            left = fading.settled(apart, target.linked, target.dt, span)
+        people.left[...], people.found[...] = left, np.nan if between else motion.states[..., :MOVING]
+        motion.states[..., :3] += left[..., :3]
 
     def _ahead(self, motion: Motion, dt: float, noise: Array) -> Motion:
         """The motion dt s later."""

@@ -60,7 +60,8 @@ class People(NamedTuple):
     counts: Array  # (P,) measurements of a person
     innovations: Array  # (P, 3, J, 3) whitened, of one, two, three measurements ago; NaN = none
     turns: Array  # (P, J, 3) whitened innovations of displacements, of the instant before; NaN = none
-    shown: Array  # (P, J, 3) m, places that were given last; NaN = none
+    found: Array  # (P, J, 6) m and m/s, motion of the moment that was shown last; NaN = none
+    left: Array  # (P, J, 6) m and m/s, by which what was shown of it differed
     pulled: Array  # (P, J, 3) m, by which bones moved these for errors that last; NaN = not known
     followed: Array  # (P, J, 3) m, how joints moved against the torso of late, by the surface
     seen: Array  # (P, J, 3) m, the same by views
@@ -102,7 +103,8 @@ def new_people(ids: list[int], joints: int, bones: int) -> People:
     return People(
         np.array(ids, np.int64), np.zeros((count, joints)), np.ones((count, joints)), np.ones(count),
         np.full(count, PRIOR), np.zeros(count, np.int64), np.full((count, 3, joints, 3), np.nan),
-        np.full((count, joints, 3), np.nan), np.full((count, joints, 3), np.nan),
+        np.full((count, joints, 3), np.nan), np.full((count, joints, MOVING), np.nan),
+        np.zeros((count, joints, MOVING)),
         np.full((count, joints, 3), np.nan), np.zeros((count, joints, 3)), np.zeros((count, joints, 3)),
         np.zeros((count, bones)), np.zeros((count, bones)),
     )  # fmt: skip

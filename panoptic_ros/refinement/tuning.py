@@ -25,7 +25,8 @@ FIRST = 4  # measurements of a person before process noise is learnt
 SETTLED = 10  # and before the scale is; earlier innovations depend on the prior of velocities
 RATE = 0.2  # of the logarithm of the process noise, per measurement and unit of correlation
 JOINT_RATE, PERSON_RATE = 0.05, 0.1  # the same by displacements: of a joint's own, and of all of a person's
-SMOOTH = 0.3  # correlation of a joint's displacements with which its process noise is large enough
+# Correlation of a joint's displacements with which its process noise is large enough, and s between them.
+SMOOTH, SMOOTH_AFTER = 0.35, 0.04
 RANGE = (0.1, 10.0)  # of the factor on the process noise
 MEMORY = 100.0  # measurements of a person
 LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0  # measurements of people
@@ -54,17 +55,18 @@ def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> No
     _change(people, np.where(np.isfinite(people.turns[..., 0]), 0.0, changes[:, None]))
 
 
-def learn_turns(people: People, innovations: Array) -> None:
-    """Take whitened innovations (P, J, 3) of displacements, NaN = not measured, in place.
+def learn_turns(people: People, innovations: Array, dt: float) -> None:
+    """Take whitened innovations (P, J, 3) of displacements over dt s, NaN = not measured, in place.
 
     They tell the process noise as those of positions do, and better: errors of a detector last, and their
     innovations point the same way whatever the process noise is; errors of displacements do not. They are
     exact enough to tell that of single joints: an arm swings while the legs stand. People move more smoothly
-    than by accelerations at random, so the innovations of a joint that swings point the same way for long; a
-    joint whose correlation is below `SMOOTH` needs less noise than the rest of the person.
+    than by accelerations at random, so the innovations of a joint that swings point the same way for long:
+    the more alike, the sooner the next image comes. A joint whose correlation is below that of `SMOOTH` needs
+    less noise than the rest of the person.
     """
     changes = np.zeros(innovations.shape[:2])
-    turn_correlations(people.turns, innovations, changes)
+    turn_correlations(people.turns, innovations, SMOOTH ** (dt / SMOOTH_AFTER), changes)
     _change(people, changes)
     people.turns[:] = innovations
 
@@ -75,10 +77,12 @@ def _change(people: People, changes: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def turn_correlations(before, now, changes):
+def turn_correlations(before, now, smooth, changes):
     """Changes (P, J) of logarithms by whitened innovations (P, J, 3) and those before.
 
     Those of joints that were not measured twice change with those of the person alone.
+
+    smooth: correlation of a joint whose noise is large enough.
     """
     for p in range(len(now)):
         product = square = 0.0
@@ -96,7 +100,7 @@ def turn_correlations(before, now, changes):
                 product += own
                 square += size
                 if size > 0.0:
-                    changes[p, j] = JOINT_RATE * (own / size - SMOOTH)
+                    changes[p, j] = JOINT_RATE * (own / size - smooth)
         if square > 0.0:
             changes[p] += PERSON_RATE * product / square * count / now.shape[1]
 

@@ -200,3 +200,20 @@ def test_without_a_lag_too_steps_of_single_views_are_faded_in(monkeypatch):
     at_once, errors_at_once = turning([*with_motion, truth], own)
     assert turns.mean() < 0.9 * at_once.mean() and errors.mean() < 1.05 * errors_at_once.mean()
     assert (turning([*without, truth], own)[0] == plain).all()  # nothing shows how joints move
+
+
+def test_what_is_followed_gradually_arrives_without_a_step_of_its_speed():
+    linked, span, dt = np.ones((1, 1), bool), 0.05, 0.001
+    apart = np.zeros((1, 1, 6))
+    apart[..., 0], apart[..., 3] = 0.01, 0.3
+    places, speeds = [0.01], [0.3]
+    for _ in range(500):
+        apart = fading.settled(apart, linked, dt, span)
+        places.append(apart[0, 0, 0])
+        speeds.append(apart[0, 0, 3])
+    assert np.diff(places) == pytest.approx(dt * np.array(speeds[1:]), abs=2e-5)  # one motion, at any step
+    assert np.abs(np.diff(speeds)).max() < dt * 4.0 * (0.01 / span**2 + 0.3 / span) + 1e-6
+    assert abs(places[-1]) < 1e-6
+    once = fading.settled(np.array([[[0.01, 0, 0, 0.3, 0, 0]]]), linked, 0.5, span)
+    assert once == pytest.approx(apart, abs=1e-9)
+    assert not fading.settled(once + 1.0, ~linked, dt, span).any()

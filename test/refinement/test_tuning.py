@@ -138,19 +138,19 @@ def test_process_noise_is_learnt_from_displacements_as_their_true_noise_asks(pro
         turns, gains = np.full((*shape, 3), np.nan), np.empty((*shape, 6, 6))
         noise = 0.1 * people.factors
         predict_linked(SIX, motion, transition(dt, 0.0), noise, links, 1e9, ahead, gains, turns)
-        learn_turns(people, turns)
+        learn_turns(people, turns, dt)
         motion = ahead
         factors.append(np.exp(np.log(people.factors).mean()))
     wanted = process / 0.1 * (stated / sigma) ** 2
-    # somewhat less, as people move more smoothly than this
-    assert 0.35 < np.exp(np.log(factors[100:]).mean()) / wanted < 1.5
+    # less, as people move more smoothly than this
+    assert 0.25 < np.exp(np.log(factors[100:]).mean()) / wanted < 1.5
 
 
 def test_positions_do_not_tell_the_process_noise_of_joints_of_which_displacements_tell_it():
     people, same = new_people([1], JOINTS, 0), np.ones((1, JOINTS, 3))
     turns = np.ones((1, JOINTS, 3))
     turns[0, 5:] = np.nan
-    learn_turns(people, turns)
+    learn_turns(people, turns, 1.0 / RATE)
     for _ in range(20):
         learn(people, np.ones(1, bool), same, nothing_lasting())
     assert np.all(people.factors[0, :5] == 1.0) and np.all(people.factors[0, 5:] > 2.0)
@@ -162,5 +162,17 @@ def test_a_joint_that_swings_gets_more_process_noise_than_those_that_stand():
     for _ in range(60):
         value[0, :5] = correlated(rng, value[0, :5], 0.8)
         value[0, 5:] = correlated(rng, value[0, 5:], -0.3)
-        learn_turns(people, value)
+        learn_turns(people, value, 0.04)
     assert people.factors[0, :5].min() > 2.0 * people.factors[0, 5:].max()
+
+
+def test_the_same_correlation_asks_for_less_process_noise_where_images_follow_each_other_quickly():
+    means = []
+    for dt in (0.04, 0.0125):
+        people, rng = new_people([7], JOINTS, 0), np.random.default_rng(0)
+        value = rng.standard_normal((1, JOINTS, 3))
+        for _ in range(60):
+            value = correlated(rng, value, 0.4)
+            learn_turns(people, value, dt)
+        means.append(people.factors.mean())
+    assert means[1] < 0.7 * means[0]
