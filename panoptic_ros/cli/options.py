@@ -28,7 +28,7 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     """--preset NAME, --config FILE and --set stage.name=value; of the three the last counts most."""
     parser.add_argument(
         "--preset", metavar="NAME", default="",
-        help="parameters that belong together: panoptic-studio (stage one of the paper), or a YAML file",
+        help="parameters that belong together: panoptic-studio (the paper's method), or a YAML file",
     )  # fmt: skip
     parser.add_argument(
         "--config", type=Path, metavar="FILE",

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from heapq import merge
 from typing import Any, NamedTuple
 
 from panoptic_ros.domain import DepthFrame, PatchTracks, PatchTrajectories, RefinedPoseSet, TrackedPoseSet
@@ -19,12 +18,11 @@ from panoptic_ros.graph.build import make_stage
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.stage import Progress, Recording, StageContext
+from panoptic_ros.stage import StageContext
 
 AHEAD = 2.0  # s that smoothing looks ahead; motion is forgotten in a fraction of that
 BRIDGED = 1.0  # s, longest gap that is filled although nothing was followed
 ROUNDS = 2  # of putting patches on people
-ORDER = {PatchTracks: 0, DepthFrame: 1, TrackedPoseSet: 2}  # of records of the same stamp
 Taken = PatchTracks | DepthFrame | TrackedPoseSet
 
 
@@ -112,29 +110,3 @@ class OfflineRefinement:
                 yield output
             else:
                 yield from self._next(k + 1, self._rounds[k + 1].take(instant, output))
-
-
-class RefinementPass:
-    """All of a recording, refined: a `stage.Pass`."""
-
-    def __init__(self, config: Mapping[str, Config], context: StageContext):
-        self._configs, self._context = config, context
-
-    def run(self, recording: Recording, progress: Progress) -> tuple[RefinedPoseSet, ...]:
-        """Skeletons of every set; reads `skeletons_raw`, and `patch_tracks` and `sensor_depth` if there."""
-        refinement, rig = OfflineRefinement(self._configs, self._context), self._context.rig
-        count = max(1, sum(1 for _ in recording.records("skeletons_raw")))
-        streams: list[Iterable[Taken]] = [recording.records("patch_tracks", name) for name in rig.names]
-        streams += [recording.records("sensor_depth", sensor.name) for sensor in rig.depth_sensors]
-        streams.append(recording.records("skeletons_raw"))
-        found: list[RefinedPoseSet] = []
-        for item in merge(*streams, key=_place):
-            found += refinement.take(item)
-            progress(min(1.0, len(found) / count), "refining")
-        found += refinement.flush()
-        progress(1.0, "refining")
-        return tuple(found)
-
-
-def _place(item: Taken) -> tuple[int, int]:
-    return item.stamp_ns, next(order for kind, order in ORDER.items() if isinstance(item, kind))

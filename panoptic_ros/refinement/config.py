@@ -11,6 +11,12 @@ class RefinementConfig(Config):
     """How motion is smoothed."""
 
     enabled: bool = param(True, doc="Off: skeletons pass through as tracking gave them, at once.")
+    method: str = param(
+        "smoother", choices=("smoother", "averaging"),
+        doc="averaging is that of Joo et al. 2017, 6.3, over a whole recording (`--offline`) with the motion "
+        "of the surface (`patches.active`); without these, skeletons pass through as tracking gave them.",
+        when="results are compared with the paper's.",
+    )
     lag: float = param(
         0.12, unit="s", ge=0.0, le=10.0,
         doc="A result uses views up to this time after its instant, and waits for no others. If cameras are "

@@ -53,7 +53,7 @@ class RefinementStage(Stateful):
     def __init__(self, config: RefinementConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
         self._hash = context.skeleton.hash  # computed at each call
-        self._floor = _bias_floor(config.bias_floor, context.skeleton)
+        self._floor = bias_floor(config.bias_floor, context.skeleton)
         self._lasting_share = config.lasting_share if self._floor.any() else 0.0
         self.reset()
         for patches in (False, True):  # each its own sizes of states
@@ -104,7 +104,7 @@ class RefinementStage(Stateful):
             item = without(item, patches.free)
         motions = _motions_since(patches, self._last_ns, item.stamp_ns)
         self._last_ns = item.stamp_ns
-        if not self._config.enabled:
+        if not self._config.enabled or self._config.method == "averaging":
             return StepResult((self._passed_through(item),))
         self._waiting.append(item)
         self._clock.take(item)
@@ -166,7 +166,7 @@ def without(item: TrackedPoseSet, free: Array) -> TrackedPoseSet:
     )  # fmt: skip
 
 
-def _bias_floor(asked: float, skeleton: SkeletonModel) -> Array:
+def bias_floor(asked: float, skeleton: SkeletonModel) -> Array:
     """Covariances (J, 3, 3) m^2 of the detector's biases; asked: m, negative = the skeleton's own.
 
     A bias is the same in every frame: as noise of single measurements it would be smoothed away, and make the

@@ -4,7 +4,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from panoptic_ros.graph.offline_refinement import OfflineRefinement
+from panoptic_ros.graph.refinement_pass import refinement_of
 from panoptic_ros.io.bag_streams import SENSOR_KEYS, TRACKS_KEY
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.results import Results
@@ -18,7 +18,7 @@ class OfflineResults:
 
     def __init__(self, plan: Plan, results: Results):
         self._results = results
-        self._refinement = OfflineRefinement(plan.configs, StageContext(plan.rig, plan.skeleton, plan.extras))
+        self._refinement = refinement_of(plan.configs, StageContext(plan.rig, plan.skeleton, plan.extras))
 
     def take(self, key: str, record: Any) -> None:
         """See `Results`."""

@@ -53,9 +53,9 @@ def study_refinement(
     rows += [_row(name, lag, way(played.raw), played) for name, (lag, way) in FILTERS.items()]
     for lag in LAGS:
         rows += [_row(name, lag, smoothed(own, lag, found), own) for name, (own, found) in ways.items()]
-    for name, (own, found) in list(ways.items())[1:]:
+    for name, (own, _) in list(ways.items())[1:]:
         words = name.partition(", ")[2]
-        averaged, rounds = paper(own, found)
+        averaged, rounds = paper(own)
         rows.append(_row(f"averaging, {words}", None, averaged, own) | {"rounds": rounds})
         rows.append(_row(f"offline, {words}", None, offline(own), own))
     progress(1.0, "scoring")

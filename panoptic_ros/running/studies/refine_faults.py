@@ -67,7 +67,7 @@ def _one(played: Played, seed: int, kind: str, rows: Rows) -> None:
             add("smoother", frames * period, smoothed(played, frames * period, ()))
     for frames in LAGS:
         add(f"patches, {kind}", frames * period, smoothed(played, frames * period, patches))
-    add(f"averaging, {kind}", None, paper(played, patches)[0])
+    add(f"averaging, {kind}", None, paper(played)[0])
     add(f"offline, {kind}", None, offline(played))
 
 

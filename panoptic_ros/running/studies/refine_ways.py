@@ -10,8 +10,6 @@ import numpy as np
 
 from panoptic_ros.domain import (
     DepthFrame,
-    JointState,
-    PartMotions,
     PatchTracks,
     PatchTrajectories,
     RefinedPoseSet,
@@ -21,14 +19,13 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import FramePair, SkeletonFrame, SkeletonSequence, pair_sequences
-from panoptic_ros.evaluation.averaging import averaged
 from panoptic_ros.evaluation.filtering import one_euro, savitzky_golay
 from panoptic_ros.graph.build import make_stage, merged
+from panoptic_ros.graph.offline_averaging import OfflineAveraging
 from panoptic_ros.graph.offline_refinement import OfflineRefinement
 from panoptic_ros.io.compared_skeletons import read_sequence
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.stage import without
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.parameters import Parameters
 from panoptic_ros.running.plans.plan import Plan
@@ -163,41 +160,12 @@ def offline(played: Played) -> list[RefinedPoseSet]:
     return [*found, *refinement.flush()]
 
 
-def paper(played: Played, patches: Sequence[PatchTrajectories]) -> tuple[list[SkeletonFrame], int]:
-    """The paper's averaging after its free-space test, and its number of rounds.
-
-    patches: on the raw joints.
-    """
-    free = {item.stamp_ns: item.free for item in patches}
-    raw = [without(item, free[item.stamp_ns]) if len(free.get(item.stamp_ns, ())) else item
-           for item in played.raw]  # fmt: skip
-
-    def motions_on(joints: Sequence[Mapping[int, Any]]) -> list[PartMotions | None]:
-        shown = [_shown(item, own) for item, own in zip(raw, joints)]
-        by_stamp = {item.stamp_ns: item for item in played.patches(shown, carry_gain=1.0)}
-        before = [None, *(item.stamp_ns for item in raw[:-1])]
-        return [
-            by_stamp[item.stamp_ns].motions
-            if item.stamp_ns in by_stamp and by_stamp[item.stamp_ns].before_ns == last else None
-            for item, last in zip(raw, before)
-        ]  # fmt: skip
-
-    begun = [dict(zip(item.ids.tolist(), item.positions)) for item in raw]
-    joints, rounds = averaged(begun, motions_on, played.skeleton)
-    shown = [_shown(item, own) for item, own in zip(raw, joints)]
-    return [SkeletonFrame(item.stamp_ns, item.ids, item.positions) for item in shown], rounds
-
-
-def _shown(item: TrackedPoseSet, own: Mapping[int, Array]) -> TrackedPoseSet:
-    """The people of a set with other joints (J, 3) m, NaN = missing."""
-    positions = item.positions.copy()
-    for row, number in enumerate(item.ids.tolist()):
-        positions[row] = own[number]
-    filled = np.isfinite(positions[..., 0]) & (item.states == JointState.MISSING)
-    return replace(
-        item, positions=positions, states=np.where(filled, np.uint8(JointState.FILLED), item.states),
-        covariances=np.where(filled[..., None, None], UNKNOWN * np.eye(3), item.covariances),
-    )  # fmt: skip
+def paper(played: Played) -> tuple[list[RefinedPoseSet], int]:
+    """The paper's averaging after its free-space test, and its number of rounds."""
+    averaging = OfflineAveraging(played.plan.configs, StageContext(played.rig, played.skeleton))
+    for item in played.ordered(played.raw):
+        averaging.take(item)
+    return list(averaging.flush()), averaging.rounds
 
 
 FILTERS: dict[str, tuple[float, Callable[[Sequence[TrackedPoseSet]], list[SkeletonFrame]]]] = {

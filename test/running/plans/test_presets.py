@@ -27,7 +27,7 @@ def test_the_papers_first_stage():
     assert voting["method"] == "exact" and voting["voxel"] == 0.04 and voting["threshold"] == 0.05
     assert preset.parameters["assembly"] == {"method": "dynamic_programming", "correspondence_px": 10.0}
     assert preset.parameters["tracking"]["method"] == "head"
-    assert preset.parameters["refinement"] == {"enabled": False}
+    assert preset.parameters["refinement"] == {"method": "averaging"}
 
 
 def test_a_file_counts_more_than_a_preset_and_a_setting_more_than_a_file(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from panoptic_ros.domain import PartMotions
 from panoptic_ros.domain.parts import rigid_parts
-from panoptic_ros.evaluation.averaging import averaged
+from panoptic_ros.refinement.averaging import averaged
 
 PARTS = rigid_parts(captures.SKELETON)
 WRIST = list(captures.SKELETON.joint_names).index("lWrist")
