@@ -17,6 +17,7 @@ __all__ = [
     "Notice",
     "Pass",
     "Progress",
+    "Punctual",
     "Recording",
     "Resting",
     "Stage",
@@ -95,6 +96,15 @@ class Resting(Protocol):
 
     def lasting_state(self) -> bytes:
         """What counts after a pause, in the form of `state`: who begins with it goes on as after one."""
+
+
+@runtime_checkable
+class Punctual(Protocol):
+    """A stage that does less when it is late. What it gives depends on the machine then, so only a live graph
+    tells it."""
+
+    def waited(self, ns: int) -> None:
+        """The records that come next have waited for so long."""
 
 
 # Passes: what needs a whole recording.

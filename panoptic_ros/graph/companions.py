@@ -11,12 +11,13 @@ from panoptic_ros.graph.nodes import Port
 
 
 class Item(NamedTuple):
-    """What has come on a topic of a camera or device."""
+    """What has come on a topic of a camera or device, and when, on the monotonic clock."""
 
     topic: str
     owner: str
     stamp_ns: int
     message: Any
+    came_ns: int = 0
 
 
 @dataclass

@@ -29,8 +29,11 @@ class StageStatistics:
         self._latencies: deque[int] = deque(maxlen=RECENT)  # ns
 
     def take(self, notice: Notice) -> None:
-        """Count a notice, and remember the newest warning of its kind, also for its device."""
+        """Count a notice, and remember the newest warning of its kind, also for its device. What it says was
+        left out is dropped as late."""
         self.notices[notice.code] += 1
+        if "left_out" in notice.values:
+            self.dropped["late"] += int(notice.values["left_out"])
         if notice.severity == "info":
             self._told[notice.code] = notice.text
             return

@@ -38,7 +38,7 @@ WINDOW = 64  # instants: a detector runs on while the stages after it compile th
 IMAGE_WINDOW = 4
 LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}, "refinement": {"lag": 0.03}}  # lag: one set at 30 Hz
 PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
-BUSY = 32  # samples of an IMU that wait: a moment in which bodies are solved is longer than two of them
+BUSY = 64  # messages for a stage that catches up by itself: samples of an IMU of about a second
 LIVE_DEPTH = 8  # messages without images: a moment without a processor loses none; own queues keep them new
 SPARE = 8  # the middleware's queues are longer than what can be under way
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from panoptic_ros.graph.topics import TOPICS
 
-Queue = Literal["newest", "instant", "all"]
+Queue = Literal["newest", "instant", "all", "late"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class NodeSpec:
         outputs: keys of `TOPICS`. A record goes to the topic of its type.
         apart: the inputs of every camera or device are merged on their own, as none waits for another.
         queue: of a live node that falls behind. "newest": a few messages of every topic; "instant": images
-            of one instant together; "all": as every message counts.
+            of one instant together; "all": as every message counts; "late": a second of messages, as
+            it is told that it is late, and leaves work out by itself.
         switch: name of the parameter that turns the stage on, or "stage.name" of another stage's; "" = it is
             always on.
     """
@@ -147,7 +148,7 @@ NODES: dict[str, NodeSpec] = {
                 Port("imu", optional=True), Port("detection_sets", optional=True, first=True),
                 Port("skeletons_raw", optional=True),
             ),
-            ("bodies",), switch="runs",
+            ("bodies",), queue="late", switch="runs",
         ),
         stage_row(
             "patches",

@@ -26,7 +26,7 @@ def queue_for(
         for topic, readers in wiring.readers.items()
     }
     limits = {
-        topic: PATIENT if kind == {"all"} else BUSY if TOPICS[topic].scope == "imu" else flow.queue_limit
+        topic: PATIENT if kind == {"all"} else BUSY if kind == {"late"} else flow.queue_limit
         for topic, kind in kinds.items()
     }
     frequent = [f"{topic} {owner}" for topic, owner in present if TOPICS[topic].scope == "imu"]

@@ -32,6 +32,10 @@ class UnderWay:
         """Whether no other instant should begin."""
         return len(self._instants) >= INSTANTS
 
+    def waited(self, ns: int) -> None:
+        """The records of the next instant have waited for so long."""
+        self._pipeline.waited(ns)
+
     def begin(self, records: Sequence[tuple[str, Any]]) -> None:
         """Take records of one instant, with their topics. What stands beside a record of its camera, such as
         its depth map, comes before it.

@@ -11,13 +11,16 @@ from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.measured_body import MeasuredBody
 from panoptic_ros.kinematics.body.noise_level import NoiseLevel
+from panoptic_ros.kinematics.body.past import Past
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.held import HeldInstants
 from panoptic_ros.kinematics.imus.devices import WornDevices
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
 from panoptic_ros.kinematics.imus.mounting import Looks, MountingEstimate
 from panoptic_ros.kinematics.imus.streams import ImuStreams
 from panoptic_ros.kinematics.imus.wearing import Wearing
+from panoptic_ros.kinematics.pace import Pace
 from panoptic_ros.kinematics.people.person import Behind, Person
 from panoptic_ros.kinematics.people.presence import Presence
 from panoptic_ros.kinematics.people.returning import Absence
@@ -49,6 +52,8 @@ CLASSES = (
         "names _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt _rates_told",
     ),
     Fields.named(MeasuredBody, "_seen"),
+    Fields.named(HeldInstants, "_instants"),
+    Fields.named(Pace, "_most waited_ns _left_out"),
     Fields.named(
         Timeline,
         "_rate_hz _origin _count _before _first_imu _last _awaited _periods _slowest _ahead _others_go_on "
@@ -56,9 +61,10 @@ CLASSES = (
     ),
     Fields.named(
         SubjectTracker,
-        "subject weighing _config _heading _chain _count devices _window _pose _before _stamps _unseen_s "
+        "subject weighing _config _heading _chain _count devices _window _pose _before _past _unseen_s "
         "iterations lengths _next_look _next_update _noise _contact",
     ),
+    Fields.named(Past, "_stamps _strides _held"),
     Fields.named(Contact, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),
     Fields.named(NoiseLevel, "_square _looks _since"),
     Fields.named(LengthEstimate, "_usual _lengths _information _pull looks scales"),
@@ -70,8 +76,8 @@ CLASSES = (
     Fields.named(Wearing, "_looks _count"),
     Fields.named(
         PoseWindow,
-        "_chain _motion _lag _size _weights _poses _next _information _pulled _open _eliminated _linked "
-        "_after iterations",
+        "_chain _motion _lag _size _weights _poses _next _stride _information _pulled _open _eliminated "
+        "_linked _after iterations",
     ),
     Fields.named(
         MountingEstimate,

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import copy
-from collections import deque
-from typing import NamedTuple
 
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import BodyState, Subject
+from panoptic_ros.domain.subjects import ImuReading, Subject
 from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.body.measured_body import MeasuredBody
 from panoptic_ros.kinematics.body_records import Solved, body_set
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.examples import step_examples
+from panoptic_ros.kinematics.held import HeldInstants
 from panoptic_ros.kinematics.imus.streams import ImuStreams
-from panoptic_ros.kinematics.people.allotment import Allotment, SeenView
+from panoptic_ros.kinematics.pace import Pace
+from panoptic_ros.kinematics.people.allotment import Allotment, SeenSet, SeenView
 from panoptic_ros.kinematics.people.person import Behind, Person
 from panoptic_ros.kinematics.people.seen_people import SeenJoints, joints_as_seen
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
-from panoptic_ros.kinematics.stage_notices import ODD, jump, never_came, odd_stamp, unworn
+from panoptic_ros.kinematics.stage_notices import ODD, jump, late, never_came, odd_stamp, unworn
 from panoptic_ros.kinematics.timeline import Timeline
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -29,13 +29,6 @@ from panoptic_ros.state import Stateful, StateLayout
 IN_SPACE = -1  # the source of skeletons that come without 2D people
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
-
-
-class SeenSet(NamedTuple):
-    """Views of an instant, and the index of the detection set."""
-
-    number: int
-    views: tuple[SeenView, ...]
 
 
 class KinematicsStage(Stateful):
@@ -51,7 +44,7 @@ class KinematicsStage(Stateful):
 
     LAYOUT = StateLayout(
         "kinematics",
-        "_people _measured _timeline _streams _waiting _given _last_set _tracks_come _told".split(),
+        "_people _measured _timeline _pace _streams _waiting _given _last_set _tracks_come _told".split(),
         (*CLASSES, SeenView, SeenSet),
         shared=("_config", "_model", "_parents", "_mean"),
         same={"configuration": "_config", "skeleton": "_hash", "cameras": "_rig.names"},
@@ -78,21 +71,22 @@ class KinematicsStage(Stateful):
         for subject in self._subjects:
             self._people[subject.id] = self._new_person(subject)
         self._measured: dict[int, MeasuredBody] = {}  # people without a file, by id
-        self._timeline = Timeline(self._config.rate_hz)
+        self._timeline, self._pace = Timeline(self._config.rate_hz), Pace(self._config.rate_hz)
         devices = dict.fromkeys(d.name for s in self._subjects for d in s.devices)
         self._streams = ImuStreams(tuple(devices))
         self._waiting: SeenSet | None = None
-        self._given: deque[tuple[int, int, dict[int, BodyState]]] = deque()  # instants that are not given yet
+        self._given = HeldInstants()
         self._last_set = -1  # index
         self._tracks_come = False
         self._told: set[str] = set()
 
     def flush(self) -> StepResult[Out]:
         """All instants up to the newest sample, and what the lag held back."""
+        self.waited(0)
         notices = self._take_waiting(None)
         outputs = self._run(notices, at_end=True)
         for person in self._people.values():
-            self._keep(person.flush())
+            self._given.keep(person.flush())
         outputs += [self._give() for _ in range(len(self._given))]
         self.reset()
         return StepResult(tuple(outputs), tuple(notices))
@@ -113,11 +107,15 @@ class KinematicsStage(Stateful):
             notices = self._take_tracked(item)
         return StepResult(tuple(self._run(notices)), tuple(notices))
 
+    def waited(self, ns: int) -> None:
+        """See `stage.Punctual` and `Pace`."""
+        self._pace.waited_ns = ns
+
     def lasting_state(self) -> bytes:
         """See `stage.Resting`: without the windows of the bodies, which are nearly all of the state."""
         resting = copy.copy(self)
         resting._people = {number: person.at_rest() for number, person in self._people.items()}
-        resting._given = deque()
+        resting._given = HeldInstants()
         return Stateful.state(resting)
 
     # ------------------------------------------------------------------ what comes
@@ -224,42 +222,49 @@ class KinematicsStage(Stateful):
     def _run(self, notices: list[Notice], at_end: bool = False) -> list[Out]:
         outputs = []
         while (stamp := self._timeline.due(at_end)) is not None:
-            notices += self._solve(stamp)
-            if len(self._given) > self._lag:
+            stride = self._pace.step(self._timeline.patience_ns)
+            if not stride:
+                self._leave_out(stamp)
+                continue
+            notices += self._solve(stamp, stride)
+            while self._given.is_due(self._timeline.index - self._lag):
                 outputs.append(self._give())
         return outputs
 
-    def _solve(self, stamp_ns: int) -> list[Notice]:
-        self._given.append((self._timeline.index, stamp_ns, {}))
+    def _readings(self, stamp_ns: int) -> dict[int, dict[str, ImuReading]]:
+        """What all devices measured at an instant, by the offset of their clock, ns."""
+        offsets = {person.fitting.offset_ns for person in self._people.values()}
+        return {offset: self._streams.at(stamp_ns - offset) for offset in offsets}
+
+    def _leave_out(self, stamp_ns: int) -> None:
+        """Do without an instant; clocks and headings are looked for in samples without gaps."""
+        if any(person.fitting.looking for person in self._people.values()):
+            readings = self._readings(stamp_ns)
+            for person in self._people.values():
+                person.feel(stamp_ns, readings[person.fitting.offset_ns])
+
+    def _solve(self, stamp_ns: int, stride: int) -> list[Notice]:
+        self._given.add(self._timeline.index, stamp_ns)
         assert self._statistics is not None
-        notices = self._streams.judge(stamp_ns, 1.0 / self._config.rate_hz)
-        readings = {}
-        for offset in {person.fitting.offset_ns for person in self._people.values()}:
-            readings[offset] = self._streams.at(stamp_ns - offset)
+        notices = [late(stride - 1, self._pace.waited_ns)] if stride > 1 else []
+        notices += self._streams.judge(stamp_ns, stride / self._config.rate_hz)
+        readings = self._readings(stamp_ns)
         half = max(self._timeline.patience_ns // 2, round(5e8 / self._config.rate_hz))
         for number, person in list(self._people.items()):
             mine = readings[person.fitting.offset_ns]
-            states, told = person.step(stamp_ns, mine, half, self._statistics)
+            states, told = person.step(stamp_ns, mine, half, self._statistics, stride)
             notices += told
-            self._keep(states)
+            self._given.keep(states)
             if person.tracker is None and person.missed and not self._is_designated(number):
-                if not any(number in kept for _, _, kept in self._given):
+                if not self._given.holds(number):
                     del self._people[number]
             elif self._timeline.index > NEVER_S * self._config.rate_hz and person.tracker is None:
                 notices += [] if person.came else self._once(never_came(number, NEVER_S))
         return notices
 
-    def _keep(self, states: list[BodyState]) -> None:
-        """Keep bodies until their instant is given."""
-        if states:
-            places = {stamp: found for _, stamp, found in self._given}
-            for state in states:
-                if state.stamp_ns in places:
-                    places[state.stamp_ns][state.id] = state
-
     def _give(self) -> BodyStateSet:
         """The oldest instant that is kept."""
-        index, stamp_ns, states = self._given.popleft()
+        index, stamp_ns, states = self._given.take()
         rows = []
         for number, state in states.items():
             person = self._people[number]

@@ -25,6 +25,15 @@ def jump(stamp_ns: int, name: str) -> Notice:
     return Notice("kinematics.jump", "warning", text)
 
 
+def late(left_out: int, waited_ns: int) -> Notice:
+    """Instants were left out, as data had waited for so long."""
+    text = (
+        f"{left_out} instants were left out, as data had waited for {1e-6 * waited_ns:.0f} ms: this machine "
+        "is too slow, or others use it; give fewer subjects or a lower `rate_hz`"
+    )
+    return Notice("kinematics.late", "warning", text, {"left_out": left_out})
+
+
 def never_came(number: int, seconds: float) -> Notice:
     """Somebody was not seen so long."""
     text = (

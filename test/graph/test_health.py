@@ -49,8 +49,12 @@ def test_drops_and_notices_warn_for_ten_seconds_with_what_was_new():
     trouble = by_name(health, 5 * SECOND)["sync"].trouble
     assert trouble == "dropped of late: 5 lost; frame 7 of camera left was dropped"
     assert not by_name(health, 16 * SECOND)["sync"].trouble
+    sync.take(Notice("kinematics.late", "warning", "some were left out", {"left_out": 4}))
+    sync.take(Notice("kinematics.late", "warning", "some were left out", {"left_out": 1}))
+    assert by_name(health, 17 * SECOND)["sync"].values["dropped.late"] == "5"
+    assert not by_name(health, 28 * SECOND)["sync"].trouble
     sync.dropped["lost"] += 1
-    found = by_name(health, 17 * SECOND)["sync"]
+    found = by_name(health, 29 * SECOND)["sync"]
     assert found.trouble == "dropped of late: 1 lost" and found.values["dropped.lost"] == "6"
 
 

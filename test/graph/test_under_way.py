@@ -116,9 +116,9 @@ def test_no_instant_is_taken_while_there_are_enough():
     assert waiting.take() == list(CAMERAS)
 
 
-def test_more_samples_of_an_imu_wait_than_of_what_is_newest():
-    wiring = Wiring(["kinematics"])
-    waiting = queue_for(wiring, make_flow("live"), [("imu", "back"), ("skeletons_raw", "")])
+@pytest.mark.parametrize(("stages", "few"), [(["kinematics"], BUSY), (["kinematics", "refinement"], 2)])
+def test_more_waits_for_a_stage_that_catches_up_than_for_others(stages, few):
+    waiting = queue_for(Wiring(stages), make_flow("live"), [("imu", "back"), ("skeletons_raw", "")])
     dropped = {key: sum(waiting.put(key, k, k) for k in range(BUSY)) for key in ("imu back", "skeletons_raw")}
-    assert dropped == {"imu back": 0, "skeletons_raw": BUSY - 2}
+    assert dropped == {"imu back": 0, "skeletons_raw": BUSY - few}
     assert waiting.put("imu back", BUSY, BUSY) == 1

@@ -16,6 +16,7 @@ from panoptic_ros.kinematics.body.contact import Contact
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.noise_level import NoiseLevel
+from panoptic_ros.kinematics.body.past import Past
 from panoptic_ros.kinematics.body.start import first_pose, middle_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.devices import WornDevices
@@ -39,7 +40,6 @@ Array = np.ndarray
 UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
 KEPT = 2  # instants, for which what comes after a pose is taken to look the same: a twentieth of a second
-KEPT_STAMPS = 64
 SAME_LENGTHS = 0.002  # m, of a change that is not worth another
 
 
@@ -72,7 +72,7 @@ class SubjectTracker:
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
-        self._stamps: deque[int] = deque(maxlen=KEPT_STAMPS)
+        self._past = Past()
         self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
         self.iterations: deque[int] = deque(maxlen=1000)
 
@@ -103,7 +103,7 @@ class SubjectTracker:
     def at_rest(self) -> SubjectTracker:
         """The same without its motion, as it goes on after a pause: from where the body was."""
         found = copy.copy(self)
-        found._window, found._before, found._stamps = None, None, deque(maxlen=KEPT_STAMPS)
+        found._window, found._before, found._past = None, None, Past()
         return found
 
     def move_to(self, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None) -> None:
@@ -117,12 +117,12 @@ class SubjectTracker:
         moved.root[:] = place
         self._pose, self._window, self._before = moved, None, None
         self.devices.forget()
-        self._stamps.clear()
+        self._past = Past()
 
-    def expected(self) -> Pose | None:
-        """Where the body is expected at the next instant."""
+    def expected(self, stride: int = 1) -> Pose | None:
+        """Where the body is expected so many periods after the last instant."""
         if self._window is not None:
-            return self._window.predicted()
+            return self._window.predicted(stride)
         return self._pose
 
     def expected_sites(self) -> tuple[Array, Array] | None:
@@ -137,18 +137,19 @@ class SubjectTracker:
 
     def step(
         self, instant: Instant, people: dict[int, tuple[Array, Array]],
-        joints: tuple[Array, Array] | None = None,
+        joints: tuple[Array, Array] | None = None, stride: int = 1,
     ) -> list[BodyState]:  # fmt: skip
         """Solve an instant.
 
         Args:
             people: points (K, 2) and scores (K,) of this person by camera.
             joints: in space, where there is nothing in 2D: positions (K, 3) m and covariances (K, 3, 3) m^2.
+            stride: periods since the instant before.
 
         Returns:
-            Bodies that are final: of the instant that is the lag ago, if there is one yet.
+            Bodies that are final: of instants that are the lag ago, if there are any yet.
         """
-        period = 1.0 / self._config.rate_hz
+        period = stride / self._config.rate_hz
         which, goals = self.devices.orientations(instant)
         if self._pose is None:
             if not people and joints is None and not len(which):
@@ -157,7 +158,7 @@ class SubjectTracker:
             oriented = self.devices.segments[which], goals_now
             self._pose = first_pose(self.weighing, self.subject, people, oriented, joints)
         self._unseen_s = 0.0 if people or joints is not None else self._unseen_s + period
-        guess = self.expected()
+        guess = self.expected(stride)
         assert guess is not None
         views = self.weighing.views(people, guess.root, self._noise.level)
         turns = self.weighing.turns(
@@ -166,17 +167,18 @@ class SubjectTracker:
         points = self.weighing.points(joints)
         evidence = self.weighing.evidence(views, turns, points)
         if self._config.window:
-            self._step_window(guess, evidence, (which, goals))
+            self._step_window(guess, evidence, (which, goals), stride)
         else:
             self._step_alone(evidence, period)
         assert self._pose is not None
         seen = self.weighing.evidence(views, NO_TURNS, points)
+        self.devices.passed(period)
         self.devices.look(instant, self._pose, seen, len(people), (which, goals))
         self.devices.remember(instant, which, goals)
-        self._learn_lengths(evidence, len(people))
+        self._learn_lengths(evidence, len(people), period)
         if self._config.noise_level:
             self._noise.learn(views, self._chain, self._pose, period)
-        self._stamps.append(instant.stamp_ns)
+        self._past.add(instant.stamp_ns, stride)
         return self._final()
 
     def flush(self) -> list[BodyState]:
@@ -184,17 +186,15 @@ class SubjectTracker:
         if self._window is None:
             return []
         poses = self._window.smoothed()
-        return [
-            self._smoothed_state(poses, back) for back in range(min(self._lag, len(self._stamps)) - 1, -1, -1)
-        ]
+        return [self._smoothed_state(poses, back) for back in self._past.left(self._lag)]
 
     @property
     def _lag(self) -> int:
         return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
 
-    def _learn_lengths(self, evidence: Evidence, views: int) -> None:
+    def _learn_lengths(self, evidence: Evidence, views: int, period: float) -> None:
         """Look now and then; take over what was learnt at twice as many looks each time, until it stays."""
-        self._next_look -= 1.0 / self._config.rate_hz
+        self._next_look -= period
         if self.lengths is None or views < 2 or self._next_look > 1e-9:
             return
         assert self._pose is not None
@@ -212,20 +212,23 @@ class SubjectTracker:
             if change < SAME_LENGTHS and self.lengths.looks > LENGTH_LOOKS:
                 self.lengths = None
 
-    def _step_window(self, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array]) -> None:
+    def _step_window(
+        self, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array], stride: int
+    ) -> None:
         period = 1.0 / self._config.rate_hz
         if self._window is None:
             assert self._pose is not None
             motion = Motion(self._config.root_acceleration, self._config.joint_acceleration, period)
             self._window = PoseWindow(self._chain, self._pose, motion, self._lag)
-            guess = self._window.predicted()
-        turning = self.devices.turning(*oriented)
+            guess = self._window.predicted(stride)
+        turning = self.devices.turning(*oriented, stride)
         free = self._unseen_s > UNSEEN_S
-        accelerations = self.devices.accelerations(free) if len(self._stamps) >= 2 else NO_ACCELERATIONS
-        weight = min(period / self._config.error_time, 1.0)
+        known = len(self._past) >= 2
+        accelerations = self.devices.accelerations(free, stride) if known else NO_ACCELERATIONS
+        weight = min(stride * period / self._config.error_time, 1.0)
         self._pose = self._window.step(
             guess, evidence._replace(weight=weight),
-            Between(accelerations, turning, self._standing(turning)),
+            Between(accelerations, turning, self._standing(turning, stride), stride),
             self._config.iterations,
         )  # fmt: skip
         self.iterations.append(self._window.iterations)
@@ -259,12 +262,12 @@ class SubjectTracker:
         goals = 2.0 * sites[1] - sites[0] + period**2 * values
         return PointTargets(segments, offsets, goals, information, 1.0)
 
-    def _standing(self, turning: Turning) -> Standing:
+    def _standing(self, turning: Turning, stride: int) -> Standing:
         """What carries the body, while no camera sees it."""
         if self._unseen_s <= UNSEEN_S or self._pose is None:
             self._contact.forget()
             return NOTHING_STANDS
-        rate = self._config.rate_hz
+        rate = self._config.rate_hz / stride
         angles = np.linalg.norm(vectors_of(np.ascontiguousarray(turning.changes)), axis=-1)
         rates = dict(zip(turning.segments.tolist(), (rate * angles).tolist()))
         return self._contact.step(self._chain, self._pose, rates, self.devices.shaken())
@@ -273,10 +276,10 @@ class SubjectTracker:
         assert self._pose is not None
         if self._window is None:
             places, frames = place_all(self._chain, self._pose.root[None], self._pose.turns[None])
-            return [BodyState(self._stamps[-1], self.subject.id, places[0], frames[0])]
-        if len(self._stamps) <= self._lag:
-            return []
-        return [self._smoothed_state(self._window.smoothed(), self._lag)]
+            return [BodyState(self._past.stamp(0), self.subject.id, places[0], frames[0])]
+        due = self._past.due(self._lag)
+        poses = self._window.smoothed() if due else []
+        return [self._smoothed_state(poses, back) for back in due]
 
     def _smoothed_state(self, poses: Sequence[Pose], back: int) -> BodyState:
         """The body of so many instants ago, from poses that begin with the newest one."""
@@ -285,11 +288,11 @@ class SubjectTracker:
         places, frames = place_all(
             self._chain, np.array([pose.root for pose in around]), np.array([pose.turns for pose in around])
         )
-        rate = self._config.rate_hz / (2.0 if back else 1.0)
+        rate = self._config.rate_hz / self._past.around(back)
         spins = rate * vectors_of(np.ascontiguousarray(frames[0] @ frames[2].swapaxes(1, 2)))
         kept = KEPT if back == self._lag else 0
         covariance = self._window.covariance(back, self._config.lasting_share, kept)
         return BodyState(
-            self._stamps[-1 - back], self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
+            self._past.stamp(back), self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
             spins, segment_covariances(self._chain, poses[back], covariance),
         )  # fmt: skip

@@ -76,24 +76,28 @@ class WornDevices:
             return found
         return np.full(len(which), math.radians(self._config.orientation_sd))
 
-    def turning(self, which: Array, goals: Array) -> Turning:
-        """How the segments turned since the instant before."""
+    def turning(self, which: Array, goals: Array, stride: int = 1) -> Turning:
+        """How the segments turned since the instant before, so many periods ago."""
         both = [(k, goal @ self._oriented[k].T) for k, goal in zip(which, goals) if k in self._oriented]
-        spread = math.radians(self._config.turn_sd) / math.sqrt(self._config.rate_hz)
+        spread = math.radians(self._config.turn_sd) / math.sqrt(self._config.rate_hz / stride)
         return Turning(
             self.segments[[k for k, _ in both]], np.array([change for _, change in both]).reshape(-1, 3, 3),
             np.full(len(both), spread**-2),
         )  # fmt: skip
 
-    def accelerations(self, relative: bool) -> Accelerations:
-        """Of the instant before; `relative`: that of the whole body is not to be trusted."""
+    def accelerations(self, relative: bool, stride: int = 1) -> Accelerations:
+        """Of the instant before; `relative`: that of the whole body is not to be trusted.
+
+        They stand for the mean over the steps of time around it, of so many periods: the longer, the less
+        they tell.
+        """
         if not self.measured or (relative and len(self.measured) < 2):
             return NO_ACCELERATIONS
         which = np.array(sorted(self.measured))
+        weight = (stride * self._config.acceleration_sd) ** -2
         return Accelerations(
             self.segments[which], self.positions[which], np.array([self.measured[k] for k in which]),
-            np.full(len(which), self._config.acceleration_sd**-2), self._config.acceleration_scale**2,
-            relative,
+            np.full(len(which), weight), self._config.acceleration_scale**2, relative,
         )  # fmt: skip
 
     def shaken(self) -> dict[int, float]:
@@ -109,6 +113,10 @@ class WornDevices:
         """There was no instant before."""
         self.measured, self._oriented = {}, {}
 
+    def passed(self, seconds: float) -> None:
+        """So much time has passed since the instant before."""
+        self._since_look += seconds
+
     def look(
         self, instant: Instant, pose: Pose, seen: Evidence, views: int, oriented: tuple[Array, Array]
     ) -> None:
@@ -117,7 +125,6 @@ class WornDevices:
         Args:
             seen: all but the orientations. views: that see the person. oriented: see `orientations`.
         """
-        self._since_look += 1.0 / self._config.rate_hz
         which, goals = oriented
         if not views or not len(which) or not self._config.mounting or self._since_look < LOOK_S - 1e-9:
             return

@@ -32,6 +32,13 @@ class SeenView(NamedTuple):
     scores: Array
 
 
+class SeenSet(NamedTuple):
+    """Views of an instant, and the index of the detection set."""
+
+    number: int
+    views: tuple[SeenView, ...]
+
+
 class Allotment:
     """Gives 2D people to those whose they are.
 

@@ -65,26 +65,25 @@ class Person:
 
     def step(
         self, stamp_ns: int, readings: dict[str, ImuReading], half_period_ns: int,
-        statistics: PoseStatistics,
+        statistics: PoseStatistics, stride: int = 1,
     ) -> tuple[list[BodyState], list[Notice]]:
         """Solve an instant: bodies that are final, of the instant that is the lag ago, and notices.
 
         Args:
             readings: of all devices. half_period_ns: for so long a sample alone counts.
-            statistics: of poses.
+            statistics: of poses. stride: periods since the instant before.
         """
         people = self.seen.views_at(stamp_ns, half_period_ns)
         joints = self.seen.joints_at(stamp_ns, half_period_ns)
         people = _of_others(people, joints)
-        mine = {name: reading for name, reading in readings.items() if name in self.worn}
-        notices = self.fitting.take(stamp_ns, self.subject, mine)
+        mine, notices = self.feel(stamp_ns, readings)
         seen = bool(people) or joints is not None
         instant = Instant(stamp_ns, {}, mine)
         if self.fitting.looking:
-            notices += self._look(instant, people, joints, statistics)
+            notices += self._look(instant, people, joints, statistics, stride)
         done = self._remount(stamp_ns)
         used = {name for name in mine if name in self._devices()}
-        self._without = 0 if seen or used else self._without + 1
+        self._without = 0 if seen or used else self._without + stride
         if self.missed:
             return done + self._give_up(), notices
         if self.tracker is None and not self._begins(stamp_ns, seen, used):
@@ -95,11 +94,19 @@ class Person:
             done += tracker.flush()
             tracker.move_to(people, joints)
             self._returns = False
-        self._unseen = 0 if seen else self._unseen + 1
-        done += tracker.step(replace(instant, readings={n: mine[n] for n in used}), people, joints)
+        self._unseen = 0 if seen else self._unseen + stride
+        used_now = replace(instant, readings={n: mine[n] for n in used})
+        done += tracker.step(used_now, people, joints, stride)
         notices += tracker.devices.take_notices()
         self.behind[stamp_ns] = Behind(int(self._source(people, joints, used)), len(people), len(used))
         return done, notices
+
+    def feel(
+        self, stamp_ns: int, readings: dict[str, ImuReading]
+    ) -> tuple[dict[str, ImuReading], list[Notice]]:
+        """What the person's own devices, of all of these, measured at an instant."""
+        mine = {name: reading for name, reading in readings.items() if name in self.worn}
+        return mine, self.fitting.take(stamp_ns, self.subject, mine)
 
     @property
     def missed(self) -> bool:
@@ -160,14 +167,14 @@ class Person:
 
     def _look(
         self, instant: Instant, people: dict[int, tuple[Array, Array]],
-        joints: tuple[Array, Array] | None, statistics: PoseStatistics,
+        joints: tuple[Array, Array] | None, statistics: PoseStatistics, stride: int,
     ) -> list[Notice]:  # fmt: skip
         """Solve from cameras alone, and compare with the IMUs."""
         if self._alone is None and people:
             bare = replace(self.subject, devices=())
             self._alone = SubjectTracker(cameras_alone(self._config), bare, self.weighing, {})
         states = (
-            self._alone.step(instant, people, joints) if self._alone is not None and people else []
+            self._alone.step(instant, people, joints, stride) if self._alone is not None and people else []
         )
         notices = self.fitting.learn(self.subject, states, self._config.rate_hz, statistics)
         if not self.fitting.looking:

@@ -20,7 +20,8 @@ Array = np.ndarray
 class Linked(NamedTuple):
     """What an instant added: (D, D) of second differences with the two before it, of first differences with
     the one before, of its own evidence, and its lower factor; and, given all up to it, (2 D, 2 D) of the one
-    before and it, and (2 D, D) by how much errors that last pull them, see `PoseWindow.covariance`."""
+    before and it, and (2 D, D) by how much errors that last pull them, see `PoseWindow.covariance`. ratio: of
+    the step of time to it to the one before."""
 
     bend: Array
     turn: Array
@@ -29,6 +30,7 @@ class Linked(NamedTuple):
     joint: Array
     pulled: Array
     weight: float
+    ratio: float
 
 
 class Afterwards(NamedTuple):
@@ -67,7 +69,7 @@ def _before(link: Linked, later: Array) -> Array:
     n = len(link.own)
     newest, against = np.empty((n, n), order="F"), np.empty((n, 2 * n), order="F")
     found = np.empty((2 * n, 2 * n), order="F")
-    _assemble(link.bend, link.turn, link.own, later, newest, against, found)
+    _assemble((link.bend, link.ratio), link.turn, link.own, later, newest, against, found)
     solved = forward(factor_of(newest.T), against)
     left: Array = blas.dsyrk(-1.0, solved, 1.0, found, trans=1, lower=1, overwrite_c=1)
     return left
@@ -75,21 +77,23 @@ def _before(link: Linked, later: Array) -> Array:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _assemble(
-    bend: Array, turn: Array, own: Array, later: Array, newest: Array, against: Array, found: Array
-) -> None:
+    second: tuple[Array, float], turn: Array, own: Array, later: Array, newest: Array, against: Array,
+    found: Array,
+) -> None:  # fmt: skip
     """The lower halves of what the newest of three instants has with itself and the two before have with one
     another, and all that it has with them."""
-    n = len(bend)
+    bend, ratio = second
+    n, middle = len(bend), 1.0 + ratio
     for j in range(n):
         for i in range(n):
             k, t = bend[j, i], turn[j, i]
-            against[i, j] = k
-            against[i, n + j] = later[n + i, j] - 2.0 * k - t
-            found[n + i, j] = -2.0 * k
+            against[i, j] = ratio * k
+            against[i, n + j] = later[n + i, j] - middle * k - t
+            found[n + i, j] = -ratio * middle * k
             if i >= j:
                 newest[i, j] = k + t + own[j, i] + later[n + i, n + j]
-                found[i, j] = k
-                found[n + i, n + j] = 4.0 * k + t + later[i, j]
+                found[i, j] = ratio * ratio * k
+                found[n + i, n + j] = middle * middle * k + t + later[i, j]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -3,7 +3,7 @@
 Slopes hardly change from an instant to the next, so those of one pose serve for all. A second difference
 x0 - 2 x1 + x2 of what has slopes J then has the matrix c_a c_b J^T W J between the steps a and b, with
 c = (1, -2, 1), and a first difference the same with c = (-1, 1): one sum over the segments serves for all
-blocks.
+blocks. Where the later step of time is r times the one before, c = (r, -1 - r, 1).
 """
 
 from __future__ import annotations
@@ -24,16 +24,21 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def add_second_differences(
-    chain: Chain, poses: tuple[Pose, Pose, Pose], given: Accelerations, period: float, matrix: Array,
-    vector: Array,
+    chain: Chain, poses: tuple[Pose, Pose, Pose], given: Accelerations, times: tuple[float, float],
+    matrix: Array, vector: Array,
 ) -> None:  # fmt: skip
     """Accelerations of sites, into (D, D) and (D,).
+
+    Args:
+        times: ratio of the later step of time to the one before, and the period, s, whose square is by how
+            much an acceleration bends the way between three poses.
 
     The slopes are those of the middle pose. With slopes of their own, which differ a little and are divided
     by the period squared, the three poses would seem to know the orientation itself, and what is linearised
     at one pose and kept while the pose moves on would bend the body out of shape.
     """
     count, size = len(chain.parents), len(vector)
+    ratio, period = times
     frames, places = np.empty((3, count, 3, 3)), np.empty((3, count, 3))
     for k in range(3):
         place_segments(chain, poses[k], frames[k], places[k])
@@ -44,7 +49,7 @@ def add_second_differences(
         for k in range(3):
             place_site(frames[k, s], places[k, s], given.offsets[n], sites[k])
         for j in range(3):
-            bend = (sites[0, j] - 2.0 * sites[1, j] + sites[2, j]) / period**2
+            bend = (ratio * sites[0, j] - (1.0 + ratio) * sites[1, j] + sites[2, j]) / period**2
             errors[n, j] = bend - given.values[n, j]
             common[j] += errors[n, j] / number
     matrices, vectors = np.zeros((count, 6, 6)), np.zeros((count, 6))
@@ -118,23 +123,24 @@ def first_differences(
 
 @_jit
 def add_motion(
-    information: Array, second: tuple[Array, Array], first: tuple[Array, Array], rest: Array
+    information: Array, second: tuple[Array, Array, float], first: tuple[Array, Array], rest: Array
 ) -> None:
     """What the last pose, the new one and 1 have with one another when the pose before is eliminated.
 
     Args:
         information: (2 D, 2 D) of the pose before and the last one.
-        second, first: matrix (D, D) and vector (D,) of second and first differences.
+        second, first: matrix (D, D) and vector (D,) of second and first differences; of the second ones
+            also the ratio of the later step of time to the one before.
         rest: (2 D + 1, 2 D + 1), what is eliminated; the result, but for the block below the diagonal.
     """
-    bend, slope = second
+    bend, slope, ratio = second
     turn, pull = first
-    n = len(slope)
+    n, middle = len(slope), 1.0 + ratio
     for i in range(n):
         for j in range(n):
             k, t = bend[i, j], turn[i, j]
-            rest[i, j] = information[n + i, n + j] + 4.0 * k + t - rest[i, j]
-            rest[i, n + j] = -2.0 * k - t - rest[i, n + j]
+            rest[i, j] = information[n + i, n + j] + middle * middle * k + t - rest[i, j]
+            rest[i, n + j] = -middle * k - t - rest[i, n + j]
             rest[n + i, n + j] = k + t - rest[n + i, n + j]
-        rest[i, 2 * n] = -2.0 * slope[i] - pull[i] - rest[i, 2 * n]
+        rest[i, 2 * n] = -middle * slope[i] - pull[i] - rest[i, 2 * n]
         rest[n + i, 2 * n] = slope[i] + pull[i] - rest[n + i, 2 * n]

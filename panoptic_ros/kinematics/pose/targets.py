@@ -184,11 +184,12 @@ NOTHING_STANDS = Standing(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.z
 
 
 class Between(NamedTuple):
-    """What was measured between instants."""
+    """What was measured between instants; stride: periods from the last one to the new one."""
 
     accelerations: Accelerations = NO_ACCELERATIONS
     turning: Turning = NOTHING_TURNS
     standing: Standing = NOTHING_STANDS
+    stride: int = 1
 
 
 NOTHING_BETWEEN = Between()

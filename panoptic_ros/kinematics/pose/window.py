@@ -10,6 +10,7 @@ Striebel 1965, in information form) and costs next to nothing.
 from __future__ import annotations
 
 import itertools
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -71,7 +72,8 @@ class PoseWindow:
         self._size = 3 + 3 * len(chain.parents)
         self._weights = motion.weights(self._size)
         self._poses = [start.copy(), start.copy()]
-        self._next: Pose | None = None  # what is predicted, once somebody asked
+        self._next: Pose | None = None  # what is predicted a period on, once somebody asked
+        self._stride = 1  # periods between the last two poses
         self._information = self.start
         self._pulled = np.zeros((2 * self._size, self._size))
         self._open = OPEN * np.eye(self._size)
@@ -98,14 +100,17 @@ class PoseWindow:
         """Go on with other lengths."""
         self._chain = chain
 
-    def predicted(self) -> Pose:
-        """The next pose at constant velocity."""
-        if self._next is None:
+    def predicted(self, stride: int = 1) -> Pose:
+        """The pose so many periods after the last one, at constant velocity."""
+        if self._next is None or stride != 1:
             step = np.empty(self._size)
             step_between(self._poses[0], self._poses[1], step)
-            np.clip(step, -LONGEST_STEP, LONGEST_STEP, out=step)
-            self._next = self._poses[1].copy()
-            step_pose(self._poses[1], step, self._next)
+            np.clip(stride / self._stride * step, -LONGEST_STEP, LONGEST_STEP, out=step)
+            found = self._poses[1].copy()
+            step_pose(self._poses[1], step, found)
+            if stride != 1:
+                return found
+            self._next = found
         return self._next.copy()
 
     def step(
@@ -120,15 +125,15 @@ class PoseWindow:
         Args:
             guess: where it begins, see `predicted`.
         """
-        n = self._size
+        n, ratio = self._size, between.stride / self._stride
         bend, slope, turn, pull = self._between(guess, between)
         # the pose before the last, against the last and the new one
         rows = np.empty((n, 3 * n + 1), order="F")
-        rows[:, :n] = self._information[:n, n:] - 2.0 * bend
-        rows[:, n : 2 * n] = bend
-        rows[:, 2 * n] = slope
+        rows[:, :n] = self._information[:n, n:] - ratio * (1.0 + ratio) * bend
+        rows[:, n : 2 * n] = ratio * bend
+        rows[:, 2 * n] = ratio * slope
         rows[:, 2 * n + 1 :] = self._pulled[:n]
-        first = factor_of(self._information[:n, :n] + bend)
+        first = factor_of(self._information[:n, :n] + ratio**2 * bend)
         self._eliminated.append(
             _Eliminated(
                 self._poses[0].copy(), self._poses[1].copy(), guess.copy(), first, rows[:, : 2 * n + 1]
@@ -139,7 +144,7 @@ class PoseWindow:
         np.negative(pulled, out=pulled)
         pulled[:n] += self._pulled[n:]
         rest = solved.T @ solved
-        add_motion(self._information, (bend, slope), (turn, pull), rest)
+        add_motion(self._information, (bend, slope, ratio), (turn, pull), rest)
         # the last one against the new one
         second = factor_of(rest[:n, :n])
         against = np.array(rest[:n, n:], order="F")
@@ -161,10 +166,11 @@ class PoseWindow:
         root = factor_of(own + self._open)
         pulled[n:] += root
         self._information, self._pulled = full, pulled
-        self._linked.append(Linked(bend, turn, own, root, full, pulled, evidence.weight))
+        self._linked.append(Linked(bend, turn, own, root, full, pulled, evidence.weight, ratio))
         self._poses, self._next = [middle, pose], None
         if self._after is not None:
-            self._after = self._after._replace(age=self._after.age + 1)
+            self._after = self._after._replace(age=self._after.age + 1) if between.stride == 1 else None
+        self._stride = between.stride
         return pose
 
     def covariance(self, back: int, lasting: float, kept: int = 0) -> Array:
@@ -218,12 +224,14 @@ class PoseWindow:
         before, after = np.empty(n), np.empty(n)
         step_between(self._poses[0], self._poses[1], before)
         step_between(self._poses[1], guess, after)
-        bend, slope = np.diag(self._weights), self._weights * (after - before)
+        stride, ratio = between.stride, between.stride / self._stride
+        steps = 0.5 * stride * (self._stride + stride)  # periods^2: 1 where all steps are of one
+        weights = self._weights / steps**2
+        bend, slope = np.diag(weights), weights * (after - ratio * before)
         if len(between.accelerations.segments):
             poses = (self._poses[0], self._poses[1], guess)
-            add_second_differences(
-                self._chain, poses, between.accelerations, self._motion.period, bend, slope
-            )
+            times = ratio, math.sqrt(steps) * self._motion.period
+            add_second_differences(self._chain, poses, between.accelerations, times, bend, slope)
         turn, pull = np.empty((n, n)), np.empty(n)
         first_differences(self._chain, self._poses[1], guess, between.turning, between.standing, turn, pull)
         turn[np.arange(n), np.arange(n)] += RIDGE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -13,12 +14,14 @@ from panoptic_ros.graph.under_way import UnderWay
 
 
 class Arrival(NamedTuple):
-    """What has come on a topic of a camera or device; record None: it could not be used."""
+    """What has come on a topic of a camera or device, and when, on the monotonic clock; record None: it could
+    not be used."""
 
     topic: str
     owner: str
     stamp_ns: int
     record: Any | None
+    came_ns: int
 
 
 class Delivery(Protocol):
@@ -41,6 +44,7 @@ class LiveDelivery:
         self._under_way = under_way
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
+        self._under_way.waited(time.monotonic_ns() - arrivals[0].came_ns)
         self._under_way.begin([(one.topic, one.record) for one in arrivals if one.record is not None])
 
     def gave(self, topic: str, record: Any) -> None:
@@ -62,7 +66,7 @@ class ReplayDelivery:
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
         for one in arrivals:
-            self.host.put(*one)
+            self.host.put(one.topic, one.owner, one.stamp_ns, one.record)
         self._advance()
 
     def gave(self, topic: str, record: Any) -> None:

@@ -192,7 +192,8 @@ class StageWork:
         """Enqueue a message, with those that belong to it."""
         if self._around.pausing is not None and self._around.pausing.leaves_out():
             return
-        for bundle in self._companions.put(Item(entry.topic, entry.owner, stamp_ns, (entry, data))):
+        item = Item(entry.topic, entry.owner, stamp_ns, (entry, data), time.monotonic_ns())
+        for bundle in self._companions.put(item):
             last = bundle[-1]
             key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
             self._around.worker.put(key, last.stamp_ns, bundle)
@@ -211,7 +212,7 @@ class StageWork:
         for item in (item for bundle in bundles for item in bundle):
             entry, data = item.message
             record = self._entrance.record(entry, data)
-            arrivals.append(Arrival(entry.topic, entry.owner, item.stamp_ns, record))
+            arrivals.append(Arrival(entry.topic, entry.owner, item.stamp_ns, record, item.came_ns))
             entry.count += 1
             if not self._live:
                 self._around.ends.taken(entry.name)

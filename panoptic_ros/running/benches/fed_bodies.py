@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +30,7 @@ from panoptic_ros.running.processes.children import Processes
 from panoptic_ros.running.processes.usage import usage_of
 
 Array = np.ndarray
+DROPPED = "dropped."
 FOUND_S = 20.0  # from the first skeletons on: clocks of IMUs are looked for in the first 15 s
 
 
@@ -59,10 +61,10 @@ def _with_bodies(feed: BodyFeed, lag: float) -> Callable[[Plan, Path], Plan]:
 
 
 class _Used(NamedTuple):
-    """What processes have used by a moment, and how much the kinematics node had dropped, as it told."""
+    """What processes have used by a moment, and what the kinematics node had dropped by cause, as it told."""
 
     usage: dict[str, Usage]
-    dropped: int
+    dropped: Counter[str]
 
 
 class _Run(Player):
@@ -127,7 +129,8 @@ class _Run(Player):
 
     def _used(self, processes: Processes) -> _Used:
         told = self.node.diagnostics.get("kinematics", {})
-        dropped = sum(int(count) for key, count in told.items() if key.startswith("dropped."))
+        counts = {key.removeprefix(DROPPED): int(n) for key, n in told.items() if key.startswith(DROPPED)}
+        dropped = Counter(counts)
         return _Used({name: usage_of([pid]) for name, pid in zip(processes.names, processes.ids)}, dropped)
 
     def _figures(self, before: _Used, after: _Used) -> dict[str, Any]:
@@ -145,7 +148,7 @@ class _Run(Player):
                 name: 100.0 * (after.usage[name].cpu_s - usage.cpu_s) / passed
                 for name, usage in before.usage.items()
             },
-            "dropped_hz": (after.dropped - before.dropped) / passed,
+            "dropped_hz": {cause: n / passed for cause, n in (after.dropped - before.dropped).items()},
         }  # fmt: skip
 
 

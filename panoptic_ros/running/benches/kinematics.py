@@ -15,6 +15,7 @@ KINDS = ((8, 13), (4, 13), (4, 6), (1, 13), (8, 0), (0, 13))
 LAGS = (0.0, 0.1)
 SUBJECTS, RATE = 4, 60.0
 MOST_LIVE, RATES = 8, (20, 30, 60)
+LATE = "late"  # instants that the stage left out to catch up
 BACK_S = 8.0  # after which the subjects of the live graph go back
 
 
@@ -86,9 +87,12 @@ def _live_lines(result: dict[str, Any]) -> Iterator[str]:
         f"{result['source']}, {result['views']} cameras at {result['rate_hz']:g} Hz, "
         f"lag {result['lag_s']:g} s; load {result['load']:.1f} before"
     )
+    lost = {cause: rate for cause, rate in result["dropped_hz"].items() if cause != LATE}
+    causes = f" ({', '.join(f'{rate:.1f} {cause}' for cause, rate in lost.items())})" if lost else ""
     yield (
         f"{result['instants_hz']:.1f} instants/s with {result['bodies']:.2f} bodies solved from data; "
-        f"{result['dropped_hz']:.1f} messages/s dropped"
+        f"{result['dropped_hz'].get(LATE, 0.0):.1f} instants/s left out as late; "
+        f"{sum(lost.values()):.1f} messages/s dropped{causes}"
     )
     late = ", ".join(f"{_ms(result[f'latency_p{share}_ms'])} (p{share})" for share in (50, 90, 99, 100))
     least = 1e3 * (result["lag_s"] + 1.0 / result["rate_hz"])

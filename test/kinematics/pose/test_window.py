@@ -21,7 +21,9 @@ from panoptic_ros.kinematics.pose.targets import (
 from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
 
 PERIOD = 1.0 / 60.0
+EVEN, UNEVEN = (1,) * 9, (1, 1, 2, 1, 3, 1, 1, 2, 1)  # periods between instants
 WORN = np.array([MODEL.index(n) for n in ("hips", "spine4", "lForearm", "rShin")])
+MOTION = Motion(8.0, 60.0, PERIOD)
 OFFSETS = np.array([[0.1, 0, 0], [0.1, 0, 0.05], [0, 0.15, 0.03], [0.05, 0, -0.2]])
 
 
@@ -83,20 +85,38 @@ def test_accelerations_help(lag):
     assert error_mm(poses, run(poses, lag, error=0.3)) < 0.95 * without
 
 
+@pytest.mark.parametrize("accelerations", [False, True])
+def test_where_instants_are_left_out_a_steady_body_is_followed_all_the_same(accelerations):
+    start, end = np.array([0.0, 0.0, 1.0]), np.array([2.0, 0.5, 1.0])
+    still = moving(1)[0]
+    window, rng, time, last = PoseWindow(CHAIN, still._replace(root=start), MOTION, 6), None, 0, start
+    given = Accelerations(WORN, OFFSETS, np.zeros((4, 3)), np.full(4, 1.0), 9.0)
+    for stride in (*EVEN * 4, *UNEVEN, 6, 1, 4, 4):
+        time += stride
+        pose = still._replace(root=start + time / 80.0 * (end - start))
+        guess = window.predicted(stride)
+        between = Between(given, stride=stride) if accelerations else Between(stride=stride)
+        last = window.step(guess, points(pose, 0.0, rng or np.random.default_rng(0), 1.0), between)
+        if time > 36:
+            assert np.abs(guess.root - pose.root).max() < 2e-3 and np.abs(last.root - pose.root).max() < 1e-3
+    before = window.smoothed()[3]  # three instants ago, nine periods
+    assert np.abs(before.root - (start + (time - 9) / 80.0 * (end - start))).max() < 1e-3
+
+
 def test_a_lag_helps():
     poses = moving(180)
     assert error_mm(poses, run(poses, 6)) < 0.8 * error_mm(poses, run(poses, 0))
 
 
 @pytest.mark.parametrize("lasting", [0.0, 0.7])
-@pytest.mark.parametrize("back", [0, 1, 4])
-def test_the_covariance_of_a_pose_is_that_of_all_data_so_far(back, lasting):
-    """Against the dense matrix of all poses of a body that stands still."""
+@pytest.mark.parametrize(("back", "strides"), [(0, EVEN), (1, EVEN), (4, EVEN), (1, UNEVEN), (4, UNEVEN)])
+def test_the_covariance_of_a_pose_is_that_of_all_data_so_far(back, strides, lasting):
+    """Against the dense matrix of all poses of a body that stands still; some instants were left out."""
     pose, count, motion, weight = moving(1)[0], 9, Motion(8.0, 60.0, PERIOD), 0.1
     window = PoseWindow(CHAIN, pose, motion, 5)
     evidence = points(pose, 0.0, np.random.default_rng(0), weight)
-    for _ in range(count):
-        window.step(pose.copy(), evidence)
+    for stride in strides:
+        window.step(pose.copy(), evidence, Between(stride=stride))
     own, gradient = np.empty((D, D)), np.empty(D)
     assemble(CHAIN, pose, evidence, no_anchor(S), own, gradient)
     dense = np.zeros((count + 2, D, count + 2, D))
@@ -104,9 +124,12 @@ def test_the_covariance_of_a_pose_is_that_of_all_data_so_far(back, lasting):
     bend = np.diag(motion.weights(D))
     for t in range(2, count + 2):
         dense[t, :, t] += own
-        for a, left in enumerate((1.0, -2.0, 1.0)):
-            for b, right in enumerate((1.0, -2.0, 1.0)):
-                dense[t - 2 + a, :, t - 2 + b] += left * right * bend
+        before, later = (1, *strides)[t - 2 : t]
+        ratio, steps = later / before, 0.5 * later * (before + later)
+        factors = (ratio, -1.0 - ratio, 1.0)
+        for a, left in enumerate(factors):
+            for b, right in enumerate(factors):
+                dense[t - 2 + a, :, t - 2 + b] += left * right * bend / steps**2
     covariance = np.linalg.inv(dense.reshape((count + 2) * D, -1)).reshape(dense.shape)
     last = count + 1 - back
     # errors of one instant move the pose by these steps; those that last are the same in all of them
