@@ -28,13 +28,13 @@ from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPerson, S
 from panoptic_ros.kinematics.pose.afterwards import Afterwards, Linked
 from panoptic_ros.kinematics.pose.targets import Floor, Hinges, PosePrior
 from panoptic_ros.kinematics.pose.window import Motion, PoseWindow, _Eliminated
-from panoptic_ros.kinematics.timeline import Timeline
+from panoptic_ros.kinematics.timeline import Timeline, _Apart
 from panoptic_ros.state import Fields
 
 CLASSES = (
     KinematicsConfig, Body, BodyState, Device, Subject, TPose, Chain, Pose, Behind, SeenJoints, SeenPoints,
     Floor, Hinges, PosePrior,
-    Motion, _Eliminated, Linked, Afterwards, Looks,
+    Motion, _Apart, _Eliminated, Linked, Afterwards, Looks,
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "

@@ -154,7 +154,8 @@ class KinematicsStage(Stateful):
             return notices + self._take_waiting(item)
         notices += self._take_waiting(None)
         if waiting is None or waiting.number < item.index:
-            notices += self._came(IN_SPACE, item.stamp_ns)
+            # beside views they are no source of their own, for which instants would wait
+            notices += [] if self._timeline.has_cameras() else self._came(IN_SPACE, item.stamp_ns)
             self._take_joints(item)
         return notices
 

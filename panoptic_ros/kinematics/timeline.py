@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.kinematics.people.seen_people import NEAR_NS
 
 Array = np.ndarray
 JUMP_NS = 2_000_000_000  # a stamp that is so far ahead is another's, unless others follow
+CATCHES_UP = 1.5  # times as fast as others: what comes is late
 BELIEVED = 5  # of them, of most of the cameras; where there is none, of most of the devices
 WAIT_NS = 500_000_000  # for cameras, before instants begin with the first sample of an IMU
 STOPPED_NS = 500_000_000  # nobody waits for a source that has given nothing for so long
@@ -15,8 +18,18 @@ USUAL_PERIOD_NS = 40_000_000  # of a camera of which no two stamps are known
 LONGEST_PERIOD_NS = 100_000_000
 
 
+class _Apart(NamedTuple):
+    """Stamps too far from those of others: how many, the first one, the newest of others then, the newest."""
+
+    number: int
+    first: int
+    others: int
+    newest: int
+
+
 class Timeline:
-    """When instants are due. Sources are cameras (their indices) and devices (their names).
+    """When instants are due. Sources are cameras (their indices; less than 0: skeletons) and devices (their
+    names).
 
     Args:
         rate_hz: of the instants.
@@ -32,7 +45,7 @@ class Timeline:
         self._awaited: int | str | None = None  # who was waited for when it was asked last
         self._periods: dict[int | str, int] = {}
         self._slowest = USUAL_PERIOD_NS  # of the cameras' periods
-        self._ahead: dict[int | str, int] = {}  # stamps too far off, by source, since its last that was not
+        self._ahead: dict[int | str, _Apart] = {}  # by source, since its last stamp that was not too far off
         self._others_go_on = False  # since the first of these
         self.newest_ns = -1
 
@@ -58,7 +71,8 @@ class Timeline:
         is to be left out if it is "odd", as others go on in their time, or "early", as they may follow it."""
         if self.newest_ns >= 0 and abs(stamp_ns - self.newest_ns) > JUMP_NS:
             self._others_go_on &= bool(self._ahead)
-            self._ahead[source] = self._ahead.get(source, 0) + 1
+            before = self._ahead.get(source, _Apart(0, stamp_ns, self.newest_ns, stamp_ns))
+            self._ahead[source] = before._replace(number=before.number + 1, newest=stamp_ns)
             if not self._goes_on_elsewhere():
                 return "odd" if self._others_go_on else "early"
             self.restart()
@@ -75,9 +89,21 @@ class Timeline:
         alive = {name for name, last in self._last.items() if last > self.newest_ns - STOPPED_NS}
         sources = alive | self._ahead.keys()
         cameras = {name for name in sources if isinstance(name, int)}
-        ahead = self._ahead.keys() & (cameras or sources)
-        told = sum(self._ahead[name] for name in ahead)
+        others_go_on = bool(alive - self._ahead.keys())
+        ahead = {
+            name for name in self._ahead.keys() & (cameras or sources)
+            if not (others_go_on and self._may_be_late(self._ahead[name]))
+        }  # fmt: skip
+        told = sum(self._ahead[name].number for name in ahead)
         return told >= BELIEVED and 2 * len(ahead) > len(cameras or sources)
+
+    def _may_be_late(self, apart: _Apart) -> bool:
+        """Whether stamps from long ago are those of samples that waited somewhere, as after the start of a
+        busy machine: they come faster than time goes by. A few do not tell."""
+        if apart.newest > self.newest_ns:
+            return False
+        passed = self.newest_ns - apart.others
+        return apart.number < BELIEVED or apart.newest - apart.first > CATCHES_UP * passed
 
     def _took(self, source: int | str, stamp_ns: int) -> None:
         last = self._last.get(source)
@@ -88,7 +114,8 @@ class Timeline:
             before = self._periods.get(source, period)
             self._periods[source] = before + (period - before) // 8
             if isinstance(source, int):
-                self._slowest = max(p for name, p in self._periods.items() if isinstance(name, int))
+                alive = [self._periods[name] for name in self._cameras() if name in self._periods]
+                self._slowest = max([self._periods[source], *alive])
         self._last[source] = stamp_ns
         self.newest_ns = max(self.newest_ns, stamp_ns)
         if self._origin is None:
@@ -98,6 +125,15 @@ class Timeline:
                 self._first_imu = stamp_ns
             elif stamp_ns - self._first_imu > WAIT_NS:
                 self._origin = self._first_imu
+
+    def has_cameras(self) -> bool:
+        """Whether cameras give samples."""
+        return any(name >= 0 for name in self._cameras())
+
+    def _cameras(self) -> list[int]:
+        """Those that are alive."""
+        since = self.newest_ns - STOPPED_NS
+        return [name for name, last in self._last.items() if isinstance(name, int) and last > since]
 
     def restart(self) -> None:
         """Forget when sources came; instants count on."""

@@ -249,6 +249,34 @@ def test_a_stamp_that_is_far_off_is_left_out_and_several_are_believed():
     assert line.due() == 60 * SECOND + 4
 
 
+@pytest.mark.parametrize("behind_s", [3, 30])
+def test_samples_that_waited_for_seconds_begin_nothing_anew_and_another_clock_does(behind_s):
+    def told(rate):
+        """Of three cameras whose stamps begin behind those of a device, and go on so many times as fast."""
+        line, found = Timeline(50.0), []
+        for k in range(200):
+            now = 100 * SECOND + k * SECOND // 50
+            found.append(line.came("back", now))
+            stamp = (100 - behind_s) * SECOND + rate * k * SECOND // 50
+            found += [line.came(camera, min(stamp, now)) for camera in range(3)]
+        return found
+
+    late = told(20)
+    assert "jump" not in late and late[-3:] == ["", "", ""]
+    assert "jump" in told(1)[:24]
+
+
+def test_joints_that_come_before_their_views_now_and_then_hold_up_nobody():
+    frames = chain(20)
+    pairs = list(zip(frames["detection_sets"], frames["refinement"]))
+    items = [item for k, pair in enumerate(pairs) for item in (pair[::-1] if k % 4 == 3 else pair)]
+    stage, newest, waits = cases()["kinematics"].stage(rate_hz=60.0, lag=0.0), 0, []
+    for item in items:
+        newest = max(newest, item.stamp_ns)
+        waits += [newest - body.stamp_ns for body in stage.step(item).outputs]
+    assert len(waits) > 20 and max(waits) <= 2.1 * SECOND / 30
+
+
 @pytest.mark.parametrize("others", [(0, 1), ("arm", "leg")])
 def test_a_device_with_a_wrong_clock_moves_nobody_elses_time(others):
     line = Timeline(50.0)
