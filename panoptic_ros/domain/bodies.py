@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -53,6 +54,16 @@ class ImuSample:
         length = math.hypot(*self.orientation.tolist())
         if abs(length - 1.0) > UNIT:  # false for NaN
             raise DataError(f"ImuSample.orientation of {self.device} has the length {length:.3g}, expected 1")
+
+
+def is_sound(values: Sequence[float]) -> bool:
+    """Whether the orientation, rate and force (10,) of a sample pass its checks; at the limits it may say no
+    though they do."""
+    w, x, y, z, p, q, r, a, b, c = values
+    return (  # false for NaN
+        abs(math.hypot(w, x, y, z) - 1.0) <= UNIT and math.hypot(p, q, r) <= FASTEST
+        and math.hypot(a, b, c) <= HARDEST
+    )  # fmt: skip
 
 
 def _check_whole(what: str, values: Array) -> None:

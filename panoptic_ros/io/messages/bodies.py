@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
+from panoptic_ros.domain.bodies import BodyStateSet, ImuSample, is_sound
+from panoptic_ros.domain.checks import known_good
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
@@ -121,6 +122,13 @@ def imu_of_numbers(numbers: Sequence[float], stamp_ns: int, device: str) -> ImuS
         DataError: as `read_imu`.
     """
     x, y, z, w = numbers[:4]
+    if UNKNOWN not in (numbers[4], numbers[16], numbers[28]):
+        values = (w, x, y, z, *numbers[13:16], *numbers[25:28])
+        if stamp_ns >= 0 and is_sound(values):  # as nearly always, thousands of times a second
+            whole = np.array(values)
+            whole.flags.writeable = False
+            parts = {"orientation": whole[:4], "rate": whole[4:7], "force": whole[7:]}
+            return known_good(ImuSample, {"device": device, "stamp_ns": stamp_ns, **parts})
     return _sample(
         device, stamp_ns, (
             ("orientation", (w, x, y, z), numbers[4]), ("angular_velocity", numbers[13:16], numbers[16]),

@@ -9,7 +9,7 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message
 from panoptic_ros.io.messages.bodies import imu_of_numbers, read_imu
 from panoptic_ros.nodes.middleware.audio_common import AudioDataReader
-from panoptic_ros.nodes.middleware.packets import header_of, numbers_of
+from panoptic_ros.nodes.middleware.packets import numbers_of, stamp_in
 
 Decoder = Callable[[Any, int], Any]  # (message, how many came before it): the record
 PackedDecoder = Callable[[bytes], Any]  # bytes of a message: the record; None: take the message itself
@@ -46,6 +46,6 @@ def packed_decoder_of(topic: str, owner: str) -> PackedDecoder | None:
 
     def sample(data: bytes) -> Any:
         numbers = numbers_of(data, IMU_NUMBERS)
-        return None if numbers is None else imu_of_numbers(numbers, header_of(data)[0], owner)
+        return None if numbers is None else imu_of_numbers(numbers, stamp_in(data), owner)
 
     return sample

@@ -34,14 +34,15 @@ def both(data):
     return packed_decoder_of("imu", "d")(data), decoder_of("imu", "d", 0, 0)(unpacked(data, IMU), 0)
 
 
+@pytest.mark.parametrize("unknown", [{}, {"angular_velocity": -1.0}])
 @pytest.mark.parametrize("length", range(9))
-def test_bytes_say_what_the_message_says(length):
-    quick, slow = both(serialize_message(message("x" * length, angular_velocity=-1.0)))
+def test_bytes_say_what_the_message_says(length, unknown):
+    quick, slow = both(serialize_message(message("x" * length, **unknown)))
     assert (quick.device, quick.stamp_ns) == (slow.device, slow.stamp_ns) == ("d", 12_000_000_345)
     for name in ("orientation", "rate", "force"):
         assert np.array_equal(getattr(quick, name), getattr(slow, name), equal_nan=True)
         assert not getattr(quick, name).flags.writeable
-    assert np.isnan(quick.rate).all() and not np.isnan(quick.force).any()
+    assert np.isnan(quick.rate).all() == bool(unknown) and not np.isnan(quick.force).any()
 
 
 def test_what_is_no_plain_message_is_left_to_the_message_itself():
@@ -59,6 +60,17 @@ def test_bad_numbers_are_refused_either_way(read):
     bad = message()
     bad.linear_acceleration.y = float("nan")
     with pytest.raises(DataError, match="Imu.linear_acceleration of d is .*nan.* covariance of -1"):
+        read(serialize_message(bad))
+    for part, value, told in (
+        ("angular_velocity", 2000.0, "at most 1000"), ("linear_acceleration", float("inf"), "inf"),
+    ):  # fmt: skip
+        bad = message()
+        getattr(bad, part).z = value
+        with pytest.raises(DataError, match=told):
+            read(serialize_message(bad))
+    bad = message()
+    bad.header.stamp.sec = -5
+    with pytest.raises(DataError, match="out of range"):
         read(serialize_message(bad))
     bad = message()
     bad.orientation.w += 3.0
