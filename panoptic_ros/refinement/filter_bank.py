@@ -19,7 +19,7 @@ from panoptic_ros.refinement.kalman import (
 )
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX, density, lasting_variance, transition
-from panoptic_ros.refinement.records import Moment, Motion, new_people, padded, unknown, widened
+from panoptic_ros.refinement.records import BEGUN, Moment, Motion, new_people, padded, unknown, widened
 from panoptic_ros.refinement.shortfall import (
     add_motions,
     gains_of,
@@ -35,6 +35,7 @@ from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, 
 Array = np.ndarray
 
 STEADY = 1.0  # s, over which covariances of errors that last are followed
+TRUSTED = 1.0  # s, most that a joint's motion is trusted
 SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
 
 
@@ -110,7 +111,7 @@ class FilterBank:
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
         else:
             people.turns[...] = np.nan
-        for name in ("scores", "noises", "person_scores", "filled", "lasting"):
+        for name in ("scores", "noises", "person_scores", "filled", "trust", "lasting"):
             getattr(now.measured, name)[...] = getattr(last.measured, name)
         np.add(last.measured.ages, dt, out=now.measured.ages)
         now.predicted.states[(now.measured.ages > config.max_gap) & ~now.measured.carried] = np.nan
@@ -170,9 +171,25 @@ class FilterBank:
             update_velocities(self._sized, now.motion, rows, velocities, information, config.cauchy)
         innovations[now.measured.filled] = np.nan  # they rest on what was known before
         learn(self.people, now.measured.people, innovations, self.lasting)
+        self._give_up(now, innovations)
         new = now.measured.joints & np.isnan(now.motion.states[:, :, 0])
         for k in np.flatnonzero(new[rows].any(axis=1)).tolist() if new.any() else ():
             self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
+
+    def _give_up(self, now: Moment, innovations: Array) -> None:
+        """Forget the motion of joints that measurements have contradicted for longer than not, in place.
+
+        Where the surface shows how a joint moves, that is carried on from a wrong place as surely as from a
+        right one, and what views measure is an outlier for as long.
+
+        innovations: (P, J, 3) whitened, NaN = not measured.
+        """
+        trust, squares = now.measured.trust, np.mean(innovations**2, axis=2)
+        wrong = (squares > self._config.cauchy**2) & now.linked
+        trust[...] = np.minimum(trust + now.dt * np.where(wrong, -1.0, np.isfinite(squares)), TRUSTED)
+        given_up = wrong & (trust < 0.0)
+        trust[given_up] = BEGUN
+        now.motion.states[given_up] = now.predicted.states[given_up] = np.nan
 
     def _keep_lasting(self, now: Moment) -> None:
         """Follow what of errors lasts: it changes slowly, so bones that it moves do not shake, in place.

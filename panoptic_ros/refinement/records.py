@@ -10,6 +10,7 @@ from panoptic_ros.refinement.motion_model import MOVING
 
 Array = np.ndarray
 
+BEGUN = 0.1  # s, trust in a motion that begins
 PRIOR = 8.0  # weight of a new person's level, in measurements
 
 
@@ -33,6 +34,7 @@ class Measured(NamedTuple):
     carried: Array  # (P, J) bool, at each instant since those the surface showed how the joint moved
     person_scores: Array  # (P,) of those
     filled: Array  # (P, J) bool, whether the latest rest on a prediction and the rest of the body too
+    trust: Array  # (P, J) s, for how much longer measurements have agreed with a joint's motion than not
     lasting: Array  # (P, J, 3, 3) m^2, of those that are not filled what smoothing leaves, of late
 
 
@@ -77,7 +79,7 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVI
     measured = Measured(
         np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
         np.zeros((*shape, 3, 3)), np.full((*shape, 3), np.nan), np.zeros(shape), np.zeros(shape, bool),
-        np.zeros(people), np.zeros(shape, bool), np.zeros((*shape, 3, 3)),
+        np.zeros(people), np.zeros(shape, bool), np.full(shape, BEGUN), np.zeros((*shape, 3, 3)),
     )  # fmt: skip
     noise, gains = np.zeros(shape), np.zeros((*shape, size, size))
     return Moment(stamp_ns, dt, noise, predicted, gains, motion, measured, np.zeros(shape, bool))

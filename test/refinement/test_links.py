@@ -1,5 +1,7 @@
 """Displacements between instants against conditioning of one large Gaussian."""
 
+from dataclasses import replace
+
 import captures
 import numpy as np
 import patch_scene
@@ -151,6 +153,22 @@ def test_measured_motion_takes_noise_away_and_no_motion():
         for items in (with_motion, without)
     ]
     assert errors[0] < 0.6 * errors[1]
+
+
+def test_a_joint_that_began_at_a_wrong_place_is_not_carried_on_against_all_views():
+    with_motion, _, truth = noisy(40, 0.003)
+    wrist = captures.SKELETON.joint("lWrist")
+    items = []
+    for item in with_motion:
+        if isinstance(item, TrackedPoseSet) and item.index < 6:
+            positions = item.positions.copy()
+            positions[0, wrist] += (0.5, 0.3, -0.6)
+            item = replace(item, positions=positions)
+        items.append(item)
+    errors = [np.linalg.norm(item.positions[0, wrist] - truth[k, wrist])
+              for k, item in enumerate(refined(items, 0.0))]  # fmt: skip
+    assert min(errors[:6]) > 0.5
+    assert max(errors[16:]) < 0.03
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.5])
