@@ -32,13 +32,14 @@ class KinematicsConfig(Config):
     )
     joint_sd: float = param(
         0.048, unit="m", ge=0.001, le=1.0,
-        doc="Error of a 2D joint of score 1, as a length at its depth, at most.",
+        doc="Error of a 2D joint of score 1, as a length at its depth, until it is learnt.",
     )
     noise_level: bool = param(
-        True, doc="Learn from a person's residuals how much smaller the error of 2D joints is than assumed."
-    )
+        True, doc="Learn from a person's residuals how large errors of 2D joints are: a quarter of what is "
+        "assumed, to four times of it."
+    )  # fmt: skip
     score_power: float = param(
-        1.0, ge=0.0, le=4.0, doc="The weight of a 2D joint is its score to this power."
+        2.0, ge=0.0, le=4.0, doc="The weight of a 2D joint is its score to this power."
     )
     joint_scale: float = param(
         5.4, ge=0.0, le=100.0, doc="Scale of Cauchy's loss of 2D joints, in standard deviations; 0 = none."

@@ -62,12 +62,12 @@ CLASSES = (
     Fields.named(
         SubjectTracker,
         "subject weighing _config _heading _chain _count devices _window _pose _before _past _unseen_s "
-        "iterations lengths _next_look _next_update _noise _contact",
+        "iterations lengths _length_spreads _next_look _next_update _noise _contact",
     ),
     Fields.named(Past, "_stamps _strides _held"),
     Fields.named(Contact, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),
     Fields.named(NoiseLevel, "_square _looks _since"),
-    Fields.named(LengthEstimate, "_usual _lengths _information _pull looks scales"),
+    Fields.named(LengthEstimate, "_usual _sure _lengths _information _pull looks scales _unsure _moved"),
     Fields.named(
         WornDevices,
         "_config _subject _chain _devices names mounts segments positions _turn _unseen mounting _wearing "

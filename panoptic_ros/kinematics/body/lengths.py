@@ -43,15 +43,18 @@ class LengthEstimate:
 
     Args:
         offsets: those that the stature tells.
+        sure: looks for which all count that err by the same, see `spreads`.
     """
 
-    def __init__(self, model: SegmentModel, offsets: Array):
-        self._usual = offsets.copy()
+    def __init__(self, model: SegmentModel, offsets: Array, sure: float = LOOKS):
+        self._usual, self._sure = offsets.copy(), sure
         self._lengths = lengths_of(model)
         count = len(self._lengths)
         self._information, self._pull = np.zeros((count, count)), np.zeros(count)
         self.looks = 0
         self.scales: Array = np.zeros(count)
+        self._unsure = LENGTH_SD**2 * np.eye(count)  # covariance of the scales as they are taken to be
+        self._moved = np.zeros((len(offsets), 3, count))
 
     def offsets(self) -> Array:
         """As they are known now."""
@@ -59,6 +62,12 @@ class LengthEstimate:
         for scale, length in zip(self.scales, self._lengths):
             for s, axis in length:
                 found[s, axis] *= math.exp(scale)
+        return found
+
+    def spreads(self) -> Array:
+        """Covariances (S, 3, 3) m^2 of the segments' places, in the frame of the first, by lengths that are
+        not known; the pose gives way as at the last look (a consider covariance, Schmidt 1966)."""
+        found: Array = self._moved @ self._unsure @ self._moved.swapaxes(1, 2)
         return found
 
     def look(self, chain: Chain, pose: Pose, evidence: Evidence) -> None:
@@ -81,6 +90,7 @@ class LengthEstimate:
         solved = cho_solve(inner, np.column_stack([cross.T, gradient]), check_finite=False)
         information = by_length.T @ by_length - cross @ solved[:, :-1]
         pull = by_length.T @ residuals - cross @ solved[:, -1] - information @ self.scales
+        self._moved = self._by_lengths(chain, pose, grown, solved[:, :-1])
         self.looks += 1
         self._information += (information - self._information) / self.looks
         self._pull += (pull - self._pull) / self.looks
@@ -90,8 +100,23 @@ class LengthEstimate:
         before = self.offsets()
         looks = min(float(self.looks), LOOKS)
         precision = np.diag(np.full(len(self.scales), LENGTH_SD**-2))
-        self.scales = -np.linalg.solve(looks * self._information + precision, looks * self._pull)
+        gain = np.linalg.inv(looks * self._information + precision)
+        self.scales = -gain @ (looks * self._pull)
+        told = looks**2 / min(looks, self._sure) * self._information
+        self._unsure = gain @ (precision + told) @ gain
         return float(np.linalg.norm(self.offsets() - before, axis=-1).max())
+
+    def _by_lengths(self, chain: Chain, pose: Pose, grown: Array, given_way: Array) -> Array:
+        """How places of segments move by the lengths, (S, 3, L) in the frame of the first.
+
+        Args:
+            grown: the same in the world, of a pose that stays. given_way: (D, L), by which the pose does not.
+        """
+        segments = np.arange(len(chain.parents))
+        slopes = np.empty((len(segments), 3, len(given_way)))
+        place_sites(chain, pose, segments, np.zeros((len(segments), 3)), slopes)
+        found: Array = pose.turns[0].T @ (grown - slopes @ given_way)
+        return found
 
     def _grown(self, chain: Chain, pose: Pose) -> Array:
         """How the joint of each segment moves in the world by the lengths, (S, 3, L)."""

@@ -1,4 +1,4 @@
-"""How much smaller the errors of 2D joints are than was assumed, learnt from one person's motion.
+"""How much smaller or larger the errors of 2D joints are than was assumed, learnt from one person's motion.
 
 Detectors and images differ: one `joint_sd` does not fit them all. The residuals of the pose that is solved
 tell. Their median square is hardly touched by outliers. A pose takes on some of the errors, so they are a
@@ -19,7 +19,7 @@ Array = np.ndarray
 MEDIAN = 2.0 * math.log(2.0)  # of the squared length of two normal residuals of variance 1
 FEWEST = 20  # residuals that tell something
 LOOK_S, MEMORY_S, BELIEF = 0.1, 1.0, 1  # s; looks for which what is assumed counts at first
-LEAST, MOST = 0.25, 1.0  # what is assumed is as bad as detectors get
+LEAST, MOST = 0.25, 4.0  # shares of what is assumed
 NEAREST = 0.1  # m before a camera
 
 

@@ -63,7 +63,8 @@ class SubjectTracker:
         self._chain = subject.body.chain
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
-            self.lengths = LengthEstimate(subject.body.model, subject.body.offsets)
+            self.lengths = LengthEstimate(subject.body.model, subject.body.offsets, config.looks)
+        self._length_spreads = np.zeros((len(self._chain.parents), 3, 3))
         self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
         self._noise = NoiseLevel()
         self._count = len(self._chain.parents)
@@ -200,6 +201,7 @@ class SubjectTracker:
         assert self._pose is not None
         self._next_look = LENGTH_LOOK_S
         self.lengths.look(self._chain, self._pose, evidence)
+        self._length_spreads = self.lengths.spreads()
         if self.lengths.looks >= self._next_update:
             self._next_update *= 2
             change = self.lengths.update()
@@ -292,7 +294,10 @@ class SubjectTracker:
         spins = rate * vectors_of(np.ascontiguousarray(frames[0] @ frames[2].swapaxes(1, 2)))
         kept = KEPT if back == self._lag else 0
         covariance = self._window.covariance(back, self._config.lasting_share, kept)
+        spreads = segment_covariances(self._chain, poses[back], covariance)
+        hips = frames[1, 0]
+        spreads[:, :3, :3] += hips @ self._length_spreads @ hips.T
         return BodyState(
             self._past.stamp(back), self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
-            spins, segment_covariances(self._chain, poses[back], covariance),
+            spins, spreads,
         )  # fmt: skip

@@ -6,7 +6,7 @@ from bodies import BODY, CHAIN, MODEL, D, S, cameras, some_pose
 
 from panoptic_ros.geometry.chain import place_sites
 from panoptic_ros.geometry.segment_chain import Chain
-from panoptic_ros.kinematics.body.lengths import LengthEstimate, lengths_of
+from panoptic_ros.kinematics.body.lengths import LENGTH_SD, LengthEstimate, lengths_of
 from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import (
     NO_FLOOR,
@@ -66,3 +66,26 @@ def test_left_and_right_grow_together():
     parts = [{(MODEL.names[s], axis) for s, axis in length} for length in lengths_of(MODEL)]
     assert {("lShin", 2), ("rShin", 2)} in parts
     assert {(f"spine{k}", 2) for k in range(1, 5)} in parts
+
+
+def test_lengths_that_are_not_known_are_in_the_covariances_of_places():
+    rng, errors, stated = np.random.default_rng(7), [], []
+    for _ in range(30):
+        true = Chain(CHAIN.parents, BODY.offsets.copy())
+        for length in lengths_of(MODEL):
+            scale = np.exp(rng.normal(0, LENGTH_SD))
+            for s, axis in length:
+                true.offsets[s, axis] *= scale
+        chain, goal = Chain(CHAIN.parents, BODY.offsets.copy()), some_pose(11, 0.3)
+        evidence, pose = exact_points(true, goal), goal.copy()
+        evidence = evidence._replace(points=evidence.points._replace(scale=0.0))
+        solve_pose(chain, pose, evidence, no_anchor(S), 30, np.empty((D, D)))
+        estimate = LengthEstimate(MODEL, BODY.offsets)
+        estimate.look(chain, pose, evidence)
+        errors.append(placed_by(chain, pose) - placed_by(true, goal))
+        stated.append(np.trace(estimate.spreads(), axis1=1, axis2=2))
+    assert np.sqrt(np.mean(stated)) == pytest.approx(np.sqrt(np.square(errors).sum(-1).mean()), rel=0.15)
+
+
+def placed_by(chain, pose):
+    return place_sites(chain, pose, np.arange(S), np.zeros((S, 3)), np.empty((S, 3, D)))

@@ -10,7 +10,7 @@ from panoptic_ros.kinematics.pose.targets import ViewTargets
 ASSUMED = 0.01  # on the plane
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 1.5])
+@pytest.mark.parametrize("share", [0.1, 0.5, 2.5, 6.0])
 def test_the_level_is_that_of_the_errors_within_bounds(share):
     rng, pose = np.random.default_rng(0), some_pose()
     _, places = placed(pose)
