@@ -5,7 +5,8 @@ seen joints are off is learnt per person and joint, and so is how much that vari
 the same 2D joints, so both are not independent: what comes out is taken to be as certain as the better of the
 two. With IMUs it knows much more than two views do, whose errors last: what smoothing took off these is put
 back. Where one view or none sees a joint, neither is right as a rule: skeletons hold on to what more views
-saw before, bodies to lengths and to how people move. Their covariances decide.
+saw before, bodies to lengths and to how people move. Their covariances decide. Where both are farther apart
+than these say, nothing tells which is wrong, and both are as much less certain (Birge 1932).
 """
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ REACH_NS = 100_000_000  # for which a body is carried on by its velocity
 KEPT_NS = 500_000_000  # for which bodies are kept
 SPREAD, BELIEF = .02, 3.0  # m per axis, of bodies of which nothing is learnt, and what it counts, in looks
 MEMORY = 50.0  # looks
-CAUCHY = 3.0  # sigma, beyond which a body counts less
+CAUCHY = 3.0  # sigma, by which a body and a skeleton are apart, beyond which both are less certain
 FILLED_SCORE = 0.25  # of a joint that no view has seen
 
 
@@ -140,7 +141,8 @@ def _mend(
     own, other = judged.covariances[row, both] + measured[both], noise[both]
     far = (placed[both] - judged.positions[row, both])[..., None]
     odd = (far.swapaxes(1, 2) @ np.linalg.solve(own + other, far))[:, 0, 0]
-    other = other * (1.0 + odd / CAUCHY**2)[:, None, None]
+    less = (1.0 + odd / CAUCHY**2)[:, None, None]
+    own, other = own * less, other * less
     judged.positions[row, both] += (own @ np.linalg.solve(own + other, far))[..., 0]
     better = np.trace(other, axis1=-2, axis2=-1) < np.trace(own, axis1=-2, axis2=-1)
     judged.covariances[row, both] = np.where(better[:, None, None], other, own)

@@ -87,6 +87,19 @@ def test_covariances_decide_between_the_body_and_joints_that_two_views_or_one_se
     assert (least < left[1:]).all() and (left[1:] < most).all()
 
 
+def test_a_body_and_a_skeleton_that_are_far_apart_are_both_less_certain():
+    fill, stamp = taught(devices=0)
+    fill.take(bodies(stamp, 0))
+    shares, spreads = [], []
+    for error in (0.01, 0.5):
+        poor = judged(stamp, error, [JointState.MEASURED] * 3, sigma=0.02)
+        fill.fill(stamp, np.array([7]), poor, np.array([[3, 1, 1]]), noises(), 0.2)
+        shares.append((poor.positions[0] - seen_at(stamp))[1:] / error)
+        spreads.append(np.trace(poor.covariances[0, 1]))
+    np.testing.assert_allclose(shares[1], shares[0])
+    assert spreads[1] > 10.0 * spreads[0]
+
+
 def test_a_body_that_is_off_well_seen_joints_counts_little():
     good, stamp = taught(devices=6)
     bad, rng = BodyFill(), np.random.default_rng(0)
