@@ -64,7 +64,7 @@ class SubjectTracker:
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
             self.lengths = LengthEstimate(subject.body.model, subject.body.offsets, config.looks)
-        self._length_spreads = np.zeros((len(self._chain.parents), 3, 3))
+        self._length_spreads: Array | None = None  # of segments, in the frame of the first
         self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
         self._noise = NoiseLevel()
         self._count = len(self._chain.parents)
@@ -295,8 +295,9 @@ class SubjectTracker:
         kept = KEPT if back == self._lag else 0
         covariance = self._window.covariance(back, self._config.lasting_share, kept)
         spreads = segment_covariances(self._chain, poses[back], covariance)
-        hips = frames[1, 0]
-        spreads[:, :3, :3] += hips @ self._length_spreads @ hips.T
+        if self._length_spreads is not None:
+            hips = frames[1, 0]
+            spreads[:, :3, :3] += hips @ self._length_spreads @ hips.T
         return BodyState(
             self._past.stamp(back), self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
             spins, spreads,
