@@ -15,7 +15,6 @@ class RefinementConfig(Config):
         "smoother", choices=("smoother", "averaging"),
         doc="averaging is that of Joo et al. 2017, 6.3, over a whole recording (`--offline`) with the motion "
         "of the surface (`patches.active`); without these, skeletons pass through as tracking gave them.",
-        when="results are compared with the paper's.",
     )
     lag: float = param(
         0.12, unit="s", ge=0.0, le=10.0,
