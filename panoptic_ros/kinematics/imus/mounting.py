@@ -34,7 +34,7 @@ MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0  # off by more, and by so many 
 WIDE, ROUNDS = math.radians(25.0), 4
 FEWEST_LOOKS = 5  # before anything is told
 RECENT = 12  # looks that are compared with those before
-SLIPPED, SLIPPED_SDS, SLIPPED_LOOKS = math.radians(13.0), 3.3, 6
+SLIPPED_SDS, SLIPPED_LOOKS = 3.3, 6
 FEWEST_BEFORE = 8  # looks that others are compared with
 UNKNOWN = 1e-9  # 1/rad^2, what is known of what nothing tells
 MISTAKEN_SPREADS = 2.2  # in what is known of it
@@ -182,7 +182,6 @@ class MountingEstimate:
         drawn = drawn - (drawn * axes).sum(-1, keepdims=True) * share
         moved = np.linalg.solve(blocks, drawn[..., None])[..., 0]
         sure = np.sqrt(np.maximum((moved * drawn).sum(-1), 0.0))
-        sure[np.linalg.norm(moved, axis=-1) < SLIPPED] = 0.0
         device = int(sure.argmax())
         return device if sure[device] > SLIPPED_SDS else -1
 
