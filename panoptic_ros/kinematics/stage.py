@@ -223,7 +223,7 @@ class KinematicsStage(Stateful):
     def _run(self, notices: list[Notice], at_end: bool = False) -> list[Out]:
         outputs = []
         while (stamp := self._timeline.due(at_end)) is not None:
-            stride = self._pace.step(self._timeline.patience_ns)
+            stride = self._pace.step()
             if not stride:
                 self._leave_out(stamp)
                 continue

@@ -19,7 +19,7 @@ def test_the_wait_settles_whatever_the_machine_can_do(capacity):
         now = max(now, number * PERIOD)
         pace.waited_ns = now - number * PERIOD
         waits.append(pace.waited_ns)
-        strides.append(pace.step(CAMERA))
+        strides.append(pace.step())
         now += round(PERIOD / capacity) if strides[-1] else 0
     late = waits[600:]
     assert max(late) <= 0.6 * CAMERA / capacity + 2 * PERIOD / capacity
