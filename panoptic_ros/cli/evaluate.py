@@ -7,6 +7,7 @@ from pathlib import Path
 
 from panoptic_ros.cli.evaluate_study import add_study_arguments, run_study
 from panoptic_ros.errors import UsageError, UserError
+from panoptic_ros.io.files import known
 from panoptic_ros.running.studies.evaluate import PROTOCOLS, evaluate, read_limits
 
 
@@ -51,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         args.truth, args.result, joints=args.joints, skip=args.skip, align_time=args.align_time,
         protocol=args.protocol, plots=args.plots,
     )  # fmt: skip
-    print(json.dumps(scores.values, indent=1) if args.json else scores.table)
+    print(json.dumps(known(scores.values), indent=1) if args.json else scores.table)
     missed = scores.missed(limits)
     if missed:
         raise UserError(f"{args.result} misses its bars: {'; '.join(missed)}")

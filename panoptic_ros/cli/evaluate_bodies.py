@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from panoptic_ros.cli.options import seed_range
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.files import write_bytes, write_json
+from panoptic_ros.io.files import known, write_bytes, write_json
 from panoptic_ros.view.progress import PassBar
 
 if TYPE_CHECKING:
@@ -51,12 +51,12 @@ def run_bodies(args: argparse.Namespace) -> int:
             result = inputs.study_inputs(cases, number, cameras, args.settings, bar.show)
             lines = inputs.input_lines(result)
     if args.out is not None:
-        write_json(args.out / f"{args.study}.json", result)
+        write_json(args.out / f"{args.study}.json", known(result))
         if args.study == "kinematics-inputs":
             from panoptic_ros.view.body_study_plot import body_study_plot
 
             write_bytes(args.out / f"{args.study}.png", body_study_plot(result["rows"], "ours"))
-    print(json.dumps(result, indent=1) if args.json else "\n".join(lines))
+    print(json.dumps(known(result), indent=1) if args.json else "\n".join(lines))
     return 0
 
 

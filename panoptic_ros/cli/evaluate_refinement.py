@@ -7,7 +7,7 @@ import json
 
 from panoptic_ros.cli.options import seed_range
 from panoptic_ros.errors import UsageError
-from panoptic_ros.io.files import write_json
+from panoptic_ros.io.files import known, write_json
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.view.progress import PassBar
 
@@ -24,8 +24,8 @@ def run_steady(args: argparse.Namespace) -> int:
     with PassBar(args.study) as bar:
         result = study_steadiness(args.capture[0], cameras, read_parameters(None, args.settings), bar.show)
     if args.out is not None:
-        write_json(args.out / "steady.json", result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(steady_lines(result)))
+        write_json(args.out / "steady.json", known(result))
+    print(json.dumps(known(result), indent=1) if args.json else "\n".join(steady_lines(result)))
     return 0
 
 
@@ -49,8 +49,8 @@ def run_refinement(args: argparse.Namespace) -> int:
             )
             lines = refine_faults.fault_lines(result)
     if args.out is not None:
-        write_json(args.out / f"{args.study}.json", result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(lines))
+        write_json(args.out / f"{args.study}.json", known(result))
+    print(json.dumps(known(result), indent=1) if args.json else "\n".join(lines))
     return 0
 
 
@@ -65,8 +65,8 @@ def run_fill(args: argparse.Namespace) -> int:
         parameters = read_parameters(None, args.settings)
         result = study_fill(args.capture[0], cameras, parameters, bar.show, args.truth, args.person)
     if args.out is not None:
-        write_json(args.out / "fill.json", result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(fill_lines(result)))
+        write_json(args.out / "fill.json", known(result))
+    print(json.dumps(known(result), indent=1) if args.json else "\n".join(fill_lines(result)))
     return 0
 
 
@@ -81,6 +81,6 @@ def run_walkout(args: argparse.Namespace) -> int:
     with PassBar(args.study) as bar:
         result = study_walkout(folder, cameras, settings, seed_range(args), bar.show, args.truth)
     if args.out is not None:
-        write_json(args.out / "walkout.json", result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(walkout_lines(result)))
+        write_json(args.out / "walkout.json", known(result))
+    print(json.dumps(known(result), indent=1) if args.json else "\n".join(walkout_lines(result)))
     return 0

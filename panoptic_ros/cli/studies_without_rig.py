@@ -12,7 +12,7 @@ from panoptic_ros.cli.evaluate_refinement import (
     run_steady,
     run_walkout,
 )
-from panoptic_ros.io.files import write_json
+from panoptic_ros.io.files import known, write_json
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.view.progress import PassBar
 
@@ -26,8 +26,8 @@ def _run_identity(args: argparse.Namespace) -> int:
     with PassBar(args.study) as bar:
         result = study_identity(args.frames or 100, args.seed, settings, bar.show)
     if args.out is not None:
-        write_json(args.out / "identity.json", result)
-    print(json.dumps(result, indent=1) if args.json else "\n".join(identity_lines(result)))
+        write_json(args.out / "identity.json", known(result))
+    print(json.dumps(known(result), indent=1) if args.json else "\n".join(identity_lines(result)))
     return 0
 
 

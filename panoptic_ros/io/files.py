@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -60,6 +61,15 @@ def write_json(path: Path, document: Any, indent: int | None = None) -> None:
     """Write JSON, gzipped if the name ends in .gz; equal documents give equal bytes."""
     data = (json.dumps(document, indent=indent, allow_nan=False) + "\n").encode()
     write_bytes(path, gzip.compress(data, mtime=0) if path.name.endswith(".gz") else data)
+
+
+def known(document: Any) -> Any:
+    """The same with null in place of figures that are not known (NaN), which JSON does not have."""
+    if isinstance(document, dict):
+        return {key: known(value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [known(value) for value in document]
+    return None if isinstance(document, float) and not math.isfinite(document) else document
 
 
 def read_bytes(path: Path) -> bytes:

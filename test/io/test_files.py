@@ -4,7 +4,15 @@ import gzip
 import pytest
 
 from panoptic_ros.errors import DataError, EnvironmentProblem
-from panoptic_ros.io.files import atomic_path, file_errors, read_json, read_yaml, write_bytes, write_json
+from panoptic_ros.io.files import (
+    atomic_path,
+    file_errors,
+    known,
+    read_json,
+    read_yaml,
+    write_bytes,
+    write_json,
+)
 from panoptic_ros.io.folders import staged_folder
 
 
@@ -28,6 +36,12 @@ def test_nan_is_no_json(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "a.json", float("nan"))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_figures_that_are_not_known_become_null(tmp_path):
+    document = {"a": [1.5, float("nan")], "b": ({"c": float("inf")}, "x", 3)}
+    write_json(tmp_path / "a.json", known(document))
+    assert read_json(tmp_path / "a.json") == {"a": [1.5, None], "b": [{"c": None}, "x", 3]}
 
 
 @pytest.mark.parametrize("data", [b"", b"{", b"\xff\xfe", gzip.compress(b"[1]", mtime=0)[:-6]])
