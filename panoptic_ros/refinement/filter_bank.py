@@ -171,7 +171,8 @@ class FilterBank:
             update_velocities(self._sized, now.motion, rows, velocities, information, config.cauchy)
         innovations[now.measured.filled] = np.nan  # they rest on what was known before
         learn(self.people, now.measured.people, innovations, self.lasting)
-        self._give_up(now, innovations)
+        if now.linked.any():
+            self._give_up(now, innovations)
         new = now.measured.joints & np.isnan(now.motion.states[:, :, 0])
         for k in np.flatnonzero(new[rows].any(axis=1)).tolist() if new.any() else ():
             self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
@@ -247,8 +248,7 @@ class FilterBank:
         between: the motion is not of the moment but of later, and nothing is faded.
         """
         target, people = self.moments[index], self.people
-        left = np.zeros_like(people.left)
-        if index > 0 and target.linked.any() and not between:
+        if index > 0 and not between and target.linked.any():
             before = of_all(np.copy, motion)
             again = np.zeros_like(target.measured.joints)
             last = self.moments[index - 1].motion
@@ -256,8 +256,10 @@ class FilterBank:
             span = max(self._config.fading * self._config.lag, fading.LEAST)
             apart = people.found + people.left - before.states[..., :MOVING]
             left = fading.settled(apart, target.linked, target.dt, span)
-        people.left[...], people.found[...] = left, np.nan if between else motion.states[..., :MOVING]
-        motion.states[..., :3] += left[..., :3]
+            people.left[...], people.found[...] = left, motion.states[..., :MOVING]
+            motion.states[..., :3] += left[..., :3]
+        else:
+            people.left[...], people.found[...] = 0.0, np.nan if between else motion.states[..., :MOVING]
 
     def _ahead(self, motion: Motion, dt: float, noise: Array) -> Motion:
         """The motion dt s later."""
