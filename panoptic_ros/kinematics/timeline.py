@@ -16,6 +16,7 @@ WAIT_NS = 500_000_000  # for cameras, before instants begin with the first sampl
 STOPPED_NS = 500_000_000  # nobody waits for a source that has given nothing for so long
 USUAL_PERIOD_NS = 40_000_000  # of a camera of which no two stamps are known
 LONGEST_PERIOD_NS = 100_000_000
+LEAST_PATIENCE_NS = 33_000_000  # views of quicker cameras still go through association and tracking first
 
 
 class _Apart(NamedTuple):
@@ -152,7 +153,8 @@ class Timeline:
         stamp = self.next_ns
         if stamp is None or self.newest_ns < stamp - NEAR_NS:
             return None
-        if self.newest_ns < stamp + self.patience_ns and not at_end and self._waits(stamp):
+        patience = max(self.patience_ns, LEAST_PATIENCE_NS)
+        if self.newest_ns < stamp + patience and not at_end and self._waits(stamp):
             return None
         self._count += 1
         return stamp
