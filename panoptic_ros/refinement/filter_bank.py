@@ -19,7 +19,7 @@ from panoptic_ros.refinement.kalman import (
 )
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX, density, lasting_variance, transition
-from panoptic_ros.refinement.records import BEGUN, Moment, Motion, new_people, padded, unknown, widened
+from panoptic_ros.refinement.records import Moment, Motion, new_people, padded, unknown, widened
 from panoptic_ros.refinement.shortfall import (
     add_motions,
     gains_of,
@@ -30,12 +30,12 @@ from panoptic_ros.refinement.shortfall import (
     with_torso,
 )
 from panoptic_ros.refinement.start_motion import likely_velocities, started
+from panoptic_ros.refinement.trust import given_up
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
 Array = np.ndarray
 
 STEADY = 1.0  # s, over which covariances of errors that last are followed
-TRUSTED = 1.0  # s, most that a joint's motion is trusted
 SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
 
 
@@ -172,25 +172,11 @@ class FilterBank:
         innovations[now.measured.filled] = np.nan  # they rest on what was known before
         learn(self.people, now.measured.people, innovations, self.lasting)
         if now.linked.any():
-            self._give_up(now, innovations)
+            wrong = given_up(now.measured.trust, innovations, now.linked, now.dt, config.cauchy)
+            now.motion.states[wrong] = now.predicted.states[wrong] = np.nan
         new = now.measured.joints & np.isnan(now.motion.states[:, :, 0])
         for k in np.flatnonzero(new[rows].any(axis=1)).tolist() if new.any() else ():
             self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
-
-    def _give_up(self, now: Moment, innovations: Array) -> None:
-        """Forget the motion of joints that measurements have contradicted for longer than not, in place.
-
-        Where the surface shows how a joint moves, that is carried on from a wrong place as surely as from a
-        right one, and what views measure is an outlier for as long.
-
-        innovations: (P, J, 3) whitened, NaN = not measured.
-        """
-        trust, squares = now.measured.trust, np.mean(innovations**2, axis=2)
-        wrong = (squares > self._config.cauchy**2) & now.linked
-        trust[...] = np.minimum(trust + now.dt * np.where(wrong, -1.0, np.isfinite(squares)), TRUSTED)
-        given_up = wrong & (trust < 0.0)
-        trust[given_up] = BEGUN
-        now.motion.states[given_up] = now.predicted.states[given_up] = np.nan
 
     def _keep_lasting(self, now: Moment) -> None:
         """Follow what of errors lasts: it changes slowly, so bones that it moves do not shake, in place.

@@ -7,10 +7,10 @@ import numpy as np
 
 from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.refinement.motion_model import MOVING
+from panoptic_ros.refinement.trust import BEGUN
 
 Array = np.ndarray
 
-BEGUN = 0.1  # s, trust in a motion that begins
 PRIOR = 8.0  # weight of a new person's level, in measurements
 
 

@@ -26,14 +26,7 @@ def averaged(items, **more):
 @pytest.fixture(scope="module")
 def scene():
     """Somebody who turns and goes, whose wrist is missing for two instants; and his true joints."""
-    items, truth = [], {}
-    for item in patch_scene.recording(COUNT):
-        if not isinstance(item, PatchTracks):
-            truth[item.index] = item.positions[0].copy()
-            if item.index in GAP:
-                item = patch_scene.skeletons(item.index, item.positions[0], missing=(WRIST,))
-        items.append(item)
-    return items, truth
+    return patch_scene.recording_with_gap(COUNT, GAP, WRIST)
 
 
 def test_a_gap_is_filled_and_says_so(scene):

@@ -21,14 +21,7 @@ COUNT, GAP = 14, range(3, 12)  # longer than `refinement.max_gap`
 @cache
 def scene():
     """Somebody who turns and goes with a wrist that is missing for long; and his true joints."""
-    items, truth = [], {}
-    for item in patch_scene.recording(COUNT):
-        if not isinstance(item, PatchTracks):
-            truth[item.index] = item.positions[0].copy()
-            if item.index in GAP:
-                item = patch_scene.skeletons(item.index, item.positions[0], missing=(WRIST,))
-        items.append(item)
-    return items, truth
+    return patch_scene.recording_with_gap(COUNT, GAP, WRIST)
 
 
 @cache

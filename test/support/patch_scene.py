@@ -115,3 +115,15 @@ def depth_map(sensor, index, joints, wall=4.0):
             depth[inside] = np.minimum(depth[inside], along[inside] - back)
     shown = depth.reshape(height, width).astype(np.float32)
     return DepthFrame(sensor.name, SECOND + index * STEP, index, shown)
+
+
+def recording_with_gap(count, gap, joint):
+    """`recording` in which a joint is missing in some instants; and the true joints (J, 3) m by index."""
+    items, truth = [], {}
+    for item in recording(count):
+        if not isinstance(item, PatchTracks):
+            truth[item.index] = item.positions[0].copy()
+            if item.index in gap:
+                item = skeletons(item.index, item.positions[0], missing=(joint,))
+        items.append(item)
+    return items, truth
