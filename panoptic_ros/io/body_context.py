@@ -40,7 +40,6 @@ def _require_distinct(paths: Sequence[Path], people: Sequence[Subject]) -> None:
         for key, what in [(subject.id, f"id {subject.id}")] + [
             (device.name, f"device {device.name}") for device in subject.devices
         ]:
-            first = owners.setdefault(key, path)
-            if first != path:
-                raise UsageError(f"{first} and {path} both have {what}; change one of them")
-
+            if key in owners:
+                raise UsageError(f"{owners[key]} and {path} both have {what}; change one of them")
+            owners[key] = path

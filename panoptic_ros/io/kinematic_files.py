@@ -201,8 +201,10 @@ def _bone(values: Any, name: str, stature: float) -> Array:
 
 def _vector(values: Any, count: int, where: str) -> Array:
     found = np.array(values, float)
-    if found.shape != (count,) or not np.isfinite(found).all() or (count == 4 and not found.any()):
+    if found.shape != (count,) or not np.isfinite(found).all():
         raise DataError(f"{where} = {values!r} is not {count} numbers")
+    if count == 4 and not found.any():
+        raise DataError(f"{where} = {values!r} is no rotation; expected a quaternion w x y z")
     return found
 
 

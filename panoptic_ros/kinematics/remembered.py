@@ -61,7 +61,7 @@ CLASSES = (
     ),
     Fields.named(
         SubjectTracker,
-        "subject weighing _config _heading _chain _count devices _window _pose _before _past _unseen_s "
+        "subject weighing _config _chain _count devices _window _pose _before _past _unseen_s "
         "iterations lengths _length_spreads _next_look _next_update _noise _contact",
     ),
     Fields.named(Past, "_stamps _strides _held"),

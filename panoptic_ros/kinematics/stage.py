@@ -256,11 +256,11 @@ class KinematicsStage(Stateful):
             states, told = person.step(stamp_ns, mine, half, self._statistics, stride)
             notices += told
             self._given.keep(states)
-            if person.tracker is None and person.missed and not self._is_designated(number):
+            if not person.is_expected and person.missed and not self._is_designated(number):
                 if not self._given.holds(number):
                     del self._people[number]
-            elif self._timeline.index > NEVER_S * self._config.rate_hz and person.tracker is None:
-                notices += [] if person.came else self._once(never_came(number, NEVER_S))
+            elif self._timeline.index > NEVER_S * self._config.rate_hz and not person.came:
+                notices += self._once(never_came(number, NEVER_S))
         return notices
 
     def _give(self) -> BodyStateSet:

@@ -11,13 +11,11 @@ import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import Subject, ViewPeople, ViewSeries
+from panoptic_ros.domain.subjects import ImuSeries, Subject, ViewPeople, ViewSeries
 from panoptic_ros.errors import CalibrationError, UsageError
-from panoptic_ros.io.body_models import read_body_model
-from panoptic_ros.io.joint_offsets import read_joint_offsets
-from panoptic_ros.io.kinematic_files import read_imus, read_subject
+from panoptic_ros.io.body_context import body_extras
+from panoptic_ros.io.kinematic_files import read_imus
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
-from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
@@ -62,29 +60,38 @@ def read_body_task(
         raise UsageError("--rig and --detections belong together: give both, or neither for IMUs alone")
     if rig is None and imu is None:
         raise UsageError("there is nothing to solve from: give --rig and --detections, or --imu, or both")
-    model = read_body_model()
-    if config.offsets:
-        model = read_joint_offsets(Path(config.offsets), model)
-    people = tuple(read_subject(path, model) for path in subjects)
-    ids = [subject.id for subject in people]
-    if len(set(ids)) != len(ids):
-        raise UsageError(f"two subjects have the same id: {', '.join(map(str, ids))}; change `id` in a file")
+    known = body_extras(subjects, config.segments, prior or config.prior, config.offsets)
+    people: tuple[Subject, ...] = known["subjects"]
     notices: list[str] = []
-    devices = read_imus(imu, notices) if imu is not None else {}
-    worn = [d.name for s in people for d in s.devices]
-    missing = [name for name in worn if imu is not None and name not in devices]
-    if missing and (rig is None or len(missing) == len(worn)):
-        raise UsageError(f"{imu} has no samples of {', '.join(missing)}, which a subject wears")
-    if missing:
-        notices.append(f"{imu} has no samples of {', '.join(missing)}; bodies go on without")
+    devices = _worn_devices(imu, people, notices) if imu is not None else {}
     views: dict[int, ViewSeries] = {}
     used: Rig | None = None
     names: tuple[str, ...] = ()
     if rig is not None and detections is not None:
         used, found = read_rig(rig), read_detections(detections)
         views, names = view_series(used, found), found.joint_names
+    for subject in people:
+        odd = sorted(subject.body.own - {*subject.body.model.keypoints, *names})
+        if odd:
+            text = f"nobody sees its keypoints {', '.join(odd)}; look at their names"
+            notices.append(f"subject {subject.id}: {text}")
     recording = Recording(used, names, views, devices)
-    return BodyTask(config, recording, people, read_prior(prior), tuple(notices))
+    return BodyTask(config, recording, people, known["pose_prior"], tuple(notices))
+
+
+def _worn_devices(imu: Path, people: Sequence[Subject], notices: list[str]) -> dict[str, ImuSeries]:
+    """Samples of a file, and lines about devices that nobody wears, or that are not in it."""
+    devices = read_imus(imu, notices)
+    worn = [device.name for subject in people for device in subject.devices]
+    missing = [name for name in worn if name not in devices]
+    if missing and len(missing) == len(worn):
+        raise UsageError(f"{imu} has no samples of {', '.join(missing)}, which a subject wears")
+    if missing:
+        notices.append(f"{imu} has no samples of {', '.join(missing)}; bodies go on without")
+    unworn = [name for name in devices if name not in worn]
+    if unworn:
+        notices.append(f"{imu}: no subject wears {', '.join(unworn)}; they are left out")
+    return devices
 
 
 def solve_bodies(task: BodyTask) -> Solved:

@@ -90,6 +90,7 @@ def test_files_are_read_as_they_were_written(capture, tmp_path):
         ({"id": -3}, "id = -3"),
         ({"id": True}, "id = True"),
         ({"devices": 2 * [{"device": "imu01", "segment": "hips"}]}, "imu01 stands twice"),
+        ({"devices": [{"device": "imu01", "segment": "hips", "mount": [0, 0, 0, 0]}]}, "is no rotation"),
         ({"inertial_frame": "mars"}, "neither of world, unknown heading"),
         ({"t_pose": {"from_ns": 5, "to_ns": 1}}, "is not before to_ns"),
         ({"t_pose": {"from_ns": 0, "to_ns": 1, "facing": [0, 0, 1]}}, "no direction on the floor"),
@@ -130,6 +131,8 @@ def test_devices_that_repeat_stamps_or_have_none_are_told_and_somebody_who_never
     lines += [line for line in lines if line.startswith("imu06")]
     (tmp_path / "imu.csv").write_text("\n".join(lines))
     document = json.loads((capture / "subject.json").read_text()) | {"start": [40.0, 40.0, 1.0]}
+    document["devices"] = [row for row in document["devices"] if row["device"] != "imu07"]
+    document["keypoints"]["rnee"] = document["keypoints"]["rKnee"]
     (tmp_path / "subject.json").write_text(json.dumps(document))
     words = ["--rig", capture / "rig.json", "--detections", capture / "detections.json.gz",
              "--imu", tmp_path / "imu.csv", "--subject", tmp_path / "subject.json",
@@ -138,7 +141,20 @@ def test_devices_that_repeat_stamps_or_have_none_are_told_and_somebody_who_never
     told = capsys.readouterr().err
     assert "no samples of imu05; bodies go on without" in told
     assert "imu06: 62 samples are left out" in told
+    assert "no subject wears imu07" in told
+    assert "nobody sees its keypoints rnee" in told
     assert "subject 0 has not come" in told
+
+
+def test_imus_alone_go_without_one_that_has_no_samples(capture, tmp_path, capsys):
+    lines = gzip.decompress((capture / "imu.csv.gz").read_bytes()).decode().splitlines()
+    (tmp_path / "imu.csv").write_text("\n".join(line for line in lines if not line.startswith("imu05")))
+    words = ["--imu", tmp_path / "imu.csv", "--subject", capture / "subject.json", "--quiet"]
+    assert main(["kinematics", *map(str, words), "--out", str(tmp_path / "k.json")]) == 0
+    assert "no samples of imu05; bodies go on without" in capsys.readouterr().err
+    _, found = read_bodies(tmp_path / "k.json")
+    _, truth = read_bodies(capture / "truth.json.gz")
+    assert score_bodies(truth, found, MODEL.parents, 3.0)["relative_mm"] < 50.0
 
 
 def test_nothing_to_solve_from_is_told(capture, tmp_path, capsys):

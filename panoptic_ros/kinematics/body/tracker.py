@@ -59,7 +59,7 @@ class SubjectTracker:
         mounts: dict[str, Array],
         heading: float = 0.0,
     ):
-        self.subject, self.weighing, self._config, self._heading = subject, weighing, config, heading
+        self.subject, self.weighing, self._config = subject, weighing, config
         self._chain = subject.body.chain
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
@@ -69,7 +69,7 @@ class SubjectTracker:
         self._noise = NoiseLevel()
         self._count = len(self._chain.parents)
         self.devices = WornDevices(config, subject, self._chain, mounts, heading)
-        self._contact = Contact(self._chain.parents, weighing.floor.segments, config.rate_hz)
+        self._contact = self._fresh_contact()
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
@@ -93,9 +93,19 @@ class SubjectTracker:
         return self._chain.offsets
 
     def begun_anew(self) -> SubjectTracker:
-        """One that has seen nothing yet of the same person."""
-        mounts = dict(zip(self.devices.names, self.devices.mounts))
-        return SubjectTracker(self._config, self.subject, self.weighing, mounts, self._heading)
+        """One that knows the person (lengths, errors of joints, how devices sit) and has seen no motion."""
+        found = self.at_rest()
+        found._pose = None
+        found._contact = self._fresh_contact()
+        found._unseen_s = 0.0 if len(self.weighing.rotations) else math.inf
+        found.devices.forget()
+        return found
+
+    def worn_otherwise(self, mounts: dict[str, Array], heading: float) -> SubjectTracker:
+        """Begun anew with other mountings, see the class."""
+        found = self.begun_anew()
+        found.devices = WornDevices(self._config, self.subject, self._chain, mounts, heading)
+        return found
 
     def begin_at(self, pose: Pose) -> None:
         """Begin with this pose in place of one from nothing."""
@@ -192,6 +202,9 @@ class SubjectTracker:
     @property
     def _lag(self) -> int:
         return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
+
+    def _fresh_contact(self) -> Contact:
+        return Contact(self._chain.parents, self.weighing.floor.segments, self._config.rate_hz)
 
     def _learn_lengths(self, evidence: Evidence, views: int, period: float) -> None:
         """Look now and then; take over what was learnt at twice as many looks each time, until it stays."""

@@ -108,7 +108,7 @@ class Allotment:
         known = [person for person in lost if person.is_expected or person.presence.is_away]
         new = [
             person for person in lost
-            if person.tracker is None and not person.presence.is_away and not tracks_begin
+            if not person.is_expected and not person.presence.is_away and not tracks_begin
         ]  # fmt: skip
         if not views or not (known or new):
             return

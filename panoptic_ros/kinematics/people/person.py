@@ -86,7 +86,7 @@ class Person:
         self._without = 0 if seen or used else self._without + stride
         if self.missed:
             return done + self._give_up(), notices
-        if self.tracker is None and not self._begins(stamp_ns, seen, used):
+        if not self.is_expected and not self._begins(stamp_ns, seen, used):
             return done, notices
         tracker = self.tracker = self.tracker or self._new_tracker(stamp_ns)
         self.came = True
@@ -134,8 +134,9 @@ class Person:
         self.presence.told(stamp_ns, views)
 
     def restart(self) -> None:
-        """Time goes on elsewhere: forget the motion, keep how the IMUs sit."""
-        self.seen, self.tracker, self._alone = SeenPerson(), None, None
+        """Time goes on elsewhere: forget the motion, keep what is known of the person."""
+        self.seen, self._alone = SeenPerson(), None
+        self.tracker = None if self.tracker is None else self.tracker.begun_anew()
         self.presence, self._returns = Presence(), False
         self.behind, self._without, self._unseen = {}, 0, 0
 
@@ -194,7 +195,7 @@ class Person:
         if self.tracker is None:
             return []
         held, pose = self.tracker.flush(), self.tracker.expected()
-        self.tracker = self._new_tracker(stamp_ns)
+        self.tracker = self.tracker.worn_otherwise(mounts, now[0])
         if pose is not None:
             self.tracker.begin_at(pose)
         return held
@@ -207,7 +208,8 @@ class Person:
 
     def _give_up(self) -> list[BodyState]:
         held = self.flush()
-        self.tracker = None
+        if self.is_expected and self.tracker is not None:
+            self.tracker = self.tracker.begun_anew()
         return held
 
 

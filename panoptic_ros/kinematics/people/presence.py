@@ -89,7 +89,7 @@ class Presence:
 class Looked(NamedTuple):
     """A subject that is looked for in the views of an instant."""
 
-    tracker: SubjectTracker | None  # None: the body was given up
+    tracker: SubjectTracker | None  # None: it has not begun
     presence: Presence
 
 
