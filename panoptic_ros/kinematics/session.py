@@ -16,14 +16,15 @@ from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import align, cameras_alone, felt_of, taken_over
 from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
 from panoptic_ros.kinematics.imus.recorded import looked_through
-from panoptic_ros.kinematics.imus.resampling import instants_of
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
 from panoptic_ros.kinematics.people.first_people import nearest_to_start
 from panoptic_ros.kinematics.people.presence import Looked, Presence, middle_expected, people_of
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
+from panoptic_ros.kinematics.recorded_instants import instants_of
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
+ALONE_S = 0.5  # for which a view waits for others that say the same of who stands where a subject starts
 LOST_S = 0.5  # out of sight and without IMUs, after which a body is given up
 
 
@@ -87,7 +88,8 @@ def solve_recording(
                 states += tracker.flush()
                 tracker.move_to(people[k], None)
             if not tracker.started and not presence.is_away:
-                people[k] = _first_people(tracker.subject, instant, weighing, len(subjects) > 1)
+                alone = len(recording.views) < 2 or instant.stamp_ns > instants[0].stamp_ns + 1e9 * ALONE_S
+                people[k] = _first_people(tracker.subject, instant, weighing, (len(subjects) > 1, alone))
             if not tracker.started and instant.views and not people[k]:
                 continue
             expected = middle_expected(tracker)
@@ -175,9 +177,14 @@ def _bent_heading(
 
 
 def _first_people(
-    subject: Subject, instant: Instant, weighing: Weighing, several: bool
+    subject: Subject, instant: Instant, weighing: Weighing, kind: tuple[bool, bool]
 ) -> dict[int, tuple[Array, Array]]:
-    """2D people of the views who stand where the subject starts; the only ones, if nothing says where."""
+    """2D people of the views who stand where the subject starts; the only ones, if nothing says where.
+
+    Args:
+        kind: whether there are several subjects, and whether one view alone tells it.
+    """
+    several, alone = kind
     if subject.start is None:
         crowd = max((len(people.points) for people in instant.views.values()), default=0)
         if crowd and (several or crowd > 1):
@@ -185,4 +192,4 @@ def _first_people(
                 f"subject {subject.id}: {crowd} people are seen and nothing says who it is; state `start`, "
                 "where the pelvis is at the first instant"
             )
-    return nearest_to_start(subject, instant, weighing)
+    return nearest_to_start(subject, instant, weighing, alone)

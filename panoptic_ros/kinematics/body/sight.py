@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,32 @@ from panoptic_ros.kernels.order import median
 Array = np.ndarray
 NEAREST = 0.1  # m before a camera
 FEWEST = 3  # joints that tell where somebody is
+
+
+
+class Sites(NamedTuple):
+    """Columns (N,) of the detections and places (N, 3) m where their joints are expected."""
+
+    columns: Array
+    places: Array
+
+    @property
+    def middle(self) -> Array:
+        """The middle (3,) m of all joints."""
+        found: Array = np.median(self.places, axis=0)
+        return found
+
+    def middle_seen(self, people: Mapping[int, tuple[Array, Array]]) -> Array:
+        """The middle (3,) m of the joints that views show, which may be those of a part of the body.
+
+        Args:
+            people: points (K, 2), NaN = missing, and scores (K,) by camera.
+        """
+        shown = [np.isfinite(points[self.columns]).all(-1) for points, _ in people.values()]
+        middles = [np.median(self.places[there], axis=0) for there in shown if there.any()]
+        found: Array = np.mean(middles, axis=0) if middles else self.middle
+        return found
+
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 

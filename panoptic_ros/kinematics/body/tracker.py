@@ -17,6 +17,7 @@ from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.noise_level import NoiseLevel
 from panoptic_ros.kinematics.body.past import Past
+from panoptic_ros.kinematics.body.sight import Sites
 from panoptic_ros.kinematics.body.start import first_pose, middle_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.devices import WornDevices
@@ -120,12 +121,12 @@ class SubjectTracker:
     def move_to(self, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None) -> None:
         """Carry the body to where cameras see it, of whom it was out of sight; one camera alone does not
         tell."""
-        pose = self.expected()
+        pose, sites = self.expected(), self.expected_sites()
         place = middle_of(self.weighing, people, joints)
-        if pose is None or place is None:
+        if pose is None or sites is None or place is None:
             return
         moved = pose.copy()
-        moved.root[:] = place
+        moved.root[:] += place - (sites.middle if joints is not None else sites.middle_seen(people))
         self._pose, self._window, self._before = moved, None, None
         self.devices.forget()
         self._past = Past()
@@ -136,15 +137,15 @@ class SubjectTracker:
             return self._window.predicted(stride)
         return self._pose
 
-    def expected_sites(self) -> tuple[Array, Array] | None:
-        """Columns (N,) of the detections and places (N, 3) m where their joints are expected."""
+    def expected_sites(self) -> Sites | None:
+        """Where joints are expected."""
         pose = self.expected()
         if pose is None:
             return None
         frames, places = np.empty((self._count, 3, 3)), np.empty((self._count, 3))
         place_segments(self._chain, pose, frames, places)
         columns, segments, offsets = self.weighing.sites
-        return columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0]
+        return Sites(columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0])
 
     def step(
         self, instant: Instant, people: dict[int, tuple[Array, Array]],

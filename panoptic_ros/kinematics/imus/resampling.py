@@ -1,47 +1,14 @@
-"""Data of devices and cameras at instants of a fixed rate."""
+"""Samples of IMUs at instants of a fixed rate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from panoptic_ros.domain.subjects import ImuReading, ImuSeries, Instant, ViewPeople, ViewSeries
+from panoptic_ros.domain.subjects import ImuReading, ImuSeries
 from panoptic_ros.geometry.rotations import from_quaternions
 
 Array = np.ndarray
 LONGEST_GAP_S = 0.1  # between two samples of an IMU, over which it is interpolated
-
-
-def instants_of(
-    views: Mapping[int, ViewSeries], devices: Mapping[str, ImuSeries], rate_hz: float
-) -> list[Instant]:
-    """All data at instants of a fixed rate, from the first camera's first image on, or the first IMU sample.
-
-    A sample of a camera belongs to the nearest instant within half a period; IMUs are interpolated,
-    orientations along the arc (slerp), where samples lie on both sides.
-    """
-    series = [v.stamps for v in views.values() if len(v.stamps)] or [
-        d.stamps for d in devices.values() if len(d.stamps)
-    ]
-    if not series:
-        return []
-    first, last = min(int(s[0]) for s in series), max(int(s[-1]) for s in series)
-    count = int(np.floor((last - first) * 1e-9 * rate_hz + 0.5)) + 1
-    stamps = first + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
-    seen: list[dict[int, ViewPeople]] = [{} for _ in stamps]
-    for camera, view in views.items():
-        places = np.floor((view.stamps - first) * 1e-9 * rate_hz + 0.5).astype(np.int64)
-        far = np.abs(view.stamps - stamps[np.clip(places, 0, count - 1)])
-        for n in np.argsort(-far, kind="stable"):  # the nearest last
-            if 0 <= places[n] < count:
-                seen[places[n]][camera] = view.people[n]
-    readings = {name: resample(device, stamps) for name, device in devices.items()}
-    found = []
-    for k, stamp in enumerate(stamps):
-        there = {name: reading for name, rows in readings.items() if (reading := rows[k]) is not None}
-        found.append(Instant(int(stamp), seen[k], there))
-    return found
 
 
 def resample(series: ImuSeries, stamps: Array) -> list[ImuReading | None]:

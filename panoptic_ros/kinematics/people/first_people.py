@@ -1,43 +1,60 @@
 """Who stands where a subject starts."""
-from __future__ import annotations
 
-import math
+from __future__ import annotations
 
 import numpy as np
 
 from panoptic_ros.domain.subjects import Instant, Subject
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.sight import FEWEST, NEAREST
+from panoptic_ros.kinematics.body.start import middle_of
 
 Array = np.ndarray
+People = dict[int, tuple[Array, Array]]
 
-FIRST_GATE = 0.8  # m, from where a subject is said to start
+NEAR, FIRST_GATE = 0.35, 0.8  # m, across: of views that agree; from where a subject is said to start, at most
+LEAST = 1e-3  # share of a ray that lies level
 
 
 def nearest_to_start(
-    subject: Subject, instant: Instant, weighing: Weighing
-) -> dict[int, tuple[Array, Array]]:
+    subject: Subject, instant: Instant, weighing: Weighing, alone: bool = True
+) -> People:
     """Points (K, 2) and scores (K,) by camera of who stands where the subject starts; where nothing says so,
-    of who is alone in a view."""
-    found = {}
+    of who is alone in a view.
+
+    In a view that misses the subject somebody behind or before the place may seem to stand there. So views
+    that agree in space tell it first.
+
+    Args:
+        alone: whether views tell it that agree with no other, if none do.
+    """
+    if subject.start is None:
+        return {
+            camera: (people.points[0], people.scores[0])
+            for camera, people in instant.views.items() if len(people.points) == 1
+        }  # fmt: skip
+    nearest, apart = dict[int, tuple[Array, Array]](), dict[int, float]()
     for camera, people in instant.views.items():
-        if subject.start is None:
-            if len(people.points) == 1:
-                found[camera] = (people.points[0], people.scores[0])
-            continue
-        if not len(people.points):
-            continue
-        local = weighing.rotations[camera] @ subject.start + weighing.translations[camera]
-        if local[2] < 0.1:
-            continue
-        goal = local[:2] / local[2]
-        far = [_middle_distance(points, goal) * local[2] for points in people.points]
-        best = int(np.argmin(far))
-        if far[best] < FIRST_GATE:
-            found[camera] = (people.points[best], people.scores[best])
-    return found
+        far = [_across(weighing, camera, points, subject.start) for points in people.points]
+        if far:
+            best = int(np.argmin(far))
+            nearest[camera], apart[camera] = (people.points[best], people.scores[best]), far[best]
+    near = {camera: own for camera, own in nearest.items() if apart[camera] < NEAR}
+    middle = middle_of(weighing, near, None)
+    if middle is not None and np.linalg.norm((middle - subject.start)[:2]) < NEAR:
+        return near
+    return {camera: own for camera, own in nearest.items() if alone and apart[camera] < FIRST_GATE}
 
 
-def _middle_distance(points: Array, goal: Array) -> float:
-    """From the middle of a 2D person's joints (K, 2) to a point (2,); infinite if it has none."""
+def _across(weighing: Weighing, camera: int, points: Array, place: Array) -> float:
+    """How far, m, the ray to the middle of a 2D person (K, 2) passes from the vertical line through a place;
+    infinite where hardly any joint is seen or the place is behind the camera."""
     seen = points[np.isfinite(points).all(-1)]
-    return float(np.linalg.norm(np.median(seen, axis=0) - goal)) if len(seen) else math.inf
+    if len(seen) < FEWEST:
+        return np.inf
+    rotation, translation = weighing.rotations[camera], weighing.translations[camera]
+    way = rotation.T @ np.append(np.median(seen, axis=0), 1.0)
+    to = place + rotation.T @ translation
+    if (rotation @ place + translation)[2] < NEAREST:
+        return np.inf
+    return abs(float(way[0] * to[1] - way[1] * to[0])) / max(float(np.hypot(*way[:2])), LEAST)

@@ -9,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import Instant
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.sight import Sites
 from panoptic_ros.kinematics.body.start import middle_of
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.people.nearest_people import assign_people
@@ -35,17 +36,17 @@ class Presence:
         """Whether it is looked for."""
         return self._absence is not None
 
-    def own(self, people: People, expected: Array | None, weighing: Weighing, instant: Instant) -> People:
+    def own(self, people: People, expected: Sites | None, weighing: Weighing, instant: Instant) -> People:
         """Of the 2D people that are nearest to where it is expected those that may be its own.
 
         Args:
-            expected: (3,) m, the middle of its joints; None before there is a pose.
+            expected: its joints; None before there is a pose.
         """
         if self._absence is not None:
             people = {}  # who is near may be somebody else: see `back`
         elif people and len(instant.views) > 1 and expected is not None:
             seen = middle_of(weighing, people, None)
-            odd = seen is None or np.linalg.norm(seen - expected) > ODD
+            odd = seen is None or np.linalg.norm(seen - expected.middle_seen(people)) > ODD
             if odd or len(people) < FEW * self._usual:
                 left = without_others(people, expected, weighing, instant)
                 people = left if len(left) > 1 else {}
@@ -53,15 +54,22 @@ class Presence:
             self._usual += (len(people) - self._usual) * USUAL_SHARE
         return people
 
-    def back(self, instant: Instant, weighing: Weighing, claimed: list[People], gate: float) -> People:
+    def back(
+        self, instant: Instant, weighing: Weighing, claimed: list[People], gate: float, expected: Sites | None
+    ) -> People:
         """Its 2D people, if it is away and back.
 
         Args:
-            claimed: 2D people that are others'. gate: m, see `Absence.look`.
+            claimed: 2D people that are others'. gate: m, see `Absence.look`. expected: its joints; of who is
+                seen in part, they tell where the whole is.
         """
         if self._absence is None or not instant.views:
             return {}
         there = appearances(weighing, instant, claimed)
+        if expected is not None:
+            there = [
+                a._replace(place=a.place + expected.middle - expected.middle_seen(a.people)) for a in there
+            ]
         return self._absence.look(there, instant.stamp_ns, gate)
 
     def saw(self, instant: Instant, is_seen: bool, expected: Array | None) -> int:
@@ -100,15 +108,13 @@ def people_of(
     trackers = [tracker for tracker, _ in subjects]
     people = assign_people(trackers, instant, weighing.rotations, weighing.translations, gate)
     for k, (tracker, presence) in enumerate(subjects):
-        people[k] = presence.own(people[k], middle_expected(tracker), weighing, instant)
-        people[k] = people[k] or presence.back(instant, weighing, people, gate)
+        expected = None if tracker is None else tracker.expected_sites()
+        people[k] = presence.own(people[k], expected, weighing, instant)
+        people[k] = people[k] or presence.back(instant, weighing, people, gate, expected)
     return people
 
 
 def middle_expected(tracker: SubjectTracker | None) -> Array | None:
     """The middle (3,) m of the joints of a body where it is expected; None before there is a pose."""
     sites = None if tracker is None else tracker.expected_sites()
-    if sites is None or not len(sites[1]):
-        return None
-    middle: Array = np.median(sites[1], axis=0)
-    return middle
+    return sites.middle if sites is not None and len(sites.places) else None

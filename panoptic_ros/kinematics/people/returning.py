@@ -13,6 +13,7 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import Instant
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.sight import Sites
 from panoptic_ros.kinematics.body.start import middle_of
 
 Array = np.ndarray
@@ -110,16 +111,16 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
 
 
 def without_others(
-    people: People, expected: Array, weighing: Weighing, instant: Instant
+    people: People, expected: Sites, weighing: Weighing, instant: Instant
 ) -> People:
     """A subject's 2D people without those of whom several views say that they are elsewhere.
 
     Args:
-        expected: (3,) m, the middle of the subject's joints.
+        expected: the subject's joints.
     """
     elsewhere = [
         other.people for other in appearances(weighing, instant, [])
-        if np.linalg.norm(other.place - expected) > NEAR_PLACE
+        if np.linalg.norm(other.place - expected.middle_seen(other.people)) > NEAR_PLACE
     ]  # fmt: skip
     return {
         camera: own for camera, own in people.items()

@@ -64,7 +64,7 @@ class SeenPerson:
         found = {}
         for camera, own in sorted(self.views.items()):
             begin, end = _around(own, stamp_ns)
-            sample = _between(begin, end, stamp_ns, half_period_ns)
+            sample = joints_between(begin, end, stamp_ns, half_period_ns)
             if sample is not None:
                 found[camera] = sample
         return found
@@ -125,7 +125,7 @@ def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
     return 1.0 if end_ns - stamp_ns <= NEAR_NS else (stamp_ns - begin_ns) / (end_ns - begin_ns)
 
 
-def _between(
+def joints_between(
     begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
 ) -> tuple[Array, Array] | None:
     if begin is None or end is None or end.stamp_ns - begin.stamp_ns > LONGEST_GAP_NS:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from panoptic_ros.kinematics.body.sight import distances, seen_joints
+from panoptic_ros.kinematics.body.sight import Sites, distances, seen_joints
 
 ROTATION, TRANSLATION = np.eye(3), np.array([0.1, -0.2, 4.0])
 
@@ -40,3 +40,13 @@ def test_joints_without_place_or_score_are_left_out():
     assert list(zip(sites, views)) == [(1, 0), (2, 0), (0, 1), (2, 1)]
     np.testing.assert_array_equal(seen, [points[v, columns[s]] for s, v in zip(sites, views)])
     np.testing.assert_allclose(weights, [2.0, 2.0, 0.5, 0.5])
+
+
+def test_the_middle_of_who_is_seen_in_part_is_that_of_the_part():
+    sites = Sites(np.array([2, 0, 1]), np.array([[0.0, 0.0, 1.6], [0.0, 0.0, 1.0], [0.0, 0.0, 0.1]]))
+    points = np.zeros((3, 2))
+    points[1] = np.nan  # the lowest
+    assert sites.middle[2] == 1.0
+    assert sites.middle_seen({0: (points, np.ones(3))})[2] == 1.3
+    assert sites.middle_seen({0: (points, np.ones(3)), 1: (np.zeros((3, 2)), np.ones(3))})[2] == 1.15
+    assert sites.middle_seen({0: (np.full((3, 2), np.nan), np.zeros(3))})[2] == 1.0
