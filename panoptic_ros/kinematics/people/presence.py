@@ -20,6 +20,7 @@ FEW, USUAL_SHARE = 0.5, 0.02  # of the views that usually see a subject: less, a
 ODD = 0.2  # m, and where these see it elsewhere than it is expected
 ABSENT_S = 0.2  # out of sight, after which it is looked for
 MISSED = 3  # instants with images without it, before
+COMPANY_SHARE, COMPANY = 0.1, 0.5  # of newer instants; of instants with others, who may be mistaken for it
 
 
 class Presence:
@@ -29,6 +30,7 @@ class Presence:
         self.last_ns = 0  # of the last instant in which it was seen, 0 = never
         self._missed = 0  # instants with images without it since then
         self._usual = 0.0  # views that see it
+        self._company = 0.0  # share of the instants with it, of late, in which several views see others too
         self._absence: Absence | None = None
 
     @property
@@ -52,6 +54,9 @@ class Presence:
                 people = left if len(left) > 1 else {}
         if instant.views:
             self._usual += (len(people) - self._usual) * USUAL_SHARE
+        if people:
+            several = sum(len(view.points) > 1 for view in instant.views.values()) > 1
+            self._company += (several - self._company) * COMPANY_SHARE
         return people
 
     def back(
@@ -85,13 +90,14 @@ class Presence:
         self._missed += 1
         unseen = instant.stamp_ns - self.last_ns if self._missed >= MISSED else 0
         if unseen > ABSENT_S * 1e9 and self._absence is None and expected is not None:
-            self._absence = Absence(expected, self.last_ns)
+            self._absence = Absence(expected, self.last_ns, alone=self._company < COMPANY)
         return unseen
 
     def told(self, stamp_ns: int, views: int) -> None:
         """A track holds it in so many views."""
         self._usual += (views - self._usual) * USUAL_SHARE
         self.last_ns, self._missed, self._absence = stamp_ns, 0, None
+        self._company = 1.0  # nothing tells here who else is there
 
 
 class Looked(NamedTuple):

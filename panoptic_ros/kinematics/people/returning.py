@@ -37,10 +37,11 @@ class Absence:
 
     Args:
         place: (3,) m, where it is expected as it goes. stamp_ns: of the last instant in which it was seen.
+        alone: nobody else was there, so whoever is seen now is the subject, of whom sight was lost.
     """
 
-    def __init__(self, place: Array, stamp_ns: int):
-        self._place, self._stamp_ns = place, stamp_ns
+    def __init__(self, place: Array, stamp_ns: int, alone: bool = False):
+        self._place, self._stamp_ns, self._alone = place, stamp_ns, alone
         self._others: list[Array] = []
         self._first_ns = -1  # look
         self._newcomer = (place, 0, -1)  # place, looks, stamp of the last
@@ -53,7 +54,7 @@ class Absence:
         """
         self._first_ns = stamp_ns if self._first_ns < 0 else self._first_ns
         new = self._without_others(appearances)
-        if stamp_ns - self._first_ns < OTHERS_NS:
+        if not self._alone and stamp_ns - self._first_ns < OTHERS_NS:
             self._others += [a.place for a in new if np.linalg.norm(a.place - self._place) > NEAR_PLACE]
             new = [a for a in new if np.linalg.norm(a.place - self._place) <= NEAR_PLACE]
         reach = gate + WALK * 1e-9 * (stamp_ns - self._stamp_ns)

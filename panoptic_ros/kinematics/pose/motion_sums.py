@@ -18,6 +18,7 @@ from panoptic_ros.kinematics.pose.segment_sums import add_point, gather, place_s
 from panoptic_ros.kinematics.pose.targets import Accelerations, Standing, Turning
 
 Array = np.ndarray
+ENOUGH = 3  # sites, whose mean acceleration tells that of the body
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -36,6 +37,9 @@ def add_second_differences(
     The slopes are those of the middle pose. With slopes of their own, which differ a little and are divided
     by the period squared, the three poses would seem to know the orientation itself, and what is linearised
     at one pose and kept while the pose moves on would bend the body out of shape.
+
+    The last pose is where a constant velocity brings it, so all sites of a body that stops or starts are off
+    alike. That is no outlier: the loss is of how far a site is off from all of them, if they are enough.
     """
     count, size = len(chain.parents), len(vector)
     ratio, period = times
@@ -44,6 +48,7 @@ def add_second_differences(
         place_segments(chain, poses[k], frames[k], places[k])
     number = len(given.segments)
     sites, errors, common = np.empty((3, 3)), np.empty((number, 3)), np.zeros(3)
+    alike = given.relative or number >= ENOUGH
     for n in range(number):
         s = given.segments[n]
         for k in range(3):
@@ -60,7 +65,7 @@ def add_second_differences(
         if given.scale > 0.0:
             error = 0.0
             for j in range(3):
-                error += (errors[n, j] - common[j] * given.relative) ** 2
+                error += (errors[n, j] - common[j] * alike) ** 2
             weight /= 1.0 + weight * error / given.scale
         place_site(frames[1, s], places[1, s], given.offsets[n], arm)
         for j in range(3):

@@ -19,9 +19,9 @@ def seen(*places):
     return [Appearance(np.array([x, y, 1.0]), {0: (np.zeros((3, 2)), np.ones(3))}) for x, y in places]
 
 
-def absent(looks, begin=0, place=(0.0, 0.0, 1.0)):
+def absent(looks, begin=0, place=(0.0, 0.0, 1.0), alone=False):
     """Looks one after another; the numbers of those in which the subject is back."""
-    absence, back = Absence(np.array(place), -200_000_000), []
+    absence, back = Absence(np.array(place), -200_000_000, alone), []
     for k, appearances in enumerate(looks):
         if absence.look(appearances, begin + k * FRAME, 0.5):
             back.append(k)
@@ -46,6 +46,11 @@ def test_a_ghost_of_one_look_and_who_is_too_far_are_not():
 
 def test_who_never_left_is_found_at_once():
     assert absent([seen((0.3, 0.0)) for _ in range(5)])[0] == LOOKS - 1
+
+
+def test_whoever_is_seen_is_the_subject_where_nobody_else_was():
+    looks = [seen((0.9, 0.0)) for _ in range(5)]
+    assert absent(looks) == [] and absent(looks, alone=True)[0] == LOOKS - 1
 
 
 def half_seen(place, stamp_ns):

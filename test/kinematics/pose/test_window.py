@@ -103,6 +103,21 @@ def test_where_instants_are_left_out_a_steady_body_is_followed_all_the_same(acce
     assert np.abs(before.root - (start + (time - 9) / 80.0 * (end - start))).max() < 1e-3
 
 
+def test_a_body_that_stops_at_once_while_nobody_sees_it_is_known_to_stop():
+    """All devices feel it alike, so it is no outlier."""
+    still, rng = moving(1)[0], np.random.default_rng(0)
+    along = 3.0 * PERIOD * np.minimum(np.arange(61), 30)
+    poses = [still._replace(root=still.root + [x, 0.0, 0.0]) for x in along]
+    window = PoseWindow(CHAIN, poses[0], MOTION, 0)
+    for t in range(1, len(poses)):
+        bend = along[t] - 2.0 * along[t - 1] + along[t - 2] if t >= 2 else 0.0
+        values = np.tile([bend / PERIOD**2, 0.0, 0.0], (4, 1))
+        given = Accelerations(WORN, OFFSETS, values, np.full(4, 0.25), 9.0)
+        evidence = points(poses[t], 0.0, rng, 1.0 if t <= 30 else 1e-9)
+        last = window.step(window.predicted(), evidence, Between(given))
+    assert abs(last.root[0] - poses[-1].root[0]) < 0.1
+
+
 def test_a_lag_helps():
     poses = moving(180)
     assert error_mm(poses, run(poses, 6)) < 0.8 * error_mm(poses, run(poses, 0))
