@@ -40,8 +40,8 @@ CLASSES = (
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
         "_without _unseen presence _returns",
     ),
-    Fields.named(Presence, "last_ns _missed _usual _absence"),
-    Fields.named(Absence, "_place _stamp_ns _others _first_ns _newcomer"),
+    Fields.named(Presence, "last_ns _missed _usual _company _absence"),
+    Fields.named(Absence, "_place _stamp_ns _alone _others _first_ns _newcomer"),
     Fields.named(SeenPerson, "views joints"),
     Fields.named(
         ImuFitting,
