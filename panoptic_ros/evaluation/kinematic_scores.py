@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.evaluation.ellipsoids import ELLIPSOID_95, squared_distances
 from panoptic_ros.geometry.rotations import mean_rotation, vectors_of
@@ -22,11 +23,12 @@ def score_bodies(
 ) -> dict[str, Any]:  # fmt: skip
     """Errors of one subject at the stamps that both have, after the first seconds.
 
-    mm: of the joints, global, relative to the root, after the best rigid motion of each frame; deg: of the
-    segments' orientations, plain, after one constant rotation of each segment, and relative to the parent;
-    acc: m/s^2, of the joints' accelerations. Of the first: mean, median, std, MAD. drift_m: farthest that
-    the root goes from where it was off at first; standing_drift_m: the same, of what is added while one of
-    the joints `ground` truly stands.
+    mm: of the joints, global, relative to the root, after the best rigid motion of each frame (procrustes),
+    and without one constant offset of each joint in its segment's frame (aligned); deg: of the segments'
+    orientations, global, after the same motion, without one constant rotation of each segment, and
+    relative to the parent; of all of these mean, median, std and MAD (4.1). acc: m/s^2, of the joints'
+    accelerations. drift_m: farthest that the root goes from where it was off at first; standing_drift_m:
+    the same, of what is added while one of the joints `ground` truly stands.
     """
     theirs = {state.stamp_ns: state for state in found}
     begin = truth[0].stamp_ns + round(skip_s * 1e9)
@@ -36,26 +38,45 @@ def score_bodies(
         return {"coverage": 0.0}
     places, mine = (np.array([p[k].places for p in pairs]) for k in (0, 1))
     frames, my_frames = (np.array([p[k].frames for p in pairs]) for k in (0, 1))
-    apart = 1000 * np.linalg.norm(mine - places, axis=-1)
+    apart = np.linalg.norm(mine - places, axis=-1)
     relative = (mine - mine[:, :1]) - (places - places[:, :1])
     turned = my_frames.swapaxes(-1, -2) @ frames
     aligned = np.stack([mean_rotation(turned[:, s]).T @ turned[:, s] for s in range(turned.shape[1])], axis=1)
     children = np.flatnonzero(parents >= 0)
     local = [f[:, parents[children]].swapaxes(-1, -2) @ f[:, children] for f in (frames, my_frames)]
-    degrees = _degrees(turned)
+    within = (frames.swapaxes(-1, -2) @ (mine - places)[..., None])[..., 0]
+    fitted, turns = _procrustes(mine, places)
     step = (pairs[1][0].stamp_ns - pairs[0][0].stamp_ns) * 1e-9 if len(pairs) > 2 else 1.0
     jump = np.linalg.norm(np.diff(mine - places, 2, axis=0), axis=-1) / step**2
     return {
-        "coverage": len(pairs) / len(wanted), **_summary("mm", apart), **_summary("deg", degrees),
-        "root_mm": float(apart[:, 0].mean()),
-        "relative_mm": 1000 * float(np.linalg.norm(relative, axis=-1).mean()),
-        "procrustes_mm": 1000 * float(np.mean([_procrustes(a, b) for a, b in zip(mine, places)])),
-        "aligned_deg": float(_degrees(aligned).mean()),
-        "joint_deg": float(_degrees(local[1].swapaxes(-1, -2) @ local[0]).mean()),
+        "coverage": len(pairs) / len(wanted),
+        **_summary("mm", 1000 * apart),
+        "root_mm": 1000 * float(apart[:, 0].mean()),
+        **_summary("relative_mm", 1000 * np.linalg.norm(relative, axis=-1)),
+        **_summary("procrustes_mm", 1000 * fitted),
+        **_summary("aligned_mm", 1000 * np.linalg.norm(within - within.mean(0), axis=-1)),
+        **_summary("deg", _degrees(turned)),
+        **_summary("procrustes_deg", _degrees((turns[:, None] @ my_frames).swapaxes(-1, -2) @ frames)),
+        **_summary("aligned_deg", _degrees(aligned)),
+        **_summary("joint_deg", _degrees(local[1].swapaxes(-1, -2) @ local[0])),
         "acc": float(jump.mean()) if len(jump) else 0.0,
         "drift_m": _farthest(mine[:, 0] - places[:, 0], np.ones(len(pairs), bool)),
         "standing_drift_m": _farthest(mine[:, 0] - places[:, 0], _stands(places[:, list(ground)], step)),
-    }  # fmt: skip
+    }
+
+
+def score_joint_angles(
+    truth: Sequence[BodyState], found: Sequence[BodyState], model: SegmentModel, skip_s: float
+) -> dict[str, float]:
+    """`angle_deg`: errors of all joint angles at the stamps that both have, after the first seconds: mean,
+    median, std, MAD. Where the middle one of three is near 90 deg, the other two are hardly defined."""
+    begin, theirs = truth[0].stamp_ns + round(skip_s * 1e9), {state.stamp_ns: state for state in found}
+    pairs = [(s, theirs[s.stamp_ns]) for s in truth if s.stamp_ns >= begin and s.stamp_ns in theirs]
+    if not pairs:
+        return {}
+    angles = [model.joint_angles(np.array([pair[k].frames for pair in pairs])) for k in (0, 1)]
+    apart = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi
+    return _summary("angle_deg", np.degrees(np.abs(apart)))
 
 
 def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
@@ -96,9 +117,11 @@ def _degrees(rotations: Array) -> Array:
     return found
 
 
-def _procrustes(mine: Array, truth: Array) -> float:
-    """Mean distance of joints, m, after the best rotation and shift."""
-    a, b = mine - mine.mean(0), truth - truth.mean(0)
-    u, _, v = np.linalg.svd(a.T @ b)
-    turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
-    return float(np.linalg.norm(a @ turn - b, axis=-1).mean())
+def _procrustes(mine: Array, truth: Array) -> tuple[Array, Array]:
+    """Distances (T, J) after the best rotation and shift of each frame, and these rotations (T, 3, 3)."""
+    a, b = mine - mine.mean(1, keepdims=True), truth - truth.mean(1, keepdims=True)
+    u, _, v = np.linalg.svd(b.swapaxes(-1, -2) @ a)
+    signs = np.ones((len(a), 3))
+    signs[:, 2] = np.linalg.det(u @ v)
+    turns = (u * signs[:, None]) @ v
+    return np.linalg.norm(a @ turns.swapaxes(-1, -2) - b, axis=-1), turns

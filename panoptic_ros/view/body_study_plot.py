@@ -7,48 +7,63 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-PANELS = (("mm", "mean error of joints, mm"), ("deg", "mean error of orientations, deg"))
+PANELS = {
+    "mm": "joints, mm, global", "relative_mm": "joints, mm, from the root",
+    "procrustes_mm": "joints, mm, after Procrustes", "deg": "orientations, deg, global",
+}  # fmt: skip
+LINES = (("", "_std", "--", "x"), ("_median", "_mad", "-", "o"))  # middle, spread, line, marker
+BESIDE = 0.09  # cameras between the bars of two numbers of IMUs
 
 
 def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str) -> bytes:
-    """A PNG: means over the captures, a line for each number of IMUs; dashed: the other method.
+    """A PNG: dashed mean and standard deviation, solid median and MAD, a colour for each number of IMUs.
 
-    Without cameras the error in mm is relative to the root.
+    Above our method, below the other, on the same scale. The place without cameras drifts and is left out.
 
     Args:
-        rows: of the study, with cameras, imus, method, mm, relative_mm and deg.
-        ours: the method that is drawn as a full line.
+        rows: of the study, with cameras, imus, method, and mean, median, std and MAD of each panel.
+        ours: the method above.
     """
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    kinds = sorted({row["imus"] for row in rows})
     methods = sorted({row["method"] for row in rows}, key=lambda name: name != ours)
-    for axes, (key, label) in zip(figure.subplots(1, 2), PANELS):
-        for n, imus in enumerate(kinds):
-            for method in methods:
-                mine = [row for row in rows if (row["imus"], row["method"]) == (imus, method)]
-                cameras = sorted({row["cameras"] for row in mine})
-                means = [
-                    np.mean([_value(row, key) for row in mine if row["cameras"] == count])
-                    for count in cameras
-                ]
-                style = "-o" if method == ours else "--x"
-                seen = cameras.index(0) + 1 if key == "mm" and 0 in cameras else 0
-                axes.plot(cameras[:seen], means[:seen], style[-1], color=f"C{n}")  # another measure: no line
-                axes.plot(
-                    cameras[seen:], means[seen:], style, color=f"C{n}", label=f"{imus} IMUs, {method}"
-                )
-        axes.set(xlabel="cameras", ylabel=label, yscale="log")
-        axes.grid(True, which="both", alpha=0.3)
-        axes.legend(fontsize=7)
-    figure.suptitle("simulated captures: no reproduction of Total Capture", fontsize=9)
+    figure = Figure(figsize=(15.0, 3.8 * len(methods)), layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(len(methods), len(PANELS), sharex=True, sharey="col", squeeze=False)
+    for method, line in zip(methods, grid):
+        mine = [row for row in rows if row["method"] == method]
+        for axes, (key, label) in zip(line, PANELS.items()):
+            _draw(axes, mine, key)
+            axes.set(title=f"{method}: {label}", xlabel="cameras")
+            axes.title.set_fontsize(9)
+            axes.grid(True, alpha=0.3)
+    for axes in grid.flat:  # once all is drawn: methods share the scale
+        axes.set_ylim(bottom=0.0)
+    grid[0, 0].legend(fontsize=7)
+    told = "dashed: mean, std; solid: median, MAD. Simulated captures: no reproduction of Total Capture"
+    figure.suptitle(told, fontsize=9)
     memory = io.BytesIO()
-    figure.savefig(memory, format="png", dpi=120, metadata={"Software": None})
+    figure.savefig(memory, format="png", dpi=100, metadata={"Software": None})
     return memory.getvalue()
 
 
-def _value(row: Mapping[str, Any], key: str) -> float:
-    return float(row["relative_mm" if key == "mm" and not row["cameras"] else key])
+def _draw(axes: Axes, rows: Sequence[Mapping[str, Any]], key: str) -> None:
+    """All lines of a panel."""
+    kinds = sorted({row["imus"] for row in rows})
+    for n, imus in enumerate(kinds):
+        mine = [row for row in rows if row["imus"] == imus and (row["cameras"] or key != "mm")]
+        cameras = sorted({row["cameras"] for row in mine})
+        for k, (middle, spread, line, marker) in enumerate(LINES):
+            by_count = [[row for row in mine if row["cameras"] == count] for count in cameras]
+            values = [
+                [float(np.mean([row[key + end] for row in own])) for own in by_count]
+                for end in (middle, spread)
+            ]
+            beside = np.array(cameras) + BESIDE * (2 * (n - (len(kinds) - 1) / 2) + k - 0.5)
+            name = f"{imus} IMUs, {'median, MAD' if k else 'mean, std'}"
+            axes.errorbar(
+                beside, values[0], values[1], linestyle=line, marker=marker, markersize=4, linewidth=1.2,
+                elinewidth=0.8, capsize=2, color=f"C{n}", label=name,
+            )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Subject, ViewPeople, ViewSeries
 from panoptic_ros.errors import DataError
-from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies
+from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies, score_joint_angles
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.recorded_motions import read_clips
@@ -93,6 +93,7 @@ class BodyCase:
         for subject in self.subjects:
             truth, mine = ([s for s in both if s.id == subject.id] for both in (self.truth, states))
             scores = score_bodies(truth, mine, model.parents, SKIPPED_S, ground)
+            scores |= score_joint_angles(truth, mine, model, SKIPPED_S)
             found.append(scores | {"inside": inside(mine, truth)})
         means = {key: float(np.mean([scores.get(key, np.nan) for scores in found])) for key in found[0]}
         return means | {"ms": spent / len(self.truth)}

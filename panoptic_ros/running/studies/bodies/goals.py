@@ -9,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, BodyCase
+from panoptic_ros.running.studies.bodies.statistics import ORIENTATIONS, POSITIONS, statistic_lines
 from panoptic_ros.stage import Progress
 
 ENOUGH_MM, ENOUGH_DEG = 0.70, 0.65  # of the paper's solver on the same capture, where a goal is missed
@@ -100,6 +101,12 @@ def goal_lines(result: dict[str, Any]) -> Iterator[str]:
             text += f"{said:9.3f}" if np.isfinite(said) else f"{'-':>9}"
             yield text + (f"   {_ratios(rows, goal)}" if method == OURS else "")
         yield f"{'':<16}{'':>9}  {_verdict(goal, rows)}"
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in result["rows"]:
+        groups.setdefault(f"{row['inputs']}, {'ours' if row['method'] == OURS else 'paper'}", []).append(row)
+    for kinds in (POSITIONS, ORIENTATIONS):
+        yield ""
+        yield from statistic_lines(kinds, groups, "cameras + IMUs, method")
 
 
 def _cell(rows: list[dict[str, Any]], key: str, digits: int) -> str:

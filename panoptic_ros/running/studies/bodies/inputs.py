@@ -9,10 +9,10 @@ import numpy as np
 
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, BodyCase
+from panoptic_ros.running.studies.bodies.statistics import ORIENTATIONS, POSITIONS, statistic_lines
 from panoptic_ros.stage import Progress
 
 CAMERAS, IMUS = (0, 1, 2, 4, 8), (0, 6, 13)
-SHOWN = ("mm", "relative_mm", "procrustes_mm", "deg", "aligned_deg", "acc")
 
 
 def study_inputs(
@@ -37,17 +37,20 @@ def study_inputs(
 
 
 def input_lines(result: dict[str, Any]) -> Iterator[str]:
-    """The table: mean over the captures, and the worst ratio of ours to the paper's solver on one capture."""
-    yield "simulated captures: no reproduction of Total Capture"
-    names = "  ".join(key.rjust(13) for key in SHOWN)
-    yield f"cameras IMUs  method         {names}  worst mm / deg of the paper's"
+    """Tables of positions and orientations, and the worst ratio of ours to the paper's on one capture."""
+    yield "simulated captures: no reproduction of Total Capture; means over the captures"
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in result["rows"]:
+        groups.setdefault(f"{row['cameras']} + {row['imus']:<2} {row['method']}", []).append(row)
+    for kinds in (POSITIONS, ORIENTATIONS):
+        yield from statistic_lines(kinds, groups, "cameras + IMUs, method")
+    yield "cameras + IMUs    m/s^2 of joints: ours, the paper's    worst capture, ours / paper: mm, deg"
     rows = result["rows"]
     for cameras, imus in dict.fromkeys((row["cameras"], row["imus"]) for row in rows):
         mine = [row for row in rows if (row["cameras"], row["imus"]) == (cameras, imus)]
         by = {method: [row for row in mine if row["method"] == method] for method in METHODS}
         where = "mm" if cameras else "relative_mm"
         worst = [max(a[k] / b[k] for a, b in zip(by[OURS], by[PAPER])) for k in (where, "deg")]
-        for method in METHODS:
-            means = "  ".join(f"{np.mean([row[key] for row in by[method]]):13.1f}" for key in SHOWN)
-            ratio = f"  {worst[0]:.2f} / {worst[1]:.2f}" if method == OURS else ""
-            yield f"{cameras:7} {imus:4}  {method:<13}  {means}{ratio}"
+        felt = [np.mean([row["acc"] for row in by[method]]) for method in METHODS]
+        name = f"{cameras} + {imus}"
+        yield f"{name:<18}{felt[0]:21.1f}, {felt[1]:<14.1f}{worst[0]:26.2f}, {worst[1]:.2f}"
