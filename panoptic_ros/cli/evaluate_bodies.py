@@ -56,6 +56,10 @@ def run_bodies(args: argparse.Namespace) -> int:
             from panoptic_ros.view.body_study_plot import body_study_plot
 
             write_bytes(args.out / f"{args.study}.png", body_study_plot(result["rows"], "ours"))
+        if args.study == "terms":
+            from panoptic_ros.view.term_study_plot import term_study_plot
+
+            write_bytes(args.out / f"{args.study}.png", term_study_plot(result["rows"], terms.FULL))
     print(json.dumps(known(result), indent=1) if args.json else "\n".join(lines))
     return 0
 

@@ -114,6 +114,10 @@ class KinematicsConfig(Config):
     paper_weights: bool = param(
         False, doc="The weights of Malleson et al. 2020 (3.2.6) in place of standard deviations."
     )
+    paper_sorting: bool = param(
+        False, doc="2D people are sorted to subjects by all pairs of views, algorithm 1 of the paper, in "
+        "recordings; else by where bodies are expected.",
+    )  # fmt: skip
     paper_acceleration: float = param(
         0.0, ge=0.0, le=1.0,
         doc="Weight of the paper's acceleration term, eq. 13; its own 1e-3 is far too much here.",

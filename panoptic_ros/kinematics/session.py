@@ -18,6 +18,7 @@ from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_f
 from panoptic_ros.kinematics.imus.recorded import looked_through
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
 from panoptic_ros.kinematics.people.first_people import nearest_to_start
+from panoptic_ros.kinematics.people.pairwise_sorting import PairwiseSorter
 from panoptic_ros.kinematics.people.presence import Looked, Presence, middle_expected, people_of
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.recorded_instants import instants_of
@@ -80,14 +81,21 @@ def solve_recording(
     weighing = trackers[0].weighing
     states: list[BodyState] = []
     presences = [Presence() for _ in trackers]
+    sorter = None
+    if config.paper_sorting and recording.rig is not None and len(recording.views) > 1:
+        sorter = PairwiseSorter(recording.rig, [subject.start for subject in subjects])
     for instant in instants:
         looked = [Looked(tracker, presence) for tracker, presence in zip(trackers, presences)]
-        people = people_of(looked, instant, weighing, config.gate)
+        if sorter is None:
+            people = people_of(looked, instant, weighing, config.gate)
+        else:
+            people = sorter.sort(instant, [middle_expected(tracker) for tracker in trackers])
         for k, (tracker, presence) in enumerate(zip(trackers, presences)):
             if people[k] and presence.is_away and tracker.started:
                 states += tracker.flush()
                 tracker.move_to(people[k], None)
-            if not tracker.started and not presence.is_away:
+            sorted_at_first = sorter is not None and tracker.subject.start is not None
+            if not tracker.started and not presence.is_away and not sorted_at_first:
                 alone = len(recording.views) < 2 or instant.stamp_ns > instants[0].stamp_ns + 1e9 * ALONE_S
                 people[k] = _first_people(tracker.subject, instant, weighing, (len(subjects) > 1, alone))
             if not tracker.started and instant.views and not people[k]:

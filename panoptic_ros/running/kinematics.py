@@ -26,7 +26,8 @@ Array = np.ndarray
 PAPER = "malleson-2020"
 PRESETS: dict[str, dict[str, object]] = {  # 3.2.6 of the paper: every frame alone
     PAPER: {
-        "window": False, "paper_weights": True, "noise_level": False, "mounting": False, "iterations": 20,
+        "window": False, "paper_weights": True, "noise_level": False, "mounting": False,
+        "paper_sorting": True, "iterations": 20,
     },
 }
 

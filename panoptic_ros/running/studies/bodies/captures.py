@@ -11,8 +11,10 @@ import numpy as np
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies
 from panoptic_ros.running.kinematics import PAPER, body_config
-from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SKIPPED_S, BodyCase
+from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SAME_PEOPLE, SKIPPED_S, BodyCase
 from panoptic_ros.stage import Progress
+
+SORTED = "malleson-2020, its sorting"
 
 
 def study_captures(
@@ -23,14 +25,17 @@ def study_captures(
     Args:
         settings: NAME=VALUE of the kinematics, for ours.
     """
-    configs = {OURS: body_config(settings=settings), PAPER: body_config(PAPER)}
+    configs = {
+        OURS: body_config(settings=settings), PAPER: body_config(PAPER, (SAME_PEOPLE,)),
+        SORTED: body_config(PAPER),
+    }  # fmt: skip
     rows = []
     for n, case in enumerate(cases):
         everybody: dict[int, list[BodyState]] = {}
         for state in (*case.truth, *case.strangers):
             everybody.setdefault(state.stamp_ns, []).append(state)
-        for k, method in enumerate(METHODS):
-            progress((n + k / len(METHODS)) / number, f"{case.name}, seed {case.seed}: {method}")
+        for k, method in enumerate(configs):
+            progress((n + k / len(configs)) / number, f"{case.name}, seed {case.seed}: {method}")
             solved = case.solve(configs[method])
             for subject in case.subjects:
                 truth, mine = (
@@ -59,13 +64,15 @@ def capture_lines(result: dict[str, Any]) -> Iterator[str]:
     yield "simulated captures: no reproduction of Total Capture; after the first 3 s"
     yield (
         f"{'capture':<16}{'seed':>6}{'subject':>9}{'there':>7}{'mm':>8}{'deg':>7}{'m/s^2':>7}{'taken':>7}"
-        f"{'in 95 %':>9}   paper: mm, deg, taken   ours / paper: mm, deg"
+        f"{'in 95 %':>9}   paper: mm, deg, taken (with its sorting)   ours / paper: mm, deg"
     )
-    rows = {method: [row for row in result["rows"] if row["method"] == method] for method in METHODS}
-    for ours, paper in zip(rows[OURS], rows[PAPER]):
+    methods = (*METHODS, SORTED)
+    rows = {method: [row for row in result["rows"] if row["method"] == method] for method in methods}
+    for ours, paper, own in zip(rows[OURS], rows[PAPER], rows[SORTED]):
         shares = ", ".join(f"{ours[key] / paper[key]:.2f}" for key in ("mm", "deg"))
         yield (
             f"{ours['scene']:<16}{ours['seed']:>6}{ours['subject']:>9}{ours['coverage']:>7.2f}{ours['mm']:>8.1f}"
             f"{ours['deg']:>7.1f}{ours['acc']:>7.1f}{ours['taken']:>7}{ours['inside']:>9.3f}   "
-            f"{paper['mm']:.1f}, {paper['deg']:.1f}, {paper['taken']}   {shares}"
+            f"{paper['mm']:.1f}, {paper['deg']:.1f}, {paper['taken']} "
+            f"({own['mm']:.1f}, {own['deg']:.1f}, {own['taken']})   {shares}"
         )

@@ -29,6 +29,7 @@ from panoptic_ros.simulation.bodies.motion import Clip
 SKIPPED_S = 3.0  # not scored: the T-pose and the way out of it
 OURS = "ours"
 METHODS = (OURS, PAPER)
+SAME_PEOPLE = "paper_sorting=false"  # the paper's solver with 2D people sorted as ours: solvers are compared
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from panoptic_ros.running.kinematics import PAPER, body_config
-from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, BodyCase
+from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SAME_PEOPLE, BodyCase
 from panoptic_ros.running.studies.bodies.statistics import ORIENTATIONS, POSITIONS, statistic_lines
 from panoptic_ros.stage import Progress
 
@@ -66,7 +66,7 @@ def study_goals(
     Args:
         settings: NAME=VALUE of the kinematics, for ours.
     """
-    configs = {OURS: body_config(settings=settings), PAPER: body_config(PAPER)}
+    configs = {OURS: body_config(settings=settings), PAPER: body_config(PAPER, (SAME_PEOPLE,))}
     rows = []
     for n, case in enumerate(cases):
         for k, goal in enumerate(GOALS):

@@ -11,7 +11,7 @@ import numpy as np
 
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.running.kinematics import PAPER, body_config
-from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, BodyCase
+from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SAME_PEOPLE, BodyCase
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
@@ -99,7 +99,7 @@ def study_terms(
     Args:
         settings: NAME=VALUE of the kinematics, for ours.
     """
-    presets = {OURS: ("", tuple(settings)), PAPER: (PAPER, ())}
+    presets = {OURS: ("", tuple(settings)), PAPER: (PAPER, (SAME_PEOPLE,))}
     rows = []
     for n, case in enumerate(cases):
         for method in METHODS:

@@ -1,0 +1,155 @@
+"""2D people sorted to subjects by all pairs of views, as in Malleson et al. 2020, section 3.3.1, algorithm 1.
+
+Every pair of 2D people of two views is triangulated. Pairs that fit become candidates in space, pairs at the
+same place join them, and each subject takes the nearest candidate to where it was last seen. Whoever is near
+no subject is a bystander.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.domain import Rig
+from panoptic_ros.domain.subjects import Instant
+from panoptic_ros.kinematics.people.returning import People
+
+Array = np.ndarray
+TRIANGULATION_ERROR = 0.015  # of the image width, mean over the joints of both views: ThreshTriError
+SAME_PERSON = 0.3  # m, mean distance of joints: ThreshDistSamePerson
+MOVEMENT = 1.0  # m, from where a subject was last seen: ThreshInterframeMovement
+
+
+class Seen(NamedTuple):
+    """All 2D people of an instant: cameras and rows in their views (R,), points (R, K, 2), scores (R, K)."""
+
+    cameras: Array
+    rows: Array
+    points: Array
+    scores: Array
+
+
+class Candidate:
+    """Somebody in space: joints that all pairs of views say, and rows of the 2D people by camera."""
+
+    def __init__(self, joints: Array):
+        self._sums, self._counts = np.zeros_like(joints), np.zeros(len(joints), int)
+        self.rows: dict[int, int] = {}
+
+    @property
+    def joints(self) -> Array:
+        """Mean (K, 3) m of the pairs; NaN where none has the joint."""
+        with np.errstate(invalid="ignore"):
+            found: Array = self._sums / self._counts[:, None]
+        return found
+
+    def add(self, joints: Array, people: Sequence[tuple[int, int]]) -> None:
+        """Take a pair: joints (K, 3) m, camera and row of both; of each camera the first counts."""
+        known = np.isfinite(joints).all(-1)
+        self._sums[known] += joints[known]
+        self._counts += known
+        for camera, row in people:
+            self.rows.setdefault(camera, row)
+
+    def apart(self, joints: Array) -> float:
+        """Mean distance, m, from joints (K, 3); infinite if none is known of both."""
+        far = np.linalg.norm(self.joints - joints, axis=-1)
+        known = np.isfinite(far)
+        return float(far[known].mean()) if known.any() else np.inf
+
+
+class PairwiseSorter:
+    """Remembers where each subject was last seen.
+
+    Args:
+        starts: (3,) m where each subject is at first; None = not known.
+    """
+
+    def __init__(self, rig: Rig, starts: Sequence[Array | None]):
+        self._places = list(starts)
+        self._rotations = np.array([camera.cam_from_world.rotation for camera in rig.cameras])
+        self._translations = np.array([camera.cam_from_world.translation for camera in rig.cameras])
+        widths = [camera.image_size[0] / camera.intrinsics.matrix[0, 0] for camera in rig.cameras]
+        self._limits = TRIANGULATION_ERROR * np.array(widths)  # on the plane at distance 1
+
+    def sort(self, instant: Instant, expected: Sequence[Array | None]) -> list[People]:
+        """Points (K, 2) and scores (K,) by camera, for each subject.
+
+        Args:
+            expected: (3,) m, the middle of each body, for who has not been seen by two views before.
+        """
+        self._places = [mine if mine is not None else other for mine, other in zip(self._places, expected)]
+        left, views = self._candidates(instant), instant.views
+        middles = [np.nanmedian(candidate.joints, axis=0) for candidate in left]
+        found: list[People] = []
+        for k, last in enumerate(self._places):
+            far = [np.inf if last is None else float(np.linalg.norm(middle - last)) for middle in middles]
+            if not far or min(far) > MOVEMENT:
+                found.append({})
+                continue
+            nearest = int(np.argmin(far))
+            self._places[k] = middles.pop(nearest)
+            rows = left.pop(nearest).rows
+            found.append({c: (views[c].points[row], views[c].scores[row]) for c, row in rows.items()})
+        return found
+
+    def _candidates(self, instant: Instant) -> list[Candidate]:
+        """Everybody whom two views and more see at one place."""
+        seen = _all_of(instant)
+        if seen is None:
+            return []
+        one, other = np.nonzero(seen.cameras[:, None] < seen.cameras[None, :])
+        joints = self._triangulated(seen, one, other)
+        fits = np.flatnonzero(self._errors(seen, one, other, joints) < 1.0)
+        found: list[Candidate] = []
+        for n in fits.tolist():
+            known = next((c for c in found if c.apart(joints[n]) < SAME_PERSON), None)
+            if known is None:
+                known = Candidate(joints[n])
+                found.append(known)
+            pair = [(int(seen.cameras[r]), int(seen.rows[r])) for r in (one[n], other[n])]
+            known.add(joints[n], pair)
+        return found
+
+    def _triangulated(self, seen: Seen, one: Array, other: Array) -> Array:
+        """Joints (N, K, 3) m of pairs of 2D people (N,), linear; NaN where one of them has none."""
+        normal, right = np.zeros((*seen.points[one].shape[:2], 3, 3)), 0.0
+        for who in (one, other):
+            plane, turned, moved = seen.points[who], self._rotations[seen.cameras[who]], self._translations
+            rows = plane[..., None] * turned[:, None, 2:] - turned[:, None, :2]  # (N, K, 2, 3)
+            shift = moved[seen.cameras[who]][:, None]
+            values = shift[..., :2] - plane * shift[..., 2:]
+            normal += rows.swapaxes(-1, -2) @ rows
+            right = right + (rows.swapaxes(-1, -2) @ values[..., None])
+        both = (seen.scores[one] > 0.0) & (seen.scores[other] > 0.0) & np.isfinite(normal).all((-1, -2))
+        safe = np.where(both[..., None, None], normal + 1e-9 * np.eye(3), np.eye(3))
+        found: Array = np.linalg.solve(safe, np.where(both[..., None, None], right, np.nan))[..., 0]
+        return found
+
+    def _errors(self, seen: Seen, one: Array, other: Array, joints: Array) -> Array:
+        """Mean reprojection errors (N,) of pairs, shares of what is allowed; infinite without joints."""
+        both = []
+        for who in (one, other):
+            cameras = seen.cameras[who]
+            local = joints @ self._rotations[cameras].swapaxes(1, 2) + self._translations[cameras][:, None]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                apart = np.linalg.norm(local[..., :2] / local[..., 2:] - seen.points[who], axis=-1)
+            both.append(np.where(local[..., 2] <= 0.0, np.inf, apart) / self._limits[cameras][:, None])
+        errors = 0.5 * (both[0] + both[1])
+        count = np.isfinite(joints).all(-1).sum(-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found: Array = np.where(count > 0, np.nansum(errors, axis=-1) / count, np.inf)
+        return found
+
+
+def _all_of(instant: Instant) -> Seen | None:
+    """All 2D people of an instant; None if nobody is seen."""
+    there = [(camera, view) for camera, view in sorted(instant.views.items()) if len(view.points)]
+    if not there:
+        return None
+    counts = [len(view.points) for _, view in there]
+    cameras = np.repeat([camera for camera, _ in there], counts)
+    parts = [(np.arange(len(view.points)), view.points, view.scores) for _, view in there]
+    return Seen(cameras, *(np.concatenate(part) for part in zip(*parts)))
