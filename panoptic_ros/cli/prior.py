@@ -12,7 +12,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("action", choices=("train",), help="from motion to a pose prior")
     parser.add_argument(
-        "motion", type=Path, nargs="+", help=".bvh, .npz of clips, or kinematics.json.gz of our own"
+        "motion", type=Path, nargs="+", help=".bvh, .c3d, .npz of clips, or kinematics.json.gz of our own"
     )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="prior (.npz) to write")
     parser.add_argument(

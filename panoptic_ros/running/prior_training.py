@@ -13,11 +13,13 @@ from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.c3d_motion import read_c3d
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
 from panoptic_ros.io.pose_prior import PRIOR_KEYS
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.body.fitting import fit_motion
+from panoptic_ros.kinematics.body.trunk import with_trunk
 from panoptic_ros.kinematics.pose.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.stage import Progress
 
@@ -64,19 +66,22 @@ def _motions(path: Path, model: SegmentModel, unit: float) -> list[tuple[str, Ar
     sites = read_sites(model)
     if path.suffix.lower() == ".bvh":
         motions = [read_bvh(path, unit)]
+    elif path.suffix.lower() == ".c3d":
+        motions = [read_c3d(path)]
     elif path.suffix.lower() == ".npz":
         motions = read_clip_arrays(path)
     else:
-        raise UsageError(f"{path}: motion is read from .bvh, .npz and kinematics.json.gz")
+        raise UsageError(f"{path}: motion is read from .bvh, .c3d, .npz and kinematics.json.gz")
     return [_fitted(path, motion, model, named_plainly(motion, sites)) for motion in motions]
 
 
 def _fitted(
     path: Path, motion: JointMotion, model: SegmentModel, named: JointMotion
 ) -> tuple[str, Array, str]:
-    every = max(int(motion.rate / RATE), 1)
+    every, sites = max(int(motion.rate / RATE), 1), read_sites(model)
     try:
-        fit = fit_motion(model, read_sites(model), named.joint_names, named.joints[::every])
+        names, joints = with_trunk(model, sites, named.joint_names, named.joints[::every])
+        fit = fit_motion(model, sites, names, joints)
     except DataError as error:
         raise DataError(f"{path}: {motion.name}: {error}") from None
     if fit.residual > WORST:

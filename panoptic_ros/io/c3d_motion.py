@@ -1,0 +1,95 @@
+"""Joints in C3D files (c3d.org), as motion capture and gait laboratories write them."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.io.files import read_bytes
+from panoptic_ros.io.motion_files import JointMotion
+
+Array = np.ndarray
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+SECOND_BYTE, MIPS, LARGEST = 0x50, 86, 0xFFFF  # of every C3D file; the processor that is big-endian
+# to z up, by which axis of the laboratory points up on the screen (POINT:Y_SCREEN)
+UPRIGHT = {
+    "+X": [[0, 1, 0], [0, 0, 1], [1, 0, 0]], "-X": [[0, -1, 0], [0, 0, 1], [-1, 0, 0]],
+    "+Y": [[0, 0, 1], [1, 0, 0], [0, 1, 0]], "-Y": [[0, 0, -1], [1, 0, 0], [0, -1, 0]],
+    "+Z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "-Z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+}  # fmt: skip
+
+
+def read_c3d(path: Path) -> JointMotion:
+    """All points of a C3D file by their labels; NaN where the residual says that a sample is missing.
+
+    Without POINT:Y_SCREEN z is up.
+
+    Raises:
+        EnvironmentProblem: without the package ezc3d.
+        DataError: naming the file and what is wrong.
+    """
+    data = read_bytes(path)
+    if len(data) < 512 or data[1] != SECOND_BYTE:
+        raise DataError(f"{path} is no C3D file: its second byte is not 0x50, or it is shorter than a block")
+    try:
+        found = _package().c3d(str(path))
+        points, residuals = found["data"]["points"], found["data"]["meta_points"]["residuals"]
+        point = found["parameters"]["POINT"]
+        labels, rate = _labels(point), float(point["RATE"]["value"][0])
+    except (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError) as error:
+        raise DataError(f"{path} is no C3D file that is whole: {str(error).splitlines()[0]}") from None
+    joints = np.moveaxis(np.asarray(points[:3], float), 0, -1).swapaxes(0, 1)
+    count, number = joints.shape[:2]
+    if rate <= 0.0 or not np.isfinite(rate) or len(labels) != number or not joints.size:
+        raise DataError(f"{path}: {count} frames of {number} points, {len(labels)} labels, at {rate:g} Hz")
+    stated = _frames_stated(data)
+    if count < stated < LARGEST:  # longer recordings do not state their length there
+        raise DataError(f"{path} is no C3D file that is whole: it has {count} of {stated} frames")
+    joints[np.asarray(residuals)[0].T < 0.0] = np.nan
+    turn = np.array(UPRIGHT[_up(path, point)], float)
+    return JointMotion(path.stem, labels, _unit(path, point) * joints @ turn.T, rate)
+
+
+def _frames_stated(data: bytes) -> int:
+    """By the header; the reader takes as many as there are."""
+    kind = (data[0] - 1) * 512 + 3  # of the processor, in the first block of parameters
+    order: Literal["little", "big"] = "big" if kind < len(data) and data[kind] == MIPS else "little"
+    first, last = (int.from_bytes(data[k : k + 2], order) for k in (6, 8))
+    return last - first + 1
+
+
+def _package() -> Any:
+    try:
+        return importlib.import_module("ezc3d")
+    except ImportError:
+        raise EnvironmentProblem("C3D files need the package ezc3d: pip install ezc3d") from None
+
+
+def _labels(point: Mapping[str, Any]) -> tuple[str, ...]:
+    """LABELS, and LABELS2 and so on of files with more than 255 points."""
+    more = [f"LABELS{k}" for k in range(2, 100) if f"LABELS{k}" in point]
+    return tuple(str(label) for key in ("LABELS", *more) for label in point[key]["value"])
+
+
+def _text(point: Mapping[str, Any], key: str) -> str:
+    values: Sequence[Any] = point[key]["value"] if key in point else ()
+    return str(values[0]).strip() if len(values) else ""
+
+
+def _unit(path: Path, point: Mapping[str, Any]) -> float:
+    unit = _text(point, "UNITS")
+    if unit.lower() not in UNITS:
+        raise DataError(f"{path}: POINT:UNITS is {unit!r}; known are {', '.join(UNITS)}")
+    return UNITS[unit.lower()]
+
+
+def _up(path: Path, point: Mapping[str, Any]) -> str:
+    up = _text(point, "Y_SCREEN").upper() or "+Z"
+    if up not in UPRIGHT:
+        raise DataError(f"{path}: POINT:Y_SCREEN is {up!r}; known are {', '.join(UPRIGHT)}")
+    return up
