@@ -82,7 +82,7 @@ CLASSES = (
     Fields.named(
         MountingEstimate,
         "_config _chain _segments _heading_sd _unseen _older _looks heading mountings _common _strap spreads "
-        "_recent _suspect _moved mistaken slipped",
+        "_recent _several _suspect _moved mistaken slipped",
     ),
     Fields.named(
         Weighing,

@@ -131,7 +131,7 @@ class WornDevices:
         self._since_look = 0.0
         if views >= 2 and self._exchanged(instant, pose, seen):
             return
-        self.mounting.look(pose, seen, goals, which)
+        self.mounting.look(pose, seen, (goals, which), views > 1)
         self._tell_corrections()
 
     def take_chain(self, chain: Chain) -> None:

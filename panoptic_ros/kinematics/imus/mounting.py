@@ -78,6 +78,7 @@ class MountingEstimate:
         self._strap = math.radians(config.strap_sd)
         self.spreads = np.full(len(segments), math.hypot(self._common, self._strap))
         self._recent: deque[tuple[Array, Array]] = deque(maxlen=RECENT)
+        self._several = True  # views see it
         self._suspect, self._moved = -1, 0  # a device that may have moved, and looks that said so
         self.mistaken = np.zeros(len(segments), bool)
         self.slipped: list[int] = []
@@ -96,12 +97,15 @@ class MountingEstimate:
         found: Array = turn_about_z(self.heading) @ goals @ rotations_of(self.mountings[which])
         return found
 
-    def look(self, pose: Pose, seen: Evidence, goals: Array, which: Array) -> None:
+    def look(self, pose: Pose, seen: Evidence, oriented: tuple[Array, Array], several: bool) -> None:
         """Learn from an instant.
 
         Args:
-            seen: all but the orientations. goals: (M, 3, 3) uncorrected, of the devices in `which` (M,).
+            seen: all but the orientations. oriented: (M, 3, 3) uncorrected, and the devices (M,). several:
+                views see it; one alone mistakes limbs that point towards it for others that point away, and
+                convicts no device.
         """
+        (goals, which), self._several = oriented, several
         size = len(pose.turns) * 3 + 3
         hessian, gradient = np.empty((size, size)), np.empty(size)
         assemble(self._chain, pose, seen, no_anchor(len(pose.turns)), hessian, gradient)
@@ -147,7 +151,7 @@ class MountingEstimate:
     def _update(self) -> None:
         """The most likely corrections, how far mountings are off at all, and what is out of the ordinary."""
         newest, self.slipped = self._newest(), []
-        if self._older.number > FEWEST_BEFORE:
+        if self._older.number > FEWEST_BEFORE and self._several:
             slipped = self._slip(newest)
             self._moved = self._moved + 1 if slipped == self._suspect else 1
             self._suspect = slipped
@@ -198,7 +202,8 @@ class MountingEstimate:
         for _ in range(ROUNDS):
             state, covariance = self._solved(information, pull, looks, (heading_sd, own))
             turned2 = HEADING_TRUST * self._heading_sd**2 + state[0] ** 2 + covariance[0, 0]
-            heading_sd = math.sqrt(turned2 / (HEADING_TRUST + 1.0))
+            if self._several:
+                heading_sd = math.sqrt(turned2 / (HEADING_TRUST + 1.0))
             squares = (state[1:].reshape(-1, 3) ** 2).sum(1) / 3.0
             squares += np.diag(covariance)[1:].reshape(-1, 3).mean(1)
             typical = float(np.median(squares))
@@ -215,7 +220,7 @@ class MountingEstimate:
         unseen = ((blocks @ axes[..., None])[..., 0] * axes).sum(-1)
         unsure = np.sqrt(np.trace(blocks, axis1=1, axis2=2) - unseen)
         found: Array = off > np.maximum(max(MISTAKEN, MISTAKEN_SDS * self._common), MISTAKEN_SPREADS * unsure)
-        return found
+        return found & self._several
 
     def _seen_part(self, turns: Array) -> Array:
         """Turns (N, 3) of the segments without what the prior alone tells."""

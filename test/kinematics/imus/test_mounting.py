@@ -12,7 +12,7 @@ from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.devices import unseen_axes
 from panoptic_ros.kinematics.session import solve_recording
 from panoptic_ros.running.studies.bodies.cases import case_of, prior_without, recording_of
-from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
+from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body, sparse
 from panoptic_ros.simulation.bodies.imus import unknown_heading
 
 MODEL, CLIPS = read_body_model(), read_clips()
@@ -67,6 +67,14 @@ def test_a_device_put_on_wrong_is_found(good, turn):
     assert len(notices) == (turn > 0.0)
     if turn:
         assert notices[0].startswith(f"subject 0: {devices[k].name} sits on lThigh about")
+
+
+def test_one_camera_convicts_no_device(good):
+    k = worn_on(good, "lThigh")
+    devices = list(good.subject.devices)
+    devices[k] = replace(devices[k], mount=rotations_of(np.radians([[0.0, 40.0, 0.0]]))[0] @ devices[k].mount)
+    notices, tracker = told(sparse(good, [0], 13), replace(good.subject, devices=tuple(devices)))
+    assert not notices and abs(np.degrees(tracker.mounting.heading)) < 5.0
 
 
 def test_two_exchanged_devices_are_told_and_taken_for_each_other(good):
