@@ -9,7 +9,6 @@ import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
-from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
@@ -17,15 +16,13 @@ from panoptic_ros.kinematics.imus.alignment import align, cameras_alone, felt_of
 from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
 from panoptic_ros.kinematics.imus.recorded import looked_through
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
-from panoptic_ros.kinematics.people.first_people import nearest_to_start
-from panoptic_ros.kinematics.people.pairwise_sorting import PairwiseSorter
-from panoptic_ros.kinematics.people.presence import Looked, Presence, middle_expected, people_of
+from panoptic_ros.kinematics.people.presence import middle_expected
+from panoptic_ros.kinematics.people.recorded_people import RecordedPeople
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.recorded_instants import instants_of
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
-ALONE_S = 0.5  # for which a view waits for others that say the same of who stands where a subject starts
 LOST_S = 0.5  # out of sight and without IMUs, after which a body is given up
 
 
@@ -78,36 +75,26 @@ def solve_recording(
         mounts, lines = t_pose_mounts(subject, instants, worn, heading)
         notices += lines
         trackers.append(SubjectTracker(config, subject, weighing, mounts, heading))
-    weighing = trackers[0].weighing
     states: list[BodyState] = []
-    presences = [Presence() for _ in trackers]
-    sorter = None
-    if config.paper_sorting and recording.rig is not None and len(recording.views) > 1:
-        sorter = PairwiseSorter(recording.rig, [subject.start for subject in subjects])
+    finder = RecordedPeople(
+        config, recording.rig, subjects, trackers[0].weighing, len(recording.views)
+    )  # fmt: skip
     for instant in instants:
-        looked = [Looked(tracker, presence) for tracker, presence in zip(trackers, presences)]
-        if sorter is None:
-            people = people_of(looked, instant, weighing, config.gate)
-        else:
-            people = sorter.sort(instant, [middle_expected(tracker) for tracker in trackers])
-        for k, (tracker, presence) in enumerate(zip(trackers, presences)):
-            if people[k] and presence.is_away and tracker.started:
+        people, back = finder.find(instant, trackers)
+        for k, tracker in enumerate(trackers):
+            if back[k]:
                 states += tracker.flush()
                 tracker.move_to(people[k], None)
-            sorted_at_first = sorter is not None and tracker.subject.start is not None
-            if not tracker.started and not presence.is_away and not sorted_at_first:
-                alone = len(recording.views) < 2 or instant.stamp_ns > instants[0].stamp_ns + 1e9 * ALONE_S
-                people[k] = _first_people(tracker.subject, instant, weighing, (len(subjects) > 1, alone))
             if not tracker.started and instant.views and not people[k]:
                 continue
             expected = middle_expected(tracker)
             states += tracker.step(instant, people[k])
             notices += [notice.text for notice in tracker.devices.take_notices()]
-            unseen = 1e-9 * presence.saw(instant, bool(people[k]), expected)
+            unseen = 1e-9 * finder.presences[k].saw(instant, bool(people[k]), expected)
             if unseen > LOST_S and not instant.readings.keys() & set(tracker.devices.names):
                 states += tracker.flush()
                 trackers[k] = tracker.begun_anew()
-    for tracker, presence in zip(trackers, presences):
+    for tracker, presence in zip(trackers, finder.presences):
         states += tracker.flush()
         if not tracker.started and not presence.last_ns:
             notices.append(
@@ -182,22 +169,3 @@ def _bent_heading(
         return 0.0
     notices.append(f"subject {subject.id}: {bent_line(found)}")
     return found
-
-
-def _first_people(
-    subject: Subject, instant: Instant, weighing: Weighing, kind: tuple[bool, bool]
-) -> dict[int, tuple[Array, Array]]:
-    """2D people of the views who stand where the subject starts; the only ones, if nothing says where.
-
-    Args:
-        kind: whether there are several subjects, and whether one view alone tells it.
-    """
-    several, alone = kind
-    if subject.start is None:
-        crowd = max((len(people.points) for people in instant.views.values()), default=0)
-        if crowd and (several or crowd > 1):
-            raise DataError(
-                f"subject {subject.id}: {crowd} people are seen and nothing says who it is; state `start`, "
-                "where the pelvis is at the first instant"
-            )
-    return nearest_to_start(subject, instant, weighing, alone)
