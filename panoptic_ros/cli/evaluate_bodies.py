@@ -50,12 +50,15 @@ def run_bodies(args: argparse.Namespace) -> int:
             cameras = [int(word) for word in args.cameras.split(",")] if args.cameras else inputs.CAMERAS
             result = inputs.study_inputs(cases, number, cameras, args.settings, bar.show)
             lines = inputs.input_lines(result)
+    result |= {"folders": True} if args.capture else {}
     if args.out is not None:
         write_json(args.out / f"{args.study}.json", known(result))
         if args.study == "kinematics-inputs":
+            from panoptic_ros.running.studies.bodies.statistics import origin
             from panoptic_ros.view.body_study_plot import body_study_plot
 
-            write_bytes(args.out / f"{args.study}.png", body_study_plot(result["rows"], "ours"))
+            picture = body_study_plot(result["rows"], "ours", origin(result))
+            write_bytes(args.out / f"{args.study}.png", picture)
         if args.study == "terms":
             from panoptic_ros.view.term_study_plot import term_study_plot
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import keyword
 import os
 import sys
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ VERBS: dict[str, str] = {
     "export": "results or a bag as one HTML file with its images, to send to others",
     "solve": "2D people to skeletons, no images, no ROS",
     "simulate": "a capture folder or 2D people with exact truth",
+    "import": "a take of a public data set to a capture folder with its truth",
     "kinematics": "bodies with joint angles from cameras and IMUs",
     "evaluate": "compare skeletons with the truth",
     "ltc": "decode or make LTC timecode",
@@ -66,7 +68,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _module(verb: str) -> Any:
-    return importlib.import_module(f"panoptic_ros.cli.{verb.replace('-', '_')}")
+    name = verb.replace("-", "_") + "_" * keyword.iskeyword(verb)
+    return importlib.import_module(f"panoptic_ros.cli.{name}")
 
 
 class _Parser(argparse.ArgumentParser):

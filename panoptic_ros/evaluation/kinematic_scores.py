@@ -21,7 +21,8 @@ def score_bodies(
     truth: Sequence[BodyState], found: Sequence[BodyState], parents: Array, skip_s: float,
     ground: Sequence[int] = (),
 ) -> dict[str, Any]:  # fmt: skip
-    """Errors of one subject at the stamps that both have, after the first seconds.
+    """Errors of one subject at the stamps that both have, after the first seconds, of the segments that the
+    truth has (others are NaN there).
 
     mm: of the joints, global, relative to the root, after the best rigid motion of each frame (procrustes),
     and without one constant offset of each joint in its segment's frame (aligned); deg: of the segments'
@@ -36,17 +37,20 @@ def score_bodies(
     pairs = [(state, theirs[state.stamp_ns]) for state in wanted if state.stamp_ns in theirs]
     if not pairs:
         return {"coverage": 0.0}
-    places, mine = (np.array([p[k].places for p in pairs]) for k in (0, 1))
+    there = _whole([state for state, _ in pairs])
+    places, mine = (np.array([p[k].places[there] for p in pairs]) for k in (0, 1))
     frames, my_frames = (np.array([p[k].frames for p in pairs]) for k in (0, 1))
+    children = [s for s in there if parents[s] in there]
+    local = [f[:, parents[children]].swapaxes(-1, -2) @ f[:, children] for f in (frames, my_frames)]
+    frames, my_frames = frames[:, there], my_frames[:, there]
     apart = np.linalg.norm(mine - places, axis=-1)
     relative = (mine - mine[:, :1]) - (places - places[:, :1])
     turned = my_frames.swapaxes(-1, -2) @ frames
     aligned = np.stack([mean_rotation(turned[:, s]).T @ turned[:, s] for s in range(turned.shape[1])], axis=1)
-    children = np.flatnonzero(parents >= 0)
-    local = [f[:, parents[children]].swapaxes(-1, -2) @ f[:, children] for f in (frames, my_frames)]
     within = (frames.swapaxes(-1, -2) @ (mine - places)[..., None])[..., 0]
     fitted, turns = _procrustes(mine, places)
     step = (pairs[1][0].stamp_ns - pairs[0][0].stamp_ns) * 1e-9 if len(pairs) > 2 else 1.0
+    stood = _stands(places[:, [there.index(s) for s in ground if s in there]], step)
     jump = np.linalg.norm(np.diff(mine - places, 2, axis=0), axis=-1) / step**2
     return {
         "coverage": len(pairs) / len(wanted),
@@ -61,7 +65,7 @@ def score_bodies(
         **_summary("joint_deg", _degrees(local[1].swapaxes(-1, -2) @ local[0])),
         "acc": float(jump.mean()) if len(jump) else 0.0,
         "drift_m": _farthest(mine[:, 0] - places[:, 0], np.ones(len(pairs), bool)),
-        "standing_drift_m": _farthest(mine[:, 0] - places[:, 0], _stands(places[:, list(ground)], step)),
+        "standing_drift_m": _farthest(mine[:, 0] - places[:, 0], stood),
     }
 
 
@@ -76,7 +80,15 @@ def score_joint_angles(
         return {}
     angles = [model.joint_angles(np.array([pair[k].frames for pair in pairs])) for k in (0, 1)]
     apart = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi
-    return _summary("angle_deg", np.degrees(np.abs(apart)))
+    return _summary("angle_deg", np.degrees(np.abs(apart[:, np.isfinite(apart).all(0)])))
+
+
+def _whole(states: Sequence[BodyState]) -> list[int]:
+    """Segments that are there at all instants."""
+    places, frames = (np.array([getattr(s, name) for s in states]) for name in ("places", "frames"))
+    kept = np.isfinite(places).all((0, 2)) & np.isfinite(frames).all((0, 2, 3))
+    found: list[int] = np.flatnonzero(kept).tolist()
+    return found
 
 
 def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
@@ -86,7 +98,7 @@ def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
         if state.covariances is not None and state.stamp_ns in true:
             off = state.places - true[state.stamp_ns].places
             squares = squared_distances(off, state.covariances[:, :3, :3])
-            shares.append(float((squares < ELLIPSOID_95).mean()))
+            shares.append(float((squares[np.isfinite(squares)] < ELLIPSOID_95).mean()))
     return float(np.mean(shares)) if shares else float("nan")
 
 

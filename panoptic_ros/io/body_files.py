@@ -12,7 +12,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.files import malformed, read_json, write_json
+from panoptic_ros.io.files import known, malformed, read_json, write_json
 
 Array = np.ndarray
 KINEMATICS = "panoptic-kinematics-1"
@@ -35,9 +35,9 @@ def body_row(model: SegmentModel, state: BodyState) -> dict[str, Any]:
     """A body as it stands in the file."""
     row = {
         "id": state.id,
-        "positions": np.round(state.places, 5).tolist(),
-        "orientations": np.round(to_quaternions(state.frames), 6).tolist(),
-        "joint_angles": np.round(model.joint_angles(state.frames), 5).tolist(),
+        "positions": known(np.round(state.places, 5).tolist()),
+        "orientations": known(np.round(to_quaternions(state.frames), 6).tolist()),
+        "joint_angles": known(np.round(model.joint_angles(state.frames), 5).tolist()),
     }
     if state.velocities is not None and state.spins is not None:
         row["velocities"] = np.round(state.velocities, 4).tolist()

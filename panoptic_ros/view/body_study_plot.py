@@ -19,14 +19,14 @@ LINES = (("", "_std", "--", "x"), ("_median", "_mad", "-", "o"))  # middle, spre
 BESIDE = 0.09  # cameras between the bars of two numbers of IMUs
 
 
-def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str) -> bytes:
+def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str, origin: str = "") -> bytes:
     """A PNG: dashed mean and standard deviation, solid median and MAD, a colour for each number of IMUs.
 
     Above our method, below the other, on the same scale. The place without cameras drifts and is left out.
 
     Args:
         rows: of the study, with cameras, imus, method, and mean, median, std and MAD of each panel.
-        ours: the method above.
+        ours: the method above. origin: of the captures, for the title.
     """
     methods = sorted({row["method"] for row in rows}, key=lambda name: name != ours)
     figure = Figure(figsize=(15.0, 3.8 * len(methods)), layout="constrained")
@@ -42,8 +42,7 @@ def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str) -> bytes:
     for axes in grid.flat:  # once all is drawn: methods share the scale
         axes.set_ylim(bottom=0.0)
     grid[0, 0].legend(fontsize=7)
-    told = "dashed: mean, std; solid: median, MAD. Simulated captures: no reproduction of Total Capture"
-    figure.suptitle(told, fontsize=9)
+    figure.suptitle(f"dashed: mean, std; solid: median, MAD; {origin}", fontsize=9)
     memory = io.BytesIO()
     figure.savefig(memory, format="png", dpi=100, metadata={"Software": None})
     return memory.getvalue()

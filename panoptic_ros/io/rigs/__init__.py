@@ -5,8 +5,8 @@ right-handed with z up, `cam_from_world` as in OpenCV; what a file does otherwis
 millimetres, y down, subpixels, camera axes) is converted here, once.
 
 In: rig.json ("panoptic-rig-1"), CMU Panoptic Studio JSON, calibration.json of data packs,
-Qualisys .qca.txt, aniposelib and caliscope TOML, a folder of ROS camera_info YAML with poses.yaml.
-Out: all of these but the data packs'.
+Qualisys .qca.txt, aniposelib and caliscope TOML, a folder of ROS camera_info YAML with poses.yaml,
+calibration.cal of Total Capture. Out: all of these but the last and the data packs'.
 
 Lenses: Brown's with k1 k2 p1 p2 k3, and OpenCV's fisheye with four terms where a format has it (rig.json,
 TOML, camera_info). A rational or thin-prism model is refused.

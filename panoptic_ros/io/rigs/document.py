@@ -1,4 +1,4 @@
-"""From a file to its parsed content, whatever the name: JSON, XML, TOML, or a folder."""
+"""From a file to its parsed content, whatever the name: JSON, XML, TOML, lines of numbers, or a folder."""
 from __future__ import annotations
 
 import gzip
@@ -20,9 +20,10 @@ else:
 
 @dataclass(frozen=True)
 class Document:
-    """Parsed content: a dict (json, toml), an XML root element, or the path of a folder."""
+    """Parsed content: a dict (json, toml), an XML root element, the numbers of each line, or the path of a
+    folder."""
 
-    syntax: Literal["json", "xml", "toml", "folder"]
+    syntax: Literal["json", "xml", "toml", "numbers", "folder"]
     content: Any
 
 
@@ -48,6 +49,8 @@ def load_document(path: Path) -> Document | None:
             return Document("xml", _xml(text))
         if start in ("{", "["):
             return _json_or_toml(text, start)
+        if (rows := _rows(text)) is not None:
+            return Document("numbers", rows)
         return Document("toml", tomllib.loads(text)) if start else None
     except (json.JSONDecodeError, ElementTree.ParseError) as error:
         raise CalibrationError(f"the file is broken: {error}") from None
@@ -60,6 +63,15 @@ def _json_or_toml(text: str, start: str) -> Document:
     if start == "[":
         return Document("toml", tomllib.loads(text))
     return Document("json", json.loads(text))
+
+
+def _rows(text: str) -> list[list[float]] | None:
+    """The numbers of every line; None if there is anything else, or nothing."""
+    try:
+        rows = [[float(word) for word in line.split()] for line in text.splitlines()]
+    except ValueError:
+        return None
+    return rows if any(rows) else None
 
 
 def _xml(text: str) -> Any:

@@ -11,7 +11,15 @@ from typing import Any
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.io.files import file_errors, write_bytes
-from panoptic_ros.io.rigs import camera_info, pack_json, panoptic_json, qualisys, rig_json, toml_rigs
+from panoptic_ros.io.rigs import (
+    camera_info,
+    pack_json,
+    panoptic_json,
+    qualisys,
+    rig_json,
+    toml_rigs,
+    total_capture,
+)
 from panoptic_ros.io.rigs.document import Document, load_document
 from panoptic_ros.io.rigs.options import ReadOptions
 
@@ -81,6 +89,10 @@ _FORMATS = (
         "aniposelib", "aniposelib TOML", "toml",
         toml_rigs.is_aniposelib, toml_rigs.parse_aniposelib, toml_rigs.dump_aniposelib, frozenset({"unit"}),
         _FISHEYE,
+    ),
+    _Format(
+        "total-capture", "calibration.cal of Total Capture", "numbers",
+        total_capture.recognises, lambda rows, _: total_capture.parse(rows), None,
     ),
     _Format(
         "camera_info", f"a folder of ROS camera_info YAML with {camera_info.POSES}", "folder",

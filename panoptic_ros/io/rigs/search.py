@@ -7,7 +7,7 @@ from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.io.rigs.document import load_document
 from panoptic_ros.io.rigs.registry import is_rig
 
-SUFFIXES = (".json", ".json.gz", ".toml", ".qca.txt", ".xml")
+SUFFIXES = (".json", ".json.gz", ".toml", ".qca.txt", ".xml", ".cal")
 FOLDERS = ("calibration", "calib")
 
 

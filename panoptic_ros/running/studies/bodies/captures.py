@@ -12,6 +12,7 @@ from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SAME_PEOPLE, SKIPPED_S, BodyCase
+from panoptic_ros.running.studies.bodies.statistics import origin
 from panoptic_ros.stage import Progress
 
 SORTED = "malleson-2020, its sorting"
@@ -54,14 +55,15 @@ def taken(found: Sequence[BodyState], everybody: dict[int, list[BodyState]]) -> 
     """Instants in which a body is nearer to somebody else than to its own subject."""
     count = 0
     for state in found:
-        far = {o.id: np.linalg.norm(o.places - state.places) for o in everybody.get(state.stamp_ns, ())}
+        others = everybody.get(state.stamp_ns, ())
+        far = {o.id: np.linalg.norm(np.nan_to_num(o.places - state.places)) for o in others}
         count += bool(far) and min(far, key=lambda number: far[number]) != state.id
     return count
 
 
 def capture_lines(result: dict[str, Any]) -> Iterator[str]:
     """The table, a line for each subject: ours, the paper's, and ours as a share of it."""
-    yield "simulated captures: no reproduction of Total Capture; after the first 3 s"
+    yield f"{origin(result)}; after the first 3 s"
     yield (
         f"{'capture':<16}{'seed':>6}{'subject':>9}{'there':>7}{'mm':>8}{'deg':>7}{'m/s^2':>7}{'taken':>7}"
         f"{'in 95 %':>9}   paper: mm, deg, taken (with its sorting)   ours / paper: mm, deg"

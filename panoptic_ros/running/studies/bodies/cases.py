@@ -10,22 +10,27 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.domain import Camera, DetectionSet, Rig
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Subject, ViewPeople, ViewSeries
 from panoptic_ros.errors import DataError
 from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies, score_joint_angles
+from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.kinematic_files import read_imus
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics, other_sides, train_prior
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
 from panoptic_ros.running.kinematics import PAPER, body_config, read_body_task
 from panoptic_ros.running.simulations.body_scenes import body_scene
+from panoptic_ros.running.studies.detected import detected
 from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture
 from panoptic_ros.simulation.bodies.group import BodyGroup, group_of, simulate_group
 from panoptic_ros.simulation.bodies.motion import Clip
 
+Array = np.ndarray
 SKIPPED_S = 3.0  # not scored: the T-pose and the way out of it
 OURS = "ours"
 METHODS = (OURS, PAPER)
@@ -118,8 +123,8 @@ def case_of(
 
 
 def read_case(folder: Path) -> BodyCase:
-    """A capture in a folder: rig.json, detections.json.gz, imu.csv or imu.csv.gz, subject*.json,
-    truth.json.gz and strangers.json.gz, with the installed prior.
+    """A capture in a folder: rig.json, detections.json.gz, or images in which people are detected, imu.csv or
+    imu.csv.gz, subject*.json, truth.json.gz and strangers.json.gz, with the installed prior.
 
     Raises:
         UserError: if one is missing or cannot be used.
@@ -129,16 +134,47 @@ def read_case(folder: Path) -> BodyCase:
         raise DataError(f"{folder} has no subject*.json; a capture of bodies names whom to solve for")
     rig, detections = folder / "rig.json", folder / "detections.json.gz"
     imu = next((folder / n for n in ("imu.csv", "imu.csv.gz") if (folder / n).exists()), None)
-    seen = (rig, detections) if rig.exists() else (None, None)
-    task = read_body_task(subjects, body_config(), seen[0], seen[1], imu)
+    if rig.exists() and not detections.exists():
+        recording, people, statistics = _from_images(folder, subjects, imu)
+    else:
+        seen = (rig, detections) if rig.exists() else (None, None)
+        task = read_body_task(subjects, body_config(), seen[0], seen[1], imu)
+        recording, people, statistics = task.recording, task.subjects, task.statistics
     names, truth = read_bodies(folder / "truth.json.gz")
-    if names != task.model.names:
+    if names != people[0].body.model.names:
         raise DataError(f"{folder / 'truth.json.gz'} is of another skeleton: {', '.join(names[:4])}, ...")
     others = folder / "strangers.json.gz"
     strangers = read_bodies(others)[1] if others.exists() else []
-    return BodyCase(
-        folder.name, 0, task.recording, task.subjects, tuple(truth), task.statistics, tuple(strangers)
-    )
+    return BodyCase(folder.name, 0, recording, people, tuple(truth), statistics, tuple(strangers))
+
+
+def _from_images(
+    folder: Path, subjects: Sequence[Path], imu: Path | None
+) -> tuple[Recording, tuple[Subject, ...], PoseStatistics]:
+    """What the solver gets of a capture whose people must be detected first."""
+    found, extras = detected(folder, (), {}, None), body_extras(subjects)
+    devices = {} if imu is None else read_imus(imu)
+    names, rig = found.context.skeleton.joint_names, found.context.rig
+    return Recording(rig, names, series_of(rig, found.sets), devices), found.subjects, extras["pose_prior"]
+
+
+def series_of(rig: Rig, sets: Sequence[DetectionSet]) -> dict[int, ViewSeries]:
+    """2D people of every camera by time, on the plane at distance 1, in the joints of the sets."""
+    rows: dict[int, dict[int, ViewPeople]] = {}
+    for view in (view for item in sets for view in item.views):
+        people = _on_plane(rig.cameras[rig.names.index(view.camera)], view.points, view.scores)
+        rows.setdefault(rig.names.index(view.camera), {})[view.stamp_ns] = people
+    return {
+        camera: ViewSeries(np.array(sorted(found)), tuple(found[stamp] for stamp in sorted(found)))
+        for camera, found in rows.items()
+    }
+
+
+def _on_plane(camera: Camera, pixels: Array, scores: Array) -> ViewPeople:
+    plane, there = np.full(pixels.shape, np.nan), np.isfinite(pixels).all(-1)
+    if there.any():
+        plane[there] = camera.intrinsics.undistort(pixels[there])
+    return ViewPeople(plane, scores)
 
 
 def recording_of(capture: BodyCapture | BodyGroup) -> Recording:
@@ -148,13 +184,8 @@ def recording_of(capture: BodyCapture | BodyGroup) -> Recording:
         return Recording(None, group.joint_names, {}, group.devices)
     views = {}
     for c, (camera, seen) in enumerate(zip(group.rig.cameras, group.views)):
-        people = []
-        for pixels, scores in seen:
-            plane, there = np.full(pixels.shape, np.nan), np.isfinite(pixels).all(-1)
-            if there.any():
-                plane[there] = camera.intrinsics.undistort(pixels[there])
-            people.append(ViewPeople(plane, scores))
-        views[c] = ViewSeries(group.stamps, tuple(people))
+        people = tuple(_on_plane(camera, pixels, scores) for pixels, scores in seen)
+        views[c] = ViewSeries(group.stamps, people)
     return Recording(group.rig, group.joint_names, views, group.devices)
 
 

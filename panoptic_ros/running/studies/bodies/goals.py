@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SAME_PEOPLE, BodyCase
-from panoptic_ros.running.studies.bodies.statistics import ORIENTATIONS, POSITIONS, statistic_lines
+from panoptic_ros.running.studies.bodies.statistics import ORIENTATIONS, POSITIONS, origin, statistic_lines
 from panoptic_ros.stage import Progress
 
 ENOUGH_MM, ENOUGH_DEG = 0.70, 0.65  # of the paper's solver on the same capture, where a goal is missed
@@ -81,7 +81,7 @@ def study_goals(
 
 def goal_lines(result: dict[str, Any]) -> Iterator[str]:
     """The table: mean and worst capture of both, their ratio, and which goals are missed by how much."""
-    yield "simulated captures: no reproduction of Total Capture; mean (worst capture)"
+    yield f"{origin(result)}; mean (worst capture)"
     yield (
         f"{'cameras + IMUs':<16}{'captures':>9}  {'method':<14}{'mm':>15}{'deg':>14}{'m/s^2':>14}"
         f"{'drift m':>14}{'in 95 %':>9}   ours / paper: mm, deg"

@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.running.kinematics import PAPER, body_config
 from panoptic_ros.running.studies.bodies.cases import METHODS, OURS, SAME_PEOPLE, BodyCase
-from panoptic_ros.running.studies.bodies.statistics import ORIENTATIONS, POSITIONS, statistic_lines
+from panoptic_ros.running.studies.bodies.statistics import ORIENTATIONS, POSITIONS, origin, statistic_lines
 from panoptic_ros.stage import Progress
 
 CAMERAS, IMUS = (0, 1, 2, 4, 8), (0, 6, 13)
@@ -38,7 +38,7 @@ def study_inputs(
 
 def input_lines(result: dict[str, Any]) -> Iterator[str]:
     """Tables of positions and orientations, and the worst ratio of ours to the paper's on one capture."""
-    yield "simulated captures: no reproduction of Total Capture; means over the captures"
+    yield f"{origin(result)}; means over the captures"
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in result["rows"]:
         groups.setdefault(f"{row['cameras']} + {row['imus']:<2} {row['method']}", []).append(row)

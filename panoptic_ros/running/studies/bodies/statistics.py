@@ -31,6 +31,12 @@ ORIENTATIONS = Kinds(
 )  # fmt: skip
 
 
+def origin(result: Mapping[str, Any]) -> str:
+    """What stands over every table: whether captures were simulated, as those in folders may be too."""
+    simulated = "simulated captures: no reproduction of Total Capture"
+    return "captures in folders" if result.get("folders") else simulated
+
+
 def statistic_lines(kinds: Kinds, groups: Mapping[str, Rows], label: str) -> Iterator[str]:
     """The table: two lines of head, and one for each group of rows, means over its rows.
 

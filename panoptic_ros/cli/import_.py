@@ -1,0 +1,25 @@
+"""`panoptic import DATASET FOLDER --take SUBJECT/TAKE --out CAPTURE`: public data sets to capture folders."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+DATASETS = ("total-capture", "human3.6m")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.add_argument("dataset", choices=DATASETS, help="which data set the folder holds")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="its unpacked archives")
+    parser.add_argument("--take", required=True, metavar="SUBJECT/TAKE", help="e.g. s1/acting1, S9/Walking")
+    parser.add_argument("--out", type=Path, required=True, metavar="CAPTURE", help="capture folder to write")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Import and print what was found."""
+    from panoptic_ros.running import importing  # only now: --help must be quick
+
+    reader = importing.import_total_capture if args.dataset == DATASETS[0] else importing.import_human36m
+    print("\n".join(reader(args.folder, args.take, args.out)))
+    return 0

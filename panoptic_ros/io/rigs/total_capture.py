@@ -1,0 +1,65 @@
+"""calibration.cal of the Total Capture data set (Trumble et al. 2017).
+
+Lines of numbers: how many cameras and terms of the lens; for each camera first and last row and column of its
+images, fx fy cx cy in pixels, the radial terms of the lens, three rows of the rotation and the translation in
+metres, camera from world. The world has y up. Cameras have no names: they are called cam1 and so on, as the
+videos are. Written from public descriptions of the format and tested on files that the tests write, not on
+the data.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.errors import CalibrationError
+from panoptic_ros.io.rigs.fields import camera
+
+Array = np.ndarray
+Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # ours from theirs, y up
+LINES = ((4, "rows and columns"), (4, "fx fy cx cy"), (0, "terms of the lens"),
+         (3, "rotation"), (3, "rotation"), (3, "rotation"), (3, "translation"))  # fmt: skip
+MOST_TERMS = 3  # radial, k1 k2 k3
+
+
+def recognises(rows: list[list[float]]) -> bool:
+    """Whether lines of numbers begin with two whole numbers, then four."""
+    counts = [len(row) for row in rows[:3]]
+    return counts == [2, 4, 4] and all(value == int(value) for value in (*rows[0], *rows[1]))
+
+
+def parse(rows: list[list[float]]) -> Rig:
+    """A rig from the numbers of every line.
+
+    Raises:
+        CalibrationError: naming the line and what is expected there.
+    """
+    number, terms = (int(value) for value in rows[0])
+    if not 0 < number or not 0 <= terms <= MOST_TERMS:
+        raise CalibrationError(f"line 1: {number} cameras, {terms} terms of the lens (at most {MOST_TERMS})")
+    cameras, line = [], 1
+    for k in range(number):
+        parts = []
+        for count, what in LINES:
+            wanted = count or terms
+            found = rows[line] if line < len(rows) else []
+            if len(found) != wanted or not np.isfinite(found).all():
+                raise CalibrationError(
+                    f"line {line + 1}: {len(found)} numbers, expected {wanted}: {what} of camera {k + 1}"
+                )
+            parts.append(found)
+            line += 1
+        cameras.append(_camera(f"cam{k + 1}", parts))
+    if any(rows[line:]):
+        raise CalibrationError(f"line {line + 1}: numbers behind the last of {number} cameras")
+    return Rig(tuple(cameras))
+
+
+def _camera(name: str, parts: list[list[float]]) -> Camera:
+    first_row, last_row, first_column, last_column = parts[0]
+    fx, fy, cx, cy = parts[1]
+    matrix = np.array([[fx, 0.0, cx - first_column], [0.0, fy, cy - first_row], [0.0, 0.0, 1.0]])
+    k1, k2, k3 = (*parts[2], 0.0, 0.0, 0.0)[:3]
+    size = (int(last_column - first_column) + 1, int(last_row - first_row) + 1)
+    rotation = np.array(parts[3:6]) @ Z_UP.T
+    return camera(name, size, matrix, np.array([k1, k2, 0.0, 0.0, k3]), rotation, np.array(parts[6]))

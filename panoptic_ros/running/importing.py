@@ -1,0 +1,135 @@
+"""Takes of public data sets to capture folders with their truth; videos are linked, not copied."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.io.body_files import write_bodies
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.datasets import human36m, total_capture
+from panoptic_ros.io.files import write_json
+from panoptic_ros.io.folders import staged_folder
+from panoptic_ros.io.kinematic_files import subject_document, write_imus
+from panoptic_ros.io.plain_formats import SKELETONS
+from panoptic_ros.io.rigs import read_rig, write_rig
+
+VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
+
+
+def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
+    """Rig, IMUs, subject, truth and links to the videos of a take, e.g. "s1/acting1"; lines about it.
+
+    Raises:
+        UserError: if a file is not there, twice there or not as it must be.
+    """
+    subject, action = _split(take)
+    files = _Files(folder, subject)
+    both = (action, f"{subject}_{action}")
+    sensors = [f"{name}_xsens{end}.sensors" for end in ("_auxfields", "") for name in both]
+    calibration = [f"{subject}_{action}_calib_imu_{kind}.txt" for kind in ("bone", "ref")]
+    model, notices = read_body_model(), list[str]()
+    places, turns = (files.one(f"gt_skel_gbl_{kind}.txt", inside=action) for kind in ("pos", "ori"))
+    truth, axes = total_capture.read_truth(places, turns, model)
+    person = total_capture.read_subject(files.one(calibration[0]), truth, axes, model)
+    devices = total_capture.read_imus(files.one(*sensors), files.one(calibration[1]), notices)
+    truth, devices = total_capture.all_equally_long(truth, devices, notices)
+    rig = read_rig(files.one("calibration.cal", anybody=True))
+    videos = {name: files.video(f"tc_{subject}_{action}_{name}") for name in rig.names}
+    with staged_folder(out) as staged:
+        write_rig(staged / "rig.json", rig)
+        write_imus(staged / "imu.csv.gz", devices)
+        write_json(staged / "subject.json", subject_document(person), indent=1)
+        write_bodies(staged / "truth.json.gz", model, truth)
+        linked = _link(staged, videos)
+    seconds = len(truth) / total_capture.RATE
+    return [*notices, f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs"]
+
+
+def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
+    """Rig, truth of the joints and links to the videos of a take, e.g. "S9/Walking 1"; lines about it.
+
+    Raises:
+        UserError: as above.
+    """
+    subject, action = _split(take)
+    number = re.fullmatch(r"s(\d+)", subject)
+    if number is None:
+        raise UsageError(f"--take {take!r}: subjects of Human3.6M are S1 to S{human36m.SUBJECTS}")
+    files = _Files(folder, subject)
+    joints = human36m.read_joints(files.one(f"{action}.cdf", inside="d3_positions"))
+    rig = human36m.read_cameras(files.one("metadata.xml", anybody=True), int(number[1]))
+    frames = [
+        {"index": t, "stamp_ns": round(1e9 * t / human36m.RATE),
+         "skeletons": [{"id": 0, "joints": np.round(places, 5).tolist()}]}
+        for t, places in enumerate(joints)
+    ]  # fmt: skip
+    videos = {name: files.video(f"{action}.{name}") for name in rig.names}
+    with staged_folder(out) as staged:
+        write_rig(staged / "rig.json", rig)
+        write_json(
+            staged / "truth.json.gz",
+            {"format": SKELETONS, "joint_names": list(human36m.NAMED), "frames": frames},
+        )
+        linked = _link(staged, videos)
+    return [f"{out}: {len(joints) / human36m.RATE:.1f} s, {len(rig)} cameras, {linked} videos"]
+
+
+def _split(take: str) -> tuple[str, str]:
+    subject, _, action = take.lower().partition("/")
+    if not subject or not action:
+        raise UsageError(f"--take {take!r} is not SUBJECT/TAKE, e.g. s1/acting1")
+    return subject, action
+
+
+class _Files:
+    """Files anywhere below a folder by their names, whatever case, as archives are unpacked in many ways.
+
+    Args:
+        subject: part of the path of what is the subject's, between slashes or underscores.
+    """
+
+    def __init__(self, folder: Path, subject: str):
+        if not folder.is_dir():
+            raise DataError(f"{folder} is no folder")
+        self._folder = folder
+        self._whose = re.compile(rf"(^|[/_]){re.escape(subject)}([/_]|$)")
+        self._all = sorted(path for path in folder.rglob("*") if path.is_file())
+
+    def one(self, *names: str, inside: str = "", anybody: bool = False) -> Path:
+        """The file of the first name that there is.
+
+        Args:
+            inside: name of the folder in which it lies. anybody: it need not be the subject's.
+        """
+        for name in names:
+            found = [path for path in self._named(name, anybody) if inside in ("", path.parent.name.lower())]
+            if len(found) > 1:
+                raise UsageError(f"{found[0]} and {found[1]} could both be meant; name a folder with one")
+            if found:
+                return found[0]
+        where = f" in a folder {inside}" if inside else ""
+        raise DataError(f"{self._folder} has no {' or '.join(names)}{where}, whatever case, of the take")
+
+    def video(self, stem: str) -> Path | None:
+        """The video of this name, if there is one."""
+        found = [path for end in VIDEOS for path in self._named(stem + end, anybody=False)]
+        return found[0] if found else None
+
+    def _named(self, name: str, anybody: bool) -> list[Path]:
+        return [
+            path for path in self._all
+            if path.name.lower() == name
+            and (anybody or self._whose.search(path.relative_to(self._folder).as_posix().lower()))
+        ]  # fmt: skip
+
+
+def _link(folder: Path, videos: dict[str, Path | None]) -> int:
+    """How many cameras have a video; they are linked by the names of the cameras."""
+    there = {name: path for name, path in videos.items() if path is not None}
+    for name, path in there.items():
+        (folder / f"{name}{path.suffix.lower()}").symlink_to(path.resolve())
+    return len(there)
