@@ -11,13 +11,14 @@ from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.body_files import write_bodies
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.datasets import human36m, total_capture
-from panoptic_ros.io.files import write_json
+from panoptic_ros.io.files import write_bytes, write_json
 from panoptic_ros.io.folders import staged_folder
 from panoptic_ros.io.kinematic_files import subject_document, write_imus
 from panoptic_ros.io.plain_formats import SKELETONS
 from panoptic_ros.io.rigs import read_rig, write_rig
 
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
+LONGER = 2  # than the truth, a video may be
 
 
 def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
@@ -44,7 +45,7 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
         write_imus(staged / "imu.csv.gz", devices)
         write_json(staged / "subject.json", subject_document(person), indent=1)
         write_bodies(staged / "truth.json.gz", model, truth)
-        linked = _link(staged, videos)
+        linked = _link(staged, videos, total_capture.RATE, len(truth))
     seconds = len(truth) / total_capture.RATE
     return [*notices, f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs"]
 
@@ -74,7 +75,7 @@ def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
             staged / "truth.json.gz",
             {"format": SKELETONS, "joint_names": list(human36m.NAMED), "frames": frames},
         )
-        linked = _link(staged, videos)
+        linked = _link(staged, videos, human36m.RATE, len(joints))
     return [f"{out}: {len(joints) / human36m.RATE:.1f} s, {len(rig)} cameras, {linked} videos"]
 
 
@@ -127,9 +128,19 @@ class _Files:
         ]  # fmt: skip
 
 
-def _link(folder: Path, videos: dict[str, Path | None]) -> int:
-    """How many cameras have a video; they are linked by the names of the cameras."""
+def _link(folder: Path, videos: dict[str, Path | None], rate: float, count: int) -> int:
+    """How many cameras have a video; they are linked by the names of the cameras.
+
+    Data sets count frames: frame n is at n / rate, whatever the file of a video says.
+
+    Args:
+        rate, count: of the truth; a video may be longer.
+    """
     there = {name: path for name, path in videos.items() if path is not None}
     for name, path in there.items():
         (folder / f"{name}{path.suffix.lower()}").symlink_to(path.resolve())
+    if there:
+        stamps = [round(1e9 * k / rate) for k in range(LONGER * count)]
+        rows = [f"{name},{k},{stamp}\n" for name in there for k, stamp in enumerate(stamps)]
+        write_bytes(folder / "timestamps.csv", ("camera,frame,stamp_ns\n" + "".join(rows)).encode())
     return len(there)

@@ -90,6 +90,8 @@ def test_lengths_and_stature_are_those_of_the_subject(take, imported):
 def test_videos_are_linked_by_the_names_of_their_cameras(imported):
     assert (imported / "cam2.mp4").read_bytes() == b"a video" and (imported / "cam2.mp4").is_symlink()
     assert not (imported / "cam1.mp4").exists()
+    rows = (imported / "timestamps.csv").read_text().splitlines()
+    assert rows[:3] == ["camera,frame,stamp_ns", "cam2,0,0", "cam2,1,16666667"]  # as the truth counts
 
 
 def people(take):
