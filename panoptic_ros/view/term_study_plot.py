@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 MEASURES = (("mm", "mm"), ("deg", "deg"))
+MOST = 200.0  # percent, of a bar: of what is left out altogether the number tells
 WEIGHT = "acceleration "  # begins the name of a change of that weight
 
 Row = Mapping[str, Any]
@@ -47,8 +48,8 @@ def _draw_terms(axes: Axes, rows: Sequence[Row], changes: Sequence[str], full: s
     for n, (key, label) in enumerate(MEASURES):
         whole = _mean(rows, full, key)
         more = [100.0 * (_mean(rows, name, key) / whole - 1.0) for name in changes]
-        bars = axes.barh(places + 0.4 * n - 0.2, more, 0.38, label=f"{label}, of {whole:.1f}")
-        axes.bar_label(bars, fmt="%+.0f", fontsize=7, padding=2)
+        bars = axes.barh(places + 0.4 * n - 0.2, np.minimum(more, MOST), 0.38, label=f"{label}, of {whole:.1f}")
+        axes.bar_label(bars, [f"{value:+.0f}" for value in more], fontsize=7, padding=2)
     axes.set_yticks(places, changes, fontsize=8)
     axes.invert_yaxis()
     axes.margins(x=0.15)
@@ -64,10 +65,13 @@ def _draw_weights(axes: Axes, rows: Sequence[Row], changes: Sequence[str], full:
     for n, (key, label) in enumerate(MEASURES):
         axes.plot(stated, [_mean(rows, name, key) for name in changes], "-o", color=f"C{n}", label=label)
         axes.axhline(_mean(rows, full, key), color=f"C{n}", linestyle="--", label=f"{label}, as it is")
-    axes.set(xscale="log", yscale="log")
+    axes.set_xscale("log")
+    axes.set_xticks(stated, [f"{value:g}" for value in stated])
+    axes.set_xticks([], minor=True)
+    axes.set_ylim(bottom=0.0)
     label = f"standard deviation of accelerations, {unit}" if unit else "weight of the acceleration term"
     axes.set_xlabel(label)
-    axes.grid(True, which="both", alpha=0.3)
+    axes.grid(True, alpha=0.3)
     axes.legend(fontsize=8)
 
 

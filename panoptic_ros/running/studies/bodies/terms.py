@@ -86,6 +86,12 @@ SETTINGS: dict[str, dict[str, tuple[str, ...]]] = {  # by method
         "instants alone": ("window=false",),
         "mounting as stated": ("mounting=false",),
         "no Cauchy": ("joint_scale=0", "prior_scale=0"),
+        "no hinges": ("hinge_sd=1000",),
+        "noise of 2D joints as assumed": ("noise_level=false",),
+        "joints weigh as their scores": ("score_power=1",),
+        "errors are new at each instant": ("error_time=0.0167",),
+        "no errors that last": ("lasting_share=0",),
+        "lag 0": ("lag=0",),
     } | {f"acceleration {sd:g} m/s^2": (f"acceleration_sd={sd:g}",) for sd in (0.5, 1.0, 4.0, 8.0)},
     PAPER: {f"acceleration {w:g}": (f"paper_acceleration={w:g}",) for w in (1e-6, 1e-5, 1e-4, 1e-3)},
 }  # fmt: skip
@@ -116,16 +122,21 @@ def study_terms(
 def term_lines(result: dict[str, Any]) -> Iterator[str]:
     """The table: means over the captures, and the change against all terms."""
     yield "simulated captures: no reproduction of Total Capture; means"
-    yield f"{'method':<15}{'change':<24}{'mm':>8}{'after root':>12}{'deg':>8}{'m/s^2':>8}   against all"
+    yield (
+        f"{'method':<15}{'change':<32}{'mm':>8}{'after root':>12}{'deg':>8}{'m/s^2':>8}{'in 95 %':>9}   "
+        "mm, deg against all"
+    )
     rows = result["rows"]
     for method in METHODS:
         full = _means([row for row in rows if (row["method"], row["change"]) == (method, FULL)])
         for name in dict.fromkeys(row["change"] for row in rows if row["method"] == method):
             means = _means([row for row in rows if (row["method"], row["change"]) == (method, name)])
             cells = f"{means[0]:>8.1f}{means[1]:>12.1f}{means[2]:>8.2f}{means[3]:>8.1f}"
+            cells += f"{means[4]:>9.3f}" if np.isfinite(means[4]) else f"{'-':>9}"
             share = [100.0 * (means[k] / full[k] - 1.0) for k in (0, 2)]
-            yield f"{method:<15}{name:<24}{cells}   {share[0]:+.0f} %, {share[1]:+.0f} %"
+            yield f"{method:<15}{name:<32}{cells}   {share[0]:+.0f} %, {share[1]:+.0f} %"
 
 
 def _means(rows: list[dict[str, Any]]) -> list[float]:
-    return [float(np.mean([row[key] for row in rows])) for key in ("mm", "relative_mm", "deg", "acc")]
+    keys = ("mm", "relative_mm", "deg", "acc", "inside")
+    return [float(np.mean([row[key] for row in rows])) for key in keys]
