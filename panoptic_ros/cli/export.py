@@ -17,15 +17,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--from", dest="begin", type=number(float, 0, 1e9), default=0.0, metavar="S",
                         help="seconds from the beginning")  # fmt: skip
     parser.add_argument("--to", dest="end", type=number(float, 0, 1e9), metavar="S", help="default: the end")
+    parser.add_argument("--segments", default="segments21", metavar="NAME",
+                        help="skeleton of the bodies: an installed one (default segments21), or a "
+                        "YAML file")  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the file."""
-    from panoptic_ros.running.export import export
+    from panoptic_ros.running.export import Wanted, export
     from panoptic_ros.view.progress import PassBar
 
     with PassBar("export") as bar:
-        files = export(args.path, args.out, args.begin, args.end, bar.show)
+        wanted = Wanted(args.begin, args.end, args.segments)
+        files = export(args.path, args.out, wanted, bar.show)
     for file in files:
         page = "; it opens in any browser, without a network" if file.suffix == ".html" else ""
         print(f"{file}: {file.stat().st_size / 1e6:.1f} MB{page}")

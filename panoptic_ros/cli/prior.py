@@ -21,6 +21,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--unit", type=float, default=0.01, metavar="M", help="of BVH files, m (default 0.01)"
     )
+    parser.add_argument(
+        "--segments", default="segments21", metavar="NAME",
+        help="skeleton of segments: an installed one (default segments21), or a YAML file",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
@@ -28,6 +32,8 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.prior_training import train_from_files  # only now: --help must be quick
 
     with PassBar("prior") as bar:
-        lines = train_from_files(args.motion, args.out, args.leave_out, args.unit, bar.show)
+        lines = train_from_files(
+            args.motion, args.out, args.leave_out, args.unit, bar.show, args.segments
+        )  # fmt: skip
     print("\n".join(lines))
     return 0

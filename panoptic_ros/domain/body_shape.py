@@ -76,15 +76,20 @@ def offsets_of(model: SegmentModel, places: Array, frames: Array) -> Array:
 
 
 def read_shape(document: Mapping[str, Any], model: SegmentModel) -> BodyShape:
-    """A shape from a YAML document, see `config/bodies/shape21.yaml`.
+    """A shape from a YAML document, see `config/bodies/shape21.yaml`; without capsules of segments that the
+    skeleton lacks.
 
     Raises:
         DataError: naming the segment and what is wrong.
     """
     rows = []
     for name, capsules in document.items():
+        if name not in model.names:
+            continue
         segment = model.index(str(name))
         for row in capsules:
+            if any(isinstance(row.get(key), str) and row[key] not in model.names for key in ("from", "to")):
+                continue
             try:
                 ends = [_end(row.get(key, (0, 0, 0)), model) for key in ("from", "to")]
                 first, last = (float(radius) for radius in row["radii"])

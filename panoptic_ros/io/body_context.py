@@ -31,7 +31,7 @@ def body_extras(
         model = read_joint_offsets(Path(offsets), model)
     people = tuple(read_subject(path, model) for path in subjects)
     _require_distinct(subjects, people)
-    return {"subjects": people, "segments": model, "pose_prior": read_prior(prior)}
+    return {"subjects": people, "segments": model, "pose_prior": read_prior(prior, model)}
 
 
 def _require_distinct(paths: Sequence[Path], people: Sequence[Subject]) -> None:

@@ -72,11 +72,14 @@ def read_bvh(path: Path, unit: float) -> JointMotion:
 
 
 def read_sites(model: SegmentModel) -> dict[str, Site]:
-    """Where joints of recorded motion lie on the skeleton, by their plain names, see `plain`."""
+    """Where joints of recorded motion lie on the skeleton, by their plain names, see `plain`; those on
+    segments that it lacks are left out."""
     table: dict[str, Any] = dict(read_yaml(share_folder() / "config" / "bodies" / "motion_joints.yaml"))
     found: dict[str, Site] = {}
     for rows in (table.pop("ends"), table):
         for segment, row in rows.items():
+            if segment not in model.names:
+                continue
             share = np.array(row.get("offset", (0.0, 0.0, 0.0)), float)
             found |= {plain(name): Site(model.index(segment), share) for name in row["names"]}
     return found

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.files import file_errors, write_bytes
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
@@ -15,11 +19,17 @@ DEFAULT_PRIOR = "prior-cmu.npz"
 PRIOR_KEYS = ("mean", "components", "deviations", "spreads")
 
 
-def read_prior(name: str = "") -> PoseStatistics:
+SEGMENTS = "segments"  # key of their names; files without it are of the installed skeleton
+
+
+def read_prior(name: str = "", model: SegmentModel | None = None) -> PoseStatistics:
     """Statistics of poses by the path of a file, or those installed.
 
+    Args:
+        model: the skeleton that they are for; None = the one that they are of.
+
     Raises:
-        DataError: if the file is not as it must be.
+        DataError: if the file is not as it must be, or has none of the segments.
     """
     path = Path(name) if name else share_folder() / "config" / "bodies" / DEFAULT_PRIOR
     with file_errors(path, "read"), np.load(path) as found:
@@ -27,4 +37,17 @@ def read_prior(name: str = "") -> PoseStatistics:
             arrays = [found[key] for key in PRIOR_KEYS]
         except KeyError as error:
             raise DataError(f"{path} is no pose prior, or an old one ({error}): train it anew") from None
-    return PoseStatistics(*(np.ascontiguousarray(array, np.float64) for array in arrays))
+        own = tuple(map(str, found[SEGMENTS])) if SEGMENTS in found else read_body_model().names
+    statistics = PoseStatistics(*(np.ascontiguousarray(array, np.float64) for array in arrays))
+    try:
+        return statistics.of_other_segments(own, own if model is None else model.names)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+def write_prior(path: Path, statistics: PoseStatistics, model: SegmentModel) -> None:
+    """Write statistics of the poses of a skeleton."""
+    memory = io.BytesIO()
+    arrays: dict[str, Any] = {key: getattr(statistics, key).astype(np.float32) for key in PRIOR_KEYS}
+    np.savez_compressed(memory, **arrays | {SEGMENTS: np.array(model.names)})
+    write_bytes(path, memory.getvalue())

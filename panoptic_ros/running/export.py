@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,23 +17,28 @@ from panoptic_ros.export.gltf import glb_bytes
 from panoptic_ros.export.opensim import mot_text, trc_text
 from panoptic_ros.export.urdf import urdf_text
 from panoptic_ros.io.body_files import read_bodies
-from panoptic_ros.io.body_models import read_body_model, read_body_shape
+from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model, read_body_shape
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.running.viewer.recordings import open_recorded
 from panoptic_ros.stage import Progress, untold
 from panoptic_ros.view.page.recorded import RecordedScene
 
-Writer = Callable[[Path, Path, float, float | None, Progress], list[Path]]
+
+class Wanted(NamedTuple):
+    """What of results is written: s from the beginning, None = to the end; the skeleton of bodies."""
+
+    begin_s: float = 0.0
+    end_s: float | None = None
+    segments: str = DEFAULT_MODEL
+
+
+Writer = Callable[[Path, Path, Wanted, Progress], list[Path]]
 TextWriter = Callable[[SegmentModel, Sequence[BodyState], Path], str]  # the text of a person's file
 
-def export(
-    path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress = untold
-) -> list[Path]:
-    """Write results or a bag to a file; of formats for one person to one each. Returns the files.
 
-    Args:
-        begin_s, end_s: the part of the recording, s from its beginning; None = to its end.
+def export(path: Path, out: Path, wanted: Wanted, progress: Progress = untold) -> list[Path]:
+    """Write results or a bag to a file; of formats for one person to one each. Returns the files.
 
     Raises:
         UsageError: if there is no such format, or nothing to be written.
@@ -41,12 +47,10 @@ def export(
     if writer is None:
         raise UsageError(f"--out {out}: there is no format {out.suffix or 'without suffix'!r}; there are "
                          f"{', '.join(WRITERS)}")  # fmt: skip
-    return writer(path, out, begin_s, end_s, progress)
+    return writer(path, out, wanted, progress)
 
 
-def _write_html(
-    path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress
-) -> list[Path]:
+def _write_html(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
     """One page that shows all of it, with images."""
     from panoptic_ros.view.page.one_file import one_file
 
@@ -54,41 +58,37 @@ def _write_html(
     if not isinstance(scene, RecordedScene):
         raise UsageError(f"{path} is neither the results of `panoptic run` nor a bag")
     scene.scan(lambda: False, lambda: None)
-    write_bytes(out, one_file(scene, begin_s, end_s, progress))
+    write_bytes(out, one_file(scene, wanted.begin_s, wanted.end_s, progress))
     scene.close()
     return [out]
 
 
-def _people_of(
-    path: Path, begin_s: float, end_s: float | None
-) -> tuple[SegmentModel, dict[int, list[BodyState]]]:
+def _people_of(path: Path, wanted: Wanted) -> tuple[SegmentModel, dict[int, list[BodyState]]]:
     """The bodies of results by id, by time.
 
     Raises:
         DataError: if there are none.
     """
-    model = read_body_model()
+    model = read_body_model(wanted.segments)
     names, states = read_bodies(path / "kinematics.json.gz" if path.is_dir() else path)
     if names != model.names:
-        raise DataError(f"{path}: bodies of other segments than {', '.join(model.names)}")
+        raise DataError(f"{path}: bodies of other segments than {', '.join(model.names)}; give --segments")
     first = min((state.stamp_ns for state in states), default=0)
-    end = float("inf") if end_s is None else end_s
+    begin, end = wanted.begin_s, float("inf") if wanted.end_s is None else wanted.end_s
     people: dict[int, list[BodyState]] = {}
     for state in sorted(states, key=lambda state: (state.id, state.stamp_ns)):
-        if begin_s <= 1e-9 * (state.stamp_ns - first) <= end:
+        if begin <= 1e-9 * (state.stamp_ns - first) <= end:
             people.setdefault(state.id, []).append(state)
     if not people:
-        raise DataError(f"{path} has no bodies between {begin_s:g} and {end:g} s")
+        raise DataError(f"{path} has no bodies between {begin:g} and {end:g} s")
     return model, people
 
 
 def _each(write: TextWriter) -> Writer:
     """One file for each person: `out`, and with their ids if there are several."""
 
-    def write_all(
-        path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress
-    ) -> list[Path]:
-        model, people = _people_of(path, begin_s, end_s)
+    def write_all(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
+        model, people = _people_of(path, wanted)
         files = []
         for done, (number, own) in enumerate(people.items()):
             files.append(out if len(people) == 1 else out.with_name(f"{out.stem}-{number}{out.suffix}"))
@@ -107,11 +107,9 @@ def _urdf(model: SegmentModel, states: Sequence[BodyState], out: Path) -> str:
     return urdf_text(read_body_shape(model), offsets, f"p{number}", rgb_of(number))
 
 
-def _write_glb(
-    path: Path, out: Path, begin_s: float, end_s: float | None, progress: Progress
-) -> list[Path]:
+def _write_glb(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
     """One animated scene of everybody."""
-    model, people = _people_of(path, begin_s, end_s)
+    model, people = _people_of(path, wanted)
     colours = {number: rgb_of(number) for number in people}
     write_bytes(out, glb_bytes(read_body_shape(model), people, colours))
     progress(1.0, f"{len(people)} people")

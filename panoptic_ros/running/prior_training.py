@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,15 +11,14 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.io.body_files import read_bodies
-from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model
 from panoptic_ros.io.c3d_motion import read_c3d
-from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
-from panoptic_ros.io.pose_prior import PRIOR_KEYS
+from panoptic_ros.io.pose_prior import write_prior
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.body.fitting import fit_motion
 from panoptic_ros.kinematics.body.trunk import with_trunk
-from panoptic_ros.kinematics.pose.prior import PoseStatistics, other_sides, train_prior
+from panoptic_ros.kinematics.pose.prior import other_sides, train_prior
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
@@ -29,17 +27,18 @@ WORST = 0.05  # m, root mean square of a motion that does not fit
 
 
 def train_from_files(
-    paths: Sequence[Path], out: Path, leave_out: Sequence[str], unit: float, progress: Progress
-) -> list[str]:
+    paths: Sequence[Path], out: Path, leave_out: Sequence[str], unit: float, progress: Progress,
+    segments: str = DEFAULT_MODEL,
+) -> list[str]:  # fmt: skip
     """Train on all motions and write the prior; a line about each motion, and one about the prior.
 
     Args:
-        leave_out: names of clips that are not used. unit: of BVH files, m.
+        leave_out: names of clips that are not used. unit: of BVH files, m. segments: the skeleton.
 
     Raises:
         UserError: if a file is not as it must be, or nothing is left.
     """
-    model = read_body_model()
+    model = read_body_model(segments)
     poses: list[Array] = []
     lines = []
     for n, path in enumerate(paths):
@@ -52,7 +51,7 @@ def train_from_files(
     if not poses:
         raise UsageError("no motion is left to train on; give other files, or leave out less")
     found = train_prior(np.concatenate(poses), other_sides(model.names))
-    _write(out, found)
+    write_prior(out, found, model)
     progress(1.0, "done")
     return [*lines, f"{out}: {found.components.shape[1]} components"]
 
@@ -62,6 +61,8 @@ def _motions(path: Path, model: SegmentModel, unit: float) -> list[tuple[str, Ar
     if path.name.endswith((".json", ".json.gz")):
         return [_own_result(path, model)]
     if path.suffix.lower() == ".npz" and (clips := read_clips(path)):
+        if model.names != read_body_model().names:
+            raise UsageError(f"{path} has poses of {DEFAULT_MODEL}; priors of others need joints: .bvh, .c3d")
         return [(name, clip.vectors, "") for name, clip in clips.items()]
     sites = read_sites(model)
     if path.suffix.lower() == ".bvh":
@@ -103,8 +104,3 @@ def _own_result(path: Path, model: SegmentModel) -> tuple[str, Array, str]:
     vectors = vectors_of(np.ascontiguousarray(turns.reshape(-1, 3, 3))).reshape(*turns.shape[:2], 3)
     return path.name.split(".")[0], vectors, ""
 
-
-def _write(out: Path, prior: PoseStatistics) -> None:
-    memory = io.BytesIO()
-    np.savez_compressed(memory, **{key: getattr(prior, key).astype(np.float32) for key in PRIOR_KEYS})
-    write_bytes(out, memory.getvalue())

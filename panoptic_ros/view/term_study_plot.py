@@ -47,8 +47,9 @@ def _draw_terms(axes: Axes, rows: Sequence[Row], changes: Sequence[str], full: s
     places = np.arange(len(changes))
     for n, (key, label) in enumerate(MEASURES):
         whole = _mean(rows, full, key)
-        more = [100.0 * (_mean(rows, name, key) / whole - 1.0) for name in changes]
-        bars = axes.barh(places + 0.4 * n - 0.2, np.minimum(more, MOST), 0.38, label=f"{label}, of {whole:.1f}")
+        more = [100.0 * (_mean(rows, change, key) / whole - 1.0) for change in changes]
+        drawn, name = np.minimum(more, MOST), f"{label}, of {whole:.1f}"
+        bars = axes.barh(places + 0.4 * n - 0.2, drawn, 0.38, label=name)
         axes.bar_label(bars, [f"{value:+.0f}" for value in more], fontsize=7, padding=2)
     axes.set_yticks(places, changes, fontsize=8)
     axes.invert_yaxis()

@@ -7,18 +7,18 @@ import sys
 
 import numpy as np
 import pytest
+import yaml
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.evaluation.kinematic_scores import score_bodies
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.kinematic_files import read_imus, read_subject, write_imus
+from panoptic_ros.io.resources import share_folder
 from panoptic_ros.simulation.bodies.capture import BodyScene
 from panoptic_ros.simulation.bodies.imus import unknown_heading
 
 MODEL = read_body_model()
-
-
 LEFT_OUT = "left out"
 
 
@@ -201,3 +201,30 @@ def test_velocities_angles_and_covariances_are_told(capture, tmp_path):
     spread = np.array([np.sqrt(np.trace(state.covariances[:, :3, :3], axis1=1, axis2=2)) for state in states])
     apart = np.linalg.norm(np.array([s.places for s in states]) - places, axis=-1)[180:]
     assert 0.3 < np.sqrt((apart**2).mean() / (spread[180:] ** 2).mean()) < 2.0
+
+
+def test_another_skeleton_is_solved_and_exported(capture, tmp_path, capsys):
+    toes = ("lToe", "rToe")
+    document = yaml.safe_load((share_folder() / "config" / "bodies" / "segments21.yaml").read_text())
+    document["segments"] = {name: row for name, row in document["segments"].items() if name not in toes}
+    document["ground"] = [name for name in document["ground"] if name not in toes]
+    document["keypoints"] = {n: row for n, row in document["keypoints"].items() if row["segment"] not in toes}
+    (tmp_path / "segments19.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
+    subject = json.loads((capture / "subject.json").read_text())
+    subject["segments"] = {name: row for name, row in subject["segments"].items() if name not in toes}
+    subject["keypoints"] = {n: row for n, row in subject["keypoints"].items() if row["segment"] not in toes}
+    (tmp_path / "subject.json").write_text(json.dumps(subject))
+    words = ["--rig", capture / "rig.json", "--detections", capture / "detections.json.gz",
+             "--subject", tmp_path / "subject.json", "--out", tmp_path / "k.json.gz",
+             "--set", f"segments={tmp_path / 'segments19.yaml'}"]  # fmt: skip
+    assert main(["kinematics", *map(str, words), "--quiet"]) == 0
+    names, found = read_bodies(tmp_path / "k.json.gz")
+    kept = [MODEL.index(name) for name in names]
+    true = {state.stamp_ns: state.places[kept] for state in read_bodies(capture / "truth.json.gz")[1]}
+    apart = [np.linalg.norm(s.places - true[s.stamp_ns], axis=-1) for s in found if s.stamp_ns in true]
+    assert len(names) == 19 and np.mean(apart) < 0.03
+    words = ["export", tmp_path / "k.json.gz", "--out", tmp_path / "k.bvh"]
+    assert main([*map(str, words)]) == 2
+    assert "give --segments" in capsys.readouterr().err
+    assert main([*map(str, words), "--segments", str(tmp_path / "segments19.yaml")]) == 0
+    assert (tmp_path / "k.bvh").read_text().count("JOINT") == 18

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import rotations_of, vectors_of
 from panoptic_ros.kinematics.pose.targets import NO_HINGES, Hinges, PosePrior
 
@@ -40,6 +42,35 @@ class PoseStatistics:
         scaled = self.components / self.deviations
         found: Array = scaled @ scaled.T
         return found
+
+    def of_other_segments(self, own: Sequence[str], names: Sequence[str]) -> PoseStatistics:
+        """Statistics of another skeleton whose segments are called alike; those of no segment here lie near
+        the T posture.
+
+        Args:
+            own, names: of the segments here and there, the roots first.
+
+        Raises:
+            DataError: if the statistics are not of these segments, or none is called alike.
+        """
+        if 3 * len(own) - 3 != len(self.mean):
+            raise DataError(f"statistics of {len(self.mean)} axes are not of {len(own)} segments")
+        if tuple(own) == tuple(names):
+            return self
+        there = [k for k, name in enumerate(names[1:]) if name in own[1:]]
+        if not there:
+            raise DataError(f"none of its segments is one of {', '.join(names[1:])}")
+        rows = _axes([list(own[1:]).index(names[1 + k]) for k in there])
+        mine, count = _axes(there), 3 * len(names) - 3
+        mean, spreads, covariance = np.zeros(count), np.full(count, np.pi), np.zeros((count, count))
+        mean[mine], spreads[mine] = self.mean[rows], self.spreads[rows]
+        scaled = self.components[rows] * self.deviations
+        covariance[np.ix_(mine, mine)] = scaled @ scaled.T
+        variances, components = np.linalg.eigh(covariance)
+        kept = np.flatnonzero(variances > LEAST_OFF**2)[::-1]
+        return PoseStatistics(
+            mean, np.ascontiguousarray(components[:, kept]), np.sqrt(variances[kept]), spreads
+        )
 
     def measured_in(self, spreads: Array) -> tuple[Array, Array]:
         """Projection and deviation where axes are off the space by spreads (N,), rad, of their own: of the
@@ -90,6 +121,12 @@ class PriorCosts:
     deviation_scale: float
     limits: float
     off_space: float = 0.0
+
+
+def _axes(segments: Sequence[int]) -> Array:
+    """Rows (3 N,) of the axes of segments."""
+    found: Array = (3 * np.array(segments, np.int64)[:, None] + np.arange(3)).ravel()
+    return found
 
 
 def hinges_of(model: SegmentModel, spread: float) -> Hinges:

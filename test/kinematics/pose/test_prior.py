@@ -1,8 +1,10 @@
 """Distances from the space of recorded poses."""
 
 import numpy as np
+import pytest
 from bodies import CHAIN, MODEL, D, S
 
+from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.kinematics.pose.normal_equations import assemble
@@ -65,3 +67,34 @@ def test_bones_of_hinges_lead_to_the_next_joint():
     hinges = hinges_of(MODEL, 0.1)
     found = {MODEL.names[s]: bone.tolist() for s, bone in zip(hinges.segments, hinges.bones)}
     assert found == {"lForearm": [0, 1, 0], "rForearm": [0, -1, 0], "lShin": [0, 0, -1], "rShin": [0, 0, -1]}
+
+
+NAMES = ("hips", "spine", "lThigh", "rThigh")
+
+
+def covariance(statistics):
+    scaled = statistics.components * statistics.deviations
+    return scaled @ scaled.T
+
+
+def test_statistics_of_a_skeleton_with_fewer_segments_are_those_of_what_is_left():
+    found = PRIOR.of_other_segments(NAMES, ("hips", "rThigh", "spine"))
+    rows = [6, 7, 8, 0, 1, 2]
+    np.testing.assert_allclose(found.mean, PRIOR.mean[rows])
+    np.testing.assert_allclose(covariance(found), covariance(PRIOR)[np.ix_(rows, rows)], atol=2e-3)
+    assert PRIOR.of_other_segments(NAMES, NAMES) is PRIOR
+
+
+def test_segments_that_nothing_is_known_of_may_turn_about_the_t_posture():
+    found = PRIOR.of_other_segments(NAMES, ("hips", "tail", "spine"))
+    np.testing.assert_allclose(found.mean, np.r_[np.zeros(3), PRIOR.mean[:3]])
+    np.testing.assert_allclose(found.projection[:3, :3], np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(covariance(found)[:3], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("own", "names", "told"), [
+    (NAMES[:3], NAMES, "9 axes are not of 3 segments"), (NAMES, ("hips", "tail"), "none of its segments"),
+])  # fmt: skip
+def test_statistics_of_nothing_alike_are_refused(own, names, told):
+    with pytest.raises(DataError, match=told):
+        PRIOR.of_other_segments(own, names)
