@@ -51,7 +51,7 @@ CLASSES = (
         ImuStreams,
         "names _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt _rates_told",
     ),
-    Fields.named(MeasuredBody, "_seen"),
+    Fields.named(MeasuredBody, "_seen _count _stride"),
     Fields.named(HeldInstants, "_instants"),
     Fields.named(Pace, "_most waited_ns _left_out"),
     Fields.named(

@@ -146,13 +146,14 @@ class KinematicsStage(Stateful):
     def _take_tracked(self, item: TrackedPoseSet) -> list[Notice]:
         self._check(item.skeleton_hash)
         self._tracks_come = True
-        notices = self._measure(item) if self._config.everybody else []
+        if self._config.everybody:
+            self._measure(item)
         waiting = self._waiting
         if waiting is not None and waiting.number == item.index and (
             item.sources is not None or not len(item.ids)
         ):  # fmt: skip
-            return notices + self._take_waiting(item)
-        notices += self._take_waiting(None)
+            return self._take_waiting(item)
+        notices = self._take_waiting(None)
         if waiting is None or waiting.number < item.index:
             # beside views they are no source of their own, for which instants would wait
             notices += [] if self._timeline.has_cameras() else self._came(IN_SPACE, item.stamp_ns)
@@ -203,20 +204,20 @@ class KinematicsStage(Stateful):
             person.restart()
         return [jump(stamp_ns, name)]
 
-    def _measure(self, item: TrackedPoseSet) -> list[Notice]:
-        """Bodies of people without a file: their lengths are taken from their first skeletons."""
+    def _measure(self, item: TrackedPoseSet) -> None:
+        """Bodies of people without a file: their lengths are taken from their skeletons."""
         assert self._model is not None and self._statistics is not None
         positions = joints_as_seen(item, self._model)
         for k, number in enumerate(item.ids.tolist()):
-            if number in self._people:
+            if self._is_designated(number):
                 continue
             measured = self._measured.setdefault(number, MeasuredBody())
             known = self._config, self._model, self._statistics, self._joint_names
             body = measured.take(*known, (positions[k], item.covariances[k]))
-            if body is not None:
-                del self._measured[number]
+            if body is not None and number in self._people:
+                self._people[number].take_body(body)
+            elif body is not None:
                 self._people[number] = self._new_person(Subject(number, body))
-        return []
 
     # ------------------------------------------------------------------ instants
 
@@ -258,7 +259,7 @@ class KinematicsStage(Stateful):
             self._given.keep(states)
             if not person.is_expected and person.missed and not self._is_designated(number):
                 if not self._given.holds(number):
-                    del self._people[number]
+                    del self._people[number], self._measured[number]
             elif self._timeline.index > NEVER_S * self._config.rate_hz and not person.came:
                 notices += self._once(never_came(number, NEVER_S))
         return notices

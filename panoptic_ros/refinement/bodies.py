@@ -55,12 +55,17 @@ class BodyFill:
         self._kept: list[Posed] = []
         self._learnt: dict[int, Learnt] = {}
 
-    def take(self, item: BodyStateSet) -> None:
-        """Bodies of one more instant; those that go back in time begin anew."""
+    def take(self, item: BodyStateSet, biases: Array) -> None:
+        """Bodies of one more instant; those that go back in time begin anew.
+
+        Args:
+            biases: (J, 3, 3) m^2 of the detector, which bodies state. Skeletons have the same: they do not
+                count between both.
+        """
         if self._kept and item.stamp_ns <= self._kept[-1].stamp_ns:
             self._kept = []
         hips = from_quaternions(np.ascontiguousarray(item.orientations[:, 0]))
-        points, spreads = item.keypoints, item.keypoint_covariances
+        points, spreads = item.keypoints, item.keypoint_covariances - biases
         self._kept.append(Posed(item.stamp_ns, item.ids, item.devices, points, spreads, hips))
         while self._kept[0].stamp_ns < item.stamp_ns - KEPT_NS:
             self._kept.pop(0)

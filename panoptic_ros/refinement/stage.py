@@ -54,6 +54,7 @@ class RefinementStage(Stateful):
         self._config, self._skeleton = config, context.skeleton
         self._hash = context.skeleton.hash  # computed at each call
         self._floor = bias_floor(config.bias_floor, context.skeleton)
+        self._biases = bias_floor(-1.0, context.skeleton)  # in bodies
         self._lasting_share = config.lasting_share if self._floor.any() else 0.0
         self.reset()
         for patches in (False, True):  # each its own sizes of states
@@ -94,7 +95,7 @@ class RefinementStage(Stateful):
             self._patches = item
             return StepResult()
         if isinstance(item, BodyStateSet):
-            self._bodies.take(item)
+            self._bodies.take(item, self._biases)
             return StepResult()
         if self._last_ns is not None and item.stamp_ns <= self._last_ns:
             text = f"a set of stamp {item.stamp_ns} came after one of {self._last_ns}; it was dropped"

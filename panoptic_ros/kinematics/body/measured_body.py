@@ -1,4 +1,4 @@
-"""The body of somebody of whom nothing is known but skeletons: lengths from the first of them."""
+"""The body of somebody of whom nothing is known but skeletons: lengths from these."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import NO_TURNS, NO_VIEWS, no_anchor
 
 Array = np.ndarray
-ASKED = 10  # skeletons with enough joints
-LEAST_LIMBS = 5
+MOST = 16  # skeletons that are kept
+LEAST_LIMBS = 5  # of a skeleton that counts
 ACROSS = 1  # axis of the trunk: to the left
 ROUNDS = 3  # in which lengths and poses tell about each other
 ITERATIONS = 20
@@ -27,17 +27,20 @@ UNORIENTED = np.zeros(0, np.int64), np.zeros((0, 3, 3))
 
 
 class MeasuredBody:
-    """Skeletons of one person, one by one."""
+    """Skeletons of one person, one by one. Those that are kept are spread evenly over the time since the
+    first: what is wrong in one is wrong in the next ones, too."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[Array, Array]] = []
+        self._count, self._stride = 0, 1
 
     def take(
         self, config: KinematicsConfig, model: SegmentModel, statistics: PoseStatistics,
         joint_names: Sequence[str], joints: tuple[Array, Array],
     ) -> Body | None:  # fmt: skip
-        """The body, once enough skeletons have told of it; joints: positions (J, 3) m, NaN = missing, and
-        covariances (J, 3, 3) m^2.
+        """The body, by the first skeleton, and anew each time that there were twice as many.
+
+        joints: positions (J, 3) m, NaN = missing, and covariances (J, 3, 3) m^2.
 
         A limb is a segment whose proximal joint and whose parent's are joints of the skeleton. The stature is
         that which explains the limbs, by the median. From there, lengths are those that explain the joints
@@ -45,11 +48,14 @@ class MeasuredBody:
         is.
         """
         limbs = limbs_of(model, joint_names)
-        if not len(limbs):
+        if not len(limbs) or np.isfinite(_apart(joints[0][None], limbs)).sum() < LEAST_LIMBS:
             return None
-        if np.isfinite(_apart(joints[0][None], limbs)).sum() >= LEAST_LIMBS:
+        if self._count % self._stride == 0:
             self._seen.append((np.array(joints[0]), np.array(joints[1])))
-        if len(self._seen) < ASKED:
+        self._count += 1
+        if len(self._seen) > MOST:
+            self._seen, self._stride = self._seen[::2], 2 * self._stride
+        if self._count & (self._count - 1):
             return None
         seen = np.array([positions for positions, _ in self._seen])
         typical = _typical(_apart(seen, limbs))

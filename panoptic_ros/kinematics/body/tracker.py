@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
@@ -16,6 +17,7 @@ from panoptic_ros.kinematics.body.contact import Contact
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.noise_level import NoiseLevel
+from panoptic_ros.kinematics.body.paper_accelerations import acceleration_goals
 from panoptic_ros.kinematics.body.past import Past
 from panoptic_ros.kinematics.body.sight import Sites
 from panoptic_ros.kinematics.body.start import first_pose, middle_of
@@ -30,7 +32,6 @@ from panoptic_ros.kinematics.pose.targets import (
     NOTHING_STANDS,
     Between,
     Evidence,
-    PointTargets,
     Standing,
     Turning,
     no_anchor,
@@ -131,6 +132,13 @@ class SubjectTracker:
         self.devices.forget()
         self._past = Past()
 
+    def take_body(self, body: Body) -> None:
+        """Go on with other lengths."""
+        self._chain, self.weighing = body.chain, self.weighing.with_body(body)
+        self.devices.take_chain(self._chain)
+        if self._window is not None:
+            self._window.take_chain(self._chain)
+
     def expected(self, stride: int = 1) -> Pose | None:
         """Where the body is expected so many periods after the last instant."""
         if self._window is not None:
@@ -220,11 +228,7 @@ class SubjectTracker:
             self._next_update *= 2
             change = self.lengths.update()
             body = self.subject.body
-            body = body.with_offsets(dict(zip(body.model.names, self.lengths.offsets())))
-            self._chain, self.weighing = body.chain, self.weighing.with_body(body)
-            self.devices.take_chain(self._chain)
-            if self._window is not None:
-                self._window.take_chain(self._chain)
+            self.take_body(body.with_offsets(dict(zip(body.model.names, self.lengths.offsets()))))
             if change < SAME_LENGTHS and self.lengths.looks > LENGTH_LOOKS:
                 self.lengths = None
 
@@ -252,7 +256,9 @@ class SubjectTracker:
     def _step_alone(self, evidence: Evidence, period: float) -> None:
         assert self._pose is not None
         if self._config.paper_acceleration > 0.0 and self._before is not None and self.devices.measured:
-            evidence = evidence._replace(points=self._acceleration_goals(period))
+            poses, weight = (self._before, self._pose), self._config.paper_acceleration
+            goals = acceleration_goals(self._chain, poses, self.devices, weight, period)
+            evidence = evidence._replace(points=goals)
         before = self._pose.copy()
         size = 3 + 3 * self._count
         _, done = solve_pose(
@@ -261,22 +267,6 @@ class SubjectTracker:
         )  # fmt: skip
         self._before = before
         self.iterations.append(done)
-
-    def _acceleration_goals(self, period: float) -> PointTargets:
-        """The paper's term: a site's place that gives the measured acceleration with the two poses before."""
-        assert self._pose is not None and self._before is not None
-        measured = self.devices.measured
-        which = np.array(sorted(measured))
-        segments, offsets = self.devices.segments[which], self.devices.positions[which]
-        places, frames = place_all(
-            self._chain, np.stack([self._before.root, self._pose.root]),
-            np.stack([self._before.turns, self._pose.turns]),
-        )  # fmt: skip
-        sites = places[:, segments] + (frames[:, segments] @ offsets[..., None])[..., 0]
-        values = np.array([measured[k] for k in which])
-        information = self._config.paper_acceleration / period**4 * np.tile(np.eye(3), (len(which), 1, 1))
-        goals = 2.0 * sites[1] - sites[0] + period**2 * values
-        return PointTargets(segments, offsets, goals, information, 1.0)
 
     def _standing(self, turning: Turning, stride: int) -> Standing:
         """What carries the body, while no camera sees it."""

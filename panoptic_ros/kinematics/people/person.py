@@ -11,6 +11,7 @@ import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.bodies import BodySource
+from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, ImuReading, Instant, Subject
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
@@ -132,6 +133,13 @@ class Person:
         """A track holds the person in so many views."""
         self._returns |= self.presence.is_away
         self.presence.told(stamp_ns, views)
+
+    def take_body(self, body: Body) -> None:
+        """Go on with other lengths."""
+        self.subject = replace(self.subject, body=body)
+        self.weighing = self.weighing.with_body(body)
+        if self.tracker is not None:
+            self.tracker.take_body(body)
 
     def restart(self) -> None:
         """Time goes on elsewhere: forget the motion, keep what is known of the person."""

@@ -1,4 +1,4 @@
-"""Lengths of somebody whose first skeletons are known exactly."""
+"""Lengths of somebody whose skeletons are known exactly."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import read_clips
-from panoptic_ros.kinematics.body.measured_body import ASKED, MeasuredBody
+from panoptic_ros.kinematics.body.measured_body import MOST, MeasuredBody
 from panoptic_ros.kinematics.config import KinematicsConfig
 
 NAMES = tuple(MODEL.keypoints)
@@ -39,7 +39,7 @@ def skeletons(body):
     """As a detector sees them that is off as the model says."""
     clip = read_clips()["02_05"]
     found = []
-    for vectors in clip.vectors[:: len(clip.vectors) // ASKED][:ASKED]:
+    for vectors in clip.vectors[:: len(clip.vectors) // MOST][:MOST]:
         pose = Pose(np.array([0.5, 0.2, 1.0]), rotations_of(np.ascontiguousarray(vectors)))
         places, frames = place_all(body.chain, pose.root[None], pose.turns[None])
         sites = [body.seen[name] for name in NAMES]
@@ -58,9 +58,8 @@ def taken(model, joints):
 def test_limbs_and_trunk_are_measured(model):
     body = somebody(model)
     joints = skeletons(body)
-    joints[range(ASKED), range(ASKED)] = np.nan  # never all of them
-    *none, found = taken(model, joints)
-    assert none == [None] * (ASKED - 1)
+    joints[range(MOST), range(MOST)] = np.nan  # never all of them
+    found = taken(model, joints)[-1]
     limbs = [model.index(side + name) for side in "lr" for name in ("Forearm", "Hand", "Shin", "Foot")]
     assert abs(found.offsets[limbs] - body.offsets[limbs]).max() < 0.005
     told = [model.index(name) for name in ("lUpperArm", "lThigh")]
@@ -89,4 +88,28 @@ def test_what_was_measured_on_a_person_counts_more():
 
 
 def test_a_skeleton_of_few_joints_does_not_count():
-    assert taken(MODEL, np.full((2 * ASKED, len(NAMES), 3), np.nan)) == [None] * (2 * ASKED)
+    assert taken(MODEL, np.full((2 * MOST, len(NAMES), 3), np.nan)) == [None] * (2 * MOST)
+
+
+def test_the_first_skeleton_tells_a_body_and_twice_as_many_tell_it_better():
+    body, errors = somebody(MODEL), []
+    for seed in range(3):
+        noise = np.random.default_rng(seed).normal(0.0, 0.02, (MOST, len(NAMES), 3))
+        found = taken(MODEL, skeletons(body) + noise)
+        known = [k + 1 for k, told in enumerate(found) if told is not None]
+        assert known == [1, 2, 4, 8, 16]
+        told = [found[k - 1].offsets for k in known]
+        errors.append(np.linalg.norm(told - body.offsets, axis=-1).mean(axis=-1))
+    assert np.mean(errors, axis=0)[-1] < 0.8 * np.mean(errors, axis=0)[0]
+
+
+def test_skeletons_of_long_ago_count_as_much_as_new_ones():
+    """Somebody who seems to be short for a while, and for as long tall."""
+    joints = skeletons(MODEL.body(1.8))
+    centre = joints.mean(axis=1, keepdims=True)
+    short, tall = centre + 0.9 * (joints - centre), centre + 1.1 * (joints - centre)
+    both = np.concatenate([np.tile(own, (4, 1, 1)) for own in (short, tall)])
+    low, middle, high = (
+        np.linalg.norm(taken(MODEL, own)[-1].offsets, axis=-1).sum() for own in (short, both, tall)
+    )
+    assert abs(middle - 0.5 * (low + high)) < 0.2 * (high - low)
