@@ -86,9 +86,10 @@ def _fitted(
     except DataError as error:
         raise DataError(f"{path}: {motion.name}: {error}") from None
     if fit.residual > WORST:
+        bvh = path.suffix.lower() == ".bvh"
+        remedy = "give the unit of the file in metres, --unit" if bvh else "are these centres of joints?"
         raise DataError(
-            f"{path}: {motion.name}: joints are {1e3 * fit.residual:.0f} mm off the skeleton; give the unit "
-            "of the file in metres, --unit"
+            f"{path}: {motion.name}: joints are {1e3 * fit.residual:.0f} mm off the skeleton; {remedy}"
         )
     return motion.name, fit.vectors, f", joints {1e3 * fit.residual:.0f} mm off"
 

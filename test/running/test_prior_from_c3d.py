@@ -138,3 +138,10 @@ def test_a_missing_package_is_told_with_the_command(tmp_path, motion, capsys, mo
     monkeypatch.setitem(sys.modules, "ezc3d", None)
     assert main(["prior", "train", str(tmp_path / "a.c3d"), "--out", str(tmp_path / "p.npz")]) == 2
     assert "pip install ezc3d" in capsys.readouterr().err
+
+
+def test_who_stands_still_trains_no_prior(tmp_path, capsys):
+    pose = placed(some_pose(0, 0.0))[1][None].repeat(20, axis=0)
+    write(tmp_path / "a.c3d", pose[:, [MODEL.index(name) for name in PLUG_IN_GAIT]], PLUG_IN_GAIT.values())
+    assert main(["prior", "train", str(tmp_path / "a.c3d"), "--out", str(tmp_path / "p.npz")]) == 2
+    assert "a prior is trained on motion" in capsys.readouterr().err

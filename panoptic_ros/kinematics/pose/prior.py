@@ -148,10 +148,15 @@ def train_prior(vectors: Array, mirrored: Array, apart: float = APART) -> PoseSt
     Args:
         vectors: (T, S, 3) rotation vectors, the root's first, which is not used.
         mirrored: (S,) index of the segment on the other side.
+
+    Raises:
+        DataError: if all poses are alike, as of somebody who stands still.
     """
     poses = np.concatenate([vectors, mirror(vectors, mirrored)])[:, 1:]
     flat = poses.reshape(len(poses), -1)
     kept = _thinned(flat, apart)
+    if len(kept) < 2:
+        raise DataError(f"{len(vectors)} poses are alike within {apart:g} rad; a prior is trained on motion")
     mean = kept.mean(0)
     _, singular, axes = np.linalg.svd(kept - mean, full_matrices=False)
     variance = singular**2 / max(len(kept) - 1, 1)
