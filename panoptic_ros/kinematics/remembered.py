@@ -86,7 +86,7 @@ CLASSES = (
     ),
     Fields.named(
         Weighing,
-        "_config _subject _names _columns _segments _offsets _anchors rotations translations _paper_focal "
-        "prior floor",
+        "_config _subject _names _columns _segments _offsets _unmeasured _anchors rotations translations "
+        "_paper_focal prior floor",
     ),
 )  # fmt: skip

@@ -30,6 +30,8 @@ PAPER_WIDTH = 656  # px, of the images that the paper's weights are for
 PAPER = {"position": 1e-3, "orientation": 1.0, "projection": 0.7, "deviation": 0.06, "floor": 10.0}
 PAPER_RADIUS = 0.05  # m
 FLOOR_SD = 0.02  # m
+NEAREST = 0.3  # m before a camera
+UNMEASURED_SD = 0.025  # m, by which all views see a joint off alike where it was not measured on the person
 OFFSET_SD = 0.01  # m, how far a detector's joint lies off where the body has it, per axis
 
 
@@ -55,6 +57,7 @@ class Weighing:
         known = [keypoints[name] for name in self._names]
         self._segments = np.array([segment for segment, _ in known], np.int64)
         self._offsets = np.array([offset for _, offset in known]).reshape(-1, 3)
+        self._unmeasured = np.array([name not in subject.body.own for name in self._names])
         joints = subject.body.keypoints
         self._anchors = np.array([joints[name][0] for name in self._names], np.int64)
         cameras = rig.cameras if rig is not None else ()
@@ -108,10 +111,14 @@ class Weighing:
         if config.paper_weights:
             factors, power = PAPER["position"] * self._paper_focal[cameras] ** 2, 1.0
         else:
-            factors, power = (np.maximum(depth, 0.3) / (level * config.joint_sd)) ** 2, config.score_power
+            factors, power = (np.maximum(depth, NEAREST) / (level * config.joint_sd)) ** 2, config.score_power
         points = np.array([people[camera][0] for camera in cameras.tolist()])
         scores = np.array([people[camera][1] for camera in cameras.tolist()])
         sites, views, seen, weights = seen_joints(points, scores, self._columns, factors, power)
+        if not config.paper_weights and self._unmeasured.any():
+            own = weights / np.maximum(depth, NEAREST)[views] ** 2  # 1/m^2
+            others = np.bincount(sites, own, len(self._columns))[sites] - own
+            weights = weights / (1.0 + UNMEASURED_SD**2 * self._unmeasured[sites] * others)
         scale = 1.0 if config.paper_weights else config.joint_scale**2
         return ViewTargets(
             self._segments[sites], self._offsets[sites], cameras[views], seen, weights, scale, self.rotations,
