@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from panoptic_ros.domain import Rig
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.body_files import write_bodies
 from panoptic_ros.io.body_models import read_body_model
@@ -17,6 +18,7 @@ from panoptic_ros.io.kinematic_files import subject_document, write_imus
 from panoptic_ros.io.plain_formats import SKELETONS
 from panoptic_ros.io.rigs import read_rig, write_rig
 
+Array = np.ndarray
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
 LONGER = 2  # than the truth, a video may be
 
@@ -37,7 +39,7 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
     truth, axes = total_capture.read_truth(places, turns, model)
     person = total_capture.read_subject(files.one(calibration[0]), truth, axes, model)
     devices = total_capture.read_imus(files.one(*sensors), files.one(calibration[1]), notices)
-    truth, devices = total_capture.all_equally_long(truth, devices, notices)
+    devices, truth = total_capture.placed_in_time(person, devices, truth, notices)
     rig = read_rig(files.one("calibration.cal", anybody=True))
     videos = {name: files.video(f"tc_{subject}_{action}_{name}") for name in rig.names}
     with staged_folder(out) as staged:
@@ -47,7 +49,14 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
         write_bodies(staged / "truth.json.gz", model, truth)
         linked = _link(staged, videos, total_capture.RATE, len(truth))
     seconds = len(truth) / total_capture.RATE
-    return [*notices, f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs"]
+    seen = _seen(rig, np.array([state.places[0] for state in truth]))
+    off = total_capture.degrees_off(person, devices, truth)
+    worst, middle = max(off, key=lambda name: off[name]), float(np.median(list(off.values())))
+    return [
+        *notices, f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs",
+        f"does all of it go together? {seen}; IMUs with their mountings are {middle:.1f} deg off the true "
+        f"segments (median; most {off[worst]:.1f}, {worst})",
+    ]  # fmt: skip
 
 
 def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
@@ -76,7 +85,17 @@ def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
             {"format": SKELETONS, "joint_names": list(human36m.NAMED), "frames": frames},
         )
         linked = _link(staged, videos, human36m.RATE, len(joints))
-    return [f"{out}: {len(joints) / human36m.RATE:.1f} s, {len(rig)} cameras, {linked} videos"]
+    return [
+        f"{out}: {len(joints) / human36m.RATE:.1f} s, {len(rig)} cameras, {linked} videos",
+        f"does all of it go together? {_seen(rig, joints[:, 0])}",
+    ]
+
+
+def _seen(rig: Rig, places: Array) -> str:
+    """In the images of how many cameras the true pelvis (T, 3) m lies most of the time; none if the world or
+    the unit of one of the two is another."""
+    count = sum(bool(camera.sees(places).mean() > 0.5) for camera in rig.cameras)
+    return f"the true pelvis is in the images of {count} of {len(rig)} cameras"
 
 
 def _split(take: str) -> tuple[str, str]:

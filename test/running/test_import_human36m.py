@@ -64,6 +64,12 @@ def test_a_take_becomes_a_rig_and_the_truth_of_its_joints(tmp_path):
     assert (out / "58860488.mp4").read_bytes() == b"a video"
 
 
+def test_whether_cameras_and_joints_belong_together_is_told(tmp_path, capsys):
+    write_data(tmp_path / "data")
+    assert imported(tmp_path / "data", tmp_path / "capture") == 0
+    assert "the true pelvis is in the images of" in capsys.readouterr().out
+
+
 def test_a_result_is_compared_with_the_truth(tmp_path, capsys):
     write_data(tmp_path / "data")
     assert imported(tmp_path / "data", tmp_path / "capture") == 0

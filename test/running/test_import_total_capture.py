@@ -148,6 +148,39 @@ def test_accelerations_without_gravity_are_left_out_and_told(take, tmp_path, cap
     assert all(np.isnan(s.forces).all() for s in read_imus(tmp_path / "out" / "imu.csv.gz").values())
 
 
+def test_whether_files_belong_together_is_told(take, tmp_path, capsys):
+    write_take(tmp_path / "data", take, MODEL)
+    words = ["import", "total-capture", str(tmp_path / "data"), "--take", "s1/acting1", "--out"]
+    assert main([*words, str(tmp_path / "a")]) == 0
+    good = capsys.readouterr().out
+    assert "in the images of 4 of 4 cameras" in good and degrees(good) < 6.0
+    bone = next((tmp_path / "data").rglob("*_imu_bone.txt"))
+    lines = [line.split() for line in bone.read_text().splitlines()]
+    bone.write_text("\n".join(" ".join([*r[:1], *r[4:], *r[1:4]]) for r in lines))  # w x y z, not x y z w
+    assert main([*words, str(tmp_path / "b")]) == 0
+    assert degrees(capsys.readouterr().out) > 40.0
+
+
+@pytest.mark.parametrize("kept, word", [(slice(0, 120), "begin"), (slice(31, 151), "end")])
+def test_fewer_samples_than_frames_begin_or_end_with_the_truth(take, tmp_path, capsys, kept, word):
+    write_take(tmp_path / "data", take, MODEL)
+    path = next((tmp_path / "data").rglob("*.sensors"))
+    lines = path.read_text().splitlines()
+    frames = [lines[2 + 14 * t : 15 + 14 * t] for t in range(151)][kept]
+    numbered = [line for k, frame in enumerate(frames) for line in (str(k + 1), *frame)]
+    path.write_text("\n".join(["13\t120", *numbered]))
+    words = ["import", "total-capture", str(tmp_path / "data"), "--take", "s1/acting1", "--out"]
+    assert main([*words, str(tmp_path / "out")]) == 0
+    assert f"120 frames of IMUs and 151 of the truth {word} together" in capsys.readouterr().out
+    _, states = read_bodies(tmp_path / "out" / "truth.json.gz")
+    series = read_imus(tmp_path / "out" / "imu.csv.gz")["Head"]
+    assert [state.stamp_ns for state in states] == series.stamps.tolist() and len(states) == 120
+
+
+def degrees(text):
+    return float(text.split(" deg off the true segments")[0].split()[-1])
+
+
 def harm(path, old, new):
     text = path.read_text()
     assert old in text

@@ -15,7 +15,7 @@ from panoptic_ros.domain.body_shape import offsets_of
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
+from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions, vectors_of
 from panoptic_ros.io.datasets.bone_axes import bone_axes
 from panoptic_ros.io.datasets.total_capture_files import read_calibration, read_sensors, read_skeleton
 from panoptic_ros.io.rigs.total_capture import Z_UP
@@ -130,17 +130,51 @@ def read_imus(sensors: Path, reference: Path, notices: list[str]) -> dict[str, I
     return devices
 
 
-def all_equally_long(
-    truth: list[BodyState], devices: Mapping[str, ImuSeries], notices: list[str]
-) -> tuple[list[BodyState], dict[str, ImuSeries]]:
-    """Both from the first frame to the last that both have, and a line if one is longer."""
+def degrees_off(
+    subject: Subject, devices: Mapping[str, ImuSeries], truth: list[BodyState]
+) -> dict[str, float]:
+    """By how much each IMU with its mounting is off its true segment, deg, median over the frames that both
+    have: whether calibration, samples and truth belong together."""
+    at, found = {state.stamp_ns: state for state in truth}, {}
+    for device in subject.devices:
+        if device.name not in devices or device.mount is None:
+            continue
+        series = devices[device.name]
+        both = [k for k, stamp in enumerate(series.stamps.tolist()) if stamp in at]
+        turns = from_quaternions(series.quaternions[both]) @ device.mount.T
+        frames = np.array([at[int(series.stamps[k])].frames[device.segment] for k in both])
+        between = np.ascontiguousarray(turns.swapaxes(-1, -2) @ frames)
+        found[device.name] = float(np.median(np.degrees(np.linalg.norm(vectors_of(between), axis=-1))))
+    return found
+
+
+def placed_in_time(
+    subject: Subject, devices: Mapping[str, ImuSeries], truth: list[BodyState], notices: list[str]
+) -> tuple[dict[str, ImuSeries], list[BodyState]]:
+    """Samples and truth, of the frames that both have. Where one has more frames, they begin together or end
+    together, whichever brings the IMUs nearer to the true segments; a line says which."""
     samples = min(len(series.stamps) for series in devices.values())
-    count = min(samples, len(truth))
-    if samples != len(truth):
-        text = f"{samples} frames of IMUs and {len(truth)} of the truth begin together"
-        notices.append(f"{text}; {count} are kept")
-    cut = {
-        name: ImuSeries(s.stamps[:count], s.quaternions[:count], s.rates[:count], s.forces[:count])
-        for name, s in devices.items()
-    }
-    return truth[:count], cut
+    more = len(truth) - samples
+    if not more:
+        return dict(devices), truth
+    ways = {word: _moved(devices, later, len(truth)) for word, later in (("begin", 0), ("end", more))}
+    degrees = {word: list(degrees_off(subject, way, truth).values()) for word, way in ways.items()}
+    off = {word: float(np.median(values)) for word, values in degrees.items()}
+    best, other = sorted(off, key=lambda word: off[word])
+    notices.append(
+        f"{samples} frames of IMUs and {len(truth)} of the truth {best} together: {off[best]:.1f} deg off "
+        f"true segments ({off[other]:.1f} if they {other} together)"
+    )
+    there = set.intersection(*(set(series.stamps.tolist()) for series in ways[best].values()))
+    return ways[best], [state for state in truth if state.stamp_ns in there]
+
+
+def _moved(devices: Mapping[str, ImuSeries], frames: int, count: int) -> dict[str, ImuSeries]:
+    """Samples that are later by so many frames, as far as they lie in the count of frames."""
+    found = {}
+    for name, series in devices.items():
+        numbers = np.arange(len(series.stamps)) + frames
+        kept = (numbers >= 0) & (numbers < count)
+        stamps = np.round(1e9 * numbers[kept] / RATE).astype(np.int64)
+        found[name] = ImuSeries(stamps, series.quaternions[kept], series.rates[kept], series.forces[kept])
+    return found
