@@ -76,6 +76,10 @@ def _cases(args: argparse.Namespace) -> tuple[Iterator[BodyCase], int]:
         return map(read_case, args.capture), len(args.capture)
     known = BODY_SCENES | OTHER_BODY_SCENES
     usual = OTHER_BODY_SCENES if args.study == "captures" else BODY_SCENES
+    if args.study == "captures" and args.scenes == "drawn":
+        from panoptic_ros.running.studies.bodies.drawn import drawn_case
+
+        return map(drawn_case, seed_range(args)), len(seed_range(args))
     seeds, scenes = seed_range(args), args.scenes.split(",") if args.scenes else list(usual)
     unknown = [name for name in scenes if name not in known]
     if unknown:

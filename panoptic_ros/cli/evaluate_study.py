@@ -67,7 +67,7 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
     group.add_argument("--seeds", default="", metavar="FROM:TO", help="of it; studies that take several")
-    group.add_argument("--scenes", default="", metavar="NAME,NAME", help="kinematics: default all body-...")
+    group.add_argument("--scenes", default="", metavar="NAME,NAME", help="of bodies; captures: also drawn")
     group.add_argument(
         "--noise", type=float, default=0.012, metavar="SHARE",
         help="standard deviation of 2D joints, a share of the diagonal of the person's box (default 0.012)",
