@@ -120,24 +120,47 @@ def from_quaternions(quaternions: Array) -> Array:
     return found
 
 
+@_jit
+def _to_quaternions(rotations: Array) -> Array:
+    """Of (N, 3, 3): (N, 4)."""
+    out = np.empty((len(rotations), 4))
+    squares = np.empty(4)  # four times those
+    for n in range(len(rotations)):
+        r, q = rotations[n], out[n]
+        squares[0] = 1.0 + r[0, 0] + r[1, 1] + r[2, 2]
+        squares[1] = 1.0 + r[0, 0] - r[1, 1] - r[2, 2]
+        squares[2] = 1.0 - r[0, 0] + r[1, 1] - r[2, 2]
+        squares[3] = 1.0 - r[0, 0] - r[1, 1] + r[2, 2]
+        k = 0
+        for i in range(1, 4):
+            if squares[i] > squares[k]:
+                k = i
+        wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+        xy, xz, yz = r[1, 0] + r[0, 1], r[2, 0] + r[0, 2], r[2, 1] + r[1, 2]
+        if k == 0:
+            q[0], q[1], q[2], q[3] = squares[0], wx, wy, wz
+        elif k == 1:
+            q[0], q[1], q[2], q[3] = wx, squares[1], xy, xz
+        elif k == 2:
+            q[0], q[1], q[2], q[3] = wy, xy, squares[2], yz
+        else:
+            q[0], q[1], q[2], q[3] = wz, xz, yz, squares[3]
+        length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        if q[0] < 0.0:
+            length = -length
+        for i in range(4):
+            q[i] /= length
+    return out
+
+
 def to_quaternions(rotations: Array) -> Array:
     """Quaternions (..., 4) w x y z with w from 0 of rotations (..., 3, 3).
 
     Of the four ways to get one, that with the largest divisor (Shepperd 1978): exact near half turns too.
     """
-    r = np.moveaxis(np.asarray(rotations, np.float64), (-2, -1), (0, 1))
-    w2, x2, y2, z2 = (  # four times the squares
-        1.0 + a * r[0, 0] + b * r[1, 1] + c * r[2, 2]
-        for a, b, c in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
-    )
-    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    xy, xz, yz = r[1, 0] + r[0, 1], r[2, 0] + r[0, 2], r[2, 1] + r[1, 2]
-    rows = ((w2, wx, wy, wz), (wx, x2, xy, xz), (wy, xy, y2, yz), (wz, xz, yz, z2))
-    table = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)  # (..., 4, 4)
-    largest = np.stack((w2, x2, y2, z2), axis=-1).argmax(-1)
-    found = np.take_along_axis(table, largest[..., None, None], axis=-2)[..., 0, :]
-    found = np.where(found[..., :1] < 0.0, -found, found)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+    given = np.array(rotations, np.float64, order="C")
+    found: Array = _to_quaternions(given.reshape(-1, 3, 3)).reshape(*given.shape[:-2], 4)
+    return found
 
 
 def turn_about_z(angle: float) -> Array:

@@ -7,6 +7,7 @@ errors has them added here, as refinement adds them to those of skeletons.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from panoptic_ros.domain.bodies import BodyStateSet
 from panoptic_ros.domain.segments import Body, SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.geometry.rotations import to_quaternions, vectors_of
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
@@ -51,7 +53,8 @@ def body_set(
             velocities[k] = np.concatenate([state.velocities, state.spins], axis=-1)
         if state.covariances is not None:
             covariances[k] = state.covariances
-        keypoints[k], keypoint_covariances[k] = _keypoints(row, skeleton, covariances[k])
+        sites = _sites(row.body, skeleton)
+        _carry(*sites, state.places, state.frames, covariances[k], keypoints[k], keypoint_covariances[k])
         keypoint_covariances[k] += biases
         covariances[k, :, :3, :3] += biases.mean(axis=0)
     frames = np.array([row.state.frames for row in rows]).reshape(count, segments, 3, 3)
@@ -76,22 +79,32 @@ def _freedoms(model: SegmentModel, places: Array, frames: Array) -> Array:
     return np.concatenate([places[:, 0], vectors], axis=-1)
 
 
-def _keypoints(row: Solved, skeleton: SkeletonModel, covariances: Array) -> tuple[Array, Array]:
-    """Joints (J, 3) m of the skeleton and their covariances (J, 3, 3), from those of segments (S, 6, 6)."""
-    known = [(j, *row.body.keypoints[name]) for j, name in enumerate(skeleton.joint_names)
-             if name in row.body.keypoints]  # fmt: skip
-    points = np.full((len(skeleton.joint_names), 3), np.nan)
-    spreads = np.full((len(skeleton.joint_names), 3, 3), np.nan)
-    if not known:
-        return points, spreads
-    columns, segments = np.array([j for j, _, _ in known]), np.array([s for _, s, _ in known])
-    arms = (row.state.frames[segments] @ np.array([offset for _, _, offset in known])[..., None])[..., 0]
-    points[columns] = row.state.places[segments] + arms
-    slopes = np.zeros((len(known), 3, 6))
-    slopes[:, :, :3] = np.eye(3)
-    x, y, z = arms.T
-    slopes[:, 0, 4], slopes[:, 0, 5] = z, -y  # of u x arm by u
-    slopes[:, 1, 3], slopes[:, 1, 5] = -z, x
-    slopes[:, 2, 3], slopes[:, 2, 4] = y, -x
-    spreads[columns] = slopes @ covariances[segments] @ slopes.swapaxes(1, 2)
-    return points, spreads
+@lru_cache(maxsize=64)
+def _sites(body: Body, skeleton: SkeletonModel) -> tuple[Array, Array, Array]:
+    """Joints (N,) of the skeleton that a body has, their segments (N,) and places (N, 3) m in these."""
+    known = [(j, *body.keypoints[name]) for j, name in enumerate(skeleton.joint_names)
+             if name in body.keypoints]  # fmt: skip
+    return (
+        np.array([j for j, _, _ in known], np.int64), np.array([s for _, s, _ in known], np.int64),
+        np.array([place for _, _, place in known], np.float64).reshape(-1, 3),
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _carry(
+    joints: Array, segments: Array, offsets: Array, places: Array, frames: Array, covariances: Array,
+    points: Array, spreads: Array,
+) -> None:  # fmt: skip
+    """Sites (N,) of segments, see `_sites`, into joints (J, 3) m and their covariances (J, 3, 3), from places
+    (S, 3), frames (S, 3, 3) and covariances (S, 6, 6)."""
+    slope = np.zeros((3, 6))
+    for i in range(3):
+        slope[i, i] = 1.0
+    for n in range(len(joints)):
+        s, j = segments[n], joints[n]
+        x, y, z = frames[s] @ offsets[n]
+        points[j, 0], points[j, 1], points[j, 2] = places[s, 0] + x, places[s, 1] + y, places[s, 2] + z
+        slope[0, 4], slope[0, 5] = z, -y  # of u x arm by u
+        slope[1, 3], slope[1, 5] = -z, x
+        slope[2, 3], slope[2, 4] = y, -x
+        spreads[j] = slope @ covariances[s] @ slope.T

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import Device, ImuReading, Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import Device, Instant, Subject, ViewPeople
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.people.nearest_people import assign_people
 from panoptic_ros.kinematics.people.person import Person
 from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPoints
@@ -38,7 +39,7 @@ def step_examples(
             joints[j] = places[0, segment] + pose.turns[segment] @ offset
     spread = np.tile(1e-4 * np.eye(3), (len(joint_names), 1, 1))
     level = from_quaternions(np.array([1.0, 0.0, 0.0, 0.0]))
-    reading = ImuReading(level, np.array([0.0, 0.0, 9.81]), np.zeros(3))
+    measured = Measured(np.ones(1, bool), level[None], np.array([[0.0, 0.0, 9.81]]))
     period = round(1e9 / rate_hz)
     rotations, translations = person.weighing.rotations, person.weighing.translations
     seen = joints @ rotations.swapaxes(1, 2) + translations[:, None]
@@ -51,6 +52,6 @@ def step_examples(
         if k > 1:
             for c, view in views.items():
                 person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
-        person.step(stamp, {"example": reading}, period, statistics)
+        person.step(stamp, measured, period, statistics)
     assign_people([person.tracker], Instant(stamp, views, {}), rotations, translations, GATE)
     person.flush()

@@ -38,7 +38,7 @@ CLASSES = (
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
-        "_without _unseen presence _returns",
+        "_mounted_devices _without _unseen presence _returns",
     ),
     Fields.named(Presence, "last_ns _missed _usual _company _absence"),
     Fields.named(Absence, "_place _stamp_ns _alone _others _first_ns _newcomer"),
@@ -49,7 +49,8 @@ CLASSES = (
     ),
     Fields.named(
         ImuStreams,
-        "names _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt _rates_told",
+        "names _numbers _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt "
+        "_rates_told",
     ),
     Fields.named(MeasuredBody, "_seen _count _stride"),
     Fields.named(HeldInstants, "_instants"),
@@ -71,7 +72,7 @@ CLASSES = (
     Fields.named(
         WornDevices,
         "_config _subject _chain _devices names mounts segments positions _turn _unseen mounting _wearing "
-        "_since_look _notices _told measured _oriented",
+        "_since_look _notices _told accelerated pushes _oriented _goals _rows",
     ),
     Fields.named(Wearing, "_looks _count"),
     Fields.named(

@@ -14,6 +14,7 @@ from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import align, cameras_alone, felt_of, taken_over
 from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
+from panoptic_ros.kinematics.imus.measured import measured_of
 from panoptic_ros.kinematics.imus.recorded import looked_through
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
 from panoptic_ros.kinematics.people.presence import middle_expected
@@ -88,7 +89,8 @@ def solve_recording(
             if not tracker.started and instant.views and not people[k]:
                 continue
             expected = middle_expected(tracker)
-            states += tracker.step(instant, people[k])
+            measured = measured_of(tracker.subject.devices, instant.readings)
+            states += tracker.step(instant.stamp_ns, measured, people[k])
             notices += [notice.text for notice in tracker.devices.take_notices()]
             unseen = 1e-9 * finder.presences[k].saw(instant, bool(people[k]), expected)
             if unseen > LOST_S and not instant.readings.keys() & set(tracker.devices.names):

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import copy
 
+import numpy as np
+
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import ImuReading, Subject
+from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.body.measured_body import MeasuredBody
 from panoptic_ros.kinematics.body_records import Solved, body_set
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.examples import step_examples
 from panoptic_ros.kinematics.held import HeldInstants
+from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.streams import ImuStreams
 from panoptic_ros.kinematics.pace import Pace
 from panoptic_ros.kinematics.people.allotment import Allotment, SeenSet, SeenView
@@ -27,6 +30,7 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 IN_SPACE = -1  # the source of skeletons that come without 2D people
+NO_ROWS = np.zeros(0, np.int64)
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
 
@@ -74,6 +78,11 @@ class KinematicsStage(Stateful):
         self._timeline, self._pace = Timeline(self._config.rate_hz), Pace(self._config.rate_hz)
         devices = dict.fromkeys(d.name for s in self._subjects for d in s.devices)
         self._streams = ImuStreams(tuple(devices))
+        self._wearers = {d.name: s.id for s in reversed(self._subjects) for d in s.devices}
+        numbers = {name: d for d, name in enumerate(devices)}
+        self._rows = {
+            s.id: np.array([numbers[d.name] for d in s.devices], np.int64) for s in self._subjects
+        }  # of everybody's devices among all
         self._waiting: SeenSet | None = None
         self._given = HeldInstants()
         self._last_set = -1  # index
@@ -121,10 +130,11 @@ class KinematicsStage(Stateful):
     # ------------------------------------------------------------------ what comes
 
     def _take_sample(self, item: ImuSample) -> list[Notice]:
-        wearer = next((p for p in self._people.values() if item.device in p.worn), None)
+        wearer = self._wearers.get(item.device)
         if wearer is None:
             return self._once(unworn(item.device))
-        notices = self._came(item.device, item.stamp_ns + wearer.fitting.offset_ns)
+        offset_ns = self._people[wearer].fitting.offset_ns
+        notices = self._came(item.device, item.stamp_ns + offset_ns)
         if not any(notice.code == ODD for notice in notices):
             notices += self._streams.take(item)
         return notices
@@ -233,28 +243,30 @@ class KinematicsStage(Stateful):
                 outputs.append(self._give())
         return outputs
 
-    def _readings(self, stamp_ns: int) -> dict[int, dict[str, ImuReading]]:
-        """What all devices measured at an instant, by the offset of their clock, ns."""
+    def _measured_at(self, stamp_ns: int) -> dict[int, Measured]:
+        """What everybody's devices measured at an instant."""
         offsets = {person.fitting.offset_ns for person in self._people.values()}
-        return {offset: self._streams.at(stamp_ns - offset) for offset in offsets}
+        found = {offset: self._streams.at(stamp_ns - offset) for offset in offsets}
+        return {
+            number: found[person.fitting.offset_ns].rows(self._rows.get(number, NO_ROWS))
+            for number, person in self._people.items()
+        }
 
     def _leave_out(self, stamp_ns: int) -> None:
         """Do without an instant; clocks and headings are looked for in samples without gaps."""
         if any(person.fitting.looking for person in self._people.values()):
-            readings = self._readings(stamp_ns)
-            for person in self._people.values():
-                person.feel(stamp_ns, readings[person.fitting.offset_ns])
+            for number, measured in self._measured_at(stamp_ns).items():
+                self._people[number].feel(stamp_ns, measured)
 
     def _solve(self, stamp_ns: int, stride: int) -> list[Notice]:
         self._given.add(self._timeline.index, stamp_ns)
         assert self._statistics is not None
         notices = [late(stride - 1, self._pace.waited_ns)] if stride > 1 else []
         notices += self._streams.judge(stamp_ns, stride / self._config.rate_hz)
-        readings = self._readings(stamp_ns)
+        measured = self._measured_at(stamp_ns)
         half = max(self._timeline.patience_ns // 2, round(5e8 / self._config.rate_hz))
         for number, person in list(self._people.items()):
-            mine = readings[person.fitting.offset_ns]
-            states, told = person.step(stamp_ns, mine, half, self._statistics, stride)
+            states, told = person.step(stamp_ns, measured[number], half, self._statistics, stride)
             notices += told
             self._given.keep(states)
             if not person.is_expected and person.missed and not self._is_designated(number):

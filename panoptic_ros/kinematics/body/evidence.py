@@ -11,7 +11,7 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import Subject
-from panoptic_ros.kinematics.body.sight import seen_joints
+from panoptic_ros.kinematics.body.sight import known_joints, seen_joints
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics, PriorCosts, hinges_of
 from panoptic_ros.kinematics.pose.targets import (
@@ -129,12 +129,10 @@ class Weighing:
         """Targets of joints in space: positions (K, 3) m, NaN = missing, and covariances (K, 3, 3) m^2."""
         if joints is None:
             return NO_POINTS
-        goals, covariances = joints[0][self._columns], joints[1][self._columns]
-        known = np.flatnonzero(np.isfinite(goals).all(-1) & np.isfinite(covariances).all((-2, -1)))
-        spread = covariances[known] + OFFSET_SD**2 * np.eye(3)
+        known, goals, spreads = known_joints(self._columns, *joints, OFFSET_SD**2)
         return PointTargets(
-            self._segments[known], self._offsets[known], np.ascontiguousarray(goals[known]),
-            np.linalg.inv(spread), self._config.joint_scale**2, self._anchors[known],
+            self._segments[known], self._offsets[known], goals, np.linalg.inv(spreads),
+            self._config.joint_scale**2, self._anchors[known],
         )  # fmt: skip
 
     def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:

@@ -14,14 +14,12 @@ def acceleration_goals(
     chain: Chain, poses: tuple[Pose, Pose], devices: WornDevices, weight: float, period: float
 ) -> PointTargets:
     """A site's place that gives the measured acceleration with the two poses before, the older one first."""
-    measured = devices.measured
-    which = np.array(sorted(measured))
+    which = np.flatnonzero(devices.accelerated)
     segments, offsets = devices.segments[which], devices.positions[which]
     places, frames = place_all(
         chain, np.stack([pose.root for pose in poses]), np.stack([pose.turns for pose in poses])
     )
     sites = places[:, segments] + (frames[:, segments] @ offsets[..., None])[..., 0]
-    values = np.array([measured[k] for k in which])
     information = weight / period**4 * np.tile(np.eye(3), (len(which), 1, 1))
-    goals = 2.0 * sites[1] - sites[0] + period**2 * values
+    goals = 2.0 * sites[1] - sites[0] + period**2 * devices.pushes[which]
     return PointTargets(segments, offsets, goals, information, 1.0)

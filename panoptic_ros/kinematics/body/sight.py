@@ -81,6 +81,30 @@ def distances(points: Array, columns: Array, places: Array, rotation: Array, tra
 
 
 @_jit
+def known_joints(
+    columns: Array, positions: Array, covariances: Array, own: float
+) -> tuple[Array, Array, Array]:
+    """Sites (M,) of the joints in space that are known, their positions (M, 3) and covariances (M, 3, 3).
+
+    Args:
+        columns: (N,) of the sites. positions, covariances: (K, 3) m and (K, 3, 3) m^2, NaN = not known.
+        own: variance per axis that is added, m^2.
+    """
+    sites = np.empty(len(columns), np.int64)
+    goals, spreads = np.empty((len(columns), 3)), np.empty((len(columns), 3, 3))
+    count = 0
+    for n in range(len(columns)):
+        k = columns[n]
+        if np.isfinite(positions[k]).all() and np.isfinite(covariances[k]).all():
+            sites[count] = n
+            goals[count], spreads[count] = positions[k], covariances[k]
+            for i in range(3):
+                spreads[count, i, i] += own
+            count += 1
+    return sites[:count], goals[:count], spreads[:count]
+
+
+@_jit
 def seen_joints(
     points: Array, scores: Array, columns: Array, factors: Array, power: float
 ) -> tuple[Array, Array, Array, Array]:

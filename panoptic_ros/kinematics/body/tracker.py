@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from panoptic_ros.domain.segments import Body
-from panoptic_ros.domain.subjects import BodyState, Instant, Subject
+from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.kinematics.body.contact import Contact
@@ -23,6 +23,7 @@ from panoptic_ros.kinematics.body.sight import Sites
 from panoptic_ros.kinematics.body.start import first_pose, middle_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.devices import WornDevices
+from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.mounting import MountingEstimate
 from panoptic_ros.kinematics.pose.covariance import segment_covariances
 from panoptic_ros.kinematics.pose.solve import solve_pose
@@ -156,12 +157,13 @@ class SubjectTracker:
         return Sites(columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0])
 
     def step(
-        self, instant: Instant, people: dict[int, tuple[Array, Array]],
+        self, stamp_ns: int, measured: Measured, people: dict[int, tuple[Array, Array]],
         joints: tuple[Array, Array] | None = None, stride: int = 1,
     ) -> list[BodyState]:  # fmt: skip
         """Solve an instant.
 
         Args:
+            measured: by the subject's devices, in their order.
             people: points (K, 2) and scores (K,) of this person by camera.
             joints: in space, where there is nothing in 2D: positions (K, 3) m and covariances (K, 3, 3) m^2.
             stride: periods since the instant before.
@@ -170,7 +172,7 @@ class SubjectTracker:
             Bodies that are final: of instants that are the lag ago, if there are any yet.
         """
         period = stride / self._config.rate_hz
-        which, goals = self.devices.orientations(instant)
+        which, goals = self.devices.orientations(measured)
         if self._pose is None:
             if not people and joints is None and not len(which):
                 return []
@@ -193,12 +195,12 @@ class SubjectTracker:
         assert self._pose is not None
         seen = self.weighing.evidence(views, NO_TURNS, points)
         self.devices.passed(period)
-        self.devices.look(instant, self._pose, seen, len(people), (which, goals))
-        self.devices.remember(instant, which, goals)
+        self.devices.look(measured, self._pose, seen, len(people), (which, goals))
+        self.devices.remember(measured, which, goals)
         self._learn_lengths(evidence, len(people), period)
         if self._config.noise_level:
             self._noise.learn(views, self._chain, self._pose, period)
-        self._past.add(instant.stamp_ns, stride)
+        self._past.add(stamp_ns, stride)
         return self._final()
 
     def flush(self) -> list[BodyState]:
@@ -255,7 +257,8 @@ class SubjectTracker:
 
     def _step_alone(self, evidence: Evidence, period: float) -> None:
         assert self._pose is not None
-        if self._config.paper_acceleration > 0.0 and self._before is not None and self.devices.measured:
+        accelerated = self.devices.accelerated.any()
+        if self._config.paper_acceleration > 0.0 and self._before is not None and accelerated:
             poses, weight = (self._before, self._pose), self._config.paper_acceleration
             goals = acceleration_goals(self._chain, poses, self.devices, weight, period)
             evidence = evidence._replace(points=goals)

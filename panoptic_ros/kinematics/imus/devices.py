@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from panoptic_ros.domain.segments import Body
-from panoptic_ros.domain.subjects import Device, Instant, Subject
+from panoptic_ros.domain.subjects import Device, Subject
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import turn_about_z
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.mounting import MountingEstimate
 from panoptic_ros.kinematics.imus.wearing import Wearing
 from panoptic_ros.kinematics.pose.solve import solve_pose
@@ -36,6 +37,7 @@ class WornDevices:
 
     Attributes:
         names, segments, mounts: (N,), (N,) and (N, 3, 3), as they are taken to be worn now, uncorrected.
+        accelerated, pushes: (N,) and (N, 3) m/s^2, which accelerations in the world the instant before told.
 
     Args:
         mounts: (3, 3) segment from device, by name, of all devices that are used.
@@ -47,7 +49,9 @@ class WornDevices:
         heading: float,
     ):  # fmt: skip
         self._config, self._subject, self._chain = config, subject, chain
-        self._devices = [d for d in subject.devices if d.name in mounts]
+        used = [k for k, d in enumerate(subject.devices) if d.name in mounts]
+        self._rows = np.array(used, np.int64)  # among those of the subject
+        self._devices = [subject.devices[k] for k in used]
         self.names = [d.name for d in self._devices]
         self.mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
         self.segments = np.array([d.segment for d in self._devices], np.int64)
@@ -59,15 +63,17 @@ class WornDevices:
         self._since_look = 0.0
         self._notices: list[Notice] = []
         self._told: set[tuple[str, str]] = set()
-        self.measured: dict[int, Array] = {}
-        self._oriented: dict[int, Array] = {}
+        self.forget()
 
-    def orientations(self, instant: Instant) -> tuple[Array, Array]:
-        """Devices (M,) that tell an orientation, and of their segments (M, 3, 3), uncorrected."""
-        worn = [(k, instant.readings[name].orientation) for k, name in self._there(instant)]
-        which = np.array([k for k, turned in worn if np.isfinite(turned[0, 0])], np.int64)
-        turned = np.array([turned for _, turned in worn if np.isfinite(turned[0, 0])]).reshape(-1, 3, 3)
-        return which, self._turn @ turned @ self.mounts[which].swapaxes(1, 2)
+    def orientations(self, measured: Measured) -> tuple[Array, Array]:
+        """Devices (M,) that tell an orientation, and of their segments (M, 3, 3), uncorrected.
+
+        Args:
+            measured: of all of the subject's devices.
+        """
+        worn = measured.rows(self._rows)
+        which = np.flatnonzero(worn.oriented)
+        return which, self._turn @ worn.orientations[which] @ self.mounts[which].swapaxes(1, 2)
 
     def spreads(self, which: Array) -> Array:
         """Standard deviations (M,) rad of their corrected orientations."""
@@ -78,12 +84,11 @@ class WornDevices:
 
     def turning(self, which: Array, goals: Array, stride: int = 1) -> Turning:
         """How the segments turned since the instant before, so many periods ago."""
-        both = [(k, goal @ self._oriented[k].T) for k, goal in zip(which, goals) if k in self._oriented]
+        known = self._oriented[which]
+        both = which[known]
+        changes = goals[known] @ self._goals[both].swapaxes(1, 2)
         spread = math.radians(self._config.turn_sd) / math.sqrt(self._config.rate_hz / stride)
-        return Turning(
-            self.segments[[k for k, _ in both]], np.array([change for _, change in both]).reshape(-1, 3, 3),
-            np.full(len(both), spread**-2),
-        )  # fmt: skip
+        return Turning(self.segments[both], changes, np.full(len(both), spread**-2))
 
     def accelerations(self, relative: bool, stride: int = 1) -> Accelerations:
         """Of the instant before; `relative`: that of the whole body is not to be trusted.
@@ -91,34 +96,41 @@ class WornDevices:
         They stand for the mean over the steps of time around it, of so many periods: the longer, the less
         they tell.
         """
-        if not self.measured or (relative and len(self.measured) < 2):
+        which = np.flatnonzero(self.accelerated)
+        if not len(which) or (relative and len(which) < 2):
             return NO_ACCELERATIONS
-        which = np.array(sorted(self.measured))
         weight = (stride * self._config.acceleration_sd) ** -2
         return Accelerations(
-            self.segments[which], self.positions[which], np.array([self.measured[k] for k in which]),
+            self.segments[which], self.positions[which], self.pushes[which],
             np.full(len(which), weight), self._config.acceleration_scale**2, relative,
         )  # fmt: skip
 
     def shaken(self) -> dict[int, float]:
         """Accelerations, m/s^2, of the instant before by segment."""
-        return {int(self.segments[k]): float(np.linalg.norm(a)) for k, a in self.measured.items()}
+        which = np.flatnonzero(self.accelerated)
+        sizes = np.linalg.norm(self.pushes[which], axis=-1)
+        return dict(zip(self.segments[which].tolist(), sizes.tolist()))
 
-    def remember(self, instant: Instant, which: Array, goals: Array) -> None:
+    def remember(self, measured: Measured, which: Array, goals: Array) -> None:
         """What the next instant needs of this one."""
-        self.measured = self._world_forces(instant)
-        self._oriented = dict(zip(which.tolist(), goals))
+        self._take_forces(measured.rows(self._rows))
+        self._oriented = np.zeros(len(self._devices), bool)
+        self._oriented[which] = True
+        self._goals = np.empty((len(self._devices), 3, 3))
+        self._goals[which] = goals
 
     def forget(self) -> None:
         """There was no instant before."""
-        self.measured, self._oriented = {}, {}
+        count = len(self._devices)
+        self.accelerated, self.pushes = np.zeros(count, bool), np.zeros((count, 3))
+        self._oriented, self._goals = np.zeros(count, bool), np.zeros((count, 3, 3))
 
     def passed(self, seconds: float) -> None:
         """So much time has passed since the instant before."""
         self._since_look += seconds
 
     def look(
-        self, instant: Instant, pose: Pose, seen: Evidence, views: int, oriented: tuple[Array, Array]
+        self, measured: Measured, pose: Pose, seen: Evidence, views: int, oriented: tuple[Array, Array]
     ) -> None:
         """Learn, now and then, how devices are worn.
 
@@ -129,7 +141,7 @@ class WornDevices:
         if not views or not len(which) or not self._config.mounting or self._since_look < LOOK_S - 1e-9:
             return
         self._since_look = 0.0
-        if views >= 2 and self._exchanged(instant, pose, seen):
+        if views >= 2 and self._exchanged(measured.rows(self._rows), pose, seen):
             return
         self.mounting.look(pose, seen, (goals, which), views > 1)
         self._tell_corrections()
@@ -147,31 +159,19 @@ class WornDevices:
     def _fresh_mounting(self) -> MountingEstimate:
         return MountingEstimate(self._config, self._chain, self.segments, self._unseen[self.segments])
 
-    def _there(self, instant: Instant) -> list[tuple[int, str]]:
-        """Number and name of the devices that tell something."""
-        return [(k, d.name) for k, d in enumerate(self._devices) if d.name in instant.readings]
-
-    def _world_forces(self, instant: Instant) -> dict[int, Array]:
-        """Acceleration (3,) m/s^2 in the world by device, gravity taken off (eq. 12)."""
-        worn = [(k, instant.readings[name]) for k, name in self._there(instant)]
-        if not worn:
-            return {}
+    def _take_forces(self, worn: Measured) -> None:
+        """Accelerations (N, 3) m/s^2 in the world, gravity taken off (eq. 12)."""
         turn = turn_about_z(self.mounting.heading) @ self._turn
-        turned = np.array([reading.orientation for _, reading in worn])
-        forces = np.array([reading.force for _, reading in worn])
-        values = (turn @ turned @ forces[..., None])[..., 0] - GRAVITY
-        told = np.isfinite(values).all(-1)
-        return {k: values[n] for n, (k, _) in enumerate(worn) if told[n]}
+        self.pushes = (turn @ worn.orientations @ worn.forces[..., None])[..., 0] - GRAVITY
+        self.accelerated = worn.there & np.isfinite(self.pushes).all(-1)
 
-    def _exchanged(self, instant: Instant, pose: Pose, seen: Evidence) -> bool:
+    def _exchanged(self, worn: Measured, pose: Pose, seen: Evidence) -> bool:
         """Take two devices for each other from now on, if that is what cameras say."""
         alone, size = pose.copy(), 3 * len(pose.turns) + 3
         nothing = no_anchor(len(pose.turns))
         solve_pose(self._chain, alone, seen, nothing, LOOK_ITERATIONS, np.empty((size, size)))
         frames = place_all(self._chain, alone.root[None], alone.turns[None])[1][0]
-        told = np.full((len(self._devices), 3, 3), np.nan)
-        for k, name in self._there(instant):
-            told[k] = self._turn @ instant.readings[name].orientation
+        told = self._turn @ np.where(worn.there[:, None, None], worn.orientations, np.nan)
         found = self._wearing.look(frames[self.segments], told, self.mounts, self._unseen[self.segments])
         if found is None:
             return False

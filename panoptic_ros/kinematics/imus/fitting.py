@@ -6,10 +6,11 @@ import copy
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import BodyState, ImuReading, Subject
+from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import Felt, align, taken_over
 from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
+from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mount
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.stage import Notice
@@ -37,8 +38,8 @@ class ImuFitting:
         self.looking = worn and config.window and (config.clocks or not subject.heading_known)
         self._states: list[BodyState] = []
         self._stamps: list[int] = []
-        self._turns: dict[str, list[Array]] = {}  # orientations, and forces, at all stamps
-        self._forces: dict[str, list[Array]] = {}
+        self._turns: list[Array] = []  # orientations (D, 3, 3), and forces (D, 3), at all stamps
+        self._forces: list[Array] = []
         self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
         self._poseless: list[str] = []  # devices that had no samples in it
         self._unseen = 0
@@ -46,24 +47,20 @@ class ImuFitting:
     def at_rest(self) -> ImuFitting:
         """The same without the motion so far, which says nothing about a clock that was stopped."""
         found = copy.copy(self)
-        found._states, found._stamps, found._turns, found._forces = [], [], {}, {}
+        found._states, found._stamps, found._turns, found._forces = [], [], [], []
         return found
 
-    def take(self, stamp_ns: int, subject: Subject, readings: dict[str, ImuReading]) -> list[Notice]:
+    def take(self, stamp_ns: int, subject: Subject, measured: Measured) -> list[Notice]:
         """What the person's devices measured at an instant."""
         pose = subject.t_pose
-        for name, reading in readings.items():
-            known = np.isfinite(reading.orientation).all()
-            if known and pose is not None and pose.from_ns <= stamp_ns <= pose.to_ns:
-                self._held.setdefault(name, []).append(reading.orientation)
+        if pose is not None and pose.from_ns <= stamp_ns <= pose.to_ns:
+            for d in np.flatnonzero(measured.oriented).tolist():
+                self._held.setdefault(subject.devices[d].name, []).append(measured.orientations[d])
         if self.looking:
+            there = measured.there[:, None]
             self._stamps.append(stamp_ns)
-            for device in subject.devices:
-                found = readings.get(device.name)
-                turn = np.full((3, 3), np.nan) if found is None else found.orientation
-                self._turns.setdefault(device.name, []).append(turn)
-                force = np.full(3, np.nan) if found is None else found.force
-                self._forces.setdefault(device.name, []).append(force)
+            self._turns.append(np.where(there[..., None], measured.orientations, np.nan))
+            self._forces.append(np.where(there, measured.forces, np.nan))
         return self._missing(stamp_ns, subject)
 
     def mounts(self, stamp_ns: int, subject: Subject) -> dict[str, Array]:
@@ -90,11 +87,8 @@ class ImuFitting:
             return self._without_cameras(subject, rate_hz, statistics)
         if lasted < LOOK_S or len(self._states) % round(LOOK_S * rate_hz) or not states:
             return []
-        stamps = np.array(self._stamps)
-        felt = {
-            name: Felt(stamps, np.array(turns), np.array(self._forces[name]))
-            for name, turns in self._turns.items()
-        }
+        stamps, forces, turns = np.array(self._stamps), np.array(self._forces), self._turns_of(subject)
+        felt = {name: Felt(stamps, own, forces[:, d]) for d, (name, own) in enumerate(turns.items())}
         found = align(subject, self._states, felt)
         if lasted < LONGEST_S and (found is None or not found.enough):
             return []
@@ -115,13 +109,17 @@ class ImuFitting:
         waited = 1e-9 * (self._stamps[-1] - subject.t_pose.to_ns)
         if waited < BENT_S or len(self._stamps) % round(rate_hz):
             return []
-        turns = {name: np.array(found) for name, found in self._turns.items()}
-        heading = heading_from_poses(subject, statistics, turns, self._held)
+        heading = heading_from_poses(subject, statistics, self._turns_of(subject), self._held)
         if heading is None:
             return self._give_up(subject, f"{why}, and it hardly moves") if waited > LONGEST_S else []
         self._done()
         self.heading = heading
         return [_notice("imu_aligned", "info", subject, bent_line(heading))]
+
+    def _turns_of(self, subject: Subject) -> dict[str, Array]:
+        """Orientations (T, 3, 3) at all stamps by device."""
+        turns = np.array(self._turns)
+        return {device.name: turns[:, d].copy() for d, device in enumerate(subject.devices)}
 
     def _give_up(self, subject: Subject, why: str) -> list[Notice]:
         self._done()
@@ -133,12 +131,12 @@ class ImuFitting:
 
     def _done(self) -> None:
         self.looking = False
-        self._states, self._stamps, self._turns, self._forces = [], [], {}, {}
+        self._states, self._stamps, self._turns, self._forces = [], [], [], []
 
     def _missing(self, stamp_ns: int, subject: Subject) -> list[Notice]:
         """Devices whose mounting nothing tells, each once."""
         pose, notices = subject.t_pose, []
-        for device in subject.devices:
+        for device in subject.devices if len(self._held) + len(self._poseless) < len(subject.devices) else ():
             if device.mount is not None or device.name in (*self._held, *self._poseless):
                 continue
             if pose is not None and stamp_ns <= pose.to_ns:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from panoptic_ros.domain.bodies import ImuSample
-from panoptic_ros.domain.subjects import ImuReading
 from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.imus.measured import NOTHING_MEASURED, Measured
 from panoptic_ros.kinematics.imus.resampling import LONGEST_GAP_S, slerp
-from panoptic_ros.kinematics.imus.units import rate_sums, turned_by, unit_fault
+from panoptic_ros.kinematics.imus.units import odd_units, rate_sums, turned_by, unit_fault
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
@@ -37,6 +37,7 @@ class ImuStreams:
 
     def __init__(self, devices: Sequence[str]):
         self.names = tuple(devices)
+        self._numbers = {name: d for d, name in enumerate(self.names)}
         count = len(self.names)
         self._stamps = np.full((count, KEPT), NONE)
         self._values = np.full((count, KEPT, 10), np.nan)  # w x y z, force, rate
@@ -58,9 +59,9 @@ class ImuStreams:
 
     def take(self, sample: ImuSample) -> tuple[Notice, ...]:
         """Keep a sample; one that is not newer than the last is left out, with a notice."""
-        if sample.device not in self.names:
+        d = self._numbers.get(sample.device)
+        if d is None:
             return ()
-        d = self.names.index(sample.device)
         stamps, values = self._stamps[d], self._values[d]
         last = int(stamps[-1])
         if sample.stamp_ns <= last:
@@ -77,10 +78,10 @@ class ImuStreams:
         values[-1, :4], values[-1, 4:7], values[-1, 7:] = sample.orientation, sample.force, sample.rate
         return ()
 
-    def at(self, stamp_ns: int) -> dict[str, ImuReading]:
+    def at(self, stamp_ns: int) -> Measured:
         """What devices measured at an instant, between the samples on both sides of it (slerp, linear)."""
         if not self.names:
-            return {}
+            return NOTHING_MEASURED
         rows = np.arange(len(self.names))
         after = np.clip((self._stamps < stamp_ns).sum(1), 1, KEPT - 1)
         begin, end = self._stamps[rows, after - 1], self._stamps[rows, after]
@@ -89,11 +90,10 @@ class ImuStreams:
         usable = (begin != NONE) & (gap < LONGEST_GAP_S * 1e9) & (share > -0.5) & (share < 1.5) & ~self._odd
         share = np.clip(share, 0.0, 1.0)[:, None]
         first, second = self._values[rows, after - 1], self._values[rows, after]
-        between = first[:, 4:] * (1.0 - share) + second[:, 4:] * share
+        forces = first[:, 4:7] * (1.0 - share) + second[:, 4:7] * share
         with np.errstate(invalid="ignore"):
             turns = from_quaternions(slerp(_unit(first[:, :4]), _unit(second[:, :4]), share))
-        return {self.names[d]: ImuReading(turns[d], between[d, :3], between[d, 3:])
-                for d in np.flatnonzero(usable).tolist()}  # fmt: skip
+        return Measured(usable, turns, forces)
 
     def judge(self, stamp_ns: int, period: float) -> list[Notice]:
         """Look at all devices once an instant: who is silent, who measures in another convention.
@@ -150,7 +150,7 @@ class ImuStreams:
         """Of devices whose rates are of another unit: told once."""
         self._learn_rates()
         notices = []
-        ready = (self._rates[:, 0] >= FEWEST_TURNS) & ~self._rates_told
+        ready = (self._rates[:, 0] >= FEWEST_TURNS) & ~self._rates_told & odd_units(self._rates)
         for d in np.flatnonzero(ready).tolist():
             if fault := unit_fault(self._rates[d]):
                 notices.append(_notice("imu_rates", "warning", f"{self.names[d]} {fault}", self.names[d]))

@@ -34,14 +34,22 @@ def rate_sums(own: Array, told: Array) -> Array:
     return np.column_stack([np.ones(len(own)), (own**2).sum(-1), (told**2).sum(-1), (own * told).sum(-1)])
 
 
+def odd_units(sums: Array) -> Array:
+    """Which rates (N,), of which these (N, 4) are the sums, are of another unit, as far as motion tells."""
+    count, own, told, both = sums.T
+    moves = (count > 0.0) & (own >= count * LEAST_RATE**2) & (told > 0.0)
+    alike = both >= ALIKE * np.sqrt(own * told)
+    found: Array = moves & alike & ((told > BETWEEN**2 * own) | (told < own / BETWEEN**2))
+    return found
+
+
 def unit_fault(sums: Array) -> str:
-    """What is odd about the unit of rates, of which these are the sums; "" if nothing is, or nobody moves."""
-    count, own, told, both = sums.tolist()
-    if not count or own < count * LEAST_RATE**2 or both < ALIKE * math.sqrt(own * told) or told <= 0.0:
+    """What is odd about the unit of rates, of which these (4,) are the sums; "" if nothing is, or nobody
+    moves."""
+    if not odd_units(sums[None])[0]:
         return ""
+    _, own, told, _ = sums.tolist()
     ratio = math.sqrt(told / own)
-    if 1.0 / BETWEEN <= ratio <= BETWEEN:
-        return ""
     guess = "deg/s" if ratio > 1.0 else "rad/s turned from deg once too often"
     return (
         f"sends angular velocities {ratio:.3g} times as large as its orientation turns, so perhaps {guess}; "

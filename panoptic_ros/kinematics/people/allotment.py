@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -75,7 +76,7 @@ class Allotment:
             return taken
         columns = {(self._cameras.get(name), int(frame)): v
                    for v, (name, frame) in enumerate(zip(sources.cameras, sources.frames))}  # fmt: skip
-        held: dict[int, int] = {}  # views, by person
+        own: list[tuple[Person, int, SeenView, int]] = []
         for view in views:
             v = columns.get((view.camera, view.frame))
             if v is None:
@@ -85,11 +86,15 @@ class Allotment:
                     continue
                 taken.add((view.camera, row))
                 if number in people:
-                    plane = self._planes(view, [row])
-                    seen = SeenPoints(view.stamp_ns, plane.points[0], plane.scores[0])
-                    people[number].see(seen, view.camera, of_track=True)
-                    held[number] = held.get(number, 0) + 1
-        for number, count in held.items():
+                    own.append((people[number], number, view, row))
+        if own:
+            points = np.array([view.points[row] for _, _, view, row in own])
+            scores = np.array([view.scores[row] for _, _, view, row in own])
+            plane = self._plane(points, scores, np.array([view.camera for _, _, view, _ in own], np.int64))
+            for k, (person, _, view, _) in enumerate(own):
+                seen = SeenPoints(view.stamp_ns, plane.points[k], plane.scores[k])
+                person.see(seen, view.camera, of_track=True)
+        for number, count in Counter(number for _, number, _, _ in own).items():
             people[number].follow(item.stamp_ns, count)
         return taken
 
@@ -130,9 +135,11 @@ class Allotment:
 
     def _planes(self, view: SeenView, rows: list[int]) -> ViewPeople:
         """Some 2D people of a view on the plane at distance 1."""
-        points, scores = view.points[rows], view.scores[rows]
+        return self._plane(view.points[rows], view.scores[rows], np.full(len(rows), view.camera, np.int64))
+
+    def _plane(self, points: Array, scores: Array, cameras: Array) -> ViewPeople:
+        """2D people (R, K, 2) px and scores (R, K) of cameras (R,) on the plane at distance 1."""
         usable = (scores > 0.0) & np.isfinite(points).all(-1)
-        cameras = np.full(len(rows), view.camera, np.int64)
         plane, _, good = undistort_points(np.ascontiguousarray(points), usable, cameras, self._lenses)
         plane[~good] = np.nan
         return ViewPeople(plane, np.where(good, scores, 0.0))

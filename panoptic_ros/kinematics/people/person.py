@@ -12,12 +12,13 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.bodies import BodySource
 from panoptic_ros.domain.segments import Body
-from panoptic_ros.domain.subjects import BodyState, ImuReading, Instant, Subject
+from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import cameras_alone
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
+from panoptic_ros.kinematics.imus.measured import NOTHING_MEASURED, Measured
 from panoptic_ros.kinematics.people.presence import Presence
 from panoptic_ros.kinematics.people.seen_people import SeenPerson, SeenPoints
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
@@ -59,31 +60,32 @@ class Person:
         self.worn = frozenset(device.name for device in subject.devices)
         self._alone: SubjectTracker | None = None  # from cameras alone, to compare IMUs with
         self._mounted: tuple[float, tuple[str, ...]] | None = None  # what the tracker's IMUs are
+        self._mounted_devices = np.zeros(len(subject.devices), bool)  # which of the subject's these are
         self.presence = Presence()
         self._returns = False  # is seen again, maybe elsewhere
         self._without = 0  # instants without any data
         self._unseen = 0  # instants without cameras
 
     def step(
-        self, stamp_ns: int, readings: dict[str, ImuReading], half_period_ns: int,
+        self, stamp_ns: int, measured: Measured, half_period_ns: int,
         statistics: PoseStatistics, stride: int = 1,
     ) -> tuple[list[BodyState], list[Notice]]:
         """Solve an instant: bodies that are final, of the instant that is the lag ago, and notices.
 
         Args:
-            readings: of all devices. half_period_ns: for so long a sample alone counts.
+            measured: by the person's devices. half_period_ns: for so long a sample alone counts.
             statistics: of poses. stride: periods since the instant before.
         """
-        people = self.seen.views_at(stamp_ns, half_period_ns)
         joints = self.seen.joints_at(stamp_ns, half_period_ns)
-        people = _of_others(people, joints)
-        mine, notices = self.feel(stamp_ns, readings)
+        told = None if joints is None else np.isfinite(joints[0]).all(-1)  # in space, and not in 2D besides
+        people = self.seen.views_at(stamp_ns, half_period_ns, told)
+        notices = self.feel(stamp_ns, measured)
         seen = bool(people) or joints is not None
-        instant = Instant(stamp_ns, {}, mine)
         if self.fitting.looking:
-            notices += self._look(instant, people, joints, statistics, stride)
+            notices += self._look(stamp_ns, people, joints, statistics, stride)
         done = self._remount(stamp_ns)
-        used = {name for name in mine if name in self._devices()}
+        there = measured.there & self._mounted_devices
+        used = int(there.sum())
         self._without = 0 if seen or used else self._without + stride
         if self.missed:
             return done + self._give_up(), notices
@@ -96,18 +98,14 @@ class Person:
             tracker.move_to(people, joints)
             self._returns = False
         self._unseen = 0 if seen else self._unseen + stride
-        used_now = replace(instant, readings={n: mine[n] for n in used})
-        done += tracker.step(used_now, people, joints, stride)
+        done += tracker.step(stamp_ns, measured._replace(there=there), people, joints, stride)
         notices += tracker.devices.take_notices()
-        self.behind[stamp_ns] = Behind(int(self._source(people, joints, used)), len(people), len(used))
+        self.behind[stamp_ns] = Behind(int(self._source(people, joints, used)), len(people), used)
         return done, notices
 
-    def feel(
-        self, stamp_ns: int, readings: dict[str, ImuReading]
-    ) -> tuple[dict[str, ImuReading], list[Notice]]:
-        """What the person's own devices, of all of these, measured at an instant."""
-        mine = {name: reading for name, reading in readings.items() if name in self.worn}
-        return mine, self.fitting.take(stamp_ns, self.subject, mine)
+    def feel(self, stamp_ns: int, measured: Measured) -> list[Notice]:
+        """What the person's devices measured at an instant."""
+        return self.fitting.take(stamp_ns, self.subject, measured)
 
     @property
     def missed(self) -> bool:
@@ -166,16 +164,16 @@ class Person:
             return BodySource.JOINTS
         return BodySource.IMUS if used else BodySource.PREDICTED
 
-    def _begins(self, stamp_ns: int, seen: bool, used: set[str]) -> bool:
+    def _begins(self, stamp_ns: int, seen: bool, used: int) -> bool:
         """Whether there is something to begin with; without a camera, once nobody waits for one any more."""
         if seen:
             return True
         self._unseen += 1
         waited = self._unseen / self._config.rate_hz > AWAITED_S or not len(self.weighing.rotations)
-        return waited and bool(self.fitting.mounts(stamp_ns, self.subject).keys() & used)
+        return waited and used > 0
 
     def _look(
-        self, instant: Instant, people: dict[int, tuple[Array, Array]],
+        self, stamp_ns: int, people: dict[int, tuple[Array, Array]],
         joints: tuple[Array, Array] | None, statistics: PoseStatistics, stride: int,
     ) -> list[Notice]:  # fmt: skip
         """Solve from cameras alone, and compare with the IMUs."""
@@ -183,15 +181,13 @@ class Person:
             bare = replace(self.subject, devices=())
             self._alone = SubjectTracker(cameras_alone(self._config), bare, self.weighing, {})
         states = (
-            self._alone.step(instant, people, joints, stride) if self._alone is not None and people else []
-        )
+            self._alone.step(stamp_ns, NOTHING_MEASURED, people, joints, stride)
+            if self._alone is not None and people else []
+        )  # fmt: skip
         notices = self.fitting.learn(self.subject, states, self._config.rate_hz, statistics)
         if not self.fitting.looking:
             self._alone = None
         return notices
-
-    def _devices(self) -> tuple[str, ...]:
-        return self._mounted[1] if self._mounted is not None else ()
 
     def _remount(self, stamp_ns: int) -> list[BodyState]:
         """Solve with the IMUs whose mounting is known by now: bodies that the tracker before still held."""
@@ -200,6 +196,7 @@ class Person:
         if now == (self._mounted or (now[0], ())):
             return []
         self._mounted = now
+        self._mounted_devices = np.array([device.name in mounts for device in self.subject.devices], bool)
         if self.tracker is None:
             return []
         held, pose = self.tracker.flush(), self.tracker.expected()
@@ -220,15 +217,3 @@ class Person:
             self.tracker = self.tracker.begun_anew()
         return held
 
-
-def _of_others(
-    people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None
-) -> dict[int, tuple[Array, Array]]:
-    """2D people (points (K, 2), scores (K,) by camera) without the joints that are told in space."""
-    if joints is None:
-        return people
-    told = np.isfinite(joints[0]).all(-1)
-    return {
-        camera: (np.where(told[:, None], np.nan, points), np.where(told, 0.0, scores))
-        for camera, (points, scores) in people.items()
-    }

@@ -9,6 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain import JointState, TrackedPoseSet
 from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 KEPT = 8  # samples of a camera
@@ -55,19 +56,36 @@ class SeenPerson:
         self.joints.append(joints)
         del self.joints[:-KEPT]
 
-    def views_at(self, stamp_ns: int, half_period_ns: int) -> dict[int, tuple[Array, Array]]:
+    def views_at(
+        self, stamp_ns: int, half_period_ns: int, told: Array | None = None
+    ) -> dict[int, tuple[Array, Array]]:
         """Points (K, 2) and scores (K,) of every camera at an instant.
 
         Linear between two samples; where there is one alone, or a joint is in one alone, that one if it is
         within half a period.
+
+        Args:
+            told: (K,) bool, joints that are told otherwise, and left out.
         """
-        found = {}
+        cameras: list[int] = []
+        begins: list[SeenPoints] = []
+        ends: list[SeenPoints] = []
+        shares: list[float] = []
+        near: list[bool] = []
         for camera, own in sorted(self.views.items()):
-            begin, end = _around(own, stamp_ns)
-            sample = joints_between(begin, end, stamp_ns, half_period_ns)
-            if sample is not None:
-                found[camera] = sample
-        return found
+            pair = _pair(*_around(own, stamp_ns), stamp_ns, half_period_ns)
+            if pair is not None:
+                cameras.append(camera)
+                begins.append(pair[0])
+                ends.append(pair[1])
+                shares.append(pair[2])
+                near.append(pair[3])
+        if not cameras:
+            return {}
+        points, scores = _stacked(begins)
+        told = np.zeros(scores.shape[1], bool) if told is None else told
+        _mix(points, scores, *_stacked(ends), np.array(shares), np.array(near), told)
+        return {camera: (points[k], scores[k]) for k, camera in enumerate(cameras)}
 
     def joints_at(self, stamp_ns: int, half_period_ns: int) -> tuple[Array, Array] | None:
         """Positions (K, 3) and covariances (K, 3, 3) at an instant; None if there are none about then."""
@@ -101,6 +119,11 @@ def joints_as_seen(item: TrackedPoseSet, model: SegmentModel, several: bool = Fa
     return positions
 
 
+def _stacked(samples: Sequence[SeenPoints]) -> tuple[Array, Array]:
+    """Points (V, K, 2) and scores (V, K)."""
+    return np.array([one.points for one in samples]), np.array([one.scores for one in samples])
+
+
 def _around(own: Sequence[Seen], stamp_ns: int) -> tuple[Seen | None, Seen | None]:
     """The newest sample that is not after an instant, and the oldest that is not before it."""
     before: Seen | None = None
@@ -128,18 +151,55 @@ def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
 def joints_between(
     begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
 ) -> tuple[Array, Array] | None:
+    """Points (K, 2) and scores (K,) between two samples, see `SeenPerson.views_at`."""
+    pair = _pair(begin, end, stamp_ns, half_period_ns)
+    if pair is None:
+        return None
+    first, second, share, near = pair
+    points, scores = _stacked([first])
+    told = np.zeros(scores.shape[1], bool)
+    _mix(points, scores, *_stacked([second]), np.array([share]), np.array([near]), told)
+    return points[0], scores[0]
+
+
+def _pair(
+    begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
+) -> tuple[SeenPoints, SeenPoints, float, bool] | None:
+    """Two samples of which to take a share of the later one, and whether one of them alone counts; twice the
+    same, if it is that alone."""
     if begin is None or end is None or end.stamp_ns - begin.stamp_ns > LONGEST_GAP_NS:
         one = _nearest(begin, end, stamp_ns, half_period_ns)
-        return None if one is None else (one.points, one.scores)
+        return None if one is None else (one, one, 0.0, True)
     share = _share(begin.stamp_ns, end.stamp_ns, stamp_ns)
     if share in (0.0, 1.0):
-        return (begin.points, begin.scores) if share == 0.0 else (end.points, end.scores)
-    points = (1.0 - share) * begin.points + share * end.points
-    scores = (1.0 - share) * begin.scores + share * end.scores
-    nearest = begin if share < 0.5 else end
-    alone = ~np.isfinite(points).all(-1) | (begin.scores <= 0.0) | (end.scores <= 0.0)
-    if alone.any():
-        near = min(stamp_ns - begin.stamp_ns, end.stamp_ns - stamp_ns) <= half_period_ns
-        points[alone] = nearest.points[alone] if near else np.nan
-        scores[alone] = nearest.scores[alone] if near else 0.0
-    return points, scores
+        one = begin if share == 0.0 else end
+        return one, one, 0.0, True
+    near = min(stamp_ns - begin.stamp_ns, end.stamp_ns - stamp_ns) <= half_period_ns
+    return begin, end, share, near
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _mix(
+    begin: Array, begin_scores: Array, end: Array, end_scores: Array, shares: Array, near: Array, told: Array
+) -> None:
+    """Points (V, K, 2) and scores (V, K) between those of two samples, into the first of them.
+
+    Args:
+        shares: (V,) of the later one. near: (V,), whether a joint that is in one alone counts.
+        told: (K,), joints that are left out.
+    """
+    for v in range(len(begin)):
+        share = shares[v]
+        for k in range(begin.shape[1]):
+            x = (1.0 - share) * begin[v, k, 0] + share * end[v, k, 0]
+            y = (1.0 - share) * begin[v, k, 1] + share * end[v, k, 1]
+            score = (1.0 - share) * begin_scores[v, k] + share * end_scores[v, k]
+            both = begin_scores[v, k] > 0.0 and end_scores[v, k] > 0.0
+            if told[k] or not (both and np.isfinite(x) and np.isfinite(y)):
+                x, y, score = np.nan, np.nan, 0.0
+                if near[v] and not told[k]:
+                    if share < 0.5:
+                        x, y, score = begin[v, k, 0], begin[v, k, 1], begin_scores[v, k]
+                    else:
+                        x, y, score = end[v, k, 0], end[v, k, 1], end_scores[v, k]
+            begin[v, k, 0], begin[v, k, 1], begin_scores[v, k] = x, y, score

@@ -14,6 +14,7 @@ from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
 from panoptic_ros.kinematics.imus.heading_from_poses import heading_from_poses, t_pose_decides
+from panoptic_ros.kinematics.imus.measured import measured_of
 
 WORN = ("hips", "spine4", "lUpperArm", "lForearm", "rUpperArm", "rForearm", "lThigh", "lShin", "rThigh")
 
@@ -60,7 +61,8 @@ def test_live_it_is_told_some_seconds_after_the_t_pose():
         turns = {name: held[name][0] if k == 0 else own[k] for name, own in moved.items()}
         readings = {name: ImuReading(turn, nothing, nothing) for name, turn in turns.items()}
         stamp = round(k * 1e9 / rate)
-        told += fitting.take(stamp, subject, readings) + fitting.learn(subject, [], rate, statistics)
+        told += fitting.take(stamp, subject, measured_of(subject.devices, readings))
+        told += fitting.learn(subject, [], rate, statistics)
         assert bool(fitting.mounts(stamp, subject)) == (fitting.heading is not None)
         if told:
             break

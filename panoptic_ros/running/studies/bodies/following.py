@@ -9,6 +9,7 @@ from panoptic_ros.domain.subjects import Instant
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.measured import measured_of
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
 from panoptic_ros.kinematics.people.first_people import nearest_to_start
 from panoptic_ros.kinematics.people.nearest_people import assign_people
@@ -38,5 +39,6 @@ def follow(tracker: SubjectTracker, instants: list[Instant], gate: float) -> Ite
             people = assign_people([tracker], instant, weighing.rotations, weighing.translations, gate)[0]
         else:
             people = nearest_to_start(tracker.subject, instant, weighing)
-        tracker.step(instant, people)
+        measured = measured_of(tracker.subject.devices, instant.readings)
+        tracker.step(instant.stamp_ns, measured, people)
         yield instant
