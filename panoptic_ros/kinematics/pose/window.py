@@ -10,7 +10,6 @@ Striebel 1965, in information form) and costs next to nothing.
 from __future__ import annotations
 
 import itertools
-import math
 from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,14 +19,22 @@ import numpy as np
 from panoptic_ros.geometry.chain import Pose, step_between, step_pose
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.pose.afterwards import Afterwards, Linked, afterwards
-from panoptic_ros.kinematics.pose.motion_sums import add_motion, add_second_differences, first_differences
+from panoptic_ros.kinematics.pose.motion_sums import add_motion
 from panoptic_ros.kinematics.pose.positive_matrices import factor_of, forward, inverse_of, solved_by
 from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import NOTHING_BETWEEN, Anchor, Between, Evidence
+from panoptic_ros.kinematics.pose.window_sums import (
+    begin_elimination,
+    join,
+    left_over,
+    meet,
+    motion_between,
+    steps_between,
+    told_by,
+)
 
 Array = np.ndarray
 LONGEST_STEP = 0.5  # rad or m, between two instants, that is carried on as a velocity
-RIDGE = 1e-6
 NEW = 0.5  # of what instants within the time of errors share, that counts as new
 OPEN = 1e-3  # 1/m^2 or 1/rad^2, of what the evidence of an instant leaves open
 LEAST = 1e-6  # of that, of what nothing determines at all: it is as unsure as can be
@@ -128,12 +135,9 @@ class PoseWindow:
         n, ratio = self._size, between.stride / self._stride
         bend, slope, turn, pull = self._between(guess, between)
         # the pose before the last, against the last and the new one
-        rows = np.empty((n, 3 * n + 1), order="F")
-        rows[:, :n] = self._information[:n, n:] - ratio * (1.0 + ratio) * bend
-        rows[:, n : 2 * n] = ratio * bend
-        rows[:, 2 * n] = ratio * slope
-        rows[:, 2 * n + 1 :] = self._pulled[:n]
-        first = factor_of(self._information[:n, :n] + ratio**2 * bend)
+        corner, rows = np.empty((n, n)), np.empty((n, 3 * n + 1), order="F")
+        begin_elimination(self._information, self._pulled, (bend, slope), ratio, corner, rows)
+        first = factor_of(corner)
         self._eliminated.append(
             _Eliminated(
                 self._poses[0].copy(), self._poses[1].copy(), guess.copy(), first, rows[:, : 2 * n + 1]
@@ -141,32 +145,27 @@ class PoseWindow:
         )
         both = forward(first, rows)
         solved, pulled = both[:, : 2 * n + 1], both[:, : 2 * n].T @ both[:, 2 * n + 1 :]
-        np.negative(pulled, out=pulled)
-        pulled[:n] += self._pulled[n:]
         rest = solved.T @ solved
         add_motion(self._information, (bend, slope, ratio), (turn, pull), rest)
         # the last one against the new one
         second = factor_of(rest[:n, :n])
         against = np.array(rest[:n, n:], order="F")
         solved = forward(second, against)
-        left = rest[n:-1, n:] - solved[:, :-1].T @ solved
-        anchor = Anchor(
-            guess.root.copy(), guess.turns.copy(), np.ascontiguousarray(left[:, :-1]), left[:, -1].copy(), 1.0
-        )
+        anchor = Anchor(guess.root.copy(), guess.turns.copy(), np.empty((n, n)), np.empty(n), 1.0)
+        left_over(rest, solved[:, :-1].T @ solved, anchor.information, anchor.gradient)
         pose, hessian = guess.copy(), np.empty((n, n))
         _, self.iterations = solve_pose(self._chain, pose, evidence, anchor, iterations, hessian)
         step = np.ones(n + 1)
         step_between(guess, pose, step[:-1])
         middle = self._poses[1].copy()
         step_pose(self._poses[1], -solved_by(second, against @ step), middle)
-        full = np.empty((2 * n, 2 * n))
-        full[:n, :n], full[:n, n:], full[n:, :n] = rest[:n, :n], against[:, :-1], against[:, :-1].T
-        full[n:, n:] = rest[n:-1, n:-1] + hessian - anchor.information
-        own = hessian - anchor.information
-        root = factor_of(own + self._open)
-        pulled[n:] += root
-        self._information, self._pulled = full, pulled
-        self._linked.append(Linked(bend, turn, own, root, full, pulled, evidence.weight, ratio))
+        own, opened = np.empty((n, n)), np.empty((n, n))
+        told_by(hessian, anchor.information, self._open, own, opened)
+        root = factor_of(opened)
+        full, before, self._pulled = np.empty((2 * n, 2 * n)), self._pulled, np.empty((2 * n, n))
+        join(rest, (hessian, anchor.information), (pulled, before, root), full, self._pulled)
+        self._information = full
+        self._linked.append(Linked(bend, turn, own, root, full, self._pulled, evidence.weight, ratio))
         self._poses, self._next = [middle, pose], None
         if self._after is not None:
             self._after = self._after._replace(age=self._after.age + 1) if between.stride == 1 else None
@@ -191,14 +190,15 @@ class PoseWindow:
         if after is None or after.age > kept:
             after = afterwards(itertools.islice(reversed(self._linked), back), self._open)
             self._after = after if kept else self._after
-        both, pulled = link.joint + after.information, link.pulled + after.pulled
-        rows = np.empty((n, 2 * n), order="F")
-        rows[:, :n], rows[:, n:] = both[:n, n:], pulled[:n]
-        solved = forward(factor_of(both[:n, :n]), rows)
+        corner, rows = np.empty((n, n)), np.empty((n, 2 * n), order="F")
+        own, pulled = np.empty((n, n)), np.empty((n, n))
+        here, later = (link.joint, link.pulled), (after.information, after.pulled)
+        meet(here, later, corner, rows, own, pulled)
+        solved = forward(factor_of(corner), rows)
         rest = solved[:, :n].T @ solved
-        found = inverse_of(both[n:, n:] - rest[:, :n] + LEAST * self._open)
+        found = inverse_of(own - rest[:, :n] + LEAST * self._open)
         # by errors of 1 in all instants, less what counts as new already
-        moved = found @ (pulled[n:] - rest[:, n:] - (NEW / link.weight) * link.root)
+        moved = found @ (pulled - rest[:, n:] - (NEW / link.weight) * link.root)
         found += lasting * link.weight * (moved @ moved.T)
         return found
 
@@ -210,8 +210,7 @@ class PoseWindow:
         for past in reversed(self._eliminated):
             if len(found) > self._lag + 1:
                 break
-            step_between(past.later, found[-1], steps[:n])
-            step_between(past.last, found[-2], steps[n:-1])
+            steps_between((past.later, past.last), (found[-1], found[-2]), steps[:-1])
             pose = past.pose.copy()
             step_pose(past.pose, -solved_by(past.factor, past.rows @ steps), pose)
             found.append(pose)
@@ -221,18 +220,11 @@ class PoseWindow:
         """Matrix (D, D) and vector (D,) of second differences of the last two poses and the guess, and of
         first differences of the last one and the guess."""
         n = self._size
-        before, after = np.empty(n), np.empty(n)
-        step_between(self._poses[0], self._poses[1], before)
-        step_between(self._poses[1], guess, after)
-        stride, ratio = between.stride, between.stride / self._stride
+        stride = between.stride
         steps = 0.5 * stride * (self._stride + stride)  # periods^2: 1 where all steps are of one
-        weights = self._weights / steps**2
-        bend, slope = np.diag(weights), weights * (after - ratio * before)
-        if len(between.accelerations.segments):
-            poses = (self._poses[0], self._poses[1], guess)
-            times = ratio, math.sqrt(steps) * self._motion.period
-            add_second_differences(self._chain, poses, between.accelerations, times, bend, slope)
-        turn, pull = np.empty((n, n)), np.empty(n)
-        first_differences(self._chain, self._poses[1], guess, between.turning, between.standing, turn, pull)
-        turn[np.arange(n), np.arange(n)] += RIDGE
+        bend, slope, turn, pull = np.empty((n, n)), np.empty(n), np.empty((n, n)), np.empty(n)
+        motion_between(
+            self._chain, (self._poses[0], self._poses[1], guess), between, self._weights,
+            (stride / self._stride, steps, self._motion.period), (bend, slope), (turn, pull),
+        )  # fmt: skip
         return bend, slope, turn, pull
