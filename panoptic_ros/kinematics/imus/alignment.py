@@ -31,6 +31,7 @@ HEADINGS = 720
 LEAST_SURE = math.radians(6.0)  # of a heading; the motion tells too little, if it is less sure
 ALIGNED_LAG_S = 0.2  # of the poses that are compared: with less, they follow late and look like a late clock
 LEAST_OFFSET_S, SURE = 0.012, 3.0  # s, standard deviations: less is within the error of finding it
+LIKELY = 4.5  # nats, of what is within three standard deviations
 SAME_S = 0.3  # for which errors stay the same
 CLOCK_SD = 0.004  # s, of what stays the same in a capture: poses that follow late, soft tissue
 OWN_HEADING = math.radians(2.0)  # of each device, about the common one
@@ -109,7 +110,7 @@ def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt
     surface = sum(1.5 * fit.counts.sum() * COMPARED_S / SAME_S * np.log(fit.variances) for fit in fits)
     assert isinstance(surface, np.ndarray)
     best, turned = map(int, np.unravel_index(int(np.argmin(surface)), surface.shape))
-    offset, unsure = _vertex(OFFSETS_S, surface.min(axis=1), best)
+    offset, unsure = _valley(OFFSETS_S, surface.min(axis=1))
     heading, heading_unsure = 0.0, 0.0
     if not subject.heading_known:
         alike = _of_devices(fits, best, turned)
@@ -254,6 +255,21 @@ def _vertex(grid: Array, values: Array, k: int) -> tuple[float, float]:
         return float(grid[k]), math.inf
     slope = float(values[k + 1] - values[k - 1]) / (2.0 * spacing)
     return float(grid[k]) - slope / bend, 1.0 / math.sqrt(bend)
+
+
+def _valley(grid: Array, values: Array) -> tuple[float, float]:
+    """As `_vertex`, of a parabola through all that is about as likely as the least: where motion tells little
+    the bottom is wide and rough, and what is next to the least says nothing of how wide. Infinite where it
+    goes to an end."""
+    k, near = int(values.argmin()), np.flatnonzero(values <= values.min() + LIKELY)
+    first, last = min(int(near[0]), k - 1), max(int(near[-1]), k + 1)
+    if first <= 0 or last >= len(grid) - 1:
+        return float(grid[k]), math.inf
+    middle = 0.5 * float(grid[first] + grid[last])
+    bend, slope, _ = np.polyfit(grid[first : last + 1] - middle, values[first : last + 1], 2).tolist()
+    if bend <= 0.0:
+        return float(grid[k]), math.inf
+    return middle - 0.5 * slope / bend, 1.0 / math.sqrt(2.0 * bend)
 
 
 def felt_of(series: ImuSeries, rate_hz: float) -> Felt:

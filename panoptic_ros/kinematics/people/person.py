@@ -27,6 +27,7 @@ from panoptic_ros.stage import Notice
 Array = np.ndarray
 LOST_S = 0.5  # without any data, after which a body is given up
 AWAITED_S = 2.0  # for which somebody whom no camera has seen yet is waited for
+COMPLETE_NS = 100_000_000  # ago: by then all views have come
 AGAIN_S = 1.0  # without cameras, after which the place is taken from what they see
 
 
@@ -76,13 +77,11 @@ class Person:
             measured: by the person's devices. half_period_ns: for so long a sample alone counts.
             statistics: of poses. stride: periods since the instant before.
         """
-        joints = self.seen.joints_at(stamp_ns, half_period_ns)
-        told = None if joints is None else np.isfinite(joints[0]).all(-1)  # in space, and not in 2D besides
-        people = self.seen.views_at(stamp_ns, half_period_ns, told)
+        people, joints = self._seen_at(stamp_ns, half_period_ns)
         notices = self.feel(stamp_ns, measured)
         seen = bool(people) or joints is not None
         if self.fitting.looking:
-            notices += self._look(stamp_ns, people, joints, statistics, stride)
+            notices += self._look(stamp_ns - COMPLETE_NS, half_period_ns, statistics, stride)
         done = self._remount(stamp_ns)
         there = measured.there & self._mounted_devices
         used = int(there.sum())
@@ -172,11 +171,23 @@ class Person:
         waited = self._unseen / self._config.rate_hz > AWAITED_S or not len(self.weighing.rotations)
         return waited and used > 0
 
+    def _seen_at(
+        self, stamp_ns: int, half_period_ns: int
+    ) -> tuple[dict[int, tuple[Array, Array]], tuple[Array, Array] | None]:
+        """2D people by camera, and joints in space, which are left out of those."""
+        joints = self.seen.joints_at(stamp_ns, half_period_ns)
+        told = None if joints is None else np.isfinite(joints[0]).all(-1)
+        return self.seen.views_at(stamp_ns, half_period_ns, told), joints
+
     def _look(
-        self, stamp_ns: int, people: dict[int, tuple[Array, Array]],
-        joints: tuple[Array, Array] | None, statistics: PoseStatistics, stride: int,
-    ) -> list[Notice]:  # fmt: skip
-        """Solve from cameras alone, and compare with the IMUs."""
+        self, stamp_ns: int, half_period_ns: int, statistics: PoseStatistics, stride: int
+    ) -> list[Notice]:
+        """Solve from cameras alone, and compare with the IMUs.
+
+        Of an instant for which all images have come: where views are late and the image before stands for
+        the instant, poses follow late, and the clock of the IMUs seems to be off by as much.
+        """
+        people, joints = self._seen_at(stamp_ns, half_period_ns)
         if self._alone is None and people:
             bare = replace(self.subject, devices=())
             self._alone = SubjectTracker(cameras_alone(self._config), bare, self.weighing, {})

@@ -12,7 +12,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-KEPT = 8  # samples of a camera
+KEPT_NS = 250_000_000  # before the newest sample of a camera
 NEAR_NS = 1_000  # a sample is at an instant: periods are no whole numbers of ns
 LONGEST_GAP_NS = 150_000_000  # over which joints are interpolated
 SEVERAL = 2  # views that measured a joint: it is told in space, by those of them that agree
@@ -49,12 +49,12 @@ class SeenPerson:
         """A camera has seen the person."""
         own = self.views.setdefault(camera, [])
         own.append(seen)
-        del own[:-KEPT]
+        _forget_old(own)
 
     def take_joints(self, joints: SeenJoints) -> None:
         """Somebody has solved for the person's joints."""
         self.joints.append(joints)
-        del self.joints[:-KEPT]
+        _forget_old(self.joints)
 
     def views_at(
         self, stamp_ns: int, half_period_ns: int, told: Array | None = None
@@ -117,6 +117,12 @@ def joints_as_seen(item: TrackedPoseSet, model: SegmentModel, several: bool = Fa
         measured = (item.states == JointState.MEASURED) & (item.views >= SEVERAL)
         positions = np.where(measured[..., None], positions, np.nan)
     return positions
+
+
+def _forget_old(own: list[Seen]) -> None:
+    """Keep what is newer, and the newest before that."""
+    while len(own) > 2 and own[1].stamp_ns < own[-1].stamp_ns - KEPT_NS:
+        del own[0]
 
 
 def _stacked(samples: Sequence[SeenPoints]) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import pytest
 from panoptic_ros.domain.subjects import ImuSeries
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.recorded_motions import read_clips
-from panoptic_ros.kinematics.imus.alignment import align, felt_of
+from panoptic_ros.kinematics.imus.alignment import OFFSETS_S, _valley, align, felt_of
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
 from panoptic_ros.simulation.bodies.imus import ImuNoise, unknown_heading
 
@@ -70,3 +70,12 @@ def test_devices_without_orientation_tell_nothing(take):
 
     subject = replace(take.subject, heading_known=False)
     assert align(subject, states(take), felt(take, 1.0, 0.03, bare)) is None
+
+
+def test_a_rough_bottom_says_no_more_than_it_is_wide():
+    rng, wide = np.random.default_rng(4), 0.012
+    for place in rng.uniform(-0.05, 0.05, size=20):
+        rough = rng.normal(0.0, 0.7, len(OFFSETS_S))
+        found, unsure = _valley(OFFSETS_S, 0.5 * ((OFFSETS_S - place) / wide) ** 2 + rough)
+        assert 0.6 * wide < unsure < 1.7 * wide and abs(found - place) < wide
+    assert _valley(OFFSETS_S, rng.normal(0.0, 0.7, len(OFFSETS_S)))[1] == np.inf
