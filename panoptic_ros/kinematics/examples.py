@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import Device, Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import BodyState, Device, Instant, Subject, ViewPeople
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.imus.alignment import Felt, align
 from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.people.nearest_people import assign_people
 from panoptic_ros.kinematics.people.person import Person
@@ -18,6 +20,7 @@ from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 STATURE = 1.7
 GATE = 0.5  # m
+COMPARED_S = 0.5  # of what is compared with IMUs: more than a turn takes
 SECONDS = 0.3  # more than the lag, so that poses are smoothed, and time for a look at lengths and mountings
 
 
@@ -45,6 +48,7 @@ def step_examples(
     seen = joints @ rotations.swapaxes(1, 2) + translations[:, None]
     scores = np.isfinite(joints[:, 0]).astype(float)[None]
     views = {c: ViewPeople((local[:, :2] / local[:, 2:])[None], scores) for c, local in enumerate(seen)}
+    states: list[BodyState] = []
     for k in range(round(SECONDS * rate_hz)):
         stamp = k * period
         if k <= 1:
@@ -52,6 +56,14 @@ def step_examples(
         if k > 1:
             for c, view in views.items():
                 person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
-        person.step(stamp, measured, period, statistics)
+        states += person.step(stamp, measured, period, statistics)[0]
     assign_people([person.tracker], Instant(stamp, views, {}), rotations, translations, GATE)
-    person.flush()
+    _compare(person.subject, [*states, *person.flush()][0], measured, rate_hz)
+
+
+def _compare(subject: Subject, state: BodyState, measured: Measured, rate_hz: float) -> None:
+    """Look for heading and clock of IMUs while nothing moves."""
+    stamps = np.round(np.arange(round(COMPARED_S * rate_hz) + 10) * 1e9 / rate_hz).astype(np.int64)
+    turns, forces = (np.repeat(part, len(stamps), axis=0) for part in measured[1:])
+    states = [replace(state, stamp_ns=stamp) for stamp in stamps.tolist()]
+    align(subject, states, {"example": Felt(stamps, turns, forces)})

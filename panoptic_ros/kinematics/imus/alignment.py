@@ -20,6 +20,7 @@ from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.resampling import resample
+from panoptic_ros.kinematics.imus.turned_sums import compare_turned
 
 Array = np.ndarray
 TURN_S = 0.25  # over which turns are compared
@@ -203,20 +204,12 @@ def _fit(pairs: Sequence[_Pair], headings: Array) -> _Fit:
     left, counts = np.zeros((len(OFFSETS_S), len(pairs), len(headings))), np.zeros(len(pairs), int)
     for d, pair in enumerate(map(_covered, pairs)):
         counts[d] = len(pair.stamps)
-        for o, offset in enumerate(OFFSETS_S):
-            when = pair.stamps - offset * 1e9
-            there = np.stack([np.interp(when, pair.when, pair.felt[:, j]) for j in range(3)], axis=-1)
-            known = np.isfinite(there).all(-1)
-            there, weight = there[known], pair.information[known]
-            level = np.stack([there, np.column_stack([-there[:, 1], there[:, 0], there[:, 2]])], axis=-1)
-            level[:, 2] = 0.0
-            rest = pair.seen[known] - there * [0.0, 0.0, 1.0]
-            weighed = weight @ level
-            matrix = np.einsum("tij,tik->jk", level, weighed)
-            vector = np.einsum("tik,ti->k", weighed, rest)
-            constant = float(np.einsum("ti,tij,tj->", rest, weight, rest))
-            sums = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
-            left[o, d] = sums * (len(pair.stamps) / max(len(there), 1))
+        begin = int(pair.when[0])
+        seen = pair.stamps - begin, pair.seen, pair.information
+        sums = compare_turned((pair.when - begin, pair.felt), seen, 1e9 * OFFSETS_S)
+        for o, (matrix, vector, constant, count) in enumerate(zip(*sums)):
+            found = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
+            left[o, d] = found * (len(pair.stamps) / max(count, 1))
     return _Fit(left, counts)
 
 
