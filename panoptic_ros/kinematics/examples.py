@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from panoptic_ros.domain.bodies import BodySource
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Device, Instant, Subject, ViewPeople
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import from_quaternions
+from panoptic_ros.kinematics.body_records import Solved
 from panoptic_ros.kinematics.imus.alignment import Felt, align
 from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.people.nearest_people import assign_people
@@ -27,8 +29,8 @@ SECONDS = 0.3  # more than the lag, so that poses are smoothed, and time for a l
 def step_examples(
     new_person: Callable[[Subject], Person], model: SegmentModel, statistics: PoseStatistics,
     joint_names: tuple[str, ...], rate_hz: float,
-) -> None:  # fmt: skip
-    """Solve for somebody with an IMU, from joints in space and from views."""
+) -> Solved:  # fmt: skip
+    """Solve for somebody with an IMU, from joints in space and from views: the first body."""
     body = model.body(STATURE)
     device = Device("example", 0, np.zeros(3), np.eye(3))
     person = new_person(Subject(0, body, (device,), measured=False))
@@ -58,7 +60,9 @@ def step_examples(
                 person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
         states += person.step(stamp, measured, period, statistics)[0]
     assign_people([person.tracker], Instant(stamp, views, {}), rotations, translations, GATE)
-    _compare(person.subject, [*states, *person.flush()][0], measured, rate_hz)
+    states += person.flush()
+    _compare(person.subject, states[0], measured, rate_hz)
+    return Solved(states[0], body, BodySource.TRACK, len(views), 1)
 
 
 def _compare(subject: Subject, state: BodyState, measured: Measured, rate_hz: float) -> None:

@@ -67,7 +67,8 @@ class KinematicsStage(Stateful):
         self.reset()
         if self._model is not None and self._statistics is not None:
             known = self._model, self._statistics, self._joint_names
-            step_examples(self._new_person, *known, config.rate_hz)
+            example = step_examples(self._new_person, *known, config.rate_hz)
+            body_set(0, 0, 0, self._model, self._skeleton, [example])
 
     def reset(self) -> None:
         """Forget everybody."""
