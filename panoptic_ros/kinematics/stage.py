@@ -284,7 +284,7 @@ class KinematicsStage(Stateful):
         for number, state in states.items():
             person = self._people[number]
             behind = person.behind.pop(stamp_ns, Behind(0, 0, 0))
-            rows.append(Solved(state, person.subject.body, *behind))
+            rows.append(Solved(state, person.body, *behind))
         assert self._model is not None
         newest = max(self._timeline.newest_ns, stamp_ns)
         return body_set(index - 1, stamp_ns, newest, self._model, self._skeleton, rows)

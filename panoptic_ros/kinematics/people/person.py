@@ -131,6 +131,12 @@ class Person:
         self._returns |= self.presence.is_away
         self.presence.told(stamp_ns, views)
 
+    @property
+    def body(self) -> Body:
+        """With the lengths by which the person is solved now, of which some may have been learnt."""
+        own = self.subject.body
+        return own if self.tracker is None else replace(own, offsets=self.tracker.offsets)
+
     def take_body(self, body: Body) -> None:
         """Go on with other lengths."""
         self.subject = replace(self.subject, body=body)
