@@ -195,7 +195,8 @@ class WornDevices:
             off = math.degrees(float(np.linalg.norm(self.mounting.mountings[k])))
             text = f"sits on {names[self.segments[k]]} about {off:.0f} deg off its mounting; corrected"
             self._tell("mounting", self._devices[k], text)
-        if self.mounting.heading_off:
+        stated = self._subject.heading_known and all(d.mount is not None for d in self._devices)
+        if stated and self.mounting.heading_off:  # else how somebody stood in the T-pose is in it
             off = math.degrees(self.mounting.heading)
             self._tell("heading", None, f"the heading of the IMUs is about {off:.0f} deg off; corrected")
 

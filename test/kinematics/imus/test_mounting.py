@@ -113,6 +113,12 @@ def test_a_heading_that_is_off_is_told_and_corrected(good):
     assert abs(np.degrees(tracker.mounting.heading) - 10.0) < 5.0
 
 
+def test_where_a_t_pose_tells_mountings_nothing_is_said_about_the_heading():
+    take = capture(mounts=False, t_pose=4.0)
+    turned = {name: unknown_heading(series, np.radians(12.0)) for name, series in take.devices.items()}
+    assert not any("heading" in notice for notice in told(take, devices=turned)[0])
+
+
 def test_cameras_do_not_see_forearms_turn_about_themselves():
     blind = unseen_axes(MODEL.body(1.75))
     assert {MODEL.names[s] for s in np.flatnonzero(blind.any(1))} == {"lForearm", "rForearm"}
