@@ -8,6 +8,7 @@ from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.body.contact import Contact
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.lengthening import Lengthening
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.measured_body import MeasuredBody
 from panoptic_ros.kinematics.body.noise_level import NoiseLevel
@@ -52,6 +53,7 @@ CLASSES = (
         "names _numbers _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt "
         "_rates_told",
     ),
+    Fields.named(Lengthening, "_begin _body _passed_s"),
     Fields.named(MeasuredBody, "_seen _count _stride"),
     Fields.named(HeldInstants, "_instants"),
     Fields.named(Pace, "_most waited_ns _left_out"),
@@ -63,7 +65,7 @@ CLASSES = (
     Fields.named(
         SubjectTracker,
         "subject weighing _config _chain _count devices _window _pose _before _past _unseen_s "
-        "iterations lengths _length_spreads _next_look _next_update _noise _contact",
+        "iterations lengths _lengthening _length_spreads _next_look _next_update _noise _contact",
     ),
     Fields.named(Past, "_stamps _strides _held"),
     Fields.named(Contact, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),

@@ -15,6 +15,7 @@ from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.kinematics.body.contact import Contact
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.lengthening import Lengthening
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.noise_level import NoiseLevel
 from panoptic_ros.kinematics.body.paper_accelerations import acceleration_goals
@@ -67,6 +68,7 @@ class SubjectTracker:
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
             self.lengths = LengthEstimate(subject.body.model, subject.body.offsets, config.looks)
+        self._lengthening: Lengthening | None = None
         self._length_spreads: Array | None = None  # of segments, in the frame of the first
         self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
         self._noise = NoiseLevel()
@@ -134,7 +136,14 @@ class SubjectTracker:
         self._past = Past()
 
     def take_body(self, body: Body) -> None:
-        """Go on with other lengths."""
+        """Go over to other lengths."""
+        if self._window is None:
+            self._lengthening = None
+            self._put_on(body)
+        else:
+            self._lengthening = Lengthening(self._chain.offsets, body)
+
+    def _put_on(self, body: Body) -> None:
         self._chain, self.weighing = body.chain, self.weighing.with_body(body)
         self.devices.take_chain(self._chain)
         if self._window is not None:
@@ -180,6 +189,9 @@ class SubjectTracker:
             oriented = self.devices.segments[which], goals_now
             self._pose = first_pose(self.weighing, self.subject, people, oriented, joints)
         self._unseen_s = 0.0 if people or joints is not None else self._unseen_s + period
+        if self._lengthening is not None:
+            self._put_on(self._lengthening.after(period))
+            self._lengthening = None if self._lengthening.is_over else self._lengthening
         guess = self.expected(stride)
         assert guess is not None
         views = self.weighing.views(people, guess.root, self._noise.level)
