@@ -6,6 +6,7 @@ from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
+from panoptic_ros.kinematics.body.between import BetweenInstants
 from panoptic_ros.kinematics.body.contact import Contact
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.lengthening import Lengthening
@@ -64,10 +65,11 @@ CLASSES = (
     ),
     Fields.named(
         SubjectTracker,
-        "subject weighing _config _chain _count devices _window _pose _before _past _unseen_s "
-        "iterations lengths _lengthening _length_spreads _next_look _next_update _noise _contact",
+        "subject weighing _config _chain _count devices _window _pose _before _past _between "
+        "iterations lengths _lengthening _length_spreads _next_look _next_update _noise",
     ),
     Fields.named(Past, "_stamps _strides _held"),
+    Fields.named(BetweenInstants, "_rate_hz _contact _unseen_s"),
     Fields.named(Contact, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),
     Fields.named(NoiseLevel, "_square _looks _since"),
     Fields.named(LengthEstimate, "_usual _sure _lengths _information _pull looks scales _unsure _moved"),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 
-import numpy as np
-
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
@@ -18,6 +16,7 @@ from panoptic_ros.kinematics.examples import step_examples
 from panoptic_ros.kinematics.held import HeldInstants
 from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.streams import ImuStreams
+from panoptic_ros.kinematics.imus.wearers import Wearers
 from panoptic_ros.kinematics.pace import Pace
 from panoptic_ros.kinematics.people.allotment import Allotment, SeenSet, SeenView
 from panoptic_ros.kinematics.people.person import Behind, Person
@@ -30,7 +29,6 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 IN_SPACE = -1  # the source of skeletons that come without 2D people
-NO_ROWS = np.zeros(0, np.int64)
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
 
@@ -58,6 +56,7 @@ class KinematicsStage(Stateful):
         self._config, self._skeleton, self._rig = config, context.skeleton, context.rig
         self._hash, self._joint_names = context.skeleton.hash, context.skeleton.joint_names
         self._subjects: tuple[Subject, ...] = tuple(context.extras.get("subjects", ()))
+        self._wearers = Wearers(self._subjects)
         self._model: SegmentModel | None = context.extras.get("segments")
         self._statistics: PoseStatistics | None = context.extras.get("pose_prior")
         self._parents = None if self._model is None else self._model.parents
@@ -77,13 +76,7 @@ class KinematicsStage(Stateful):
             self._people[subject.id] = self._new_person(subject)
         self._measured: dict[int, MeasuredBody] = {}  # people without a file, by id
         self._timeline, self._pace = Timeline(self._config.rate_hz), Pace(self._config.rate_hz)
-        devices = dict.fromkeys(d.name for s in self._subjects for d in s.devices)
-        self._streams = ImuStreams(tuple(devices))
-        self._wearers = {d.name: s.id for s in reversed(self._subjects) for d in s.devices}
-        numbers = {name: d for d, name in enumerate(devices)}
-        self._rows = {
-            s.id: np.array([numbers[d.name] for d in s.devices], np.int64) for s in self._subjects
-        }  # of everybody's devices among all
+        self._streams = ImuStreams(self._wearers.devices)
         self._waiting: SeenSet | None = None
         self._given = HeldInstants()
         self._last_set = -1  # index
@@ -131,11 +124,10 @@ class KinematicsStage(Stateful):
     # ------------------------------------------------------------------ what comes
 
     def _take_sample(self, item: ImuSample) -> list[Notice]:
-        wearer = self._wearers.get(item.device)
+        wearer = self._wearers.of(item.device)
         if wearer is None:
             return self._once(unworn(item.device))
-        offset_ns = self._people[wearer].fitting.offset_ns
-        notices = self._came(item.device, item.stamp_ns + offset_ns)
+        notices = self._came(item.device, item.stamp_ns + self._people[wearer].fitting.offset_ns)
         if not any(notice.code == ODD for notice in notices):
             notices += self._streams.take(item)
         return notices
@@ -246,12 +238,8 @@ class KinematicsStage(Stateful):
 
     def _measured_at(self, stamp_ns: int) -> dict[int, Measured]:
         """What everybody's devices measured at an instant."""
-        offsets = {person.fitting.offset_ns for person in self._people.values()}
-        found = {offset: self._streams.at(stamp_ns - offset) for offset in offsets}
-        return {
-            number: found[person.fitting.offset_ns].rows(self._rows.get(number, NO_ROWS))
-            for number, person in self._people.items()
-        }
+        offsets = {number: person.fitting.offset_ns for number, person in self._people.items()}
+        return self._wearers.measured(self._streams, stamp_ns, offsets)
 
     def _leave_out(self, stamp_ns: int) -> None:
         """Do without an instant; clocks and headings are looked for in samples without gaps."""
@@ -283,11 +271,9 @@ class KinematicsStage(Stateful):
         rows = []
         for number, state in states.items():
             person = self._people[number]
-            behind = person.behind.pop(stamp_ns, Behind(0, 0, 0))
-            rows.append(Solved(state, person.body, *behind))
+            rows.append(Solved(state, person.body, *person.behind.pop(stamp_ns, Behind(0, 0, 0))))
         assert self._model is not None
-        newest = max(self._timeline.newest_ns, stamp_ns)
-        return body_set(index - 1, stamp_ns, newest, self._model, self._skeleton, rows)
+        return body_set(index - 1, stamp_ns, self._timeline.newest_ns, self._model, self._skeleton, rows)
 
     # ------------------------------------------------------------------ helpers
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections import deque
 from collections.abc import Sequence
 
@@ -13,7 +12,7 @@ from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
-from panoptic_ros.kinematics.body.contact import Contact
+from panoptic_ros.kinematics.body.between import BetweenInstants
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.lengthening import Lengthening
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
@@ -28,20 +27,10 @@ from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.mounting import MountingEstimate
 from panoptic_ros.kinematics.pose.covariance import segment_covariances
 from panoptic_ros.kinematics.pose.solve import solve_pose
-from panoptic_ros.kinematics.pose.targets import (
-    NO_ACCELERATIONS,
-    NO_TURNS,
-    NOTHING_STANDS,
-    Between,
-    Evidence,
-    Standing,
-    Turning,
-    no_anchor,
-)
+from panoptic_ros.kinematics.pose.targets import NO_TURNS, Evidence, no_anchor
 from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
 
 Array = np.ndarray
-UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
 KEPT = 2  # instants, for which what comes after a pose is taken to look the same: a twentieth of a second
 SAME_LENGTHS = 0.002  # m, of a change that is not worth another
@@ -74,12 +63,11 @@ class SubjectTracker:
         self._noise = NoiseLevel()
         self._count = len(self._chain.parents)
         self.devices = WornDevices(config, subject, self._chain, mounts, heading)
-        self._contact = self._fresh_contact()
+        self._between = self._fresh_between()
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
         self._past = Past()
-        self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
         self.iterations: deque[int] = deque(maxlen=1000)
 
     @property
@@ -101,8 +89,7 @@ class SubjectTracker:
         """One that knows the person (lengths, errors of joints, how devices sit) and has seen no motion."""
         found = self.at_rest()
         found._pose = None
-        found._contact = self._fresh_contact()
-        found._unseen_s = 0.0 if len(self.weighing.rotations) else math.inf
+        found._between = self._fresh_between()
         found.devices.forget()
         return found
 
@@ -188,7 +175,7 @@ class SubjectTracker:
             goals_now = self.mounting.corrected(goals, which)
             oriented = self.devices.segments[which], goals_now
             self._pose = first_pose(self.weighing, self.subject, people, oriented, joints)
-        self._unseen_s = 0.0 if people or joints is not None else self._unseen_s + period
+        self._between.passed(period, bool(people) or joints is not None)
         if self._lengthening is not None:
             self._put_on(self._lengthening.after(period))
             self._lengthening = None if self._lengthening.is_over else self._lengthening
@@ -226,8 +213,8 @@ class SubjectTracker:
     def _lag(self) -> int:
         return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
 
-    def _fresh_contact(self) -> Contact:
-        return Contact(self._chain.parents, self.weighing.floor.segments, self._config.rate_hz)
+    def _fresh_between(self) -> BetweenInstants:
+        return BetweenInstants(self._chain, self.weighing, self._config.rate_hz)
 
     def _learn_lengths(self, evidence: Evidence, views: int, period: float) -> None:
         """Look now and then; take over what was learnt at twice as many looks each time, until it stays."""
@@ -249,22 +236,16 @@ class SubjectTracker:
     def _step_window(
         self, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array], stride: int
     ) -> None:
+        assert self._pose is not None
         period = 1.0 / self._config.rate_hz
         if self._window is None:
-            assert self._pose is not None
             motion = Motion(self._config.root_acceleration, self._config.joint_acceleration, period)
             self._window = PoseWindow(self._chain, self._pose, motion, self._lag)
             guess = self._window.predicted(stride)
-        turning = self.devices.turning(*oriented, stride)
-        free = self._unseen_s > UNSEEN_S
-        known = len(self._past) >= 2
-        accelerations = self.devices.accelerations(free, stride) if known else NO_ACCELERATIONS
-        weight = min(stride * period / self._config.error_time, 1.0)
-        self._pose = self._window.step(
-            guess, evidence._replace(weight=weight),
-            Between(accelerations, turning, self._standing(turning, stride), stride),
-            self._config.iterations,
-        )  # fmt: skip
+        body, begun = (self._chain, self._pose), len(self._past) >= 2
+        between = self._between.told(self.devices, oriented, body, begun, stride)
+        evidence = evidence._replace(weight=min(stride * period / self._config.error_time, 1.0))
+        self._pose = self._window.step(guess, evidence, between, self._config.iterations)
         self.iterations.append(self._window.iterations)
 
     def _step_alone(self, evidence: Evidence, period: float) -> None:
@@ -282,16 +263,6 @@ class SubjectTracker:
         )  # fmt: skip
         self._before = before
         self.iterations.append(done)
-
-    def _standing(self, turning: Turning, stride: int) -> Standing:
-        """What carries the body, while no camera sees it."""
-        if self._unseen_s <= UNSEEN_S or self._pose is None:
-            self._contact.forget()
-            return NOTHING_STANDS
-        rate = self._config.rate_hz / stride
-        angles = np.linalg.norm(vectors_of(np.ascontiguousarray(turning.changes)), axis=-1)
-        rates = dict(zip(turning.segments.tolist(), (rate * angles).tolist()))
-        return self._contact.step(self._chain, self._pose, rates, self.devices.shaken())
 
     def _final(self) -> list[BodyState]:
         assert self._pose is not None
