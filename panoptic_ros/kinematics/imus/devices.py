@@ -28,6 +28,7 @@ from panoptic_ros.stage import Notice
 Array = np.ndarray
 GRAVITY = np.array([0.0, 0.0, 9.81])
 LOOK_S = 0.2  # between two looks at how devices are worn
+IN_TURN = 4  # people, of whom one is looked at after the other: a look takes as long as half an instant
 LOOK_ITERATIONS = 10
 LEAST_BONE, ON_AXIS = 0.15, 0.07  # m, of a limb; of a joint that is as good as on its axis
 
@@ -60,7 +61,7 @@ class WornDevices:
         self._unseen = unseen_axes(subject.body)
         self.mounting = self._fresh_mounting()
         self._wearing = Wearing(len(self._devices))
-        self._since_look = 0.0
+        self._since_look = LOOK_S * (subject.id % IN_TURN) / IN_TURN
         self._notices: list[Notice] = []
         self._told: set[tuple[str, str]] = set()
         self.forget()
