@@ -65,7 +65,7 @@ CLASSES = (
     ),
     Fields.named(
         SubjectTracker,
-        "subject weighing _config _chain _count devices _window _pose _before _past _between "
+        "subject body weighing _config _chain _count devices _window _pose _before _past _between "
         "iterations lengths _lengthening _length_spreads _next_look _next_update _noise",
     ),
     Fields.named(Past, "_stamps _strides _held"),

@@ -53,7 +53,8 @@ class SubjectTracker:
         heading: float = 0.0,
     ):
         self.subject, self.weighing, self._config = subject, weighing, config
-        self._chain = subject.body.chain
+        self.body = subject.body  # with the lengths that were learnt
+        self._chain = self.body.chain
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
             self.lengths = LengthEstimate(subject.body.model, subject.body.offsets, config.looks)
@@ -131,7 +132,7 @@ class SubjectTracker:
             self._lengthening = Lengthening(self._chain.offsets, body)
 
     def _put_on(self, body: Body) -> None:
-        self._chain, self.weighing = body.chain, self.weighing.with_body(body)
+        self.body, self._chain, self.weighing = body, body.chain, self.weighing.with_body(body)
         self.devices.take_chain(self._chain)
         if self._window is not None:
             self._window.take_chain(self._chain)

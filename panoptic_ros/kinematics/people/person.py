@@ -134,8 +134,7 @@ class Person:
     @property
     def body(self) -> Body:
         """With the lengths by which the person is solved now, of which some may have been learnt."""
-        own = self.subject.body
-        return own if self.tracker is None else replace(own, offsets=self.tracker.offsets)
+        return self.subject.body if self.tracker is None else self.tracker.body
 
     def take_body(self, body: Body) -> None:
         """Go on with other lengths."""
