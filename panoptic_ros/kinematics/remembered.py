@@ -47,7 +47,7 @@ CLASSES = (
     Fields.named(SeenPerson, "views joints"),
     Fields.named(
         ImuFitting,
-        "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _unseen",
+        "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _seen_s _next_s",
     ),
     Fields.named(
         ImuStreams,

@@ -18,6 +18,7 @@ from panoptic_ros.stage import Notice
 Array = np.ndarray
 LOOK_S, LONGEST_S = 5.0, 15.0  # between looks at heading and clock, and after which there are no more
 BENT_S = 3.0  # after the T-pose, of joints that bend
+STEP_S = 0.1  # from one body to the next, that counts at most as time in which the person is seen
 UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
 
 
@@ -42,12 +43,13 @@ class ImuFitting:
         self._forces: list[Array] = []
         self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
         self._poseless: list[str] = []  # devices that had no samples in it
-        self._unseen = 0
+        self._seen_s, self._next_s = 0.0, LOOK_S  # in which cameras saw the person; of the next look
 
     def at_rest(self) -> ImuFitting:
         """The same without the motion so far, which says nothing about a clock that was stopped."""
         found = copy.copy(self)
         found._states, found._stamps, found._turns, found._forces = [], [], [], []
+        found._seen_s, found._next_s = 0.0, LOOK_S
         return found
 
     def take(self, stamp_ns: int, subject: Subject, measured: Measured) -> list[Notice]:
@@ -80,17 +82,20 @@ class ImuFitting:
         self, subject: Subject, states: list[BodyState], rate_hz: float, statistics: PoseStatistics
     ) -> list[Notice]:
         """Motion that cameras alone have seen; heading and clock, once there is enough of it."""
-        self._states += states
-        self._unseen = 0 if states else self._unseen + 1
-        lasted = len(self._states) / rate_hz
-        if self._unseen / rate_hz > UNSEEN_S:
+        for state in states:
+            since = 1e-9 * (state.stamp_ns - self._states[-1].stamp_ns) if self._states else 1.0 / rate_hz
+            self._seen_s += min(since, STEP_S)
+            self._states.append(state)
+        seen_ns = self._states[-1].stamp_ns if self._states else self._stamps[0]
+        if 1e-9 * (self._stamps[-1] - seen_ns) > UNSEEN_S:
             return self._without_cameras(subject, rate_hz, statistics)
-        if lasted < LOOK_S or len(self._states) % round(LOOK_S * rate_hz) or not states:
+        if self._seen_s < self._next_s - 0.5 / rate_hz:
             return []
+        self._next_s += LOOK_S
         stamps, forces, turns = np.array(self._stamps), np.array(self._forces), self._turns_of(subject)
         felt = {name: Felt(stamps, own, forces[:, d]) for d, (name, own) in enumerate(turns.items())}
         found = align(subject, self._states, felt)
-        if lasted < LONGEST_S and (found is None or not found.enough):
+        if self._next_s <= LONGEST_S and (found is None or not found.enough):
             return []
         if found is None:
             return self._give_up(subject, "the person hardly moves")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import BODY, MODEL
 
-from panoptic_ros.domain.subjects import Device, ImuReading, Subject, TPose
+from panoptic_ros.domain.subjects import BodyState, Device, ImuReading, Subject, TPose
 from panoptic_ros.geometry.chain import place_all
 from panoptic_ros.geometry.rotations import rotations_of, turn_about_z
 from panoptic_ros.io.pose_prior import read_prior
@@ -73,3 +73,19 @@ def test_live_it_is_told_some_seconds_after_the_t_pose():
 def _with_prior(given):
     subject, moved, held = given
     return subject, read_prior(""), moved, held
+
+
+@pytest.mark.parametrize("solved_hz", [60.0, 20.0])
+def test_a_late_node_looks_no_longer_than_a_punctual_one(solved_hz):
+    subject, moved, _ = measured(0.0, (1.0, 0.0, 0.0), np.zeros((1, len(MODEL.names), 3)))
+    fitting, statistics, rate, told = ImuFitting(KinematicsConfig(), subject), read_prior(""), 60.0, []
+    nothing = np.full(3, np.nan)
+    readings = {name: ImuReading(own[0], nothing, nothing) for name, own in moved.items()}
+    places, frames = place_all(BODY.chain, np.zeros((1, 3)), np.tile(np.eye(3), (1, len(MODEL.names), 1, 1)))
+    for k in range(round(16.0 * rate)):
+        stamp = round(k * 1e9 / rate)
+        fitting.take(stamp, subject, measured_of(subject.devices, readings))
+        if fitting.looking and k % round(rate / solved_hz) == 0:
+            told += fitting.learn(subject, [BodyState(stamp, 0, places[0], frames[0])], rate, statistics)
+        assert fitting.looking == (stamp < 14.9e9) or 14.9e9 <= stamp <= 15.1e9
+    assert [notice.code for notice in told] == ["kinematics.imu_heading"]
