@@ -16,7 +16,6 @@ NEAREST = 0.1  # m before a camera
 FEWEST = 3  # joints that tell where somebody is
 
 
-
 class Sites(NamedTuple):
     """Columns (N,) of the detections and places (N, 3) m where their joints are expected."""
 

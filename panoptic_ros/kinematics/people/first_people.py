@@ -8,9 +8,9 @@ from panoptic_ros.domain.subjects import Instant, Subject
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.sight import FEWEST, NEAREST
 from panoptic_ros.kinematics.body.start import middle_of
+from panoptic_ros.kinematics.people.returning import People
 
 Array = np.ndarray
-People = dict[int, tuple[Array, Array]]
 
 NEAR, FIRST_GATE = 0.35, 0.8  # m, across: of views that agree; from where a subject is said to start, at most
 LEAST = 1e-3  # share of a ray that lies level
@@ -33,7 +33,7 @@ def nearest_to_start(
             camera: (people.points[0], people.scores[0])
             for camera, people in instant.views.items() if len(people.points) == 1
         }  # fmt: skip
-    nearest, apart = dict[int, tuple[Array, Array]](), dict[int, float]()
+    nearest, apart = People(), dict[int, float]()
     for camera, people in instant.views.items():
         far = [_across(weighing, camera, points, subject.start) for points in people.points]
         if far:

@@ -62,7 +62,10 @@ class Drawn:
 
 def draw(rng: np.random.Generator) -> Drawn:
     """Conditions of one capture."""
-    pick = lambda *values: values[int(rng.integers(len(values)))]  # noqa: E731
+
+    def pick(*values: Any) -> Any:
+        return values[int(rng.integers(len(values)))]
+
     drawn = Drawn(
         pick(*BODY_SCENES, *OTHER_BODY_SCENES), pick(8, 8, 4, 4, 2), pick(13, 13, 13, 6, 0),
         pick(25, 30, 50, 60), pick(60, 100), pick(False, True), pick(0.5, 0.8, 1.0, 1.3, 1.6, 2.5),
