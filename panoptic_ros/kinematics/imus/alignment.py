@@ -111,7 +111,9 @@ def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt
     surface = sum(1.5 * fit.counts.sum() * COMPARED_S / SAME_S * np.log(fit.variances) for fit in fits)
     assert isinstance(surface, np.ndarray)
     best, turned = map(int, np.unravel_index(int(np.argmin(surface)), surface.shape))
-    offset, unsure = _valley(OFFSETS_S, surface.min(axis=1))
+    likelihood = surface.min(axis=1)
+    offset, _ = _vertex(OFFSETS_S, likelihood, best)
+    _, unsure = _valley(OFFSETS_S, likelihood)  # how wide: which of several bottoms it is, the least tells
     heading, heading_unsure = 0.0, 0.0
     if not subject.heading_known:
         alike = _of_devices(fits, best, turned)
