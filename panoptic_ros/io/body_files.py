@@ -12,7 +12,8 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.files import known, malformed, read_json, write_json
+from panoptic_ros.io.files import known, malformed, write_json
+from panoptic_ros.io.frame_stream import read_frames
 
 Array = np.ndarray
 KINEMATICS = "panoptic-kinematics-1"
@@ -66,7 +67,7 @@ def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
     Raises:
         DataError: naming the file and what is wrong.
     """
-    document = read_json(path)
+    document = read_frames(path)
     if not isinstance(document, dict) or document.get("format") != KINEMATICS:
         raise DataError(f"{path} is no {KINEMATICS} file")
     try:

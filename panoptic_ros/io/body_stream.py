@@ -36,6 +36,10 @@ class BodyStream:
             index = self._frames.count
             self._frames.add({"index": index, "stamp_ns": item.stamp_ns, "subjects": rows})
 
+    def sync(self) -> None:
+        """See `FrameStream`."""
+        self._frames.sync()
+
     def close(self) -> None:
         """Finish the file."""
         self._frames.close()

@@ -1,16 +1,25 @@
-"""A gzipped JSON document with many frames, frame by frame: hours need no more memory than minutes."""
+"""A gzipped JSON document with many frames, frame by frame: hours need no more memory than minutes.
+
+A document whose writer was killed ends early. `read_frames` reads what is whole of it.
+"""
 
 from __future__ import annotations
 
 import json
+import os
+import threading
+import warnings
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.io.files import file_errors
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import file_errors, read_bytes, read_json
 
 GZIP = 31  # zlib's number for a gzip file
+END = "]}\n"
+MOST_TIMES = 100  # the size of frames over that of the packed file; our files have 3 to 8
 
 
 class FrameStream:
@@ -26,28 +35,109 @@ class FrameStream:
     def __init__(self, path: Path, head: Mapping[str, Any]):
         self._path = path
         self._packer = zlib.compressobj(9, zlib.DEFLATED, GZIP)
+        self._lock = threading.Lock()  # `sync` runs in the thread of a recorder
+        self._unsynced = True
         self.count = 0
         with file_errors(path, "write"):
             self._file = path.open("wb")
         self._write(json.dumps({**head, "frames": []}).removesuffix("]}"))
 
     def add(self, frame: Mapping[str, Any]) -> None:
-        """One more frame."""
+        """Append a frame."""
         self._write((", " if self.count else "") + json.dumps(frame, allow_nan=False))
         self.count += 1
 
+    def sync(self) -> None:
+        """Write all frames so far to the disk, so that a power cut costs what comes after. Thread-safe.
+
+        The bytes of the file depend on when this is called, its content does not.
+        """
+        with file_errors(self._path, "write"):
+            with self._lock:
+                if not self._unsynced or self._file.closed:
+                    return
+                self._unsynced = False
+                self._file.write(self._packer.flush(zlib.Z_SYNC_FLUSH))
+                self._file.flush()
+                descriptor = os.dup(self._file.fileno())
+            try:  # without the lock: the disk may take long
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+
     def close(self) -> None:
         """Finish the file."""
-        self._write("]}\n")
-        with file_errors(self._path, "write"):
+        self._write(END)
+        with file_errors(self._path, "write"), self._lock:
             self._file.write(self._packer.flush())
+            self._file.flush()
+            os.fsync(self._file.fileno())
             self._file.close()
 
     def discard(self) -> None:
-        """Give the file up."""
+        """Close the file as it is."""
         self._file.close()
 
     def _write(self, text: str) -> None:
-        data: Any = self._packer.compress(text.encode())
-        with file_errors(self._path, "write"):
-            self._file.write(data)
+        with self._lock:
+            data: Any = self._packer.compress(text.encode())
+            self._unsynced = True
+            with file_errors(self._path, "write"):
+                self._file.write(data)
+
+
+class CutFileWarning(UserWarning):
+    """A file ends early; its whole frames were read."""
+
+
+def read_frames(path: Path) -> Any:
+    """Read a JSON document of frames; of one that ends early, the whole frames, with a `CutFileWarning`.
+
+    Raises:
+        DataError: if it is neither.
+    """
+    try:
+        return read_json(path)
+    except DataError:
+        found = whole_frames(read_bytes(path))
+        if found is None:
+            raise
+    document, lost = found
+    count = len(document["frames"])
+    text = f"{path} ends early: its {count} whole frames were read, the last {lost} characters are lost"
+    warnings.warn(text, CutFileWarning, stacklevel=3)
+    return document
+
+
+def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
+    """Return the document of a stream that ends early with its whole frames, and the bytes that are lost.
+
+    Args:
+        packed: the file, gzipped.
+
+    Returns:
+        None if the data are no such stream, or damaged otherwise than by their end.
+    """
+    unpacker = zlib.decompressobj(GZIP)
+    packed = packed.rstrip(b"\0")  # of a power cut: the file has its length, its last bytes were not written
+    try:
+        text = unpacker.decompress(packed, MOST_TIMES * len(packed)).decode(errors="ignore")
+    except zlib.error:
+        return None
+    begin = text.find('"frames": [')
+    if unpacker.eof or begin < 0 or not text.startswith("{"):
+        return None
+    at = begin + len('"frames": [')
+    try:
+        document: dict[str, Any] = json.loads(text[:at] + END)
+    except ValueError:
+        return None
+    decoder, end = json.JSONDecoder(), at
+    while text.startswith("{", at):
+        try:
+            frame, end = decoder.raw_decode(text, at)
+        except ValueError:
+            break
+        document["frames"].append(frame)
+        at = end + len(", ")
+    return document, len(text) - end

@@ -5,7 +5,7 @@ missing joint is null. docs/formats.md defines every key.
 """
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.errors import CalibrationError, DataError
 from panoptic_ros.io.files import malformed, read_json, write_json
+from panoptic_ros.io.frame_stream import read_frames
 
 Array = np.ndarray
 DETECTIONS = "panoptic-detections-1"
@@ -158,12 +159,12 @@ def write_detections(path: Path, joint_names: Iterable[str], sets: Iterable[Dete
 
 
 def read_skeletons(path: Path) -> PlainSkeletons:
-    """Read skeletons, results or truth.
+    """Read skeletons, results or truth; of a file that ends early, its whole frames, with a warning.
 
     Raises:
         DataError: naming the file, the frame and what is wrong.
     """
-    document, names = _document(path, SKELETONS)
+    document, names = _document(path, SKELETONS, read_frames)
     frames = []
     for number, frame in enumerate(document["frames"]):
         where = f"{path}, frame {number}"
@@ -229,8 +230,10 @@ def _person_scores(scores: Array) -> Array:
     return scores_of_people
 
 
-def _document(path: Path, wanted: str) -> tuple[dict[str, Any], tuple[str, ...]]:
-    document = read_json(Path(path))
+def _document(
+    path: Path, wanted: str, read: Callable[[Path], Any] = read_json
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    document = read(Path(path))
     found = document.get("format") if isinstance(document, dict) else None
     if found != wanted:
         raise DataError(f"{path} has format {found!r}, expected {wanted!r}")

@@ -28,6 +28,10 @@ class SkeletonStream:
         """One more frame."""
         self._frames.add(skeletons_frame(item))
 
+    def sync(self) -> None:
+        """See `FrameStream`."""
+        self._frames.sync()
+
     def close(self) -> None:
         """Finish the file."""
         self._frames.close()

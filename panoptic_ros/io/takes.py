@@ -1,0 +1,148 @@
+"""Open takes: live recordings that are marked open until they are closed, and named after a crash.
+
+A take holds the file `take.open` from its first second until it is closed. The recording process keeps a lock
+on that file, so the file without a lock tells of a process that was killed, or of a power cut. The paths of
+open takes are also listed in the user's cache, where `panoptic doctor` and the next run find them.
+"""
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import platform
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.resources import cache_folder
+
+OPEN = "take.open"  # name of the mark in the folder of a take
+LISTED = "takes"  # folder in the user's cache, one file for each open take
+
+
+@dataclass(frozen=True)
+class UnclosedTake:
+    """A take that no process closed.
+
+    Args:
+        path: its folder. began: when it began, in local time; "" if the mark does not say.
+    """
+
+    path: Path
+    began: str = ""
+
+    def __str__(self) -> str:
+        began = f", which began at {self.began}," if self.began else ""
+        return (
+            f"the take {self.path}{began} was not closed (its process was killed, the disk was full or the "
+            f"power failed); `panoptic bag repair {self.path}` saves what was recorded"
+        )
+
+
+class OpenTake:
+    """The mark of a take that is being recorded.
+
+    Args:
+        folder: of the take; it exists.
+
+    Raises:
+        EnvironmentProblem: if the mark cannot be written.
+    """
+
+    def __init__(self, folder: Path):
+        self._mark = folder / OPEN
+        self._entry = _entry_of(folder)
+        about = {"process": os.getpid(), "host": platform.node(), "began": time.strftime("%Y-%m-%d %H:%M:%S")}
+        with file_errors(self._mark, "write"):
+            self._lock = os.open(self._mark, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+            with suppress(OSError):  # a file system without locks: the mark alone tells
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            os.write(self._lock, json.dumps(about).encode())
+            os.fsync(self._lock)
+            sync_folder(folder)
+            sync_folder(folder.parent)
+        with suppress(OSError):  # a cache that cannot be written: the mark in the folder remains
+            self._entry.parent.mkdir(parents=True, exist_ok=True)
+            self._entry.write_text(str(folder.resolve()))
+
+    def close(self) -> None:
+        """Remove the mark: the take is whole."""
+        self._mark.unlink(missing_ok=True)
+        self.leave()
+        with suppress(OSError):
+            self._entry.unlink(missing_ok=True)
+
+    def leave(self) -> None:
+        """Keep the mark and free the lock: the take is not whole."""
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+
+def sync_folder(folder: Path) -> None:
+    """Write the entries of a folder to the disk, where the file system can."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def is_recorded_now(folder: Path) -> bool:
+    """Return whether some process records a take at this moment."""
+    try:
+        descriptor = os.open(folder / OPEN, os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def unclosed_take(folder: Path) -> UnclosedTake | None:
+    """Return the take in a folder if nobody closed it and nobody records it; else None."""
+    mark = folder / OPEN
+    if not mark.is_file() or is_recorded_now(folder):
+        return None
+    began = ""
+    with suppress(OSError, ValueError, AttributeError):
+        began = str(json.loads(mark.read_bytes()[:4096]).get("began", ""))[:40]
+    return UnclosedTake(folder, began)
+
+
+def unclosed_takes() -> list[UnclosedTake]:
+    """Return the takes of this user that nobody closed; forget those that are gone or closed."""
+    found = []
+    with suppress(OSError):
+        for entry in sorted((cache_folder() / LISTED).iterdir()):
+            with suppress(OSError, UnicodeDecodeError):
+                folder = Path(entry.read_text())
+                take = unclosed_take(folder)
+                if take is not None:
+                    found.append(take)
+                elif folder.parent.exists() and not (folder / OPEN).is_file():  # else its disk is away
+                    entry.unlink(missing_ok=True)
+    return found
+
+
+def mark_saved(folder: Path) -> None:
+    """Remove the mark of a take that was repaired into a new folder."""
+    if unclosed_take(folder) is not None:
+        with suppress(OSError):
+            (folder / OPEN).unlink(missing_ok=True)
+            _entry_of(folder).unlink(missing_ok=True)
+
+
+def _entry_of(folder: Path) -> Path:
+    """The file in the user's cache that lists a take."""
+    return cache_folder() / LISTED / sha256(str(folder.resolve()).encode()).hexdigest()[:20]
