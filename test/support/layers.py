@@ -28,13 +28,13 @@ THIRD_PARTY: dict[str, set[str]] = {
     "solving": {"numpy"},
     "identity": {"numpy", "scipy"},
     "graph": {"numpy"},
-    "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "onnxruntime", "tomli"},
+    "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "tomli"},
     "capture": {"numpy", "cv2", "av"},
     "export": {"numpy", "websockets"},  # the last for the live stream of bodies
     "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
     "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
-    "running": {"numpy", "cv2", "av", "onnxruntime", "rclpy", "websockets"},  # those of the doctor among them
+    "running": {"numpy", "cv2", "av", "rclpy", "websockets"},  # those of the doctor among them
     "cli": set(),
 }
 THIRD_PARTY["detection"] = THIRD_PARTY["detection"] | {"onnxruntime"}  # in backends/

@@ -3,9 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import onnxruntime
-
-from panoptic_ros.detection.backends.onnx import OnnxNetwork
+from panoptic_ros.detection.backends.onnx import OnnxNetwork, runtime_providers
 from panoptic_ros.detection.backends.openvino import NAME, OpenVinoNetwork, is_installed
 from panoptic_ros.detection.card import ModelCard
 
@@ -21,12 +19,12 @@ def open_network(
     Raises:
         BackendError: as the network.
     """
-    if list(providers[:1]) == [NAME] and NAME not in onnxruntime.get_available_providers():
+    if list(providers[:1]) == [NAME] and NAME not in runtime_providers():
         return OpenVinoNetwork(card, onnx_bytes, threads)
     return OnnxNetwork(card, onnx_bytes, providers, threads)
 
 
 def available_providers() -> list[str]:
     """Those of onnxruntime, and OpenVINO's where its package is installed."""
-    found = list(onnxruntime.get_available_providers())
+    found = runtime_providers()
     return [*found, NAME] if is_installed() and NAME not in found else found

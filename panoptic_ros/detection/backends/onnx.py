@@ -1,4 +1,8 @@
-"""Running a network with onnxruntime, after checking that it is what its card says."""
+"""Running a network with onnxruntime, after checking that it is what its card says.
+
+This is the only module that imports onnxruntime. `panoptic_ros/__init__.py` has switched its telemetry off by
+then; `test/contract/test_no_network.py` checks both.
+"""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -61,8 +65,13 @@ class OnnxNetwork:
         return dict(zip(self._roles, values))
 
 
+def runtime_providers() -> list[str]:
+    """List the execution providers of the installed onnxruntime, by their names there."""
+    return list(onnxruntime.get_available_providers())
+
+
 def _checked_providers(providers: Sequence[str]) -> list[str]:
-    available = onnxruntime.get_available_providers()
+    available = runtime_providers()
     for name in providers:
         if name not in available:
             raise BackendError(

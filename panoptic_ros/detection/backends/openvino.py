@@ -2,11 +2,15 @@
 
 For onnxruntimes without OpenVINO's provider, as those of PyPI; the provider that comes as a plugin leaves out
 processors that are not Intel's.
+
+The import of openvino reports itself to a web service by the package openvino_telemetry, where that is
+installed. This module is the only one that imports openvino, and it imports openvino without that package.
 """
 from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
 import threading
 from typing import Any
 
@@ -25,6 +29,19 @@ def is_installed() -> bool:
     return importlib.util.find_spec("openvino") is not None
 
 
+def _without_telemetry() -> Any:
+    """Import openvino without its telemetry, unless this process has imported that already.
+
+    None in `sys.modules` makes the import of openvino_telemetry fail. openvino then takes its own stub,
+    as it does where the package is not installed. The user's file of consent is neither read nor changed.
+
+    Raises:
+        ImportError: openvino is not installed.
+    """
+    sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]  # None: typeshed omits it
+    return importlib.import_module("openvino")
+
+
 class OpenVinoNetwork:
     """As `OnnxNetwork`. Every thread that runs it has a compiled network of its own, on which it computes.
 
@@ -36,7 +53,7 @@ class OpenVinoNetwork:
         self.card = card
         self.batch_limit = OnnxNetwork(card, onnx_bytes).batch_limit  # and checks the tensors
         try:
-            openvino: Any = importlib.import_module("openvino")
+            openvino: Any = _without_telemetry()
         except ImportError as error:
             raise BackendError(
                 f"{NAME} is not in this onnxruntime, and the package openvino cannot be loaded ({error}): "

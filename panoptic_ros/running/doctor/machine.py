@@ -52,10 +52,10 @@ def check_packages() -> Finding:
 
 def check_onnxruntime() -> Finding:
     """Execution providers for the networks."""
-    import onnxruntime
+    from panoptic_ros.detection.backends.onnx import runtime_providers
 
-    providers = onnxruntime.get_available_providers()
-    return ok(f"providers: {', '.join(name.removesuffix('ExecutionProvider') for name in providers)}")
+    names = (name.removesuffix("ExecutionProvider") for name in runtime_providers())
+    return ok(f"providers: {', '.join(names)}")
 
 
 def check_model() -> Finding:

@@ -1,8 +1,7 @@
 import numpy as np
-import onnxruntime
 import pytest
 
-from panoptic_ros.detection.backends.onnx import OnnxNetwork
+from panoptic_ros.detection.backends.onnx import OnnxNetwork, runtime_providers
 from panoptic_ros.errors import BackendError
 
 
@@ -66,7 +65,7 @@ def test_a_truncated_file_is_refused(blobs):
 def test_providers_that_are_not_there_are_refused_with_those_that_are(blobs):
     with pytest.raises(BackendError, match="'NoSuchProvider'.*CPUExecutionProvider"):
         OnnxNetwork(simcc(blobs), network(blobs), ["NoSuchProvider"])
-    available = onnxruntime.get_available_providers()
+    available = runtime_providers()
     assert OnnxNetwork(simcc(blobs), network(blobs), available[-1:], threads=2).batch_limit is None
 
 

@@ -1,4 +1,5 @@
 """OpenVINO beside onnxruntime: with a stand-in where its package is missing, and itself where it is there."""
+import importlib
 import sys
 import threading
 from types import SimpleNamespace
@@ -42,6 +43,7 @@ class StandIn:
 def stand_in(monkeypatch):
     StandIn.settings = []
     monkeypatch.setitem(sys.modules, "openvino", SimpleNamespace(Core=StandIn))
+    monkeypatch.delitem(sys.modules, "openvino_telemetry", raising=False)
     monkeypatch.setattr(choice, "is_installed", lambda: True)
     return StandIn
 
@@ -76,6 +78,19 @@ def test_a_missing_package_is_told_with_what_to_do(monkeypatch):
     monkeypatch.setitem(sys.modules, "openvino", None)
     with pytest.raises(BackendError, match="python -m pip install openvino"):
         choice.open_network(CARD, NETWORK, (NAME,), 1)
+
+
+def test_its_telemetry_cannot_be_imported(stand_in):
+    choice.open_network(CARD, NETWORK, (NAME,), 1)
+    with pytest.raises(ImportError):
+        importlib.import_module("openvino_telemetry")
+
+
+def test_a_telemetry_that_the_process_has_imported_stays(stand_in, monkeypatch):
+    imported = SimpleNamespace()
+    monkeypatch.setitem(sys.modules, "openvino_telemetry", imported)
+    choice.open_network(CARD, NETWORK, (NAME,), 1)
+    assert sys.modules["openvino_telemetry"] is imported
 
 
 @pytest.mark.skipif(not openvino.is_installed(), reason="the package openvino is not installed")

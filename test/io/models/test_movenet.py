@@ -2,9 +2,9 @@
 import json
 
 import numpy as np
-import onnxruntime
 import pytest
 
+from panoptic_ros.detection.backends.onnx import onnxruntime
 from panoptic_ros.errors import BackendError, DataError
 from panoptic_ros.io.models.movenet import convert, find_heads
 from panoptic_ros.io.models.reference import run_heads, verify
