@@ -23,6 +23,7 @@ __all__ = [
     "Stage",
     "StageContext",
     "StepResult",
+    "Timed",
     "each",
     "part_of",
     "untold",
@@ -105,6 +106,19 @@ class Punctual(Protocol):
 
     def waited(self, ns: int) -> None:
         """The records that come next have waited for so long."""
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """A stage that compares stamps with the time of arrival. Only a live graph has one and tells it."""
+
+    def arrived(self, came_ns: int, host_ns: int) -> None:
+        """Take the arrival of the records that come next.
+
+        Args:
+            came_ns: on a monotonic clock. host_ns: the same moment on the clock that stamps of cameras
+                should be on.
+        """
 
 
 # Passes: what needs a whole recording.

@@ -21,7 +21,7 @@ from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Tur
 from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
-from panoptic_ros.stage import Notice, Punctual, Resting, Stage, StageContext, StepResult
+from panoptic_ros.stage import Notice, Punctual, Resting, Stage, StageContext, StepResult, Timed
 
 Observer = Callable[[str, Any], None]  # (key of the topic, record)
 NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
@@ -82,7 +82,7 @@ class Pipeline:
         self.schedule = Schedule(self.wiring)
         self._configs, self._context = configs, context
         self._stages = [self._make(spec.name) for spec in self.wiring.specs]
-        self._punctual = [stage for stage in self._stages if isinstance(stage, Punctual)]
+        self._find_live_stages()
         self._pushed = 0
         self._begun: dict[tuple[int, int], Future[tuple[Any, int, int]]] = {}  # by stage and id of the record
         self._on_record = on_record or (lambda topic, record: None)
@@ -113,6 +113,11 @@ class Pipeline:
         """Live: the records that are pushed next have waited for so long."""
         for stage in self._punctual:
             stage.waited(ns)
+
+    def arrived(self, came_ns: int, host_ns: int) -> None:
+        """Live: tell the arrival of the records that are pushed next (see `stage.Timed`)."""
+        for stage in self._timed_stages:
+            stage.arrived(came_ns, host_ns)
 
     def begin_step(self, topic: str, record: Any, lines: Lines) -> Future[Any] | None:
         """Let the stage that takes a record first begin with it, where its cameras or devices are apart.
@@ -182,7 +187,7 @@ class Pipeline:
             except DataError:
                 anew.append(name)
             self._stages[number] = stage
-        self._punctual = [stage for stage in self._stages if isinstance(stage, Punctual)]
+        self._find_live_stages()
         return tuple(anew)
 
     # ------------------------------------------------------------------ for hosts, which know places
@@ -218,6 +223,11 @@ class Pipeline:
 
     def _make(self, name: str) -> Stage[Any, Any]:
         return make_stage(name, self._configs[name], self._context, self.wiring.table)
+
+    def _find_live_stages(self) -> None:
+        """Find the stages that are told what only a live graph knows."""
+        self._punctual = [stage for stage in self._stages if isinstance(stage, Punctual)]
+        self._timed_stages = [stage for stage in self._stages if isinstance(stage, Timed)]
 
     def _place_of_push(self, topic: str) -> Place:
         self._pushed += 1

@@ -36,6 +36,10 @@ class UnderWay:
         """The records of the next instant have waited for so long."""
         self._pipeline.waited(ns)
 
+    def arrived(self, came_ns: int, host_ns: int) -> None:
+        """Tell the arrival of the records of the next instant (see `stage.Timed`)."""
+        self._pipeline.arrived(came_ns, host_ns)
+
     def begin(self, records: Sequence[tuple[str, Any]]) -> None:
         """Take records of one instant, with their topics. What stands beside a record of its camera, such as
         its depth map, comes before it.

@@ -115,6 +115,10 @@ class StampCorrection:
         notices += self._silent(camera.model, view.stamp_ns)
         return self._moved([view], camera.model, notices), tuple(notices)
 
+    def corrects(self, name: str) -> bool:
+        """Whether a camera has a clock model or waits for one."""
+        return self._cameras[name].model is not None or self._required(name) is not None
+
     def holds(self, name: str) -> bool:
         """Whether frames of a camera wait for its clock."""
         return bool(self._cameras[name].held)

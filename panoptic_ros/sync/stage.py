@@ -8,12 +8,13 @@ from panoptic_ros.domain import ClockModel, DetectionSet, EndOfStream, ViewDetec
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Notice, Severity, StageContext, StepResult
 from panoptic_ros.state import Stateful
+from panoptic_ros.sync.agreement import Agreement
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.correction import StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_master
-from panoptic_ros.sync.jumps import JumpGuard
+from panoptic_ros.sync.jumps import SetBackGuard
 from panoptic_ros.sync.liveness import Liveness
-from panoptic_ros.sync.outliers import StampOutliers
+from panoptic_ros.sync.outliers import LATEST_NS, StampOutliers
 from panoptic_ros.sync.queue import CameraQueue
 from panoptic_ros.sync.remembered import LAYOUT
 from panoptic_ros.sync.resample import Neighbours, interpolate
@@ -21,6 +22,7 @@ from panoptic_ros.sync.resample import Neighbours, interpolate
 SECOND = 1_000_000_000
 FIRST_FRAMES = 4  # of every camera, from which their rates are found
 REACH = 0.6  # of the time between sets
+START = 2  # deadlines: time for cameras to give their first frames, live
 USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
 
 
@@ -52,7 +54,10 @@ class SyncStage(Stateful):
         """Forget all frames and clocks; the next set has index 0."""
         self._outliers = StampOutliers(self._rig.names)
         self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
-        self._guard = JumpGuard(self._rig.names, live=self._deadline_ns > 0)
+        live, start_ns = self._deadline_ns > 0, START * self._deadline_ns
+        self._agreement = Agreement(self._rig.names, start_ns) if live else None
+        self._guard = SetBackGuard(self._rig.names)
+        self._came: tuple[int | None, int | None] = None, None  # arrival of the next record, see `arrived`
         self._liveness = Liveness(self._rig.names) if self._deadline_ns else None
         self._queues = {name: CameraQueue(self._interpolates) for name in self._rig.names}
         self._in_order = list(self._queues.values())
@@ -64,6 +69,10 @@ class SyncStage(Stateful):
         self._stamp = -1  # of the newest set
         self._first: int | None = None  # of the stamps of the first frames
         self._index = 0
+
+    def arrived(self, came_ns: int, host_ns: int) -> None:
+        """Take the arrival of the records that come next (see `stage.Timed`)."""
+        self._came = came_ns, host_ns
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
         """Take the view of a camera, its end of stream, or a clock model.
@@ -90,8 +99,11 @@ class SyncStage(Stateful):
                     f"camera {item.camera} sends skeleton {item.skeleton_hash}, "
                     f"expected {self._skeleton_hash}"
                 )
-            views, outliers = self._outliers.take(item)
-            notices += outliers
+            views = [item]
+            by_stamps = self._agreement is None or self._correction.corrects(item.camera)
+            if by_stamps or item.stamp_ns >= LATEST_NS:
+                views, outliers = self._outliers.take(item)
+                notices += outliers
             self._correct(views, notices)
             if self._correction.holds(item.camera):
                 self._hear(item.camera, notices)
@@ -111,6 +123,10 @@ class SyncStage(Stateful):
         notices += told
         self._correct(views, notices)
         notices += self._correction.end(camera)
+        if self._agreement is not None:
+            views, told = self._agreement.end(camera)
+            notices += told
+            self._enqueue([good for view in views for good in self._set_back(view, notices)], notices)
         self._queues[camera].ended = True
 
     def _correct(self, views: Iterable[ViewDetections], notices: list[Notice]) -> None:
@@ -120,7 +136,22 @@ class SyncStage(Stateful):
             self._take(corrected, notices)
 
     def _take(self, views: Iterable[ViewDetections], notices: list[Notice]) -> None:
-        for view in self._guarded(views, notices):
+        for view in views:
+            if self._agreement is None:
+                self._enqueue(self._set_back(view, notices), notices)
+                continue
+            agreeing, told = self._agreement.take(view, *self._came)
+            notices += told
+            for each in agreeing:
+                self._enqueue(self._set_back(each, notices), notices)
+
+    def _set_back(self, view: ViewDetections, notices: list[Notice]) -> list[ViewDetections]:
+        views, told = self._guard.take(view)
+        notices += told
+        return views
+
+    def _enqueue(self, views: Iterable[ViewDetections], notices: list[Notice]) -> None:
+        for view in views:
             queue = self._queues[view.camera]
             queue.ended = False
             if not queue.add(view):
@@ -136,14 +167,6 @@ class SyncStage(Stateful):
             elif len(queue.frames) > self._config.queue_limit:
                 lost = queue.frames.popleft().view
                 notices.append(_dropped("sync.queue_full", lost, "too many frames wait"))
-
-    def _guarded(self, views: Iterable[ViewDetections], notices: list[Notice]) -> list[ViewDetections]:
-        passed: list[ViewDetections] = []
-        for k, view in enumerate(views):
-            good, told = self._guard.take(view, arrived=k == 0)
-            passed += good
-            notices += told
-        return passed
 
     def _is_late(self, stamp_ns: int) -> bool:
         """Whether the instant after the newest closed one is out of a frame's reach."""
@@ -191,7 +214,7 @@ class SyncStage(Stateful):
         enough = all(len(q.frames) >= needed or q.ended for q in queues.values())
         oldest = min(q.frames[0].stamp for q in queues.values() if q.frames)
         if self._first is None:
-            self._first = max(q.frames[-1].stamp for q in queues.values() if q.frames)  # several come at once
+            self._first = oldest
         if not (enough or self._is_overdue(self._first) or final):
             return None
         periods = {

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.domain import ClockModel
-from panoptic_ros.sync.jumps import JumpGuard
 
 SECOND = 10**9
 RATE = 30.0
@@ -56,21 +55,7 @@ def test_a_single_camera_that_jumps_without_a_clock_model_is_left_out_live(bench
     assert all(len(set(f.values())) == 1 for f in frames)
     assert len(frames) == 240
     assert sum("b" in f for f in frames) >= 240 - 95 and frames[-1].keys() == {"a", "b", "c"}
-    assert warnings.count("sync.clock_jump") == 1
-
-
-@pytest.mark.parametrize(("other", "jumped"), [(2.6, False), (1.9, False), (1.5, True)])
-def test_a_camera_that_gives_frames_again_with_another_one_has_not_jumped(bench, other, jumped):
-    """An overloaded detector: one camera's frame came late, then it gave none for seconds."""
-    guard = JumpGuard("abc", live=True)
-    order = [("a", 0.0), ("b", 0.0), ("c", 0.0), ("c", 0.7), ("c", 1.4), ("b", 0.2), ("b", 2.6), ("c", other)]
-    taken, told = [], []
-    for k, (camera, t) in enumerate(order):
-        views, notices = guard.take(bench.view(camera, 7200 * SECOND + round(SECOND * t), k))
-        taken += [view.frame_number for view in views]
-        told += [notice.code for notice in notices]
-    assert told == ["sync.clock_jump"] * jumped
-    assert taken[:6] == list(range(6)) and sorted(taken[6:]) == ([7] if jumped else [6, 7])
+    assert warnings.count("sync.clock_off") == 1
 
 
 def models_of(offset_of, until_ns, seconds=0.25):
@@ -153,7 +138,7 @@ def test_a_clock_that_jumps_while_nothing_is_heard_hurts_no_other_camera(bench, 
     sync = bench.stage(clocks=("a=a", "b=b", "c=c"), deadline_s=0.5)
     frames, _, warnings = groups(bench, sync, items)
     assert len(frames) == 240 and all(len(set(f.values())) == 1 for f in frames)
-    assert warnings.count("sync.clock_jump") == 1 and "sync.late_frame" not in warnings
+    assert warnings.count("sync.clock_off") == 1 and "sync.late_frame" not in warnings
     assert all({"a", "c"} <= f.keys() for f in frames) and "b" in frames[-1]
 
 
@@ -214,13 +199,14 @@ def test_a_clock_set_back_just_after_a_camera_has_ended(bench, live):
     assert len(frames) >= 230 and (np.diff(stamps) > 0).all()
 
 
-def test_a_camera_whose_clock_jumped_goes_on_alone_when_the_others_have_ended(bench):
+def test_a_camera_whose_clock_jumped_does_not_rule_when_the_others_have_ended(bench):
     start = 7200 * SECOND
     items = capture(bench, 8, lambda c, t: start + t + (50 * SECOND if c == "b" and t > 12 * SECOND else 0))
     items = [v for v in items if v.camera == "b" or v.frame_number < 120]
-    frames, _, _ = groups(bench, bench.stage(deadline_s=0.3), items)
+    frames, stamps, warnings = groups(bench, bench.stage(deadline_s=0.3), items)
     assert all(len(set(f.values())) == 1 for f in frames)
-    assert sum(set(f) == {"b"} for f in frames) >= 120 - 35
+    assert len(frames) == 120 and max(stamps) < start + 15 * SECOND
+    assert "sync.clock_off" in warnings
 
 
 @settings(max_examples=40, deadline=None)

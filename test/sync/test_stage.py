@@ -206,8 +206,8 @@ def test_a_pause_of_all_cameras_and_a_device_that_resumes(bench):
     early = [stream(bench, c, 30.0, 0.0, 2) for c in "abc"]
     late = [stream(bench, c, 30.0, 7.0, 2) for c in "abc"]
     third = [v for v in late[2] if v.stamp_ns > 9 * SECOND]
-    told = ["sync.camera_silent", "sync.camera_back", *["sync.late_frame"] * 3]  # as many show where it is
-    for live, expected, late_frames in ((0.0, [], 0), (0.2, told, 3)):
+    told = ["sync.camera_silent", "sync.camera_back", "sync.late_frame"]
+    for live, expected, late_frames in ((0.0, [], 0), (0.2, told, 1)):
         sync = bench.stage(deadline_s=live)
         sets, codes = bench.run(sync, in_time(*early, late[0], late[1], third))
         assert codes == expected

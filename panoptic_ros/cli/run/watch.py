@@ -14,6 +14,7 @@ from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
 
+EACH_TEXT = "sync.clock_off"  # told whenever its text is another: for each camera and each clock offset
 EACH = (  # told for each device
     "kinematics.imu_", "kinematics.odd_", "kinematics.never_", "kinematics.mounting", "kinematics.strap",
 )  # fmt: skip
@@ -83,7 +84,7 @@ class Watch(RunObserver):
         """Print what stages say of sound, clocks and bodies: each kind of warning once, of IMUs for each."""
         for notice in warnings_of(counted):
             about = notice.values.get("device", "") if notice.code.startswith(EACH) else ""
-            kind = f"{notice.code} {about}"
+            kind = f"{notice.code} {notice.text if notice.code == EACH_TEXT else about}"
             if kind not in self._told:
                 self._told.add(kind)
                 _warn(f"warning: {notice.text}")

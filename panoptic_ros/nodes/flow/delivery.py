@@ -38,13 +38,20 @@ class Delivery(Protocol):
 
 
 class LiveDelivery:
-    """Stages take records as they come."""
+    """Stages take records as they come.
 
-    def __init__(self, under_way: UnderWay):
-        self._under_way = under_way
+    Args:
+        now_ns: the clock that stamps of cameras should be on.
+    """
+
+    def __init__(self, under_way: UnderWay, now_ns: Callable[[], int] = time.time_ns):
+        self._under_way, self._now_ns = under_way, now_ns
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
-        self._under_way.waited(time.monotonic_ns() - arrivals[0].came_ns)
+        came_ns = arrivals[0].came_ns
+        waited_ns = time.monotonic_ns() - came_ns
+        self._under_way.waited(waited_ns)
+        self._under_way.arrived(came_ns, self._now_ns() - waited_ns)
         self._under_way.begin([(one.topic, one.record) for one in arrivals if one.record is not None])
 
     def gave(self, topic: str, record: Any) -> None:

@@ -67,15 +67,19 @@ class StatusPublisher:
         self._timer = node.create_timer(LOOK_S, self._look)
         self._due = 0.0
         self._told: dict[str, bool] = {}
+        self.events: Callable[[], int] = lambda: 0  # goes up when there is something new to tell at once
+        self._events_told = 0
         self.more: Callable[[], list[Any]] = list  # further DiagnosticStatus messages
 
     def _look(self) -> None:
         troubled = self._troubled(self._statuses(True))
-        if time.monotonic() >= self._due or troubled != self._told:
+        is_new = troubled != self._told or self.events() != self._events_told
+        if is_new or time.monotonic() >= self._due:
             self.publish()
 
     def publish(self) -> None:
         """Publish the state of now."""
+        self._events_told = self.events()
         found = list(self._statuses(False))
         self._told = self._troubled(found)
         self._due = time.monotonic() + PERIOD_S - 0.5 * LOOK_S

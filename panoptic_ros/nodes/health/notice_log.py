@@ -23,6 +23,7 @@ class NoticeLog:
         self._statistics = statistics
         self._now_s = now_s
         self._newest: dict[tuple[str, str], float] = {}
+        self.events = 0  # that were logged
 
     def tell(self, notice: Notice) -> None:
         """Count a notice, and log it if it is the first of its event."""
@@ -31,4 +32,5 @@ class NoticeLog:
         now, before = self._now_s(), self._newest.get(key)
         self._newest[key] = now
         if notice.severity != "info" and (before is None or now - before > CALM_S):
+            self.events += 1
             self._logger.warning(f"{notice.code}: {notice.text} (the like is counted on /diagnostics)")

@@ -62,6 +62,11 @@ class Tally:
             self._said_s = time.monotonic()
             self._logger.warning(f"dropped: {error}")
 
+    @property
+    def events(self) -> int:
+        """How many events the stages have warned of."""
+        return sum(log.events for log in self._logs.values())
+
     def has_taken(self, stage: str) -> bool:
         """Whether a stage has taken anything."""
         return self.statistics[stage].taken > 0

@@ -100,6 +100,7 @@ class StageNode(GatheringNode):
         self._diagnostics.more = lambda: [
             status for report in reports.values() for status in report.statuses()
         ]
+        self._diagnostics.events = lambda: self._tally.events
         self._worker = Worker(
             lambda batch: self._at_work.do(batch),
             lambda count: self._tally.dropped(self._tally.first, "queue_full", count),

@@ -10,6 +10,7 @@ from typing import Any
 
 from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.errors import DataError, PanopticError
+from panoptic_ros.graph.aligned import AlignedTimes
 from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.health import Health
@@ -96,6 +97,7 @@ class StageWork:
         self._logger = around.node.get_logger()
         self._inputs: dict[str, Input] = {}  # by full name
         self._companions = Companions((), ())
+        self._times = AlignedTimes(context.rig.names)
         reading, tally = around.reading, around.tally
         reading.open(context.rig, chosen.configs, context, chosen.used, chosen.shifts)
         self.pipeline = Pipeline(
@@ -112,7 +114,8 @@ class StageWork:
         )
         self._present = [(topic, owner) for topic, found in owners.items() for owner in found]
         under_way = UnderWay(self.pipeline, reading.pool, around.worker.urge)
-        self._delivery: Delivery = LiveDelivery(under_way) if self._live else self._in_order(owners)
+        live = LiveDelivery(under_way, self._now_ns)
+        self._delivery: Delivery = live if self._live else self._in_order(owners)
         self._full = (lambda: under_way.full) if self._live else (lambda: False)
 
     # -------------------------------------------------------------- start
@@ -196,7 +199,13 @@ class StageWork:
         for bundle in self._companions.put(item):
             last = bundle[-1]
             key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
-            self._around.worker.put(key, last.stamp_ns, bundle)
+            self._around.worker.put(key, self._time_of(last), bundle)
+
+    def _time_of(self, item: Item) -> int:
+        """The time by which an item waits with others: live, images of wrong stamps have that of arrival."""
+        if not self._live or item.topic != "image":
+            return item.stamp_ns
+        return self._times.time_of(item.owner, item.stamp_ns, item.came_ns)
 
     def do(self, batch: Sequence[Any]) -> None:
         """What is enqueued are messages with those that belong to them, or calls."""
@@ -243,6 +252,10 @@ class StageWork:
         if self._outputs.publish(topic, record, self._around.facts.rig):
             self._delivery.gave(topic, record)
         self._around.tally.gave(giver, self._age_ns(record))
+
+    def _now_ns(self) -> int:
+        """The node's time."""
+        return now_of(self._around.node)
 
     def _age_ns(self, record: Any) -> int | None:
         """Since the stamp of a record (live)."""

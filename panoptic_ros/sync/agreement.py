@@ -1,0 +1,281 @@
+"""Live: cameras whose clock disagrees with that of the majority are left out and named.
+
+Each camera has one accepted clock line, that of the majority (see `majority`), and one pending line of frames
+that are off it. Three frames over 0.7 s decide about a pending line. If most cameras are on it, the time line
+moves there. Else the camera is left out until its frames agree again.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from panoptic_ros.domain import ViewDetections
+from panoptic_ros.stage import Notice
+from panoptic_ros.sync.majority import Group, Majority
+
+SECOND = 1_000_000_000
+SURE = 3  # frames that decide about a pending line
+SURE_NS = 7 * SECOND // 10  # time that these span: a burst after a stall is shorter, and 1 s is the limit
+START_NS = SECOND  # after the first frame, the time line begins without cameras that gave none
+ALONE_NS = 10 * SECOND  # after which a camera that no other one confirms is named
+HELD = 64  # frames of a pending line that are kept
+NEAR_NS = 2 * SECOND  # between two frames of one line, for cameras above 2 Hz
+NEAR_STEPS = 4  # the same in steps of a slower camera
+MOST_NEAR_NS = 40 * SECOND  # the same for all cameras: four steps of 0.1 Hz
+YEAR_NS = 365 * 86_400 * SECOND
+PERIODS_BY_STAMPS = 3  # allowance without times of arrival: the order of frames tells time to a period or two
+
+
+@dataclass
+class PendingLine:
+    """The frames of one camera that are off the time line.
+
+    Args:
+        frames: the newest of them. count: of all. since: arrival of the first, ns; None: there are none.
+        out: whether the camera is left out. told: the clock offset that was told, ns from the time line.
+    """
+
+    frames: list[ViewDetections] = field(default_factory=list)
+    count: int = 0
+    since: int | None = None
+    out: bool = False
+    told: int = 0
+
+    def add(self, view: ViewDetections, at: int) -> list[ViewDetections]:
+        """Append a frame; return those that are no longer kept."""
+        self.since = at if self.since is None else self.since
+        self.count += 1
+        self.frames.append(view)
+        return self.keep(SURE if self.out else HELD)
+
+    def keep(self, most: int) -> list[ViewDetections]:
+        """Keep the newest frames; return the others."""
+        lost, self.frames = self.frames[:-most], self.frames[-most:]
+        return lost
+
+    def is_sure(self, at: int) -> bool:
+        """Whether there are enough frames to decide."""
+        return self.count >= SURE and self.since is not None and at - self.since >= SURE_NS
+
+    def clear(
+        self, following: ViewDetections | None = None
+    ) -> tuple[list[ViewDetections], list[ViewDetections]]:
+        """Empty the line; return the frames that lead to its last one or the next one, and all others.
+
+        Args:
+            following: the next frame, which is on the time line.
+        """
+        frames, self.frames, self.count, self.since = self.frames, [], 0, None
+        steps = [later.stamp_ns - view.stamp_ns for view, later in pairwise(frames)]
+        least = min((step for step in steps if step > 0), default=0)
+        near = max(NEAR_NS, min(NEAR_STEPS * least, MOST_NEAR_NS))
+        kept: list[ViewDetections] = []
+        strays: list[ViewDetections] = []
+        for view in reversed(frames):
+            if following is None or 0 < following.stamp_ns - view.stamp_ns <= near:
+                kept.append(view)
+                following = view
+            else:
+                strays.append(view)
+        return kept[::-1], strays[::-1]
+
+
+class Agreement:
+    """Passes the frames that are on the time line of the majority.
+
+    Args:
+        cameras: names in the order of the rig.
+        start_ns: how long after the first frame the time line waits for cameras that gave none.
+    """
+
+    def __init__(self, cameras: Sequence[str], start_ns: int = START_NS):
+        self._by_arrival, self._by_stamps = Majority(cameras), Majority(cameras, PERIODS_BY_STAMPS)
+        self._stamps: dict[str, int] = {}  # the newest of each camera, where no times of arrival are told
+        self._lines = {name: PendingLine() for name in cameras}
+        self._start_ns = min(start_ns, START_NS)
+        self._began: int | None = None  # arrival of the first frame
+
+    def take(
+        self, view: ViewDetections, came_ns: int | None = None, host_ns: int | None = None
+    ) -> tuple[list[ViewDetections], list[Notice]]:
+        """Return the frames that may be grouped, in the order of their stamps.
+
+        Args:
+            came_ns: arrival on a monotonic clock; None: the median of the cameras' newest stamps stands in.
+            host_ns: arrival on the host's clock, which decides where there is no majority.
+        """
+        if came_ns is None:
+            self._stamps[view.camera] = view.stamp_ns
+            majority, at = self._by_stamps, sorted(self._stamps.values())[(len(self._stamps) - 1) // 2]
+        else:
+            majority, at = self._by_arrival, came_ns
+        host = None if host_ns is None or came_ns is None else host_ns - came_ns
+        offset, line = majority.vote(view.camera, view.stamp_ns, at), self._lines[view.camera]
+        if majority.offset is None:
+            return self._gather(majority, view, at, host)
+        if majority.agrees(offset):
+            return self._admit(line, view)
+        notices = [_out_of_time(lost) for lost in line.add(view, at)]
+        if line.is_sure(at):
+            return self._decide(majority, view.camera, at, host, notices)
+        return [], notices
+
+    def end(self, camera: str) -> tuple[list[ViewDetections], list[Notice]]:
+        """End a camera; return its frames if the time line has not begun. Later, those off it are lost."""
+        line = self._lines[camera]
+        begun = self._by_arrival.offset is not None or self._by_stamps.offset is not None
+        frames, line.frames = line.frames, []
+        return ([], [_stray(view) for view in frames]) if begun or line.out else (frames, [])
+
+    # ------------------------------------------------------------------ start
+
+    def _gather(
+        self, majority: Majority, view: ViewDetections, at: int, host: int | None
+    ) -> tuple[list[ViewDetections], list[Notice]]:
+        """Begin the time line once all cameras, or most of those that live, have given frames."""
+        line = self._lines[view.camera]
+        self._began = at if self._began is None else self._began
+        notices = [_out_of_time(lost) for lost in line.add(view, at)]
+        if line.count < SURE or not (majority.complete or at - self._began >= self._start_ns):
+            return [], notices
+        groups = majority.groups(at)
+        best = _choose([g for g in groups if len(g.names) == len(groups[0].names)], majority, host)
+        unsure = host is not None and abs(best.offset - host) > majority.reach
+        if len(best.names) == 1 and len(self._lines) > 1 and unsure:
+            if at - self._began >= ALONE_NS and not line.out:
+                line.out, line.told = True, best.offset - (host or 0)
+                notices.append(_off(view, line.told, "the host's time, and no other camera confirms them"))
+            return [], notices
+        majority.offset = best.offset
+        return self._release(majority, notices)
+
+    # ------------------------------------------------------------------ pending lines
+
+    def _admit(self, line: PendingLine, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+        """Pass a frame that is on the time line, with those before it that lead to it."""
+        if not line.count and not line.out:
+            return [view], []
+        notices: list[Notice] = []
+        released, strays = line.clear(view)
+        notices += [_out_of_time(stray) if line.out else _stray(stray) for stray in strays]
+        if line.out:
+            line.out = False
+            text = f"stamps of camera {view.camera} agree with those of the other cameras again: it is used"
+            notices.append(Notice("sync.clock_agrees", "info", text, _values(view)))
+        return [*released, view], notices
+
+    def _decide(
+        self, majority: Majority, camera: str, at: int, host: int | None, notices: list[Notice]
+    ) -> tuple[list[ViewDetections], list[Notice]]:
+        """Move the time line to a pending line, or leave the camera of that line out."""
+        view = self._lines[camera].frames[-1]
+        assert majority.offset is not None
+        groups = majority.groups(at)
+        best = groups[0]
+        known = sum(vote.at is not None for vote in majority.votes.values())
+        fresh = sum(len(group.names) for group in groups)
+        tie = 2 * len(best.names) <= fresh or (len(best.names) == 1 and known > 1)
+        if tie:
+            on_line = [g for g in groups if majority.agrees(g.offset)]
+            rivals = [g for g in groups if len(g.names) == len(best.names)]
+            others = Group(majority.offset, on_line[0].names if on_line else ())
+            best = _choose([others, *(g for g in rivals if g not in on_line)], majority, host, others)
+        if camera in best.names and not majority.agrees(best.offset):
+            majority.offset = best.offset
+            for each in self._lines.values():
+                each.told = 0
+            if tie and len(best.names) < known:
+                notices.append(_decided(view, best, groups))
+            return self._release(majority, notices)
+        rulers = [name for group in groups if majority.agrees(group.offset) for name in group.names]
+        self._leave_out(majority, view, rulers if tie else [], notices)
+        return [], notices
+
+    def _leave_out(
+        self, majority: Majority, view: ViewDetections, rulers: Sequence[str], notices: list[Notice]
+    ) -> None:
+        """Name a camera once for each clock offset that it has.
+
+        Args:
+            rulers: the cameras that the host's time bears out, where there is no majority.
+        """
+        assert majority.offset is not None
+        line, offset = self._lines[view.camera], majority.votes[view.camera].offset - majority.offset
+        stands = len(line.frames) > 1 and line.frames[-2].stamp_ns >= view.stamp_ns
+        if not line.out or (abs(offset - line.told) > majority.reach and not stands):
+            whom = "those of the other cameras"
+            if rulers:
+                whom = f"those of camera {' and '.join(rulers)}, for which the host's time decides"
+            line.told = offset
+            notices.append(_off(view, offset, whom))
+        line.out, line.count, line.since = True, 0, None
+        notices += [_out_of_time(lost) for lost in line.keep(SURE)]
+
+    def _release(
+        self, majority: Majority, notices: list[Notice]
+    ) -> tuple[list[ViewDetections], list[Notice]]:
+        """Pass all pending frames of cameras that are on the time line now."""
+        views: list[ViewDetections] = []
+        for name, line in self._lines.items():
+            if (line.count or line.out) and majority.agrees(majority.votes[name].offset):
+                released, strays = line.clear()
+                views += released
+                notices += [_stray(stray) for stray in strays]
+                line.out = False
+        return sorted(views, key=lambda view: view.stamp_ns), notices
+
+
+def _choose(
+    groups: Iterable[Group], majority: Majority, host: int | None, incumbent: Group | None = None
+) -> Group:
+    """The group that the host's time bears out; else the one that ruled so far; else the first."""
+    groups = list(groups)
+    if host is not None:
+        near = min(groups, key=lambda group: abs(group.offset - host))
+        if incumbent is None or abs(near.offset - host) <= majority.reach < abs(incumbent.offset - host):
+            return near
+    return incumbent or groups[0]
+
+
+def _values(view: ViewDetections) -> dict[str, object]:
+    return {"camera": view.camera, "device": view.camera, "stamp_ns": view.stamp_ns}
+
+
+def _off(view: ViewDetections, offset: int, whom: str) -> Notice:
+    """Name a camera that is left out, with its clock offset from the time line, ns."""
+    why = "set its clock, or the time source of its driver"
+    if view.stamp_ns < YEAR_NS < view.stamp_ns - offset:
+        why = "they count from another start, e.g. that of the device: " + why
+    side = "ahead of" if offset > 0 else "behind"
+    text = (
+        f"stamps of camera {view.camera} are {abs(offset) / SECOND:.1f} s {side} {whom}: its images are left "
+        f"out until they agree; {why}"
+    )
+    return Notice("sync.clock_off", "warning", text, {**_values(view), "offset_s": offset / SECOND})
+
+
+def _decided(view: ViewDetections, best: Group, groups: Sequence[Group]) -> Notice:
+    """Name the cameras of both sides where the host's time decides for the new one."""
+    others = [name for group in groups for name in group.names if name not in best.names]
+    text = (
+        f"stamps of camera {' and '.join(best.names)} disagree with those of "
+        f"{' and '.join(others) or 'the others'}: the host's time decides for the former; set all clocks"
+    )
+    return Notice("sync.clock_tie", "warning", text, _values(view))
+
+
+def _stray(view: ViewDetections) -> Notice:
+    text = (
+        f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: "
+        "its stamp is an outlier among those of its camera before and after"
+    )
+    return Notice("sync.stray_stamp", "warning", text, {"camera": view.camera, "stamp_ns": view.stamp_ns})
+
+
+def _out_of_time(view: ViewDetections) -> Notice:
+    text = (
+        f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: "
+        "its clock disagrees with that of the other cameras"
+    )
+    return Notice("sync.out_of_time", "info", text, {"camera": view.camera, "stamp_ns": view.stamp_ns})
