@@ -6,6 +6,7 @@ moves there. Else the camera is left out until its frames agree again.
 """
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,6 +20,7 @@ SURE = 3  # frames that decide about a pending line
 SURE_NS = 7 * SECOND // 10  # time that these span: a burst after a stall is shorter, and 1 s is the limit
 START_NS = SECOND  # after the first frame, the time line begins without cameras that gave none
 ALONE_NS = 10 * SECOND  # after which a camera that no other one confirms is named
+OFFSETS = 5  # frames whose median clock offset is told: latency scatters that of a single one
 HELD = 64  # frames of a pending line that are kept
 NEAR_NS = 2 * SECOND  # between two frames of one line, for cameras above 2 Hz
 NEAR_STEPS = 4  # the same in steps of a slower camera
@@ -33,14 +35,15 @@ class PendingLine:
 
     Args:
         frames: the newest of them. count: of all. since: arrival of the first, ns; None: there are none.
-        out: whether the camera is left out. told: the clock offset that was told, ns from the time line.
+        offsets: clock offsets of the newest frames from the time line, ns.
+        out: whether the camera is left out, which was told.
     """
 
     frames: list[ViewDetections] = field(default_factory=list)
     count: int = 0
     since: int | None = None
+    offsets: deque[int] = field(default_factory=lambda: deque(maxlen=OFFSETS))
     out: bool = False
-    told: int = 0
 
     def add(self, view: ViewDetections, at: int) -> list[ViewDetections]:
         """Append a frame; return those that are no longer kept."""
@@ -67,6 +70,7 @@ class PendingLine:
             following: the next frame, which is on the time line.
         """
         frames, self.frames, self.count, self.since = self.frames, [], 0, None
+        self.offsets.clear()
         steps = [later.stamp_ns - view.stamp_ns for view, later in pairwise(frames)]
         least = min((step for step in steps if step > 0), default=0)
         near = max(NEAR_NS, min(NEAR_STEPS * least, MOST_NEAR_NS))
@@ -116,6 +120,7 @@ class Agreement:
             return self._gather(majority, view, at, host)
         if majority.agrees(offset):
             return self._admit(line, view)
+        line.offsets.append(offset - majority.offset)
         notices = [_out_of_time(lost) for lost in line.add(view, at)]
         if line.is_sure(at):
             return self._decide(majority, view.camera, at, host, notices)
@@ -144,8 +149,9 @@ class Agreement:
         unsure = host is not None and abs(best.offset - host) > majority.reach
         if len(best.names) == 1 and len(self._lines) > 1 and unsure:
             if at - self._began >= ALONE_NS and not line.out:
-                line.out, line.told = True, best.offset - (host or 0)
-                notices.append(_off(view, line.told, "the host's time, and no other camera confirms them"))
+                line.out = True
+                whom = "the host's time, and no other camera confirms them"
+                notices.append(_off(view, best.offset - (host or 0), whom))
             return [], notices
         majority.offset = best.offset
         return self._release(majority, notices)
@@ -183,32 +189,25 @@ class Agreement:
             best = _choose([others, *(g for g in rivals if g not in on_line)], majority, host, others)
         if camera in best.names and not majority.agrees(best.offset):
             majority.offset = best.offset
-            for each in self._lines.values():
-                each.told = 0
             if tie and len(best.names) < known:
                 notices.append(_decided(view, best, groups))
             return self._release(majority, notices)
         rulers = [name for group in groups if majority.agrees(group.offset) for name in group.names]
-        self._leave_out(majority, view, rulers if tie else [], notices)
+        self._leave_out(view, rulers if tie else [], notices)
         return [], notices
 
-    def _leave_out(
-        self, majority: Majority, view: ViewDetections, rulers: Sequence[str], notices: list[Notice]
-    ) -> None:
-        """Name a camera once for each clock offset that it has.
+    def _leave_out(self, view: ViewDetections, rulers: Sequence[str], notices: list[Notice]) -> None:
+        """Leave a camera out; name it once until it agrees again.
 
         Args:
             rulers: the cameras that the host's time bears out, where there is no majority.
         """
-        assert majority.offset is not None
-        line, offset = self._lines[view.camera], majority.votes[view.camera].offset - majority.offset
-        stands = len(line.frames) > 1 and line.frames[-2].stamp_ns >= view.stamp_ns
-        if not line.out or (abs(offset - line.told) > majority.reach and not stands):
+        line = self._lines[view.camera]
+        if not line.out:
             whom = "those of the other cameras"
             if rulers:
                 whom = f"those of camera {' and '.join(rulers)}, for which the host's time decides"
-            line.told = offset
-            notices.append(_off(view, offset, whom))
+            notices.append(_off(view, sorted(line.offsets)[len(line.offsets) // 2], whom))
         line.out, line.count, line.since = True, 0, None
         notices += [_out_of_time(lost) for lost in line.keep(SURE)]
 

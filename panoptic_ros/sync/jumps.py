@@ -10,7 +10,8 @@ from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
 SMALL_NS = SECOND // 10  # stamps that go back by less are frames out of order
-SURE = 3  # frames after a jump that make it certain
+SURE = 3  # frames after a step back that make it certain
+SURE_NS = 7 * SECOND // 10  # that these span before a single camera is named: others may follow
 HELD = 64  # frames that wait after a step back
 ALONE = 30  # frames of one camera while no other gives any: then there is nothing to compare with
 
@@ -103,6 +104,8 @@ class SetBackGuard:
         if camera.told:
             text = f"frame {view.frame_number} of camera {view.camera} waits: it is earlier than those before"
             return [Notice("sync.out_of_time", "info", text, values)]
+        if len(camera.back) < SURE or view.stamp_ns - camera.back[0].stamp_ns < SURE_NS:
+            return []  # the others may follow
         camera.told = True
         back_s = ((camera.newest or 0) - view.stamp_ns) / SECOND
         text = (
