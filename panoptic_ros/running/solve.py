@@ -19,6 +19,7 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.running.plans.parameters import with_occluders
 from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.sync.far_views import without_far_views
 
 
 @dataclass(frozen=True)
@@ -85,9 +86,9 @@ def read_task(
 
 
 def solve(task: SolveTask) -> Solution:
-    """Push all sets through the stages after sync."""
+    """Push all sets through the stages after sync, without views whose stamps disagree with the majority."""
     poses: list[TrackedPoseSet] = []
-    notices: list[Notice] = []
+    sets, notices = without_far_views(task.sets)
     spent: dict[str, list[int]] = {}
     pipeline = Pipeline(
         task.configs, task.context, FUSION,
@@ -96,7 +97,7 @@ def solve(task: SolveTask) -> Solution:
         on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),
         clock=time.perf_counter_ns,
     )  # fmt: skip
-    for item in task.sets:
+    for item in sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()
     return Solution(poses, spent, notices)

@@ -83,8 +83,8 @@ def check_others(take, good, rate, seconds, lost=0.0):
     assert all(EPOCH - period <= stamp <= EPOCH + (seconds + 1) * SECOND for stamp in stamps)
     full = [item.stamp_ns for _, item in take.sets if set(good) <= {view.camera for view in item.views}]
     ending = EPOCH + (seconds - 0.5) * SECOND
-    grouped = sum(view.stamp_ns < ending for _, item in take.sets for view in item.views if view.camera in good)
-    assert grouped >= 0.98 * sum(t < ending for _, camera, _, t in take.frames if camera in good) - len(good)
+    grouped = [view for _, item in take.sets for view in item.views if view.camera in good]
+    assert sum(view.stamp_ns < ending for view in grouped) >= 0.98 * sum(t < ending for _, camera, _, t in take.frames if camera in good) - len(good)
     if not lost:
         assert max(b - a for a, b in pairwise(full)) < 3.1 * period
 
@@ -144,7 +144,7 @@ def test_a_clock_that_is_wrong_for_two_seconds_is_used_again(bench, kind, rate):
 @pytest.mark.parametrize("kind", ["5 s ahead", "1 h ahead", "since boot", "zero", "2^32 ns behind"])
 @pytest.mark.parametrize("cameras", ["abc", "abcdefgh"])
 def test_lossy_images_of_eight_cameras(bench, cameras, kind):
-    stamp, begin, end = wrong(kind, 4.0)
+    stamp, begin, _ = wrong(kind, 4.0)
     take = live(bench, cameras, 6.0, 12.0, stamp, lost=0.3, jitter_s=0.003, seed=3)
     check_others(take, set(cameras) - {"c"}, 6.0, 12.0, lost=0.3)
     ((at, note),) = take.about_clocks()
@@ -178,7 +178,8 @@ def test_two_against_two(bench, begin_s):
 
 def test_the_host_decides_for_the_camera_that_was_wrong_so_far(bench):
     """Of two cameras on another clock, one is set to the host's time."""
-    take = live(bench, "ab", 6.0, 10.0, lambda c, t: t if c == "a" and t > EPOCH + 5 * SECOND else t - 60 * SECOND)
+    set_at = EPOCH + 5 * SECOND
+    take = live(bench, "ab", 6.0, 10.0, lambda c, t: t if c == "a" and t > set_at else t - 60 * SECOND)
     codes = [note.code for _, note in take.about_clocks()]
     assert codes == ["sync.clock_tie", "sync.clock_off"]
     assert take.sets[-1][1].stamp_ns > EPOCH + 9 * SECOND

@@ -1,0 +1,77 @@
+"""Recorded sets: views whose stamps disagree with those of most views of their set."""
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+from panoptic_ros.domain import DetectionSet
+from panoptic_ros.stage import Notice
+
+SECOND = 1_000_000_000
+LEAST_REACH_NS = SECOND  # views of one instant differ by less at any rate of video
+REACH_PERIODS = 1  # the same in periods of slower sets
+
+
+def without_far_views(sets: Sequence[DetectionSet]) -> tuple[list[DetectionSet], list[Notice]]:
+    """Leave out views far from the majority of their set; give such a set the stamp of its majority.
+
+    Of groups of equal size, the one nearest to the stamp of its set stays.
+
+    Args:
+        sets: in the order of their stamps.
+
+    Returns:
+        The sets, and a notice for each camera whose views were left out.
+    """
+    steps = sorted(later.stamp_ns - item.stamp_ns for item, later in pairwise(sets))
+    period = steps[len(steps) // 2] if steps else 0
+    reach = max(LEAST_REACH_NS, REACH_PERIODS * period)
+    kept: list[DetectionSet] = []
+    lost: Counter[str] = Counter()
+    offsets: dict[str, int] = {}
+    ties: set[str] = set()
+    for item in sets:
+        stamps = [view.stamp_ns for view in item.views]
+        if not stamps or max(max(stamps), item.stamp_ns) - min(min(stamps), item.stamp_ns) <= reach:
+            kept.append(item)
+            continue
+        near, count = _majority(stamps, item.stamp_ns, reach)
+        middle = sorted(near)[(len(near) - 1) // 2]
+        views = tuple(view for view in item.views if min(near) <= view.stamp_ns <= max(near))
+        for view in (view for view in item.views if view not in views):
+            lost[view.camera] += 1
+            offsets[view.camera] = view.stamp_ns - middle
+            if count > 1:
+                ties.add(view.camera)
+        stamp = item.stamp_ns if abs(item.stamp_ns - middle) <= reach else middle
+        stamp = max(stamp, kept[-1].stamp_ns + 1) if kept else stamp
+        kept.append(replace(item, views=views, stamp_ns=stamp))
+    return kept, [_notice(name, lost[name], len(sets), offsets[name], name in ties) for name in sorted(lost)]
+
+
+def _majority(stamps: Sequence[int], wanted: int, reach: int) -> tuple[list[int], int]:
+    """The largest group of stamps within reach, nearest to the wanted one; how many groups are as large."""
+    ordered = sorted(stamps)
+    groups = [[other for other in ordered[k:] if other - first <= reach] for k, first in enumerate(ordered)]
+    largest = max(len(group) for group in groups)
+    best = [group for group in groups if len(group) == largest]
+    near = min(best, key=lambda group: abs(group[(len(group) - 1) // 2] - wanted))
+    apart = [group for group in best if group[0] > near[-1] or group[-1] < near[0]]
+    return near, 1 + len(apart)
+
+
+def _notice(camera: str, count: int, sets: int, offset: int, tie: bool) -> Notice:
+    side = "ahead of" if offset > 0 else "behind"
+    whose = "those that are nearer to the stamps of the frames, as there is no majority" if tie else (
+        "those of the other cameras"
+    )
+    text = (
+        f"stamps of camera {camera} are {abs(offset) / SECOND:.1f} s {side} {whose}: its views are left out "
+        f"of {count} of {sets} frames; correct its stamps, e.g. with --offsets"
+    )
+    return Notice(
+        "sync.clock_off", "warning", text,
+        {"camera": camera, "device": camera, "offset_s": offset / SECOND, "views": count},
+    )  # fmt: skip
