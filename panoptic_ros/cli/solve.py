@@ -81,6 +81,9 @@ def _summary(out: Path, solution: Solution) -> None:
     times = "  ".join(f"{stage} {median(ns) * 1e-6:.2f}" for stage, ns in solution.spent_ns.items())
     if times:
         print(f"milliseconds per frame, median: {times}")
+    for notice in solution.notices:
+        if notice.code == "sync.clock_off":
+            print(f"warning: {notice.text}", file=sys.stderr)
     counts = Counter(notice.code for notice in solution.notices if notice.severity != "info")
     for code, count in sorted(counts.items()):
         print(f"{count} x {code}", file=sys.stderr)
