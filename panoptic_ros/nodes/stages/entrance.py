@@ -16,6 +16,10 @@ from panoptic_ros.nodes.stages.inputs import Input, Takers
 from panoptic_ros.stage import Notice
 
 
+UNUSABLE = 3  # messages one after another that were refused
+UNUSABLE_S = 1.0  # that these span, before the input is told to be unusable
+
+
 class Entrance:
     """Converts and checks messages; what is refused, lost or worth a notice counts for the first stage that
     takes the topic.
@@ -28,6 +32,7 @@ class Entrance:
 
     def __init__(self, facts: Facts, tally: Tally, reports: Mapping[str, Report], wiring: Wiring):
         self._facts, self._tally, self._reports, self._wiring = facts, tally, reports, wiring
+        self._refused: dict[str, list[float]] = {}  # by topic: when the messages since the last good one came
 
     def takers(
         self, receive: Callable[[Input, str, int, Any], None], on_record: Callable[[Any, Any], None]
@@ -43,6 +48,7 @@ class Entrance:
         except DataError as error:
             self.refuse(entry, error)
             return None
+        self._refused.pop(entry.name, None)
         entry.missing_before(record)
         if entry.continuity is not None:
             entry.continuity.used(record.stamp_ns, time.monotonic_ns())
@@ -56,9 +62,17 @@ class Entrance:
         return self._wiring.specs[self._wiring.readers[topic][0].stage].name
 
     def refuse(self, entry: Input, error: PanopticError) -> None:
-        """A message of an input cannot be used."""
+        """Count a message that cannot be used; name the input once if none of its messages can."""
         entry.arrivals.bad += 1
         self._tally.refuse(self.taker(entry.topic), error)
+        times = self._refused.setdefault(entry.name, [])
+        times.append(time.monotonic())
+        if len(times) == UNUSABLE and times[-1] - times[0] < UNUSABLE_S:
+            times.pop()
+        elif len(times) == UNUSABLE:
+            text = f"no {entry.arrivals.title} can be used: {error}"
+            self._tell(entry, Notice("graph.unusable", "warning", text, {"device": entry.owner}))
+        del times[UNUSABLE + 1 :]
 
     def lost(self, entry: Input, cause: str, count: int) -> None:
         """So many messages of an input are gone."""

@@ -24,7 +24,10 @@ from panoptic_ros.view.report import Latency, RunReport
 
 LATEST = "latest."
 # notices of which report and console tell
-TOLD = ("timecode.", "clocks.", "sync.clock_", "kinematics.", "graph.lossy", "graph.incompatible_qos")
+TOLD = (
+    "timecode.", "clocks.", "sync.clock_", "kinematics.", "graph.lossy", "graph.incompatible_qos",
+    "graph.unusable",
+)  # fmt: skip
 
 
 def finish(
