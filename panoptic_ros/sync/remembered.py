@@ -12,13 +12,14 @@ from panoptic_ros.sync.jumps import GuardedCamera, SetBackGuard
 from panoptic_ros.sync.liveness import LiveCamera, Liveness
 from panoptic_ros.sync.majority import Majority, Vote
 from panoptic_ros.sync.outliers import StampLine, StampOutliers
+from panoptic_ros.sync.overlap import Overlap
 from panoptic_ros.sync.queue import CameraQueue, Waiting
 
 LAYOUT = StateLayout(
     "sync",
     (
-        "_outliers", "_correction", "_agreement", "_guard", "_came", "_queues", "_in_order", "_current",
-        "_decided", "_instants", "_next", "_closed", "_stamp", "_liveness", "_first", "_index",
+        "_outliers", "_correction", "_agreement", "_overlap", "_guard", "_came", "_queues", "_in_order",
+        "_current", "_decided", "_instants", "_next", "_closed", "_stamp", "_liveness", "_first", "_index",
     ),
     (
         ClockModel, ScoreMaps, ViewDetections, VisibilityLimit,
@@ -30,6 +31,7 @@ LAYOUT = StateLayout(
         Fields.named(Liveness, "_cameras now_ns _passed_ns"),
         Fields.named(Agreement, "_by_arrival _by_stamps _stamps _lines _start_ns _began"),
         Fields.named(Majority, "votes offset reach _periods _count"),
+        Fields.named(Overlap, "_cameras _joined _apart _told started _begin"),
         Fields.named(SetBackGuard, "_cameras _shift"),
         Fields.named(CameraQueue, "frames pace ended silent last_given _keeps_last"),
         Fields.named(Pace, "_steps newest"),

@@ -15,6 +15,7 @@ from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_ma
 from panoptic_ros.sync.jumps import SetBackGuard
 from panoptic_ros.sync.liveness import Liveness
 from panoptic_ros.sync.outliers import LATEST_NS, StampOutliers
+from panoptic_ros.sync.overlap import Overlap
 from panoptic_ros.sync.queue import CameraQueue
 from panoptic_ros.sync.remembered import LAYOUT
 from panoptic_ros.sync.resample import Neighbours, interpolate
@@ -23,6 +24,7 @@ SECOND = 1_000_000_000
 FIRST_FRAMES = 4  # of every camera, from which their rates are found
 REACH = 0.6  # of the time between sets
 START = 2  # deadlines: time for cameras to give their first frames, live
+EARLY = "most cameras begin much later"
 USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
 
 
@@ -56,6 +58,7 @@ class SyncStage(Stateful):
         self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
         live, start_ns = self._deadline_ns > 0, START * self._deadline_ns
         self._agreement = Agreement(self._rig.names, start_ns) if live else None
+        self._overlap = None if live else Overlap(self._rig.names)
         self._guard = SetBackGuard(self._rig.names)
         self._came: tuple[int | None, int | None] = None, None  # arrival of the next record, see `arrived`
         self._liveness = Liveness(self._rig.names) if self._deadline_ns else None
@@ -157,6 +160,10 @@ class SyncStage(Stateful):
             if not queue.add(view):
                 notices.append(_dropped("sync.stamp_back", view, "its stamp is not later than the last one"))
                 continue
+            if self._overlap is not None and self._overlap.is_early(view):
+                queue.frames.pop()
+                notices.append(_dropped("sync.out_of_time", view, EARLY, "info"))
+                continue
             if self._liveness is not None:
                 self._liveness.took(view.camera, view.stamp_ns)
             if not self._is_overdue(view.stamp_ns):
@@ -179,6 +186,7 @@ class SyncStage(Stateful):
     def _give(self, notices: list[Notice], final: bool) -> StepResult[DetectionSet]:
         sets: list[DetectionSet] = []
         while self._current is not None or any(queue.frames for queue in self._queues.values()):
+            self._start_overlap(notices, final)
             instants = self._instants or self._begin(final)
             if instants is None:
                 break
@@ -207,6 +215,17 @@ class SyncStage(Stateful):
             self._decided += 1
         return True
 
+    def _start_overlap(self, notices: list[Notice], final: bool) -> None:
+        """Recordings: once all cameras have shown their first stamps, find those that begin far apart."""
+        overlap, queues = self._overlap, self._queues
+        if overlap is None or overlap.started:
+            return
+        if final or all(queue.frames or queue.ended for queue in queues.values()):
+            notices += overlap.start({n: q.frames[0].stamp for n, q in queues.items() if q.frames})
+            for queue in queues.values():
+                while queue.frames and overlap.is_early(queue.frames[0].view):
+                    notices.append(_dropped("sync.out_of_time", queue.frames.popleft().view, EARLY, "info"))
+
     def _begin(self, final: bool) -> Instants | None:
         """The instants, once all cameras show their rates."""
         queues = self._queues
@@ -219,8 +238,8 @@ class SyncStage(Stateful):
             return None
         periods = {
             name: q.frames[FIRST_FRAMES - 1].period if len(q.frames) >= FIRST_FRAMES else q.pace.period
-            for name, q in queues.items()
-        }
+            for name, q in queues.items() if self._overlap is None or not self._overlap.is_apart(name)
+        }  # fmt: skip
         master, period, same = choose_master(periods, self._config.master)
         period = period or (2.0 * self._window_ns if self._window_ns else USUAL_PERIOD)
         self._instants = CameraInstants(master, period, same)
@@ -306,7 +325,7 @@ class SyncStage(Stateful):
         if isinstance(instants, CameraInstants) and instants.master in chosen:
             instants.period = chosen[instants.master].period or instants.period
         self._closed, self._next = settled, instants.after(settled)
-        if not views:
+        if not views or not self._overlaps(views, notices):
             return
         if len(views) < self._config.minimum_views:
             notices.append(_dropped("sync.few_views", views[0], f"{len(views)} views only"))
@@ -314,6 +333,21 @@ class SyncStage(Stateful):
         self._stamp = stamp
         sets.append(DetectionSet(self._index, self._stamp, self._skeleton_hash, tuple(views)))
         self._index += 1
+
+
+    def _overlaps(self, views: list[ViewDetections], notices: list[Notice]) -> bool:
+        """Whether a set may be given (see `Overlap`)."""
+        if self._overlap is None:
+            return True
+        own = {view.camera for view in views}
+        others = [queue for name, queue in self._queues.items() if name not in own]
+        over = all(queue.ended and not queue.frames for queue in others)
+        given, told = self._overlap.closes(views, over)
+        notices += told
+        if not given:
+            why = "no frame of another camera is near it"
+            notices += [_dropped("sync.out_of_time", view, why, "info") for view in views]
+        return given
 
 
 def _dropped(code: str, view: ViewDetections, why: str, severity: Severity = "warning") -> Notice:

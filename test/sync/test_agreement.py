@@ -84,7 +84,8 @@ def check_others(take, good, rate, seconds, lost=0.0):
     full = [item.stamp_ns for _, item in take.sets if set(good) <= {view.camera for view in item.views}]
     ending = EPOCH + (seconds - 0.5) * SECOND
     grouped = [view for _, item in take.sets for view in item.views if view.camera in good]
-    assert sum(view.stamp_ns < ending for view in grouped) >= 0.98 * sum(t < ending for _, camera, _, t in take.frames if camera in good) - len(good)
+    given = sum(t < ending for _, camera, _, t in take.frames if camera in good)
+    assert sum(view.stamp_ns < ending for view in grouped) >= 0.98 * given - len(good)
     if not lost:
         assert max(b - a for a, b in pairwise(full)) < 3.1 * period
 

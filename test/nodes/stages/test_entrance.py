@@ -56,7 +56,7 @@ def test_a_camera_whose_images_are_all_refused_is_named_once_in_time(room, rate)
     assert "left image" in tally.notices[0].text and "bayer_x" in tally.notices[0].text
     assert clock.now <= max(1.0, 3 / rate) + 1 / rate
     assert "graph.unusable" in TOLD
-    for k in range(int(10 * rate)):
+    for _ in range(int(10 * rate)):
         clock.now += 1 / rate
         door.refuse(inputs["left"], DataError("encoding bayer_x is not known"))
     assert len(tally.notices) == 1
