@@ -92,3 +92,25 @@ def test_a_tape_that_begins_and_ceases_to_flutter() -> None:
     errors = np.array([r.start_sample - labels[str(r.timecode)] for r in readings])
     assert np.abs(errors).max() < 48.0  # a splice is a jump of half a sample; flutter begins within a word
     assert np.median(np.abs(errors)) * 1e6 / 48000 < 1.0
+
+
+@pytest.mark.parametrize(
+    ("rate", "sample_rate", "swing"),
+    [
+        ("29.97", 48000, {"flutter": 0.02, "flutter_hz": 4.0}),
+        ("25", 16000, {"flutter": 0.03, "flutter_hz": 10.0}),
+        ("29.97df", 48000, {"flutter": 0.01, "flutter_hz": 20.0}),
+        ("24", 48000, {"wow": 0.04, "wow_hz": 1.0, "flutter": 0.01, "flutter_hz": 11.0}),
+    ],
+)
+def test_the_first_word_of_a_fluttering_tape_is_read_where_the_recording_begins_with_it(
+    rate: str, sample_rate: int, swing: dict[str, Any]
+) -> None:
+    channel = Channel(seed=5, faults=AudioFaults(snr_db=25.0, seed=5), **swing)
+    start = Timecode.from_frame_count(123_456, timecode_rate(rate))
+    signal = play_ltc(start, 30, sample_rate, channel)
+    samples = signal.samples[int(signal.starts[0]) :]
+    expected = [str(label) for label in signal.labels]
+    assert [str(reading.timecode) for reading in _live(samples, sample_rate)] == expected
+    recorded = decode_recording(TimecodeConfig(), "tape", sample_rate, samples)
+    assert [str(reading.timecode) for reading in recorded] == expected

@@ -2,7 +2,6 @@
 """
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +48,8 @@ class CellLine(NamedTuple):
         centre: number of a word. cell: samples, there. variance: of that.
         turn: samples by which it changes per word. turn_variance: of that.
         own: by how much its length at the last word changes with that word's middle, samples per sample.
+        scatter: variance of a word's middle about the curve, squared samples, that `variance` and
+            `turn_variance` follow from at least.
     """
 
     centre: float
@@ -57,15 +58,34 @@ class CellLine(NamedTuple):
     turn: float
     turn_variance: float
     own: float
+    scatter: float
 
     def steady(self) -> CellLine:
         """The same for words beside those that it comes from: a change that may not last is doubt."""
         return self._replace(turn=0.0, turn_variance=self.turn**2 + self.turn_variance, own=0.0)
 
-    def at(self, number: float) -> tuple[float, float]:
-        """Length of a cell and its deviation at a word."""
+    def at(self, number: float) -> float:
+        """Return the length of a cell at a word, samples."""
+        return self.cell + self.turn * (number - self.centre)
+
+    def variance_beside(self, number: float, side: float, word_variance: float) -> float:
+        """Propagate the joint covariance of a word's middle and of the length of a cell to a place beside it.
+
+        The middle of the last word is one of the points of the line, so both are correlated. The place is
+        linear in the errors of the words. Its variance is that of the last word's own share, plus that of the
+        other words. Each is a square times a variance, so the sum cannot be negative.
+
+        Args:
+            number: of the last word. side: cells from its middle to the place.
+            word_variance: of that middle, squared samples, 0 or more.
+
+        Returns: squared samples.
+        """
         since = number - self.centre
-        return self.cell + self.turn * since, math.sqrt(self.variance + self.turn_variance * since**2)
+        length = self.variance + self.turn_variance * since**2
+        # Exact least squares keeps this at 0 or more (Cauchy-Schwarz); the limit is for rounding.
+        others = max(0.0, length - self.own**2 * self.scatter)
+        return (1.0 + side * self.own) ** 2 * word_variance + side**2 * others
 
 
 def cell_line(line: LineFit, count: int, last: float, expected: float) -> CellLine:
@@ -86,7 +106,7 @@ def cell_line(line: LineFit, count: int, last: float, expected: float) -> CellLi
     return CellLine(
         line.centre, line.slope / WORD_CELLS, spread / line.norm / WORD_CELLS**2,
         2.0 * share * line.bend / WORD_CELLS, 4.0 * share * noise / WORD_CELLS**2,
-        (line.lean + 2.0 * share * line.bow * (last - line.centre)) / WORD_CELLS,
+        (line.lean + 2.0 * share * line.bow * (last - line.centre)) / WORD_CELLS, expected,
     )  # fmt: skip
 
 

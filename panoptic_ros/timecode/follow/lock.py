@@ -17,13 +17,12 @@ from panoptic_ros.timecode.label.stretch import solve_labels
 from panoptic_ros.timecode.signal.edge_shape import EdgeShape
 from panoptic_ros.timecode.signal.grid import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
-from panoptic_ros.timecode.word.acquisition import Found, Search, steady, tracked
+from panoptic_ros.timecode.word.acquisition import EARLY, Found, Search, steady, tracked
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, WORD_CELLS
 from panoptic_ros.timecode.word.levels import ticks_levels, word_levels
 from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, word_ticks
 
 Array = np.ndarray
-EARLY = 0.3  # cells that may be missing of the first word of a stream
 FARTHEST = 3  # unreadable words in a row between readable ones, where the speed changes
 CLEARLY = 0.8  # times the variance of words at constant speed, that a changing one must leave at most
 ABOUT = 8  # cells over which the length of one is measured

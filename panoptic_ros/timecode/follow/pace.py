@@ -21,6 +21,7 @@ from panoptic_ros.timecode.word.unseen_kernels import widest_gap
 
 Array = np.ndarray
 LEAST_STD = 0.00005  # samples; no sampler is better
+LEAST_SHARE = 0.1  # of the variance by white noise, which words that scatter less are left with
 BENDING = 0.05  # cells about a line: the speed then changes within a word
 FEW_WORDS = 6  # fewer do not tell a curve from scatter
 CURVED = 20.0  # variance ratio of what a cubic explains beyond a line, and of its scatter
@@ -104,9 +105,9 @@ class Pace:
         before, self._before = self._before, (number, fit)
         side = HALF if self.reverse else -HALF
         if self._line is not None:
-            (cell, cell_std), turn = self._line.at(number), self._line.turn
-            white = fit.covariance[0, 0] * self._noise(fit) * max(0.1, 1.0 + 2.0 * side * self._line.own)
-            variance = white + (side * cell_std) ** 2 + self._hidden(fit)
+            cell, turn = self._line.at(number), self._line.turn
+            own, shared = self._variances(fit, self._noise(fit) * fit.covariance[0, 0])
+            variance = self._line.variance_beside(number, side, own) + shared
             # a line through the edges of a parabola lies a sixth of its sagitta off its middle
             edge = fit.middle + side * cell + turn / WORD_CELLS * side**2 / 3.0
             grid = Grid(fit.middle + WORD_CELLS * (cell + 0.5 * turn), cell + turn)
@@ -122,7 +123,8 @@ class Pace:
         side = HALF if self.reverse else -HALF
         edge = moved_grid(grid._replace(middle=fit.middle), side).middle
         scale = max(1.0, self._scale, fit.observed[0, 0] / max(fit.covariance[0, 0], 1e-12))
-        variance = scale * (fit.covariance[0, 0] + HALF**2 * fit.covariance[1, 1]) + self._hidden(fit)
+        _, shared = self._variances(fit, scale * fit.covariance[0, 0])
+        variance = scale * place_variance(fit, 1.0, side) + shared
         return edge, std_of(variance), moved_grid(grid, float(WORD_CELLS))
 
     def restarted(self, grid: Grid, number: int, wander: Wander | None) -> tuple[Grid, Pace]:
@@ -174,22 +176,28 @@ class Pace:
         """Whether the last words have been on a line for long."""
         return self._on_line == LONG_WORDS and sum(self._wavers) < CALM * len(self._wavers)
 
-    def _hidden(self, fit: WordFit) -> float:
-        """Variance that the edges of a word do not show: by its fit, and by how words scatter about a curve.
+    def _variances(self, fit: WordFit, white: float) -> tuple[float, float]:
+        """Estimate the variance of a word's middle by itself, and that of an error that words share.
 
         Words whose edges lie alike between samples share an error. So what the fit states counts until words
-        have covered most places between samples. Only then may the scatter about a curve reduce it.
+        have covered most places between samples. Only then may the scatter about a curve reduce the variance
+        of a middle, by no more than `LEAST_SHARE` leaves. Scatter beyond that variance may last for words, so
+        it counts as shared.
+
+        Args:
+            white: variance of the middle by its edges, squared samples.
+
+        Returns: both in squared samples, 0 or more.
         """
         freedom = max(0, self._on_line - 3)
         if not freedom:
-            return fit.unseen**2
+            return white, fit.unseen**2
         words = np.ascontiguousarray(self._words[:, -self._on_line :])
         covered = freedom * max(0.0, 1.0 - 2.0 * widest_gap(words[1], fit.gap) / fit.gap)
         excess = curve_excess(words, self._scale)
         share = (freedom if excess > 0.0 else covered) / (PRIOR_WORDS + freedom)
-        least = -0.9 * self._scale * fit.covariance[0, 0]
-        variance: float = PRIOR_WORDS / (PRIOR_WORDS + covered) * fit.unseen**2 + max(least, share * excess)
-        return variance
+        own = max(white + min(0.0, share * excess), LEAST_SHARE * white)
+        return own, PRIOR_WORDS / (PRIOR_WORDS + covered) * fit.unseen**2 + max(0.0, share * excess)
 
     def _find_line(self) -> CellLine | None:
         """Length of a cell by the line through the last words, if they lie on one."""
@@ -200,7 +208,7 @@ class Pace:
             return None
         line = line_fit(np.ascontiguousarray(self._words[:, -count:]))
         slope, spread = line.slope, line.square
-        self._astray = math.sqrt(spread) / slope * WORD_CELLS
+        self._astray = math.sqrt(max(0.0, spread)) / slope * WORD_CELLS
         expected = max(self._scale * line.shown + line.unseen, 1e-6)
         self._loose = count > 3 and spread > LOOSE * expected
         curved = count < FEW_WORDS or line.ratio > CURVED or self._astray > BENDING
@@ -215,14 +223,29 @@ class Pace:
         scale = self._noise(fit)
         if not self.reverse and before is not None and before[0] == number - 1:
             other = before[1]
-            turn = WORD_CELLS / 8.0 * (other.cell - fit.cell)
-            middles = 0.25 * (other.covariance[0, 0] + fit.covariance[0, 0])
-            cells = (WORD_CELLS / 8.0) ** 2 * (other.covariance[1, 1] + fit.covariance[1, 1])
-            return 0.5 * (other.middle + fit.middle) + turn, scale * (middles + cells)
-        gradient = np.array([1.0, side])
-        return moved_grid(fit.grid, side).middle, scale * float(gradient @ fit.covariance @ gradient)
+            lever = WORD_CELLS / 8.0
+            place = 0.5 * (other.middle + fit.middle) + lever * (other.cell - fit.cell)
+            return place, scale * (place_variance(other, 0.5, lever) + place_variance(fit, 0.5, -lever))
+        return moved_grid(fit.grid, side).middle, scale * place_variance(fit, 1.0, side)
+
+
+def place_variance(fit: WordFit, middle: float, cell: float) -> float:
+    """Propagate the covariance of a fit, by white noise, to a place that is linear in its grid.
+
+    The quadratic form is completed to two squares. Their coefficients are the variance of the middle and the
+    variance of the cell given the middle, so the result cannot be negative.
+
+    Args:
+        middle, cell: derivatives of the place by the middle and by the length of a cell.
+
+    Returns: squared samples.
+    """
+    own, both, other = (float(fit.covariance[index]) for index in ((0, 0), (0, 1), (1, 1)))
+    if not own > 0.0:
+        return cell**2 * max(0.0, other)
+    return own * (middle + both / own * cell) ** 2 + max(0.0, other - both**2 / own) * cell**2
 
 
 def std_of(variance: float) -> float:
-    """Standard deviation of a place, samples."""
+    """Take the root of the variance of a place, squared samples; `LEAST_STD` is the least result."""
     return math.sqrt(variance + LEAST_STD**2)

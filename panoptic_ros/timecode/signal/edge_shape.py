@@ -142,7 +142,8 @@ class EdgeShape:
         drooping = self._drooping()
         if drooping:
             solution, inverse = _constrained(normal, self._right, self._along)
-            drooping = solution[-1] >= max(SURE * np.sqrt(inverse[-1, -1]), self._least_droop)
+            sure = SURE * math.sqrt(max(0.0, float(inverse[-1, -1])))
+            drooping = solution[-1] >= max(sure, self._least_droop)
         if not drooping:
             few = slice(None, -1)
             solution = np.append(_constrained(normal[few, few], self._right[few], self._along[few])[0], 0.0)
@@ -162,7 +163,8 @@ class EdgeShape:
         count, known = len(self._splines), self._solution[:-1]
         inverse = np.linalg.inv(self._normal + self._prior)[:-1, :-1]
         heard = (self._kinds * (np.eye(count) - inverse * SPREADS[:, None, None] ** -2)).sum(axis=(1, 2))
-        found = np.sqrt(known @ self._kinds @ known / np.maximum(heard, 1.0))
+        # Projections have no negative form; at high sample rates one of them is 0 but for rounding.
+        found = np.sqrt(np.maximum(known @ self._kinds @ known, 0.0) / np.maximum(heard, 1.0))
         spreads = np.clip(found, LEAST_SPREAD, SPREADS[0])
         free = slice(None, None if self.droop else -1)
         normal, along, moves = self._normal[free, free].copy(), self._along[free], moves[free]

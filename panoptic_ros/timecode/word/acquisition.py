@@ -24,6 +24,8 @@ PHASES = 8
 CANDIDATES = 3  # by either measure
 APART = 0.03  # relative difference of two candidates' cell lengths
 FASTEST, SLOWEST = 30.0, 24000.0 / 1001.0  # frames/s
+EARLY = 0.3  # cells that may be missing of the first word of a stream
+FASTER = 1.2  # ratio of the tape's speed before the stretch that gives a mean speed, to that mean, at most
 SHIFTS, STRETCHES = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5)
 
 
@@ -199,14 +201,21 @@ def tracked(sums: Array, begin: float, found: Found) -> Found | None:
 
 
 def _all_ticks(sums: Array, begin: float, edge: float, half: float) -> Array:
-    """Ticks (N,) from an edge to the end, and back through all that is kept."""
+    """Track the half cells from an edge to the end, and back through all that is kept.
+
+    A stream often begins with the first edge of a word. Tracking may put the tick of that edge a little
+    before the stream, so ticks up to `EARLY` cells before it are kept as well.
+
+    Returns: (N,) ticks, places on the running sum.
+    """
     end = len(sums) - 1.0
     level = float(np.sqrt(np.mean(np.diff(sums[int(begin) :]) ** 2)))
     there = track(sums, edge, 2.0 * half, max(2, int((end - edge) / half) - 2), level)
     inside = there[there < end]
     half = (inside[-1] - inside[0]) / (len(inside) - 1)
-    back = track(sums, inside[-1], 2.0 * (inside[-2] - inside[-1]), int(inside[-1] / half), level)
-    return np.ascontiguousarray(back[(back >= 0.0) & (back <= end)][::-1])
+    count = int(FASTER * inside[-1] / half) + 1
+    back = track(sums, inside[-1], 2.0 * (inside[-2] - inside[-1]), count, level)
+    return np.ascontiguousarray(back[(back >= -2.0 * EARLY * half) & (back <= end)][::-1])
 
 
 def _sync_places(halves: Array, even: bool) -> Iterator[tuple[int, bool, float]]:

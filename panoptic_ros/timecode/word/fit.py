@@ -112,11 +112,6 @@ class WordFit:
         """Length of a cell, samples."""
         return self.grid.cell
 
-    @property
-    def cell_std(self) -> float:
-        """Samples."""
-        return float(np.sqrt(self.observed[1, 1]))
-
     def teach(self, shape: EdgeShape, sample_rate: int) -> None:
         """Let the shape of a step learn from the word."""
         baseline = baseline_of(len(self.clean.values), sample_rate)

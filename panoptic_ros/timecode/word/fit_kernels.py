@@ -97,7 +97,8 @@ def fit_train(
         grid = _stepped(grid, change)
         noise = np.sqrt(square / freedom)
         moved = max(abs(change[0]), half * abs(change[1]))
-        finished = moved <= limits.settled * limits.sigma + 0.1 * noise / abs(level) * np.sqrt(inverse[2, 2])
+        own = noise / abs(level) * np.sqrt(max(inverse[2, 2], 0.0))
+        finished = moved <= limits.settled * limits.sigma + 0.1 * own
         if not finished and turn + 1 < limits.steps + fills:
             continue
         error = left_over(rows, solution, baseline, weights)
@@ -123,8 +124,8 @@ def fit_train(
             observed[j, i] = spread[j, i] / level**2
     unlike = misfit(samples.first, rows, error, edges) / level**2
     settled = moved <= limits.lost * grid.cell
-    away, own = edge_errors(samples.first, error, edges, shape, level, np.sqrt(square / freedom))
-    return TrainFit(settled, grid, level, white, observed, clean, fills > 0, unlike, away, own)
+    away, alone = edge_errors(samples.first, error, edges, shape, level, np.sqrt(square / freedom))
+    return TrainFit(settled, grid, level, white, observed, clean, fills > 0, unlike, away, alone)
 
 
 @_jit
