@@ -20,6 +20,7 @@ SURE = 3  # frames that decide about a pending line
 SURE_NS = 7 * SECOND // 10  # time that these span: a burst after a stall is shorter, and 1 s is the limit
 START_NS = SECOND  # after the first frame, the time line begins without cameras that gave none
 ALONE_NS = 10 * SECOND  # after which a camera that no other one confirms is named
+AGAIN_NS = 5 * SECOND  # between notices of one camera; /diagnostics forget a warning after 10 s
 OFFSETS = 5  # frames whose median clock offset is told: latency scatters that of a single one
 HELD = 64  # frames of a pending line that are kept
 NEAR_NS = 2 * SECOND  # between two frames of one line, for cameras above 2 Hz
@@ -36,7 +37,7 @@ class PendingLine:
     Args:
         frames: the newest of them. count: of all. since: arrival of the first, ns; None: there are none.
         offsets: clock offsets of the newest frames from the time line, ns.
-        out: whether the camera is left out, which was told.
+        out: whether the camera is left out. told: its notice, and told_at: when it was given.
     """
 
     frames: list[ViewDetections] = field(default_factory=list)
@@ -44,6 +45,8 @@ class PendingLine:
     since: int | None = None
     offsets: deque[int] = field(default_factory=lambda: deque(maxlen=OFFSETS))
     out: bool = False
+    told: str = ""
+    told_at: int = 0
 
     def add(self, view: ViewDetections, at: int) -> list[ViewDetections]:
         """Append a frame; return those that are no longer kept."""
@@ -149,9 +152,9 @@ class Agreement:
         unsure = host is not None and abs(best.offset - host) > majority.reach
         if len(best.names) == 1 and len(self._lines) > 1 and unsure:
             if at - self._began >= ALONE_NS and not line.out:
-                line.out = True
                 whom = "the host's time, and no other camera confirms them"
-                notices.append(_off(view, best.offset - (host or 0), whom))
+                line.out, line.told, line.told_at = True, _off_text(view, best.offset - (host or 0), whom), at
+                notices.append(_off(view, line.told))
             return [], notices
         majority.offset = best.offset
         return self._release(majority, notices)
@@ -193,11 +196,13 @@ class Agreement:
                 notices.append(_decided(view, best, groups))
             return self._release(majority, notices)
         rulers = [name for group in groups if majority.agrees(group.offset) for name in group.names]
-        self._leave_out(view, rulers if tie else [], notices)
+        self._leave_out(view, at, rulers if tie else [], notices)
         return [], notices
 
-    def _leave_out(self, view: ViewDetections, rulers: Sequence[str], notices: list[Notice]) -> None:
-        """Leave a camera out; name it once until it agrees again.
+    def _leave_out(
+        self, view: ViewDetections, at: int, rulers: Sequence[str], notices: list[Notice]
+    ) -> None:
+        """Leave a camera out; name it now, and in the same words while it is out.
 
         Args:
             rulers: the cameras that the host's time bears out, where there is no majority.
@@ -207,7 +212,12 @@ class Agreement:
             whom = "those of the other cameras"
             if rulers:
                 whom = f"those of camera {' and '.join(rulers)}, for which the host's time decides"
-            notices.append(_off(view, sorted(line.offsets)[len(line.offsets) // 2], whom))
+            offset = sorted(line.offsets)[len(line.offsets) // 2]
+            line.told, line.told_at = _off_text(view, offset, whom), at
+            notices.append(_off(view, line.told))
+        elif at - line.told_at >= AGAIN_NS:
+            line.told_at = at
+            notices.append(_off(view, line.told))
         line.out, line.count, line.since = True, 0, None
         notices += [_out_of_time(lost) for lost in line.keep(SURE)]
 
@@ -241,17 +251,20 @@ def _values(view: ViewDetections) -> dict[str, object]:
     return {"camera": view.camera, "device": view.camera, "stamp_ns": view.stamp_ns}
 
 
-def _off(view: ViewDetections, offset: int, whom: str) -> Notice:
+def _off(view: ViewDetections, text: str) -> Notice:
+    return Notice("sync.clock_off", "warning", text, _values(view))
+
+
+def _off_text(view: ViewDetections, offset: int, whom: str) -> str:
     """Name a camera that is left out, with its clock offset from the time line, ns."""
     why = "set its clock, or the time source of its driver"
     if view.stamp_ns < YEAR_NS < view.stamp_ns - offset:
         why = "they count from another start, e.g. that of the device: " + why
     side = "ahead of" if offset > 0 else "behind"
-    text = (
+    return (
         f"stamps of camera {view.camera} are {abs(offset) / SECOND:.1f} s {side} {whom}: its images are left "
         f"out until they agree; {why}"
     )
-    return Notice("sync.clock_off", "warning", text, {**_values(view), "offset_s": offset / SECOND})
 
 
 def _decided(view: ViewDetections, best: Group, groups: Sequence[Group]) -> Notice:

@@ -44,8 +44,8 @@ class Overlap:
         for name in (name for name in self._cameras if name in self._apart):
             offset = firsts[name] - begin
             whose = "those of most cameras" if 2 * size > len(firsts) else (
-                f"those of camera {' and '.join(n for n in firsts if n not in self._apart)}, which come first "
-                "in the rig"
+                f"those of camera {' and '.join(n for n in firsts if n not in self._apart)}, which come "
+                "first in the rig"
             )
             found.append(self._tell(name, offset, whose))
         return found

@@ -39,11 +39,13 @@ class Take:
     sets: list = field(default_factory=list)  # (time at which it came, set)
     notices: list[tuple[int, Notice]] = field(default_factory=list)
 
-    def about_clocks(self, *, warnings=True):
-        return [
-            (at, note) for at, note in self.notices
-            if note.code.startswith("sync.clock") and (note.severity != "info" or not warnings)
-        ]  # fmt: skip
+    def about_clocks(self):
+        """The first warning of each text, as the terminal has it."""
+        firsts = {}
+        for at, note in self.notices:
+            if note.code.startswith("sync.clock") and note.severity != "info":
+                firsts.setdefault(note.text, (at, note))
+        return list(firsts.values())
 
 
 def live(
@@ -150,6 +152,14 @@ def test_lossy_images_of_eight_cameras(bench, cameras, kind):
     check_others(take, set(cameras) - {"c"}, 6.0, 12.0, lost=0.3)
     ((at, note),) = take.about_clocks()
     assert "camera c " in note.text and at - begin < 2 * SECOND
+
+
+def test_a_camera_that_stays_wrong_stays_on_diagnostics(bench):
+    """A status forgets a warning after 10 s, so it comes again in the same words."""
+    take = live(bench, "abc", 4.0, 40.0, wrong("1 h ahead", 4.0)[0])
+    times = [at for at, note in take.notices if note.code == "sync.clock_off"]
+    assert len(take.about_clocks()) == 1
+    assert len(times) >= 5 and max(b - a for a, b in pairwise(times)) < 9 * SECOND
 
 
 # ------------------------------------------------------------------ no majority
