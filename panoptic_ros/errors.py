@@ -16,6 +16,9 @@ the family once, in `cli/main.py`; a node drops the item on DataError and ends o
 """
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
 __all__ = [
     "BackendError",
     "CalibrationError",
@@ -27,7 +30,13 @@ __all__ = [
     "PanopticError",
     "UsageError",
     "UserError",
+    "one_line",
+    "shown",
 ]
+
+SHOWN = 60  # characters of a value in a message: a list of ten numbers fits
+TOLD = 300  # characters of another library's message: a path and a sentence fit
+LONGEST_INTEGER = 200  # bits; more do not fit into `SHOWN` digits
 
 
 class PanopticError(Exception):
@@ -72,3 +81,60 @@ class BackendError(UserError):
 
 class EnvironmentProblem(UserError):
     """The machine lacks something: a package, disk space, a permission."""
+
+
+def shown(value: Any, limit: int = SHOWN) -> str:
+    """Return the beginning of `repr(value)`, without building the rest.
+
+    A value of a hostile file can have a representation of any length, e.g. by aliases in YAML.
+
+    Args:
+        limit: characters; a longer text ends with three dots.
+    """
+    text = ""
+    for piece in _pieces(value, limit):
+        text += piece
+        if len(text) > limit:
+            return text[:limit] + "..."
+    return text
+
+
+def one_line(error: BaseException, limit: int = TOLD) -> str:
+    """Return the message of another library's exception as one line of limited length."""
+    arguments = error.args
+    if len(arguments) == 1 and not isinstance(arguments[0], str):
+        return shown(arguments[0], limit)
+    text = " ".join(str(error)[: 10 * limit].split())
+    return (text if len(text) <= limit else text[:limit] + "...") or type(error).__name__
+
+
+def _pieces(value: Any, limit: int) -> Iterator[str]:
+    """Yield the representation piece by piece; every level of nesting begins with a piece of its own."""
+    if isinstance(value, str | bytes):
+        yield repr(value[: limit + 1])
+    elif isinstance(value, Mapping):
+        yield "{"
+        for number, (key, entry) in enumerate(value.items()):
+            yield ", " if number else ""
+            yield from _pieces(key, limit)
+            yield ": "
+            yield from _pieces(entry, limit)
+        yield "}"
+    elif isinstance(value, list):
+        yield from _row("[", value, "]", limit)
+    elif type(value) is tuple:
+        yield from _row("(", value, ",)" if len(value) == 1 else ")", limit)
+    elif isinstance(value, set | frozenset):
+        yield from _row("{", value, "}", limit)
+    elif isinstance(value, int) and value.bit_length() > LONGEST_INTEGER:
+        yield f"a whole number of {value.bit_length()} bits"
+    else:
+        yield repr(value)
+
+
+def _row(begin: str, values: Iterable[Any], end: str, limit: int) -> Iterator[str]:
+    yield begin
+    for number, value in enumerate(values):
+        yield ", " if number else ""
+        yield from _pieces(value, limit)
+    yield end

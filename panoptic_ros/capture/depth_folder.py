@@ -14,8 +14,10 @@ from panoptic_ros.capture.timed import TimedSource
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.io.loading import read_bytes
+from panoptic_ros.io.pictures import decode_picture
 
+MOST_PIXELS = 50_000_000  # of a depth map, 300 MB with the metres made of it; sensors have 1 Mpx
 SUFFIX = "_depth"
 
 
@@ -90,7 +92,7 @@ def read_depth(file: Path, unit_m: float = 1e-3) -> np.ndarray:
     """
     data = np.frombuffer(read_bytes(file), np.uint8)
     with quiet_opencv():
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        image = decode_picture(data, cv2.IMREAD_UNCHANGED, f"depth map {file}", most=MOST_PIXELS)
     if image is None or image.dtype != np.uint16 or image.ndim != 2:
         found = "no image that can be decoded" if image is None else f"{image.dtype} {image.shape}"
         raise DataError(f"depth map {file} is {found}, expected a PNG of one channel, 16 bits")

@@ -12,8 +12,11 @@ from panoptic_ros.capture.opencv import quiet_opencv
 from panoptic_ros.capture.source import check_stamps, exact_rate, grid_stamp
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.io.loading import read_bytes
+from panoptic_ros.io.pictures import decode_picture, picture_size
 
+UNSEEN = 16_000_000  # pixels of a first image that is decoded before its size is compared with the rig's
+LARGEST_IMAGE = 1 << 30  # bytes of a file
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
@@ -57,8 +60,7 @@ class ImageFolderSource:
         if self._stamps is not None and len(self._stamps) != len(self.files):
             raise DataError(f"{self._what} has {len(self.files)} images but {len(self._stamps)} stamps")
         self.frame_count: int | None = len(self.files)
-        first = _read_image(self.files[0])
-        self.image_size = (first.shape[1], first.shape[0])
+        self.image_size = _first_size(self.files[0])
         self._closed = False
 
     def __iter__(self) -> Iterator[ViewFrame]:
@@ -66,7 +68,7 @@ class ImageFolderSource:
         for number, file in enumerate(self.files):
             if self._closed:
                 return
-            image = _read_image(file)
+            image = _read_image(file, self.image_size)
             if (image.shape[1], image.shape[0]) != self.image_size:
                 raise DataError(
                     f"image {file} is {image.shape[1]}x{image.shape[0]}, "
@@ -105,10 +107,25 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     return (*((0, int(p), "") if p.isdecimal() else (1, 0, p.casefold()) for p in parts), (2, 0, name))
 
 
-def _read_image(file: Path) -> np.ndarray:
-    data = np.frombuffer(read_bytes(file), np.uint8)
+def _first_size(file: Path) -> tuple[int, int]:
+    """The size of the first image, which is decoded unless it is large: the rig may be of another size."""
+    size = picture_size(read_bytes(file, LARGEST_IMAGE))
+    if size is not None and size[0] * size[1] > UNSEEN:
+        return size
+    image = _read_image(file, None)
+    return image.shape[1], image.shape[0]
+
+
+def _read_image(file: Path, expected: tuple[int, int] | None) -> np.ndarray:
+    """An image (h, w, 3), decoded only if its header says that it can be of the expected size."""
+    data = np.frombuffer(read_bytes(file, LARGEST_IMAGE), np.uint8)
+    size = picture_size(data.tobytes())
+    if expected is not None and size is not None and sorted(size) != sorted(expected):
+        raise DataError(
+            f"image {file} is {size[0]}x{size[1]}, the first of its folder {expected[0]}x{expected[1]}"
+        )
     with quiet_opencv():
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+        image = decode_picture(data, cv2.IMREAD_COLOR, f"image {file}")
     if image is None:
         raise DataError(f"{file} is no image that can be decoded; make it again or remove it")
     return image

@@ -1,12 +1,12 @@
 """timestamps.csv of a capture folder: the stamp of every frame of every camera."""
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection
 from pathlib import Path
 
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import file_errors
+from panoptic_ros.errors import DataError, shown
+from panoptic_ros.io.documents import csv_rows, decoded
+from panoptic_ros.io.loading import read_unpacked
 
 COLUMNS = ("camera", "frame", "stamp_ns")
 
@@ -38,17 +38,13 @@ def read_sound_stamps(path: Path, sounds: Collection[str]) -> dict[str, list[tup
 def _read(path: Path) -> dict[str, dict[int, int]]:
     """Stamps by name and frame."""
     stamps: dict[str, dict[int, int]] = {}
-    with file_errors(path, "read"), open(path, encoding="utf-8-sig", newline="") as file:
-        try:
-            reader = csv.reader(file)
-            header = tuple(word.strip() for word in next(reader, []))
-            if header != COLUMNS:
-                raise DataError(f"{path} line 1: columns {', '.join(COLUMNS)} expected, found {header}")
-            for row in reader:
-                if row:
-                    _add(stamps, row, f"{path} line {reader.line_num}")
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise DataError(f"{path} is not readable as CSV: {error}") from None
+    rows = csv_rows(decoded(read_unpacked(path), path), path)
+    _, header = next(rows, (1, []))
+    if tuple(word.strip() for word in header) != COLUMNS:
+        raise DataError(f"{path} line 1: columns {', '.join(COLUMNS)} expected, found {shown(header)}")
+    for line, row in rows:
+        if row:
+            _add(stamps, row, f"{path} line {line}")
     return stamps
 
 
@@ -56,9 +52,10 @@ def _add(stamps: dict[str, dict[int, int]], row: list[str], where: str) -> None:
     try:
         camera, frame, stamp = row[0].strip(), int(row[1]), int(row[2])
     except (IndexError, ValueError):
-        raise DataError(f"{where}: expected camera,frame,stamp_ns with whole numbers, found {row}") from None
+        wanted = "camera,frame,stamp_ns with whole numbers"
+        raise DataError(f"{where}: expected {wanted}, found {shown(row)}") from None
     if not 0 <= stamp < 2**63:
-        raise DataError(f"{where}: stamp_ns {stamp} is out of range")
+        raise DataError(f"{where}: stamp_ns {shown(stamp)} is out of range")
     frames = stamps.setdefault(camera, {})
     if frame in frames:
         raise DataError(f"{where}: frame {frame} of camera {camera} a second time")

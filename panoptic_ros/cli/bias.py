@@ -4,6 +4,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from panoptic_ros.cli.options import output_file
 from panoptic_ros.errors import UsageError
 from panoptic_ros.view.progress import PassBar
 
@@ -16,7 +17,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="true skeletons, or those of another system; with --segments also bodies, known or our own",
     )  # fmt: skip
     parser.add_argument("result", type=Path, help="skeletons of this detector, without a bias table")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="table (YAML) to write")
+    parser.add_argument("--out", type=output_file, required=True, metavar="FILE",
+                        help="table (YAML) to write")  # fmt: skip
     parser.add_argument("--detector", default="", metavar="NAME", help="whose joints these are, for the file")
     parser.add_argument(
         "--leave-out", type=int, action="append", default=[], metavar="ID",

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from panoptic_ros.bench.studies.takes import Takes
+from panoptic_ros.cli.options import output_folder
 from panoptic_ros.cli.studies_without_rig import WITHOUT_RIG
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.plans.parameters import read_parameters
@@ -50,7 +51,7 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         help="refine: the capture's depth maps besides: not at all, as they are (default), or, for simulated "
         "ones, with the noise of a sensor",
     )
-    group.add_argument("--out", type=Path, metavar="DIR", help="folder for NAME.json and NAME.png")
+    group.add_argument("--out", type=output_folder, metavar="DIR", help="folder for NAME.json and NAME.png")
     group.add_argument(
         "--people", default="", metavar="N,N", help="default 2,3,4,5,6,7 (resolution: 2,5; time: 5)"
     )

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import number
+from panoptic_ros.cli.options import number, output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("path", type=Path, metavar="RESULTS|BAG", help="what `panoptic run` left, or a bag")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.html|.bvh|...",
+    parser.add_argument("--out", type=output_file, required=True, metavar="FILE.html|.bvh|...",
                         help="one page with all data and images; bodies: .bvh, .glb (glTF animation), "
                         ".trc and .mot (OpenSim), .urdf")  # fmt: skip
     parser.add_argument("--from", dest="begin", type=number(float, 0, 1e9), default=0.0, metavar="S",

@@ -6,6 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from panoptic_ros.cli.options import output_file
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
@@ -28,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], dest="settings", metavar="NAME=VALUE",
         help="a parameter of kinematics",
     )  # fmt: skip
-    parser.add_argument("--out", type=Path, required=True, metavar="K", help="kinematics.json(.gz) to write")
+    parser.add_argument("--out", type=output_file, required=True, metavar="K",
+                        help="kinematics.json(.gz) to write")  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="no summary")
 
 

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import panoptic_ros
-from panoptic_ros.errors import PanopticError, UsageError
+from panoptic_ros.errors import PanopticError, UsageError, one_line
 from panoptic_ros.io.interruption import interrupted, listen_to_signals
-from panoptic_ros.io.kernel_cache import full_disk_told
+from panoptic_ros.io.kernel_cache import bad_path_told, full_disk_told
 
 VERBS: dict[str, str] = {
     "run": "cameras, videos, a capture folder or a bag to skeletons, through ROS nodes",
@@ -40,6 +40,7 @@ VERBS: dict[str, str] = {
     "doctor": "what works on this machine, and what to do about what does not",
 }
 
+LONGEST_LINE = 2000  # characters of an error; files can hold names of any length
 # no verb has matrices so large that threads of BLAS do more than wait for each other
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -51,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     name = f"panoptic {verb}".strip()
     try:
         args = _parser(verb).parse_args(arguments)
-        with full_disk_told():
+        with full_disk_told(), bad_path_told():
             return int(_module(args.verb).run(args) or 0)
     except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -63,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 2
         if not isinstance(error, PanopticError):
             raise
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {one_line(error, LONGEST_LINE)}", file=sys.stderr)
         return error.exit_code
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import number
+from panoptic_ros.cli.options import number, output_file
 
 
 def add_saved_option(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +37,7 @@ def add_offset_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_apart_option(parser)
     parser.add_argument(
-        "--offsets-out", type=Path, metavar="FILE",
+        "--offsets-out", type=output_file, metavar="FILE",
         help="write the offsets, with standard deviations, as JSON",
     )  # fmt: skip
     parser.add_argument(

@@ -40,6 +40,36 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def output_file(text: str) -> Path:
+    """For `type` of an option: a file to write, checked before any work is done.
+
+    Raises:
+        UsageError: if the text is empty.
+        DataError, EnvironmentProblem: if nothing can be written there.
+    """
+    from panoptic_ros.io.files import check_output  # only now: --help must be quick
+
+    if not text:
+        raise UsageError("the name of the file to write is empty; name a file")
+    check_output(Path(text))
+    return Path(text)
+
+
+def output_folder(text: str) -> Path:
+    """For `type` of an option: a folder to write into, checked before any work is done.
+
+    Raises:
+        UsageError: if the text is empty.
+        DataError, EnvironmentProblem: if nothing can be written there.
+    """
+    from panoptic_ros.io.files import check_output_folder
+
+    if not text:
+        raise UsageError("the name of the folder to write into is empty; name a folder")
+    folder = check_output_folder(Path(text))
+    return folder if Path(text).is_symlink() else Path(text)
+
+
 def number(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], float]:
     """For `type` of an option: a number in a range; argparse tells the user what it says otherwise."""
 

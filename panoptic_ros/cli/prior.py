@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from panoptic_ros.cli.options import output_file
 from panoptic_ros.view.progress import PassBar
 
 
@@ -14,7 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "motion", type=Path, nargs="+", help=".bvh, .c3d, .npz of clips, or kinematics.json.gz of our own"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="prior (.npz) to write")
+    parser.add_argument("--out", type=output_file, required=True, metavar="FILE",
+                        help="prior (.npz) to write")  # fmt: skip
     parser.add_argument(
         "--leave-out", action="append", default=[], metavar="NAME", help="clip that is not used; repeatable"
     )

@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
+from panoptic_ros.cli.options import output_folder
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.simulations.bodies import write_body_take
 from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY_SCENES
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="name of a scene, see --list")
     parser.add_argument("--list", action="store_true", help="list the scenes and end")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="another take (default 0)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder to write into")
+    parser.add_argument("--out", type=output_folder, metavar="DIR", help="folder to write into")
     parser.add_argument("--frames", type=int, metavar="F", help="in place of the scene's own number")
     parser.add_argument("--images", action="store_true", help="rendered scenes: PNG folders, not videos")
     parser.add_argument("--bag", action="store_true", help="2D people, sound, IMUs also as a bag")

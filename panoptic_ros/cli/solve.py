@@ -10,7 +10,7 @@ from statistics import fmean, median
 from typing import TYPE_CHECKING
 
 from panoptic_ros.cli.offsets import add_offset_options
-from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names
+from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, output_file
 from panoptic_ros.stage import untold
 from panoptic_ros.view.progress import PassBar
 
@@ -22,7 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("--rig", type=Path, required=True, help="calibration, any format that `rig` reads")
     parser.add_argument("--detections", type=Path, required=True, help="detections.json(.gz)")
-    parser.add_argument("--out", type=Path, required=True, metavar="S", help="skeletons.json(.gz) to write")
+    parser.add_argument("--out", type=output_file, required=True, metavar="S",
+                        help="skeletons.json(.gz) to write")  # fmt: skip
     parser.add_argument(
         "--skeleton", default="",
         help="skeleton model; auto: the joints of the detections, or panoptic19 for COCO's; default: the "

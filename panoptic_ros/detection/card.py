@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from panoptic_ros.errors import ConfigError
+from panoptic_ros.errors import ConfigError, shown
 
 FITS = ("letterbox_topleft", "letterbox_center", "crop")
 VARIANTS: dict[str, tuple[str, ...]] = {
@@ -149,7 +149,7 @@ class ModelCard:
         _require(all(0.0 <= bias <= 1.0 for bias in self.joint_bias), "joint_bias is outside of 0..1 m")
         on_crops = self.family in CROP_FAMILIES
         _require(on_crops == (self.input.fit == "crop"),
-                 f"input.fit = {self.input.fit!r} does not go with family {self.family}")  # fmt: skip
+                 f"input.fit = {shown(self.input.fit)} does not go with family {self.family}")  # fmt: skip
         _require(bool(self.input.size) or not on_crops, "input.size: crops need one")
         _require(on_crops or not self.detector, f"detector: family {self.family} needs none")
         roles = set(expected_shapes(self))
@@ -175,7 +175,7 @@ def card_from_mapping(document: Mapping[str, Any]) -> ModelCard:
         card: ModelCard = _construct(ModelCard, values, "")
         return card
     except ConfigError as error:
-        raise ConfigError(f"model card {name!r}: {error}") from None
+        raise ConfigError(f"model card {shown(name)}: {error}") from None
 
 
 def expected_shapes(card: ModelCard) -> dict[str, tuple[int | None, ...]]:
@@ -210,10 +210,10 @@ def expected_shapes(card: ModelCard) -> dict[str, tuple[int | None, ...]]:
 def _construct(kind: Any, values: Mapping[str, Any], where: str) -> Any:
     fields = {item.name: item for item in dataclasses.fields(kind)}
     for key in values:
-        _require(key in fields, f"unknown entry {where + str(key)!r}")
+        _require(key in fields, f"unknown entry {shown(where + str(key))}")
     for key, item in fields.items():
         needed = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
-        _require(key in values or not needed, f"entry {where + key!r} is missing")
+        _require(key in values or not needed, f"entry {shown(where + key)} is missing")
     return kind(**values)
 
 
@@ -225,12 +225,12 @@ def _convert(card: Any, where: str) -> None:
         kind = str(item.type)
         if kind.startswith("tuple"):
             inner = {"int": int, "str": str, "float": float}[kind[6:].split(",")[0]]
-            _require(isinstance(value, (list, tuple)), f"{label} = {value!r} is no list")
+            _require(isinstance(value, (list, tuple)), f"{label} = {shown(value)} is no list")
             value = tuple(_scalar(inner, entry, label) for entry in value)
         elif kind in ("int", "float", "str", "bool"):
             value = _scalar({"int": int, "float": float, "str": str, "bool": bool}[kind], value, label)
         elif kind.startswith("Mapping"):
-            _require(isinstance(value, Mapping), f"{label} = {value!r} is no mapping")
+            _require(isinstance(value, Mapping), f"{label} = {shown(value)} is no mapping")
             value = {str(key): _scalar(str, entry, label) for key, entry in value.items()}
         object.__setattr__(card, item.name, value)
 
@@ -238,12 +238,12 @@ def _convert(card: Any, where: str) -> None:
 def _scalar(kind: type, value: Any, label: str) -> Any:
     if kind is float and type(value) is int:
         value = float(value)
-    _require(type(value) is kind, f"{label} = {value!r} is not a {kind.__name__}")
+    _require(type(value) is kind, f"{label} = {shown(value)} is not a {kind.__name__}")
     return value
 
 
 def _one_of(label: str, value: str, choices: tuple[str, ...]) -> None:
-    _require(value in choices, f"{label} = {value!r} is none of {', '.join(map(repr, choices))}")
+    _require(value in choices, f"{label} = {shown(value)} is none of {', '.join(map(repr, choices))}")
 
 
 def _require(condition: bool, text: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, one_line
 
 Array = np.ndarray
 
@@ -95,7 +95,7 @@ def read_shape(document: Mapping[str, Any], model: SegmentModel) -> BodyShape:
                 first, last = (float(radius) for radius in row["radii"])
                 rows.append((segment, ends[0], ends[1], (first, last), float(row.get("wide", 1.0))))
             except (KeyError, TypeError, ValueError) as error:
-                raise DataError(f"segment {name}: a capsule that cannot be read: {error!r}") from None
+                raise DataError(f"segment {name}: a capsule that cannot be read: {one_line(error)}") from None
     return BodyShape(model, tuple(rows))
 
 

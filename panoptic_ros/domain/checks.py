@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, one_line, shown
 
 Array = np.ndarray
 Record = TypeVar("Record")
@@ -43,8 +43,9 @@ class Shapes:
         value = getattr(self.record, name)
         try:
             array = value if _is_own(value, dtype) else np.array(value, dtype=dtype, order="C")
-        except (TypeError, ValueError) as error:
-            raise DataError(f"{self._of(name)} is no array of {np.dtype(dtype)}: {error}") from None
+        except (TypeError, ValueError, OverflowError) as error:
+            told = one_line(error)
+            raise DataError(f"{self._of(name)} is no array of {np.dtype(dtype)}: {told}") from None
         wanted = _letters(letters)
         if array.ndim != len(wanted):
             raise DataError(f"{self._of(name)} has shape {array.shape}, expected ({letters})")
@@ -129,7 +130,7 @@ def check_stamp(record: Any, stamp_ns: Any, name: str = "stamp_ns") -> int:
         DataError: otherwise.
     """
     if isinstance(stamp_ns, bool) or not isinstance(stamp_ns, (int, np.integer)):
-        raise DataError(f"{type(record).__name__}.{name} = {stamp_ns!r} is not an int of nanoseconds")
+        raise DataError(f"{type(record).__name__}.{name} = {shown(stamp_ns)} is not an int of nanoseconds")
     if not 0 <= stamp_ns < 2**63:
         raise DataError(f"{type(record).__name__}.{name} = {stamp_ns} is out of range")
     return int(stamp_ns)

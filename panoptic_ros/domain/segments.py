@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, shown
 from panoptic_ros.geometry.euler import ORDERS, euler_angles
 from panoptic_ros.geometry.segment_chain import Chain
 
@@ -86,7 +86,7 @@ class SegmentModel:
             DataError: if there is none of this name.
         """
         if name not in self.names:
-            raise DataError(f"there is no segment {name!r}; the skeleton has {', '.join(self.names)}")
+            raise DataError(f"there is no segment {shown(name)}; the skeleton has {', '.join(self.names)}")
         return self.names.index(name)
 
     @property
@@ -190,7 +190,7 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
     for name, row in _mapping(document, "segments").items():
         parent = row.get("parent")
         if (parent is None and names) or (parent is not None and parent not in names):
-            raise DataError(f"segment {name}: parent {parent!r} is not listed before it")
+            raise DataError(f"segment {name}: parent {shown(parent)} is not listed before it")
         names.append(str(name))
         parents.append(-1 if parent is None else names.index(parent))
         shares.append(_numbers(row.get("offset", (0, 0, 0)), 3, f"segment {name}: offset"))
@@ -200,11 +200,11 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
         joints.append(str(row.get("joint", name)))
         orders.append(str(row.get("order", USUAL_ORDER)))
         if orders[-1] not in ORDERS:
-            raise DataError(f"segment {name}: order {orders[-1]!r} is none of {', '.join(ORDERS)}")
+            raise DataError(f"segment {name}: order {shown(orders[-1])} is none of {', '.join(ORDERS)}")
         if "hinge" in row:
             hinges[str(name)] = str(row["hinge"])
             if hinges[str(name)] not in ("x", "y", "z"):
-                raise DataError(f"segment {name}: hinge {row['hinge']!r} is none of x, y, z")
+                raise DataError(f"segment {name}: hinge {shown(row['hinge'])} is none of x, y, z")
         pairs = [_numbers(pair, 2, f"segment {name}: limits_deg") for pair in limits]
         lower.append(np.radians([pair[0] for pair in pairs]))
         upper.append(np.radians([pair[1] for pair in pairs]))
@@ -226,16 +226,17 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
 
 def _mapping(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     found = document.get(key)
-    if not isinstance(found, Mapping) or not found:
-        raise DataError(f"a skeleton of segments needs {key!r}, a mapping of names")
-    return found
+    rows: Mapping[str, Any] = found if isinstance(found, Mapping) else {}
+    if not rows or not all(isinstance(row, Mapping) for row in rows.values()):
+        raise DataError(f"a skeleton of segments needs {shown(key)}, a mapping of names to mappings")
+    return rows
 
 
 def _numbers(values: Any, count: int, where: str) -> Array:
     try:
         found = np.array(values, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = np.zeros(0)
     if found.shape != (count,) or not np.isfinite(found).all():
-        raise DataError(f"{where} = {values!r} is not {count} numbers")
+        raise DataError(f"{where} = {shown(values)} is not {count} numbers")
     return found

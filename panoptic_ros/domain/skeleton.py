@@ -4,7 +4,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 
-from panoptic_ros.errors import ConfigError
+from panoptic_ros.errors import ConfigError, shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class SkeletonModel:
             ConfigError: if there is none of that name.
         """
         if name not in self.joint_names:
-            raise ConfigError(f"skeleton {self.name} has no joint {name!r}")
+            raise ConfigError(f"skeleton {self.name} has no joint {shown(name)}")
         return self.joint_names.index(name)
 
     @property

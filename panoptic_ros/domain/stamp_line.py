@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class StampLine:
         try:
             return cls(int(words["reference_ns"]), int(words["offset_ns"]), float(words["drift"]))
         except (KeyError, TypeError, ValueError):
-            raise DataError(f"{words!r} is no correction of stamps") from None
+            raise DataError(f"{shown(words)} is no correction of stamps") from None
 
     def words(self) -> dict[str, Any]:
         """Plain words that a file can hold."""

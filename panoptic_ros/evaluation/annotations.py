@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, one_line, shown
 from panoptic_ros.evaluation.sequences import SkeletonFrame, SkeletonSequence
 
 SHELF_PERIOD_NS = 40_000_000  # 25 Hz
@@ -30,7 +30,7 @@ def parse_annotation(
         DataError: naming `where` and what is wrong.
     """
     if document.get("unit") != "m":
-        raise DataError(f"{where}: the unit is {document.get('unit')!r}, expected 'm'")
+        raise DataError(f"{where}: the unit is {shown(document.get('unit'))}, expected 'm'")
     try:
         names = tuple(str(name) for name in document["joint_names"])
         frames = []
@@ -40,6 +40,6 @@ def parse_annotation(
             positions = np.array(joints, np.float64).reshape(len(people), len(names), 3)
             ids = np.array([int(person["id"]) for person in people], np.int64)
             frames.append(SkeletonFrame(int(number) * frame_period_ns, ids, positions))
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{where}: no annotation of 3D joints: {error!r}") from None
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise DataError(f"{where}: no annotation of 3D joints: {one_line(error)}") from None
     return SkeletonSequence(names, tuple(frames))

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from panoptic_ros.errors import CalibrationError
+from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.geometry import brown, fisheye
 
 Array = np.ndarray
@@ -40,7 +40,7 @@ class Intrinsics:
         matrix = np.array(self.matrix, np.float64)
         given = np.array(self.distortion, np.float64).reshape(-1)
         if self.lens not in LENSES:
-            raise CalibrationError(f"unknown lens {self.lens!r}; lenses are {', '.join(LENSES)}")
+            raise CalibrationError(f"unknown lens {shown(self.lens)}; lenses are {', '.join(LENSES)}")
         terms = LENSES[self.lens].TERMS
         if matrix.shape != (3, 3):
             raise CalibrationError(f"an intrinsic matrix must be 3x3, found {matrix.shape}")

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
-from panoptic_ros.errors import ConfigError
+from panoptic_ros.errors import ConfigError, shown
 from panoptic_ros.graph.nodes import NODES, NodeSpec
 from panoptic_ros.params import Config, from_text, load
 from panoptic_ros.stage import Stage, StageContext
@@ -34,7 +34,7 @@ def config_class(stage: str) -> type[Config]:
         ConfigError: if there is no such stage.
     """
     if stage not in NODES:
-        raise ConfigError(f"there is no stage {stage!r}; there are {', '.join(NODES)}")
+        raise ConfigError(f"there is no stage {shown(stage)}; there are {', '.join(NODES)}")
     cls: type[Config] = resolve(NODES[stage].config)
     return cls
 
@@ -82,7 +82,7 @@ def parse_setting(text: str) -> tuple[str, str, Any]:
     name, equals, value = text.partition("=")
     stage, dot, parameter = name.strip().partition(".")
     if not (equals and dot and parameter):
-        raise ConfigError(f"--set {text!r}: write stage.parameter=value, e.g. sync.window_s=0.01")
+        raise ConfigError(f"--set {shown(text)}: write stage.parameter=value, e.g. sync.window_s=0.01")
     return stage, parameter, from_text(config_class(stage), parameter, value.strip())
 
 

@@ -72,7 +72,11 @@ class BagStream:
     def messages(self, bag: BagReader) -> Iterator[BagMessage | DataError]:
         """All messages, and an error in the place of each that cannot be decoded."""
         connection = bag.connection(self.topic)
-        for number, (_, arrival_ns, data, kind) in enumerate(bag.raw(self.topic)):
+        bad: list[DataError] = []
+        rows = bag.raw(self.topic, on_bad=bad.append)
+        for number, (_, arrival_ns, data, kind) in enumerate(rows):
+            yield from bad
+            bad.clear()
             data = with_stamp(data, arrival_ns) if self.arrival_stamps else data
             if self.line is not None and (before := stamp_in(data)) is not None:
                 stamp = self.line.corrected(before)
@@ -89,6 +93,7 @@ class BagStream:
                 continue
             if not self._is_early(message):
                 yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
+        yield from bad
 
     def _is_early(self, message: Any) -> bool:
         """Whether it is sound of before what is needed."""
@@ -105,18 +110,28 @@ class BagStream:
         """
         try:
             if self.key == "detections":
-                return from_message(message, "ViewDetections")
+                return self._own(from_message(message, "ViewDetections"))
             if self.key == IMU_KEY:
                 return read_imu(message, self.camera)
             if self.key == SOUND_KEY:
                 return from_message(message, "AudioBlock")
             if self.key == TRACKS_KEY:
-                return from_message(message, "PatchTracks")
+                return self._own(from_message(message, "PatchTracks"))
             if self.key in (*DEPTH_KEYS, *SENSOR_KEYS):
                 return depth_frame_from_message(message, self.camera, number)
             return frame_from_message(message, self.camera, number)
         except DataError as error:
             raise self._named(error) from None
+
+    def _own(self, record: Any) -> Any:
+        """The record, if it is of this camera.
+
+        Raises:
+            DataError: if not.
+        """
+        if record.camera != self.camera:
+            raise DataError(f"detections of camera {record.camera[:40]}, not of {self.camera}; left out")
+        return record
 
     def first_record(self, bag: BagReader) -> Any:
         """The first record that can be used.

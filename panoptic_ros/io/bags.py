@@ -173,9 +173,14 @@ class BagReader:
             yield from islice(self.raw(*topics), 1)
 
     def raw(
-        self, *topics: str, begin_ns: int | None = None, end_ns: int | None = None
-    ) -> Iterator[tuple[str, int, bytes, str]]:
+        self, *topics: str, begin_ns: int | None = None, end_ns: int | None = None,
+        on_bad: Callable[[DataError], None] | None = None,
+    ) -> Iterator[tuple[str, int, bytes, str]]:  # fmt: skip
         """(topic, recording stamp ns, CDR bytes, type), of recording stamps in [begin_ns, end_ns).
+
+        Args:
+            on_bad: told about every message of an older version that cannot be brought up to now, which is
+                left out. None = such a message is an error.
 
         Raises:
             DataError: if the bag is damaged, or its messages of this project are of another version.
@@ -187,7 +192,15 @@ class BagReader:
         try:
             for connection, stamp, data in self._one_by_one(self._reader.messages(chosen, begin_ns, end_ns)):
                 bring = up[connection.topic]
-                yield connection.topic, stamp, bring(data) if bring else data, connection.msgtype
+                try:
+                    data = bring(data) if bring else data
+                except Exception as error:  # of bytes that are no such message
+                    bad = DataError(f"{self.path}, topic {connection.topic}: {_one_line(error)}")
+                    if on_bad is None:
+                        raise bad from None
+                    on_bad(bad)
+                    continue
+                yield connection.topic, stamp, data, connection.msgtype
         except DataError:
             raise
         except Exception as error:  # as above

@@ -13,13 +13,16 @@ import numpy as np
 import yaml
 
 from panoptic_ros.domain import BiasTable, SkeletonModel
-from panoptic_ros.errors import ConfigError
-from panoptic_ros.io.files import read_yaml, write_bytes
+from panoptic_ros.errors import ConfigError, shown
+from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.io.skeletons import in_vocabulary
 
 Array = np.ndarray
 FORMAT = "panoptic-biases-1"
+LARGEST = 10.0  # torso lengths, of an offset; a body has four
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 HEADER = (
     "# From the detector's joints to the reference's: forward, left, up in the torso frame, torso lengths.\n"
@@ -47,9 +50,11 @@ def read_bias_table(name_or_path: str, skeleton: SkeletonModel) -> BiasTable:
         if not path.is_file():
             known = ", ".join(bias_table_names())
             raise ConfigError(
-                f"unknown bias table {name_or_path!r}; there are {known}, or the path of a YAML file"
+                f"unknown bias table {shown(name_or_path)}; there are {known}, or the path of a YAML file"
             )
-    entries = _entries(read_yaml(path), path)
+    document = read_yaml(path)
+    with parsing(path, ConfigError):
+        entries = _entries(document, path)
     words = in_vocabulary(skeleton.joint_names)
     offsets = np.array([offset_of(word, entries) for word in words])
     for joint, sources in skeleton.derived:
@@ -94,7 +99,10 @@ def _entries(document: Any, path: Path) -> dict[str, Array]:
     entries = {}
     for word, row in rows.items():
         good = isinstance(row, list) and len(row) == 3 and all(type(v) in (int, float) for v in row)
-        if not good or not np.isfinite(row).all() or str(word).startswith("right_"):
-            raise ConfigError(f"{path}: offset of {word}: needs a left or middle joint and three numbers")
+        if not good or not (np.abs(np.array(row, float)) < LARGEST).all() or str(word).startswith("right_"):
+            raise ConfigError(
+                f"{path}: offset of {shown(word)}: "
+                f"needs a left or middle joint and three numbers, at most {LARGEST:g}"
+            )
         entries[str(word)] = np.array(row, float)
     return entries

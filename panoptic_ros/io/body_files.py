@@ -12,8 +12,9 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.files import known, malformed, write_json
+from panoptic_ros.io.files import known, write_json
 from panoptic_ros.io.frame_stream import read_frames
+from panoptic_ros.io.loading import parsing
 
 Array = np.ndarray
 KINEMATICS = "panoptic-kinematics-1"
@@ -70,15 +71,13 @@ def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
     document = read_frames(path)
     if not isinstance(document, dict) or document.get("format") != KINEMATICS:
         raise DataError(f"{path} is no {KINEMATICS} file")
-    try:
+    with parsing(path):
         states = [
             _body_state(int(frame["stamp_ns"]), row)
             for frame in document["frames"]
             for row in frame["subjects"]
         ]
-        return tuple(document["segment_names"]), states
-    except (KeyError, TypeError, ValueError) as error:
-        raise malformed(path, error) from None
+        return tuple(map(str, document["segment_names"])), states
 
 
 def _body_state(stamp_ns: int, row: Mapping[str, Any]) -> BodyState:

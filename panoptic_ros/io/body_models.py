@@ -7,7 +7,8 @@ from pathlib import Path
 from panoptic_ros.domain.body_shape import BodyShape, read_shape
 from panoptic_ros.domain.segments import SegmentModel, read_model
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import share_folder
 
 DEFAULT_MODEL = "segments21"
@@ -26,7 +27,11 @@ def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
     document = read_yaml(path)
     if not isinstance(document, dict):
         raise DataError(f"{path} is no skeleton of segments")
-    return read_model(document)
+    with parsing(path):
+        try:
+            return read_model(document)
+        except DataError as error:
+            raise DataError(f"{path}: {error}") from None
 
 
 def read_body_shape(model: SegmentModel, name: str = DEFAULT_SHAPE) -> BodyShape:
@@ -39,4 +44,5 @@ def read_body_shape(model: SegmentModel, name: str = DEFAULT_SHAPE) -> BodyShape
     document = read_yaml(path)
     if not isinstance(document, dict):
         raise DataError(f"{path} is no shape of a body")
-    return read_shape(document, model)
+    with parsing(path):
+        return read_shape(document, model)

@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from panoptic_ros.errors import DataError, EnvironmentProblem
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.errors import DataError, EnvironmentProblem, one_line, shown
+from panoptic_ros.io.loading import largest_document, parsing, read_bytes
 from panoptic_ros.io.motion_files import JointMotion
 
 Array = np.ndarray
@@ -33,16 +33,22 @@ def read_c3d(path: Path) -> JointMotion:
         EnvironmentProblem: without the package ezc3d.
         DataError: naming the file and what is wrong.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, largest_document())
     if len(data) < 512 or data[1] != SECOND_BYTE:
         raise DataError(f"{path} is no C3D file: its second byte is not 0x50, or it is shorter than a block")
+    package = _package()
+    with parsing(path):
+        return _motion(package, data, path)
+
+
+def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
     try:
-        found = _package().c3d(str(path))
+        found = package.c3d(str(path))
         points, residuals = found["data"]["points"], found["data"]["meta_points"]["residuals"]
         point = found["parameters"]["POINT"]
         labels, rate = _labels(point), float(point["RATE"]["value"][0])
     except (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError) as error:
-        raise DataError(f"{path} is no C3D file that is whole: {str(error).splitlines()[0]}") from None
+        raise DataError(f"{path} is no C3D file that is whole: {one_line(error)}") from None
     joints = np.moveaxis(np.asarray(points[:3], float), 0, -1).swapaxes(0, 1)
     count, number = joints.shape[:2]
     if rate <= 0.0 or not np.isfinite(rate) or len(labels) != number or not joints.size:
@@ -84,12 +90,12 @@ def _text(point: Mapping[str, Any], key: str) -> str:
 def _unit(path: Path, point: Mapping[str, Any]) -> float:
     unit = _text(point, "UNITS")
     if unit.lower() not in UNITS:
-        raise DataError(f"{path}: POINT:UNITS is {unit!r}; known are {', '.join(UNITS)}")
+        raise DataError(f"{path}: POINT:UNITS is {shown(unit)}; known are {', '.join(UNITS)}")
     return UNITS[unit.lower()]
 
 
 def _up(path: Path, point: Mapping[str, Any]) -> str:
     up = _text(point, "Y_SCREEN").upper() or "+Z"
     if up not in UPRIGHT:
-        raise DataError(f"{path}: POINT:Y_SCREEN is {up!r}; known are {', '.join(UPRIGHT)}")
+        raise DataError(f"{path}: POINT:Y_SCREEN is {shown(up)}; known are {', '.join(UPRIGHT)}")
     return up

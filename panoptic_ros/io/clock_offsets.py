@@ -11,7 +11,9 @@ import numpy as np
 
 from panoptic_ros.domain import ClockModel
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import malformed, read_json, write_json
+from panoptic_ros.io.documents import read_json
+from panoptic_ros.io.files import write_json
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.offsets import CameraClocks
 
 FORMAT = "panoptic-offsets-1"
@@ -90,14 +92,12 @@ def read_offsets(path: Path) -> dict[str, SavedOffset]:
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise DataError(f"{path} is no {FORMAT} file; --offsets-out of `panoptic solve` writes one")
-    try:
+    with parsing(path):
         return {
             str(row["name"]): SavedOffset(_number(row, "offset_s"), *(_number(row, key, 0.0) for key in MORE))
             for row in document["cameras"]
             if row["applied"]
         }
-    except (KeyError, TypeError, ValueError) as error:
-        raise malformed(path, error) from None
 
 
 def _number(row: Mapping[str, Any], key: str, default: float | None = None) -> float:

@@ -9,7 +9,8 @@ from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
 from panoptic_ros.evaluation.annotations import is_annotation, parse_annotation
 from panoptic_ros.evaluation.pairing import MIN_COMMON
-from panoptic_ros.io.files import read_json
+from panoptic_ros.io.documents import read_json
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.skeletons import in_vocabulary, shared_names, skeleton_names
 
@@ -22,7 +23,8 @@ def read_sequence(path: Path) -> SkeletonSequence:
     """
     document: Any = read_json(path)
     if is_annotation(document):
-        return parse_annotation(document, str(path))
+        with parsing(path):
+            return parse_annotation(document, str(path))
     plain = read_skeletons(path)
     try:
         return SkeletonSequence(

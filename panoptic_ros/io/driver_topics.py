@@ -16,8 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.errors import DataError, shown
+from panoptic_ros.io.documents import read_yaml
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def read_driver_topics(path: Path) -> DriverFile:
     document = dict(document)
     fixed = document.pop("fixed_frame", "")
     if not isinstance(fixed, str):
-        raise DataError(f"{path}: fixed_frame is {fixed!r}, expected the name of a frame")
+        raise DataError(f"{path}: fixed_frame is {shown(fixed)}, expected the name of a frame")
     found = {str(camera): _topics(path, str(camera), entry) for camera, entry in document.items()}
     cameras = {name: topics for name, topics in found.items() if topics.image}
     sensors = {name: topics for name, topics in found.items() if not topics.image}
@@ -82,6 +82,7 @@ def read_driver_topics(path: Path) -> DriverFile:
 
 def _topics(path: Path, camera: str, entry: object) -> DriverTopics:
     known = [field.name for field in fields(DriverTopics)]
+    told = ", ".join(known)
     if not isinstance(entry, Mapping) or not {"image", "depth"} & set(entry):
         raise DataError(
             f"{path}: camera {camera} has no 'image', the topic of its images (a depth sensor alone: 'depth' "
@@ -89,11 +90,12 @@ def _topics(path: Path, camera: str, entry: object) -> DriverTopics:
         )
     for key, value in entry.items():
         if key not in known:
-            raise DataError(f"{path}: camera {camera} has an unknown key {key!r}; known: {', '.join(known)}")
+            raise DataError(f"{path}: camera {camera} has an unknown key {shown(key)}; known: {told}")
         if not isinstance(value, str) or not value:
-            raise DataError(f"{path}: camera {camera}: {key} is {value!r}, expected a name")
+            raise DataError(f"{path}: camera {camera}: {key} is {shown(value)}, expected a name")
         if key != "encoding" and not value.startswith("/"):
-            raise DataError(f"{path}: camera {camera}: {key} is {value!r}; write the whole name, /{value}")
+            said = f"{key} is {shown(value)}"
+            raise DataError(f"{path}: camera {camera}: {said}; write the whole name, /{value[:40]}")
     if "image" not in entry and "encoding" in entry:
         raise DataError(f"{path}: depth sensor {camera} has an encoding, which is one of images")
     return DriverTopics(**{str(key): str(value) for key, value in entry.items()})

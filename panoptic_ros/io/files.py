@@ -1,4 +1,4 @@
-"""Reading and writing whole files: atomic, with errors that name the file."""
+"""Writing whole files: atomic, with errors that name the file. For reading see `loading` and `documents`."""
 from __future__ import annotations
 
 import gzip
@@ -10,43 +10,93 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.io.documents import read_json, read_yaml
+from panoptic_ros.io.loading import file_errors, malformed, read_bytes
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C, if PyYAML has it: eight times as quick
+__all__ = [
+    "atomic_path", "check_output", "check_output_folder", "file_errors", "known", "malformed", "read_bytes",
+    "read_json", "read_yaml", "write_bytes", "write_json",
+]  # fmt: skip
 
-@contextmanager
-def file_errors(path: Path, doing: str) -> Iterator[None]:
-    """Turn the operating system's errors into one clear line.
+STEM, SUFFIXES = 100, 60  # characters of a temporary name; file systems take 255 bytes
+
+
+def check_output(path: Path) -> Path:
+    """Return where a file is to be written, behind a link its target. It can be told before any work is done.
 
     Raises:
-        DataError: if the file is not there or is a folder.
-        EnvironmentProblem: on permissions, a full disk and other trouble of the machine.
+        DataError: if the path is a folder, a device, or a link to nothing.
+        EnvironmentProblem: if nothing can be written there.
     """
-    try:
-        yield
-    except (FileNotFoundError, IsADirectoryError, NotADirectoryError) as error:
-        raise DataError(f"cannot {doing} {path}: {error.strerror}") from None
-    except OSError as error:
-        raise EnvironmentProblem(f"cannot {doing} {path}: {error.strerror or error}") from None
+    target = _target(path)
+    if not target.name or target.is_dir():
+        raise DataError(f"cannot write {path}: it is a folder; name a file in it")
+    if target.exists() and not target.is_file():
+        raise DataError(f"cannot write {path}: it is a device or a pipe; name a file")
+    _check_parent(path, target)
+    return target
 
 
-def malformed(where: Path | str, error: Exception) -> DataError:
-    """In one line, what is wrong with a document whose keys or values are not those of its format."""
-    what = f"{error.args[0]!r} is missing" if isinstance(error, KeyError) else f"a value is wrong: {error}"
-    return DataError(f"{where}: {what}; docs/formats.md says what must be there")
+def check_output_folder(path: Path) -> Path:
+    """Return the folder that results are to be written into: behind a link its target.
+
+    Raises:
+        DataError: if the path is a file, a device, the root of the file system, or a link to nothing.
+        EnvironmentProblem: if nothing can be written there.
+    """
+    target = _target(path)
+    if target == Path(target.anchor):
+        raise DataError(f"cannot write into {path}: it is the root of the file system; name a folder in it")
+    if target.exists() and not target.is_dir():
+        raise DataError(f"cannot write into {path}: it is a file; name a folder")
+    _check_parent(path, target)
+    return target
+
+
+def _target(path: Path) -> Path:
+    """The whole path of what is to be written; behind a link, its end."""
+    with file_errors(path, "write"):
+        found = Path(os.path.realpath(path) if os.path.islink(path) else os.path.abspath(path))
+        try:
+            os.lstat(found)
+        except FileNotFoundError:
+            if os.path.islink(path):
+                raise DataError(
+                    f"cannot write {path}: it is a link to {found}, which is not there; remove the link"
+                ) from None
+        except NotADirectoryError:  # told by the parent
+            pass
+    return found
+
+
+def _check_parent(path: Path, target: Path) -> None:
+    """Whether something can be made beside the target."""
+    with file_errors(path, "write"):
+        place = next(parent for parent in target.parents if parent.exists() or parent.is_symlink())
+        if not place.is_dir():
+            raise NotADirectoryError(20, f"{place} is not a folder")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise EnvironmentProblem(f"cannot write {path}: no permission to write into {place}")
 
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that replaces it if all goes well and vanishes if not."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{''.join(path.suffixes)}")
+    """A temporary path beside `path` that replaces it if all goes well and vanishes if not.
+
+    Where `path` is a link, its target is replaced.
+
+    Raises:
+        DataError, EnvironmentProblem: if nothing can be written there.
+    """
+    target = check_output(path)
+    ending = "".join(target.suffixes)[-SUFFIXES:]
+    temporary = target.with_name(f".{target.stem[:STEM]}.{os.getpid()}.part{ending}")
     with file_errors(path, "write"):
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            target.parent.mkdir(parents=True, exist_ok=True)
             yield temporary
-            os.replace(temporary, path)
+            os.replace(temporary, target)
         finally:
             temporary.unlink(missing_ok=True)
 
@@ -70,37 +120,3 @@ def known(document: Any) -> Any:
     if isinstance(document, list | tuple):
         return [known(value) for value in document]
     return None if isinstance(document, float) and not math.isfinite(document) else document
-
-
-def read_bytes(path: Path) -> bytes:
-    """The content of a file."""
-    with file_errors(Path(path), "read"):
-        return Path(path).read_bytes()
-
-
-def read_json(path: Path) -> Any:
-    """Read JSON, gzipped or not.
-
-    Raises:
-        DataError: if it is no JSON.
-    """
-    data = read_bytes(path)
-    try:
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
-        return json.loads(data)
-    except (ValueError, EOFError, OSError) as error:
-        raise DataError(f"{path} is not valid JSON: {error}") from None
-
-
-def read_yaml(path: Path) -> Any:
-    """Read YAML.
-
-    Raises:
-        DataError: if it is no YAML.
-    """
-    try:
-        return yaml.load(read_bytes(path).decode(), _Loader)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        where = getattr(error, "problem_mark", None)
-        raise DataError(f"{path} is not valid YAML{f', line {where.line + 1}' if where else ''}") from None

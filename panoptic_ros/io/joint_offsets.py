@@ -13,8 +13,10 @@ import numpy as np
 import yaml
 
 from panoptic_ros.domain.segments import JointOffset, SegmentModel
-from panoptic_ros.errors import ConfigError, DataError
-from panoptic_ros.io.files import read_yaml, write_bytes
+from panoptic_ros.errors import ConfigError, DataError, shown
+from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.skeletons import in_vocabulary
 
 FORMAT = "panoptic-joint-offsets-1"
@@ -38,6 +40,11 @@ def read_joint_offsets(path: Path, model: SegmentModel) -> SegmentModel:
     rows = document.get("offsets")
     if not isinstance(rows, dict) or not rows:
         raise ConfigError(f"{path} has no offsets")
+    with parsing(path, ConfigError):
+        return _with_offsets(rows, path, model)
+
+
+def _with_offsets(rows: dict[Any, Any], path: Path, model: SegmentModel) -> SegmentModel:
     names = dict(zip(in_vocabulary(tuple(model.keypoints)), model.keypoints))
     found: dict[str, JointOffset] = {}
     for word, row in rows.items():
@@ -81,7 +88,7 @@ def _offset(row: Any, where: str) -> JointOffset:
     frame, values = (row.get("frame"), row.get("offset")) if isinstance(row, dict) else (None, None)
     numbers = values if isinstance(values, list) and len(values) == 3 else []
     if not isinstance(frame, str) or not numbers or not all(type(v) in (int, float) for v in numbers):
-        raise ConfigError(f"{where} is {row!r}; it needs frame, a segment, and offset, three numbers, m")
+        raise ConfigError(f"{where} is {shown(row)}; it needs frame, a segment, and offset, three numbers, m")
     if not np.isfinite(numbers).all() or np.linalg.norm(numbers) > LONGEST:
         raise ConfigError(f"{where} = {numbers} is more than {LONGEST} m; no detector is so far off")
     return JointOffset(frame, (float(numbers[0]), float(numbers[1]), float(numbers[2])))

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import gzip
-import io
-import zlib
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,9 +12,11 @@ import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Device, ImuSeries, Subject, TPose
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, shown
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.files import malformed, read_bytes, read_json, write_bytes
+from panoptic_ros.io.documents import csv_rows, decoded, read_json
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.loading import parsing, read_unpacked
 
 Array = np.ndarray
 SUBJECT = "panoptic-subject-1"
@@ -36,20 +35,14 @@ def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeri
     Raises:
         DataError: naming the file, the line and what is wrong.
     """
-    data = read_bytes(path)
-    if data[:2] == b"\x1f\x8b":
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError, zlib.error) as error:
-            raise DataError(f"{path} begins as a gzip file and is none: {error}") from None
-    rows = csv.reader(io.StringIO(data.decode("utf-8", "replace")))
-    header = next(rows, [])
+    rows = csv_rows(decoded(read_unpacked(path), path), path)
+    _, header = next(rows, (1, []))
     if tuple(header) != COLUMNS:
-        raise DataError(f"{path}: the header is {','.join(header)[:80]!r}, expected {','.join(COLUMNS)}")
+        raise DataError(f"{path}: the header is {shown(','.join(header), 80)}, expected {','.join(COLUMNS)}")
     stamps: dict[str, list[int]] = {}
     values: dict[str, list[list[float]]] = {}
     late: Counter[str] = Counter()
-    for number, row in enumerate(rows, start=2):
+    for number, row in rows:
         if not row:
             continue
         try:
@@ -57,8 +50,9 @@ def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeri
             numbers = [float(text) if text else np.nan for text in row[2:]]
         except (ValueError, IndexError):
             numbers = []
-        if len(numbers) != len(COLUMNS) - 2:
-            raise DataError(f"{path}, line {number}: {','.join(row)[:80]!r} is no sample of an IMU")
+        if len(numbers) != len(COLUMNS) - 2 or stamp >= 2**63:
+            said = shown(",".join(row), 80)
+            raise DataError(f"{path}, line {number}: {said} is no sample of an IMU")
         if stamp > stamps.setdefault(name, [-1])[-1]:
             stamps[name].append(stamp)
             values.setdefault(name, []).append(numbers)
@@ -101,6 +95,11 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != SUBJECT:
         raise DataError(f"{path} is no {SUBJECT} file")
+    with parsing(path):
+        return _subject(document, model, path)
+
+
+def _subject(document: dict[str, Any], model: SegmentModel, path: Path) -> Subject:
     try:
         stature = float(document["height_m"])
         body = model.body(stature)
@@ -122,8 +121,6 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
         )  # fmt: skip
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise malformed(path, error) from None
 
 
 def subject_document(subject: Subject) -> dict[str, Any]:
@@ -154,7 +151,7 @@ def subject_document(subject: Subject) -> dict[str, Any]:
 
 def _id(value: Any) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise DataError(f"id = {value!r}; ids of subjects are whole numbers and count from 0")
+        raise DataError(f"id = {shown(value)}; ids of subjects are whole numbers and count from 0")
     return value
 
 
@@ -168,7 +165,7 @@ def _distinct(devices: tuple[Device, ...]) -> tuple[Device, ...]:
 
 def _heading_known(frame: Any) -> bool:
     if frame not in INERTIAL_FRAMES:
-        raise DataError(f"inertial_frame = {frame!r} is neither of {', '.join(INERTIAL_FRAMES)}")
+        raise DataError(f"inertial_frame = {shown(frame)} is neither of {', '.join(INERTIAL_FRAMES)}")
     return bool(frame == "world")
 
 
@@ -188,23 +185,23 @@ def _t_pose(row: Mapping[str, Any] | None) -> TPose | None:
         raise DataError(f"t_pose: from_ns {begin} is not before to_ns {end}")
     found = None if facing is None else _vector(facing, 3, "facing")
     if found is not None and not found[:2].any():
-        raise DataError(f"t_pose: facing = {facing!r} has no direction on the floor")
+        raise DataError(f"t_pose: facing = {shown(facing)} has no direction on the floor")
     return TPose(begin, end, found)
 
 
 def _bone(values: Any, name: str, stature: float) -> Array:
     found = _vector(values, 3, name)
     if np.linalg.norm(found) > 0.5 * stature:
-        raise DataError(f"segments: {name} = {values!r} m is more than half of the stature")
+        raise DataError(f"segments: {name} = {shown(values)} m is more than half of the stature")
     return found
 
 
 def _vector(values: Any, count: int, where: str) -> Array:
     found = np.array(values, float)
     if found.shape != (count,) or not np.isfinite(found).all():
-        raise DataError(f"{where} = {values!r} is not {count} numbers")
+        raise DataError(f"{where} = {shown(values)} is not {count} numbers")
     if count == 4 and not found.any():
-        raise DataError(f"{where} = {values!r} is no rotation; expected a quaternion w x y z")
+        raise DataError(f"{where} = {shown(values)} is no rotation; expected a quaternion w x y z")
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,8 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import file_errors, read_bytes, read_yaml
+from panoptic_ros.errors import DataError, one_line, shown
+from panoptic_ros.io.arrays import arrays_of
+from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.loading import parsing, read_unpacked
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.kinematics.body.fitting import Site
 
@@ -33,11 +36,11 @@ def read_clip_arrays(path: Path) -> list[JointMotion]:
     Raises:
         DataError: if these are not there.
     """
-    with file_errors(path, "read"), np.load(path) as found:
+    with arrays_of(path) as found:
         try:
             names = tuple(str(name) for name in found["joint_names"])
             return [
-                JointMotion(str(clip), names, found[f"clip_{clip}"].astype(float), float(found["fps"]))
+                _checked(str(clip), names, found[f"clip_{clip}"].astype(float), float(found["fps"]), path)
                 for clip in found["clips"]
             ]
         except KeyError as error:
@@ -53,7 +56,22 @@ def read_bvh(path: Path, unit: float) -> JointMotion:
     Raises:
         DataError: naming the file and what is wrong.
     """
-    words = iter(read_bytes(path).decode("utf-8", "replace").split())
+    words = iter(read_unpacked(path).decode("utf-8", "replace").split())
+    with parsing(path):
+        return _bvh(words, path, unit)
+
+
+def _checked(name: str, joint_names: tuple[str, ...], joints: Array, rate: float, path: Path) -> JointMotion:
+    """The motion, if it has a place for every joint."""
+    if joints.ndim != 3 or joints.shape[1:] != (len(joint_names), 3):
+        shape = " x ".join(map(str, joints.shape))
+        raise DataError(f"{path}: clip {shown(name)} is {shape}, expected frames x {len(joint_names)} x 3")
+    if not 0.0 < rate < math.inf:
+        raise DataError(f"{path}: fps is {rate:g}, expected a rate in Hz")
+    return JointMotion(name, joint_names, joints, rate)
+
+
+def _bvh(words: Iterator[str], path: Path, unit: float) -> JointMotion:
     try:
         names, parents, offsets, channels = _hierarchy(words)
         _expect(words, "MOTION", "Frames:")
@@ -63,8 +81,8 @@ def read_bvh(path: Path, unit: float) -> JointMotion:
         values = np.array([float(word) for word in words])
         table = values.reshape(count, sum(len(own) for own in channels))
     except (StopIteration, ValueError, IndexError) as error:
-        raise DataError(f"{path} is no BVH file that is whole: {error!r}") from None
-    if period <= 0.0 or not np.isfinite(table).all():
+        raise DataError(f"{path} is no BVH file that is whole: {one_line(error)}") from None
+    if not 0.0 < period < math.inf or not np.isfinite(table).all() or not np.isfinite(offsets).all():
         raise DataError(f"{path}: frames of {period} s or numbers that are none")
     places = _placed(parents, np.array(offsets), channels, table)
     upright = np.stack([places[..., 2], places[..., 0], places[..., 1]], axis=-1)

@@ -20,9 +20,11 @@ from panoptic_ros.domain import (
     TrackedPoseSet,
     ViewDetections,
 )
-from panoptic_ros.errors import CalibrationError, DataError
-from panoptic_ros.io.files import malformed, read_json, write_json
+from panoptic_ros.errors import CalibrationError, DataError, shown
+from panoptic_ros.io.documents import read_json
+from panoptic_ros.io.files import write_json
 from panoptic_ros.io.frame_stream import read_frames
+from panoptic_ros.io.loading import parsing
 
 Array = np.ndarray
 DETECTIONS = "panoptic-detections-1"
@@ -77,7 +79,7 @@ class PlainDetections:
             for name in frame.views:
                 if name not in allowed:
                     raise CalibrationError(
-                        f"the detections have a camera {name!r} that the rig lacks; it has "
+                        f"the detections have a camera {shown(name)} that the rig lacks; it has "
                         f"{', '.join(rig.names)}"
                     )
             views = []
@@ -129,7 +131,7 @@ def read_detections(path: Path) -> PlainDetections:
     frames = []
     for number, frame in enumerate(document["frames"]):
         where = f"{path}, frame {number}"
-        try:
+        with parsing(where):
             views = {
                 str(name): PlainView(
                     _integer(view["stamp_ns"], where),
@@ -137,11 +139,7 @@ def read_detections(path: Path) -> PlainDetections:
                 )
                 for name, view in frame["views"].items()
             }
-            frames.append(
-                PlainFrame(int(frame.get("index", number)), _integer(frame["stamp_ns"], where), views)
-            )
-        except (KeyError, TypeError, AttributeError) as error:
-            raise malformed(where, error) from None
+            frames.append(PlainFrame(_index(frame, number, where), _integer(frame["stamp_ns"], where), views))
     return PlainDetections(names, tuple(frames))
 
 
@@ -168,7 +166,7 @@ def read_skeletons(path: Path) -> PlainSkeletons:
     frames = []
     for number, frame in enumerate(document["frames"]):
         where = f"{path}, frame {number}"
-        try:
+        with parsing(where):
             people = frame["skeletons"]
             positions, _ = _joint_rows([p["joints"] for p in people], len(names), 3, where, scored=False)
             there = np.isfinite(positions).all(-1)
@@ -183,15 +181,13 @@ def read_skeletons(path: Path) -> PlainSkeletons:
                         covariances[k, j].T[_UPPER] = upper
             frames.append(
                 PlainSkeletonFrame(
-                    int(frame.get("index", number)), _integer(frame["stamp_ns"], where),
+                    _index(frame, number, where), _integer(frame["stamp_ns"], where),
                     np.array([int(p["id"]) for p in people], np.int64), positions,
                     scores.reshape(positions.shape[:2]), covariances,
                     np.array([bool(p.get("ignore", False)) for p in people], bool),
                     views.reshape(positions.shape[:2]),
                 )
             )  # fmt: skip
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
-            raise malformed(where, error) from None
     return PlainSkeletons(names, tuple(frames))
 
 
@@ -236,7 +232,7 @@ def _document(
     document = read(Path(path))
     found = document.get("format") if isinstance(document, dict) else None
     if found != wanted:
-        raise DataError(f"{path} has format {found!r}, expected {wanted!r}")
+        raise DataError(f"{path} has format {shown(found)}, expected {shown(wanted)}")
     names = document.get("joint_names")
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise DataError(f"{path} has no list of joint_names")
@@ -247,9 +243,16 @@ def _document(
     return document, tuple(names)
 
 
-def _integer(value: Any, where: str) -> int:
+def _index(frame: dict[str, Any], number: int, where: str) -> int:
+    """The index of a frame, by default its number in the file."""
+    return _integer(frame.get("index", number), where, "index")
+
+
+def _integer(value: Any, where: str, key: str = "stamp_ns") -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        raise DataError(f"{where}: stamp_ns = {value!r} is not an integer")
+        raise DataError(f"{where}: {key} = {shown(value)} is not an integer")
+    if not -(2**63) <= value < 2**63:
+        raise DataError(f"{where}: {key} = {shown(value)} is out of range: it does not fit into 64 bits")
     return value
 
 
@@ -264,7 +267,7 @@ def _joint_rows(
     try:
         rows = np.array([[joint or nothing for joint in person] for person in persons], float)
         rows = rows.reshape(len(persons), joints, width)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(f"{where}: a joint is neither null nor {width} numbers") from None
     if np.isinf(rows).any():
         raise DataError(f"{where}: a joint has a number that is not finite")

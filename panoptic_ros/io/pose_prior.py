@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.errors import DataError
+from panoptic_ros.io.arrays import arrays_of
 from panoptic_ros.io.body_models import read_body_model
-from panoptic_ros.io.files import file_errors, write_bytes
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
@@ -32,17 +35,33 @@ def read_prior(name: str = "", model: SegmentModel | None = None) -> PoseStatist
         DataError: if the file is not as it must be, or has none of the segments.
     """
     path = Path(name) if name else share_folder() / "config" / "bodies" / DEFAULT_PRIOR
-    with file_errors(path, "read"), np.load(path) as found:
+    with arrays_of(path) as found:
         try:
             arrays = [found[key] for key in PRIOR_KEYS]
         except KeyError as error:
             raise DataError(f"{path} is no pose prior, or an old one ({error}): train it anew") from None
         own = tuple(map(str, found[SEGMENTS])) if SEGMENTS in found else read_body_model().names
-    statistics = PoseStatistics(*(np.ascontiguousarray(array, np.float64) for array in arrays))
-    try:
-        return statistics.of_other_segments(own, own if model is None else model.names)
-    except DataError as error:
-        raise DataError(f"{path}: {error}") from None
+    with parsing(path):
+        _check_shapes(arrays, path)
+        statistics = PoseStatistics(*(np.ascontiguousarray(array, np.float64) for array in arrays))
+        try:
+            return statistics.of_other_segments(own, own if model is None else model.names)
+        except DataError as error:
+            raise DataError(f"{path}: {error}") from None
+
+
+def _check_shapes(arrays: Sequence[np.ndarray], path: Path) -> None:
+    """Whether the arrays are numbers of poses: (N,), (N, K), (K,), (N,)."""
+    mean, _, deviations, spreads = arrays
+    shapes = [array.shape for array in arrays]
+    count, kept = mean.shape[:1], deviations.shape[:1]
+    if shapes != [count, count + kept, kept, count]:
+        raise DataError(f"{path} is no pose prior: its arrays have the shapes {', '.join(map(str, shapes))}")
+    for key, array in zip(PRIOR_KEYS, arrays):
+        if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+            raise DataError(f"{path} is no pose prior: {key} has something that is no finite number")
+    if not (deviations > 0.0).all() or not (spreads > 0.0).all():
+        raise DataError(f"{path} is no pose prior: a deviation is not above 0")
 
 
 def write_prior(path: Path, statistics: PoseStatistics, model: SegmentModel) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
-from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.arrays import arrays_of
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.simulation.bodies.motion import Clip, clips_of
 
@@ -17,7 +15,7 @@ def read_clips(path: Path | None = None) -> dict[str, Clip]:
     """Recorded motions of our skeleton in a file; none if it has other things. None = those installed, see
     NOTICE for where they are from."""
     path = path or share_folder() / "config" / "bodies" / MOTION
-    with file_errors(path, "read"), np.load(path) as found:
+    with arrays_of(path) as found:
         arrays = dict(found)
-    ours = "clips" in arrays and all(f"vectors_{name}" in arrays for name in arrays["clips"])
-    return clips_of(arrays) if ours else {}
+        ours = "clips" in arrays and all(f"vectors_{name}" in arrays for name in arrays["clips"])
+        return clips_of(arrays) if ours else {}

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.domain import JointMap, SkeletonModel
-from panoptic_ros.errors import ConfigError, DataError
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.errors import ConfigError, DataError, shown
+from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import share_folder
 
 DEFAULT_SKELETON = "panoptic19"
@@ -91,36 +92,47 @@ def _document(name_or_path: str) -> dict[str, Any]:
     path = Path(name_or_path)
     if path.suffix not in (".yaml", ".yml"):
         path = share_folder() / "config" / "skeletons" / f"{name_or_path}.yaml"
-        if not path.is_file():
+        if name_or_path not in skeleton_names():
             raise ConfigError(
-                f"unknown skeleton {name_or_path!r}; there are {', '.join(skeleton_names())}, "
+                f"unknown skeleton {shown(name_or_path)}; there are {', '.join(skeleton_names())}, "
                 "or the path of a YAML file"
             )
     document = read_yaml(path)
+    with parsing(path):
+        return _checked(document, path)
+
+
+def _checked(document: Any, path: Path) -> dict[str, Any]:
+    """The document with all of its keys, if it can be a skeleton."""
     wanted = {"name": str, "root": str, "head": str, "joints": dict, "bones": list}
     for key, kind in wanted.items():
         if not isinstance(document, dict) or not isinstance(document.get(key), kind):
-            raise DataError(f"{path} is no skeleton model: it needs a {kind.__name__} {key!r}")
-    document = {"left_right": [], "mean_of": {}, **document}
-    _check(document, path)
-    return document
+            raise DataError(f"{path} is no skeleton model: it needs a {kind.__name__} {shown(key)}")
+    whole: dict[str, Any] = {"left_right": [], "mean_of": {}, **document}
+    _check(whole, path)
+    return whole
 
 
 def _check(document: dict[str, Any], path: Path) -> None:
     """Whether bones, sides and means name joints of the file."""
+    for joint, word in document["joints"].items():
+        if not isinstance(joint, str) or not isinstance(word, str):
+            raise DataError(f"{path}: joints must map names to names, found {shown(joint)}: {shown(word)}")
+    if not isinstance(document["left_right"], list):
+        raise DataError(f"{path}: left_right is {shown(document['left_right'])}, expected a list of pairs")
     means = document["mean_of"]
     if not isinstance(means, dict) or not all(isinstance(parts, list) and parts for parts in means.values()):
         raise DataError(f"{path}: mean_of must map joints to lists of joints")
     for key in ("bones", "left_right"):
         for row in document[key]:
             if not isinstance(row, list) or len(row) != 2:
-                raise DataError(f"{path}: an entry of {key} is no list of two joints: {row}")
+                raise DataError(f"{path}: an entry of {key} is no list of two joints: {shown(row)}")
     named = [("mean_of", [joint, *parts]) for joint, parts in means.items()]
     named += [(key, row) for key in ("bones", "left_right") for row in document[key]]
     for key, row in named:
         for joint in row:
             if joint not in document["joints"]:
-                raise DataError(f"{path}: {key} names {joint!r}, which is none of the joints")
+                raise DataError(f"{path}: {key} names {shown(joint)}, which is none of the joints")
 
 
 def _model(document: dict[str, Any]) -> SkeletonModel:
@@ -128,7 +140,7 @@ def _model(document: dict[str, Any]) -> SkeletonModel:
 
     def at(joint: str) -> int:
         if joint not in names:
-            raise ConfigError(f"skeleton {document['name']}: {joint!r} is none of its joints")
+            raise ConfigError(f"skeleton {document['name']}: {shown(joint)} is none of its joints")
         return names.index(joint)
 
     def pairs(key: str) -> tuple[tuple[int, int], ...]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.evaluation.surface import SurfaceTruth
-from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.arrays import arrays_of
 
 NAME, KEYS = "truth.npz", ("times", "points", "point_bone")
 # Bones of the default rig of MakeHuman, by how their names begin, and our parts. Skin of the neck belongs to
@@ -24,12 +24,12 @@ def read_surface(folder: Path) -> SurfaceTruth | None:
     path = folder / NAME
     if not path.is_file():
         return None
-    with file_errors(path, "read"), np.load(path) as found:
+    with arrays_of(path) as found:
         if any(key not in found for key in KEYS):
             return None
         times, points, bones = (found[key] for key in KEYS)
-    stamps = np.rint(1e9 * times).astype(np.int64)
-    return SurfaceTruth(stamps, points, np.vectorize(part_of_bone, otypes=[object])(bones))
+        stamps = np.rint(1e9 * times).astype(np.int64)
+        return SurfaceTruth(stamps, points, np.vectorize(part_of_bone, otypes=[object])(bones))
 
 
 def part_of_bone(name: str) -> str:

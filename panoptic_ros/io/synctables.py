@@ -17,12 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_json
+from panoptic_ros.errors import DataError, shown
+from panoptic_ros.io.documents import read_json
+from panoptic_ros.io.loading import parsing
 
 Array = np.ndarray
 HD_BASES = (0, 1, 2)
 DEMO_BASE = 1
+LATEST_MS = 9.2e12  # ms of a stamp that fits 63 bits of ns, 292 years
 COLOR_LATE_MS = 6.25  # color stamps are later than depth's by that, in CMU's demo
 GATE_DEPTH_COLOR_MS, GATE_COLOR_MS, GATE_DEPTH_MS = 6.5, 30.0, 17.0  # beyond them the demo takes no frame
 
@@ -70,13 +72,13 @@ def read_synctables(*paths: Path) -> dict[str, SyncStream]:
         document = read_json(path)
         if not isinstance(document, dict):
             raise DataError(f"{path} is no sync table: an object with hd or kinect is expected")
-        for system in ("hd", "vga"):
-            if system in document:
-                streams[system] = _stream(system, document[system], path)
-        kinect = document.get("kinect", {})
-        for kind in ("color", "depth"):
-            for node, table in (kinect.get(kind, {}) if isinstance(kinect, dict) else {}).items():
-                streams[f"{kind}/{node}"] = _stream(f"{kind}/{node}", table, path)
+        with parsing(path):
+            for system in ("hd", "vga"):
+                if system in document:
+                    streams[system] = _stream(system, document[system], path)
+            for kind in ("color", "depth"):
+                for node, table in document.get("kinect", {}).get(kind, {}).items():
+                    streams[f"{kind}/{node}"] = _stream(f"{kind}/{node}", table, path)
     if not streams:
         raise DataError(f"{', '.join(map(str, paths))}: no sync table with hd, vga or kinect")
     return streams
@@ -130,11 +132,15 @@ def _near(stream: SyncStream | None, time: float, late: float, gate: float) -> t
 
 def _stream(name: str, table: Any, path: Path) -> SyncStream:
     values = table.get("univ_time") if isinstance(table, dict) else None
+    if not isinstance(values, list) or not values:
+        raise DataError(f"{path}: {name}.univ_time is {shown(values)}, expected a list of numbers")
     try:
         times = np.array(values, float)
         index = np.array(table.get("index", range(len(times))), int)
-    except (TypeError, ValueError, AttributeError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(f"{path}: {name}.univ_time is no list of numbers") from None
     if times.ndim != 1 or index.shape != times.shape:
         raise DataError(f"{path}: {name} has {times.size} times and {index.size} indices")
+    if times.max() > LATEST_MS:
+        raise DataError(f"{path}: {name}.univ_time has {times.max():g} ms, which is no time")
     return SyncStream(name, np.where(times > 0.0, times, np.nan), index)

@@ -2,16 +2,17 @@
 from __future__ import annotations
 
 import io
-import struct
 import warnings
 from pathlib import Path
 
 import numpy as np
 
-from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.io.files import file_errors, read_bytes, write_bytes
+from panoptic_ros.errors import DataError, UsageError, UserError, one_line
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.loading import check_file, file_errors, read_bytes
 
 Array = np.ndarray
+HIGHEST_RATE = 10_000_000  # Hz; recorders for sound have 768 000
 
 
 def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
@@ -59,19 +60,24 @@ def _read(path: Path, mapped: bool = False) -> tuple[int, Array]:
     """Sample rate and samples (N, C) as they are stored; mapped: in the file, where its format allows."""
     from scipy.io import wavfile  # takes long to load, which most runs do not need
 
+    check_file(path)
     data = None if mapped else read_bytes(path)
     try:
         with warnings.catch_warnings(), file_errors(path, "read"):
             warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not audio
             sample_rate, samples = wavfile.read(path if data is None else io.BytesIO(data), mmap=mapped)
-    except (ValueError, EOFError, LookupError, TypeError, ArithmeticError, struct.error) as error:
-        if mapped:  # 24 bits cannot be
-            return _read(path)
-        raise DataError(f"{path} is no WAV file that can be read: {error}") from None
     except NameError:  # the reader's own, where a file has no data chunk
         raise DataError(f"{path} is no WAV file that can be read: it has no samples") from None
+    except UserError:
+        raise
+    except Exception as error:  # scipy trusts the header: damage shows as anything
+        if mapped:  # 24 bits cannot be
+            return _read(path)
+        raise DataError(f"{path} is no WAV file that can be read: {one_line(error)}") from None
     if not len(samples):
         raise DataError(f"{path} has no samples")
+    if not 0 < sample_rate <= HIGHEST_RATE:
+        raise DataError(f"{path} has {sample_rate} samples a second; expected 1 to {HIGHEST_RATE}")
     return int(sample_rate), samples[:, None] if samples.ndim == 1 else samples
 
 

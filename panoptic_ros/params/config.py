@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, get_type_hints
 
-from panoptic_ros.errors import ConfigError, ContractError
+from panoptic_ros.errors import ConfigError, ContractError, shown
 
 Value = bool | int | float | str | tuple[str, ...] | tuple[float, ...] | tuple[int, ...]
 
@@ -111,7 +111,7 @@ def load(cls: type[C], values: Mapping[str, Any], where: str = "") -> C:
     for name in values:
         if name not in known:
             raise ConfigError(
-                f"unknown parameter {where + name!r}; {cls.__name__} has {', '.join(sorted(known))}"
+                f"unknown parameter {shown(where + name)}; {cls.__name__} has {', '.join(sorted(known))}"
             )
     return cls(**values)
 
@@ -151,7 +151,7 @@ def from_text(cls: type[Config], name: str, text: str) -> Any:
         if item.name == name:
             return _parse(item, text, cls.__name__)
     known = ", ".join(item.name for item in describe(cls))
-    raise ConfigError(f"unknown parameter {name!r}; {cls.__name__} has {known}")
+    raise ConfigError(f"unknown parameter {shown(name)}; {cls.__name__} has {known}")
 
 
 def _parse(item: Param, text: str, owner: str) -> Any:
@@ -167,7 +167,7 @@ def _parse(item: Param, text: str, owner: str) -> Any:
         return item.type(text)
     except (KeyError, ValueError, csv.Error):
         raise ConfigError(
-            f"{owner}.{item.name} = {text!r} is not a {_type_name(item.type)}"
+            f"{owner}.{item.name} = {shown(text)} is not a {_type_name(item.type)}"
         ) from None
 
 
@@ -180,7 +180,7 @@ def _checked(item: Param, value: Any, owner: str) -> Any:
     where = f"{owner}.{item.name}"
     if item.type in _TUPLES:
         if isinstance(value, str) or not isinstance(value, (list, tuple)):
-            raise ConfigError(f"{where} = {value!r} is not a list")
+            raise ConfigError(f"{where} = {shown(value)} is not a list")
         return tuple(_scalar(where, _TUPLES[item.type], entry, item) for entry in value)
     if item.type not in _SCALARS:
         raise ContractError(f"{where}: type {item.type} is not supported")
@@ -191,14 +191,14 @@ def _scalar(where: str, kind: type[Any], value: Any, item: Param) -> Any:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not kind:
-        raise ConfigError(f"{where} = {value!r} is not a {kind.__name__}")
+        raise ConfigError(f"{where} = {shown(value)} is not a {kind.__name__}")
     if kind is float and not math.isfinite(value):
-        raise ConfigError(f"{where} = {value!r} is not finite")
+        raise ConfigError(f"{where} = {shown(value)} is not finite")
     if kind is str and item.choices and value not in item.choices:
-        raise ConfigError(f"{where} = {value!r} is none of {', '.join(item.choices)}")
+        raise ConfigError(f"{where} = {shown(value)} is none of {', '.join(item.choices)}")
     if kind in (int, float):
         if item.ge is not None and value < item.ge:
-            raise ConfigError(f"{where} = {value!r} is below {item.ge} {item.unit}".rstrip())
+            raise ConfigError(f"{where} = {shown(value)} is below {item.ge} {item.unit}".rstrip())
         if item.le is not None and value > item.le:
-            raise ConfigError(f"{where} = {value!r} is above {item.le} {item.unit}".rstrip())
+            raise ConfigError(f"{where} = {shown(value)} is above {item.le} {item.unit}".rstrip())
     return value

@@ -4,7 +4,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from panoptic_ros.errors import ConfigError
+from panoptic_ros.errors import ConfigError, shown
 
 ALL = "*"
 
@@ -22,9 +22,9 @@ def named_words(where: str, entries: Iterable[str]) -> dict[str, str]:
     for entry in entries:
         name, equals, word = (part.strip() for part in entry.partition("="))
         if not (name and equals and word):
-            raise ConfigError(f"{where}: {entry!r} is not of the form name=value, e.g. cam01=8.3")
+            raise ConfigError(f"{where}: {shown(entry)} is not of the form name=value, e.g. cam01=8.3")
         if name in words:
-            raise ConfigError(f"{where} names {name!r} twice")
+            raise ConfigError(f"{where} names {shown(name)} twice")
         words[name] = word
     return words
 
@@ -42,7 +42,7 @@ def named_numbers(where: str, entries: Iterable[str]) -> dict[str, float]:
         except ValueError:
             numbers[name] = math.nan
         if not math.isfinite(numbers[name]):
-            raise ConfigError(f"{where}: {word!r} of {name!r} is no number")
+            raise ConfigError(f"{where}: {shown(word)} of {shown(name)} is no number")
     return numbers
 
 

@@ -157,7 +157,7 @@ def test_cropping_keeps_pixels_where_they_are():
         ("camera,frame,stamp_ns\na,0,-4\n", "out of range"),
         ("camera,frame,stamp_ns\na,0,1\na,0,2\n", "a second time"),
         ("camera,frame,stamp_ns\na,0,1\na,2,2\n", "frame 1 has no stamp"),
-        ("\udcff", "not readable"),
+        ("\udcff", "no text in UTF-8"),
     ],
 )
 def test_bad_timestamps_are_named(tmp_path, text, says):

@@ -82,7 +82,7 @@ def test_a_result_is_compared_with_the_truth(tmp_path, capsys):
     "harm, told",
     [
         (lambda d: (d / "metadata.xml").write_text("<a><w0>[1 2 3]</w0></a>"), "3 numbers, expected 300"),
-        (lambda d: (d / "metadata.xml").write_text("<a><w0>[1 2"), "is broken"),
+        (lambda d: (d / "metadata.xml").write_text("<a><w0>[1 2"), "is not valid XML"),
         (lambda d: (d / "metadata.xml").unlink(), "has no metadata.xml"),
         (lambda d: next(d.rglob("S9/**/*.cdf")).write_bytes(b"PK"), "is no CDF file"),
         (lambda d: next(d.rglob("S9/**/*.cdf")).write_bytes(b"\xcd\xf3\x00\x01 no more"), "is no CDF file"),

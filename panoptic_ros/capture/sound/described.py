@@ -10,7 +10,7 @@ from panoptic_ros.capture.sound.played import PlayedSource
 from panoptic_ros.capture.sound.source import SoundSource
 from panoptic_ros.capture.sound.video import VideoSound
 from panoptic_ros.capture.sound.wav import WavSource
-from panoptic_ros.errors import UsageError
+from panoptic_ros.errors import UsageError, shown
 
 
 def described_sound(kind: str, device: str, clocks: Sequence[str], **more: Any) -> dict[str, Any]:
@@ -37,4 +37,4 @@ def open_sound(description: Mapping[str, Any]) -> SoundSource:
         if address.lower().endswith(".wav"):
             return PlayedSource(path=Path(address), **given)
         return MicrophoneSource(address=address, **given)
-    raise UsageError(f"sound of {given['device']}: there is no source of kind {description['kind']!r}")
+    raise UsageError(f"sound of {given['device']}: there is no source of kind {shown(description['kind'])}")

@@ -7,8 +7,8 @@ from typing import Any
 
 from panoptic_ros.capture.sound.described import described_sound
 from panoptic_ros.capture.timestamps import read_sound_stamps
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.errors import DataError, shown
+from panoptic_ros.io.documents import read_yaml
 
 SOUND_NAMES = "sound.yaml"
 SUFFIX = ".wav"
@@ -85,7 +85,8 @@ def _described(
 
 def _read_names(path: Path) -> dict[str, dict[str, Any]]:
     """{file: {"clocks": names, "start_ns": stamp, "track": number}}."""
-    document = read_yaml(path) or {}
+    document = read_yaml(path)
+    document = {} if document is None else document
     if not isinstance(document, dict):
         raise DataError(f"{path} must hold the clocks of files, e.g. timecode.wav: [A, B]")
     return {str(name): _entry(path, str(name), said) for name, said in document.items()}
@@ -97,10 +98,10 @@ def _entry(path: Path, name: str, said: Any) -> dict[str, Any]:
     clocks = clocks if isinstance(clocks, list) else [clocks]
     own = {key: entry[key] for key in ("start_ns", "track") if key in entry}
     plain = all(clock is None or isinstance(clock, (str, int)) for clock in clocks)
-    counted = all(isinstance(number, int) and number >= 0 for number in own.values())
+    counted = all(isinstance(number, int) and 0 <= number < 2**63 for number in own.values())
     if not plain or not counted or entry.keys() - {"clocks", "start_ns", "track"}:
         raise DataError(
-            f"{path}: {name}: {said!r} is no list of clocks, e.g. [A, B], and not of the form "
+            f"{path}: {name}: {shown(said)} is no list of clocks, e.g. [A, B], and not of the form "
             "{clocks: [A, B], start_ns: 0}, or {clocks: [A], track: 1} of a video"
         )
     return {"clocks": ["" if clock is None else str(clock) for clock in clocks], **own}

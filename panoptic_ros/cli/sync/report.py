@@ -5,6 +5,7 @@ import argparse
 import json
 from pathlib import Path
 
+from panoptic_ros.cli.options import output_folder
 from panoptic_ros.view.sync_table import sync_table
 
 
@@ -15,7 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a bag, a capture folder, or a file: timestamps.csv, sync tables, WAV or video with timecode",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write sync_report.json and sync.png there")
+    parser.add_argument("--out", type=output_folder, metavar="DIR",
+                        help="write sync_report.json and sync.png there")  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:

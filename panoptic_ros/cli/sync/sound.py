@@ -5,6 +5,7 @@ import argparse
 from pathlib import Path
 
 from panoptic_ros.cli.offsets import add_apart_option
+from panoptic_ros.cli.options import output_file
 from panoptic_ros.io.clock_offsets import write_clocks
 from panoptic_ros.view.progress import PassBar
 from panoptic_ros.view.sound_lines import pair_lines, sound_lines
@@ -15,7 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", type=Path, metavar="BAG|CAPTURE_DIR",
                         help="a capture folder with WAV files or videos with sound, or a bag")  # fmt: skip
     parser.add_argument("--rig", type=Path, help="where cameras are, in place of the folder's calibration")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the offsets as JSON, for --offsets")
+    parser.add_argument("--out", type=output_file, metavar="FILE",
+                        help="write the offsets as JSON, for --offsets")  # fmt: skip
     parser.add_argument("--trusted-camera", default="", metavar="NAME",
                         help="its stamps are right; default: those of most cameras if they agree, else of "
                         "the one that is farthest ahead")  # fmt: skip

@@ -10,17 +10,15 @@ from __future__ import annotations
 
 import importlib
 import math
-import struct
-import xml.etree.ElementTree as ElementTree  # only parses files that the user names
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.errors import CalibrationError, DataError, EnvironmentProblem
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.errors import CalibrationError, DataError, EnvironmentProblem, one_line
+from panoptic_ros.io.documents import parse_xml, read_text
+from panoptic_ros.io.loading import largest_document, read_bytes
 from panoptic_ros.io.rigs.fields import camera
 
 Array = np.ndarray
@@ -33,10 +31,6 @@ NAMED = {  # of the 32 joints, those with names that detectors share; the others
     "BodyCenter": 0, "rHip": 1, "rKnee": 2, "rAnkle": 3, "lHip": 6, "lKnee": 7, "lAnkle": 8, "Neck": 13,
     "lShoulder": 17, "lElbow": 18, "lWrist": 19, "rShoulder": 25, "rElbow": 26, "rWrist": 27,
 }  # fmt: skip
-BROKEN = (  # what cdflib raises on files that are cut or damaged
-    ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, TypeError, ValueError,
-    struct.error, zlib.error,
-)  # fmt: skip
 MAGIC = (b"\xcd\xf3", b"\xcd\xf2", b"\x00\x00")  # of CDF 3, 2.6 and older
 
 
@@ -46,18 +40,14 @@ def read_cameras(metadata: Path, subject: int) -> Rig:
     Raises:
         CalibrationError, DataError: naming the file and what is wrong.
     """
-    text = read_bytes(metadata).decode("utf-8", "replace")
-    try:
-        root = None if "<!ENTITY" in text else ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise CalibrationError(f"{metadata} is broken: {error}") from None
-    found = None if root is None else next(iter(root.iter("w0")), None)
+    root = parse_xml(read_text(metadata), metadata, CalibrationError)
+    found = next(iter(root.iter("w0")), None)
     if found is None or not found.text:
         raise CalibrationError(f"{metadata} has no <w0>, the numbers of the cameras")
     try:
         numbers = np.array([float(word) for word in found.text.strip(" \n\r\t[]").replace(",", " ").split()])
     except ValueError as error:
-        raise CalibrationError(f"{metadata}: <w0>: {error}") from None
+        raise CalibrationError(f"{metadata}: <w0>: {one_line(error)}") from None
     count = len(SIZES) * (POSES * SUBJECTS + LENS)
     if len(numbers) != count or not np.isfinite(numbers).all():
         raise CalibrationError(f"{metadata}: <w0> has {len(numbers)} numbers, expected {count}")
@@ -91,7 +81,7 @@ def read_joints(path: Path) -> Array:
         EnvironmentProblem: without the package cdflib.
         DataError: naming the file and what is wrong.
     """
-    if read_bytes(path)[:2] not in MAGIC:
+    if read_bytes(path, largest_document())[:2] not in MAGIC:
         raise DataError(f"{path} is no CDF file")
     try:
         package: Any = importlib.import_module("cdflib")
@@ -99,8 +89,8 @@ def read_joints(path: Path) -> Array:
         raise EnvironmentProblem("files of Human3.6M need the package cdflib: pip install cdflib") from None
     try:
         values = np.asarray(package.CDF(str(path)).varget("Pose"), float)
-    except BROKEN as error:
-        raise DataError(f"{path} is no CDF file with `Pose`: {error}") from None
+    except Exception as error:  # cdflib trusts a file's lengths and offsets: damage shows as anything
+        raise DataError(f"{path} is no CDF file with `Pose`: {one_line(error)}") from None
     if values.ndim == 3 and len(values) == 1:
         values = values[0]
     if values.ndim != 2 or values.shape[1] != 3 * JOINTS or not len(values):

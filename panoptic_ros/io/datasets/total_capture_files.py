@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.errors import DataError, shown
+from panoptic_ros.io.loading import read_unpacked
 
 Array = np.ndarray
 COLUMNS = (7, 10, 13)  # quaternion and force; and rates; and magnetic field
@@ -45,17 +45,17 @@ def read_sensors(path: Path) -> Sensors:
     width = len(lines[2].split()) - 1
     if width not in COLUMNS or len(set(names)) < number:
         told = ", ".join(map(str, COLUMNS))
-        raise DataError(f"{path}, line 3: {width} numbers of {names[0]!r}, expected a name and {told}")
+        raise DataError(f"{path}, line 3: {width} numbers of {shown(names[0])}, expected a name and {told}")
     table = np.full((number, count, 10), np.nan)
     at = 1
     for frame in range(count):
         if lines[at].split() != [str(frame + 1)]:
-            raise DataError(f"{path}, line {at + 1}: {lines[at][:40]!r}, expected frame {frame + 1}")
+            raise DataError(f"{path}, line {at + 1}: {shown(lines[at][:40])}, expected frame {frame + 1}")
         for k in range(number):
             at += 1
             name, *words = lines[at].split() or [""]
             if name != names[k]:
-                raise DataError(f"{path}, line {at + 1}: sensor {name!r}, expected {names[k]!r}")
+                raise DataError(f"{path}, line {at + 1}: sensor {shown(name)}, expected {shown(names[k])}")
             values = _numbers(path, at + 1, " ".join(words), width, f"those of {name}")
             table[k, frame, : min(width, 10)] = values[:10]
         at += 1
@@ -75,9 +75,9 @@ def read_calibration(path: Path) -> dict[str, Array]:
     found = {}
     for k, line in enumerate(lines[1 : 1 + number]):
         name, *words = line.split() or [""]
-        x, y, z, w = _numbers(path, k + 2, " ".join(words), 4, f"x y z w of {name!r}")
+        x, y, z, w = _numbers(path, k + 2, " ".join(words), 4, f"x y z w of {shown(name)}")
         if not 0.5 < w * w + x * x + y * y + z * z < 2.0:
-            raise DataError(f"{path}, line {k + 2}: {line.strip()[:60]!r} is no rotation")
+            raise DataError(f"{path}, line {k + 2}: {shown(line.strip()[:60])} is no rotation")
         found[name] = np.array([w, x, y, z])
     return found
 
@@ -102,7 +102,7 @@ def read_skeleton(path: Path, width: int) -> tuple[tuple[str, ...], Array]:
 
 
 def _lines(path: Path) -> list[str]:
-    lines = read_bytes(path).decode("utf-8", "replace").splitlines()
+    lines = read_unpacked(path).decode("utf-8", "replace").splitlines()
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
@@ -114,7 +114,7 @@ def _numbers(path: Path, line: int, text: str, count: int, what: str) -> list[fl
     try:
         values = [float(word) for word in text.split()]
     except ValueError:
-        raise DataError(f"{path}, line {line}: {text[:60]!r}, expected numbers: {what}") from None
+        raise DataError(f"{path}, line {line}: {shown(text[:60])}, expected numbers: {what}") from None
     if len(values) != count or not np.isfinite(values).all():
         raise DataError(f"{path}, line {line}: {len(values)} numbers, expected {count}: {what}")
     return values

@@ -9,6 +9,7 @@ import numpy as np
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
 from panoptic_ros.io.messages.rvl import decode_rvl
+from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
 _KINDS = {"16UC1": np.uint16, "32FC1": np.float32}
@@ -65,7 +66,7 @@ def _decompressed(message: Any, what: str) -> Array:
 def _levels_of_png(data: Array, what: str) -> Array:
     import cv2  # 17 MB, which processes without images do without
 
-    levels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    levels = decode_picture(data, cv2.IMREAD_UNCHANGED, what, most=MOST_PIXELS)
     if levels is None or levels.dtype != np.uint16 or levels.ndim != 2:
         raise DataError(f"{what}: no PNG of 16 bits in its {data.size} bytes")
     return levels

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import importlib.util
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.errors import DataError, EnvironmentProblem, one_line
 from panoptic_ros.io.resources import share_folder
 
 if TYPE_CHECKING:  # most nodes have no need of rosbags
@@ -94,8 +93,6 @@ def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
     Raises:
         DataError: if the type is not known or the bytes are no message of it.
     """
-    from rosbags.serde import SerdeError
-
     store = types or bag_typestore()
     if kind not in store.types:
         raise DataError(f"messages of type {kind} are not known here")
@@ -105,8 +102,8 @@ def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
     read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
     try:
         return read(memoryview(data)[4:], 0, definition.cls, store)[0]
-    except (struct.error, UnicodeDecodeError, ValueError, IndexError, SerdeError) as error:
-        raise DataError(f"a message of type {kind} cannot be decoded: {error}") from None
+    except Exception as error:  # rosbags trusts the lengths in a message: damage shows as anything
+        raise DataError(f"a message of type {kind} cannot be decoded: {one_line(error)}") from None
 
 
 @lru_cache(maxsize=1)

@@ -13,6 +13,7 @@ from panoptic_ros.io.distortion_models import DISTORTION_MODELS
 from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
 from panoptic_ros.io.messages.depths import depth_from_message
 from panoptic_ros.io.messages.family import Messages, stamp_of
+from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
 _CHANNELS = {"bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4, "mono8": 1, "8UC1": 1,
@@ -153,8 +154,7 @@ def depth_frame_from_message(message: Any, camera: str, frame_number: int) -> De
 def _decode(message: Any, camera: str) -> Array:
     import cv2  # see above
 
-    data = byte_array(message)
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    image = decode_picture(byte_array(message), cv2.IMREAD_COLOR, f"compressed image of camera {camera}")
     if image is None:
         raise DataError(f"compressed image of camera {camera} ({message.format!r}) cannot be decoded")
     return image

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.detection.card import ModelCard, card_from_mapping
-from panoptic_ros.errors import ConfigError, UsageError
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.errors import ConfigError, UsageError, shown
+from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import cache_folder, share_folder
 from panoptic_ros.io.skeletons import load_skeleton
 
@@ -88,7 +89,7 @@ def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
     if path.suffix not in (".yaml", ".yml"):
         if name_or_path not in card_names():
             raise UsageError(
-                f"unknown model {name_or_path!r}; there are {', '.join(card_names())}, "
+                f"unknown model {shown(name_or_path)}; there are {', '.join(card_names())}, "
                 "or the path of a model card (YAML)"
             )
         path = share_folder() / "config" / "models" / f"{name_or_path}.yaml"
@@ -98,7 +99,8 @@ def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
     if not isinstance(document, dict):
         raise ConfigError(f"{path} is no model card")
     try:
-        return _card_file(document, path, named)
+        with parsing("the card", ConfigError):
+            return _card_file(document, path, named)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
@@ -114,12 +116,17 @@ def _card_file(document: dict[str, Any], path: Path, named: Path | None) -> Card
 
 
 def _origin(values: Any) -> Origin:
-    try:
-        rest = dict(values)
-        topology, weights = (PackedFile(**rest.pop(key)) for key in ("topology", "weights"))
-        means = {str(key): float(value) for key, value in rest.pop("mean_outputs").items()}
-        return Origin(**rest, topology=topology, weights=weights, mean_outputs=means)
-    except (KeyError, TypeError, ValueError, AttributeError):
+    good = isinstance(values, dict) and set(values) == {"package", "topology", "weights", "mean_outputs"}
+    if not good or not isinstance(values["package"], str) or not isinstance(values["mean_outputs"], dict):
         raise ConfigError(
             "fetch needs package, topology and weights (each with member and sha256) and mean_outputs"
-        ) from None
+        )
+    topology, weights = (_packed(key, values[key]) for key in ("topology", "weights"))
+    means = {str(key): float(value) for key, value in values["mean_outputs"].items()}
+    return Origin(values["package"], topology, weights, means)
+
+
+def _packed(key: str, entry: Any) -> PackedFile:
+    if not isinstance(entry, dict) or set(entry) != {"member", "sha256"}:
+        raise ConfigError(f"fetch: {key} is {shown(entry)}, expected member and sha256")
+    return PackedFile(str(entry["member"]), str(entry["sha256"]))

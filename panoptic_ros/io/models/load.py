@@ -8,7 +8,7 @@ from panoptic_ros.detection.backends.onnx import OnnxNetwork
 from panoptic_ros.detection.card import PERSON_DETECTORS
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.errors import BackendError
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.io.loading import read_bytes
 from panoptic_ros.io.models.cards import DEFAULT_MODEL, CardFile, read_card
 from panoptic_ros.io.models.fetch import expected_digest
 

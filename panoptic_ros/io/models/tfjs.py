@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import base64
 import binascii
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import shown
+from panoptic_ros.io.documents import parse_json
+from panoptic_ros.io.loading import parsing
 
 Array = np.ndarray
 
@@ -43,14 +44,12 @@ def parse_graph(topology: bytes, weights: bytes) -> GraphModel:
     Raises:
         DataError: if the two do not fit each other, or are no such model.
     """
-    try:
-        document = json.loads(topology)
+    with parsing("no TensorFlow.js graph model"):
+        document = parse_json(topology, "no TensorFlow.js graph model: model.json")
         nodes = document["modelTopology"]["node"]
         entries = [entry for group in document["weightsManifest"] for entry in group["weights"]]
         operations = {node["name"]: _operation(node) for node in nodes}
         return GraphModel(operations, _weights(entries, weights))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"no TensorFlow.js graph model: {type(error).__name__} {error}") from None
 
 
 def _operation(node: Mapping[str, Any]) -> Operation:
@@ -74,7 +73,7 @@ def _text(encoded: str) -> str:
     try:
         return base64.b64decode(encoded, validate=True).decode()
     except (binascii.Error, UnicodeDecodeError) as error:
-        raise ValueError(f"string {encoded!r} is not base64: {error}") from None
+        raise ValueError(f"string {shown(encoded)} is not base64: {error}") from None
 
 
 def _weights(entries: list[Mapping[str, Any]], data: bytes) -> dict[str, Array]:

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import Occluders
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_bytes, write_bytes
+from panoptic_ros.errors import DataError, shown
+from panoptic_ros.io.documents import LARGEST_TABLES, read_json
+from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.occluders.meshes import MESHES, read_mesh
 
 Array = np.ndarray
@@ -28,14 +30,19 @@ def read_occluders(path: Path) -> Occluders:
     if path.suffix.lower() in MESHES:
         return read_mesh(path)
     try:
-        document = json.loads(read_bytes(path).decode())
-    except ValueError as error:
-        raise DataError(f"{path} is no JSON ({error}); give {FILE}, a .ply or an .obj") from None
+        document = read_json(path, LARGEST_TABLES)
+    except DataError as error:
+        raise DataError(f"{error}; give {FILE}, a .ply or an .obj") from None
+    with parsing(path):
+        return _things(document, path)
+
+
+def _things(document: Any, path: Path) -> Occluders:
     if not isinstance(document, Mapping) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, Mapping) else None
-        raise DataError(f'{path} has format {found!r}, expected "{FORMAT}"')
+        raise DataError(f'{path} has format {shown(found)}, expected "{FORMAT}"')
     if document.get("units", "m") != "m":
-        raise DataError(f"{path}: units are {document['units']!r}; occluders are in metres, 'm'")
+        raise DataError(f"{path}: units are {shown(document['units'])}; occluders are in metres, 'm'")
     parts = [_box(item, f"{path}: box {_name(item, i)}") for i, item in _entries(document, "boxes", path)]
     parts += [
         _mesh(item, path.parent, f"{path}: mesh {_name(item, i)}")
@@ -91,8 +98,8 @@ def _numbers(item: Mapping[str, Any], key: str, where: str, shape: tuple[int, ..
     try:
         values = np.array(item[key], np.float64)
     except KeyError:
-        raise DataError(f"{where} has no {key!r}") from None
-    except (TypeError, ValueError):
+        raise DataError(f"{where} has no {shown(key)}") from None
+    except (TypeError, ValueError, OverflowError):
         raise DataError(f"{where}: {key} has something that is no number") from None
     fits = values.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, values.shape))
     if not fits or not np.isfinite(values).all():

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.domain import Occluders
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.errors import DataError, EnvironmentProblem, one_line
+from panoptic_ros.io.loading import largest_document, read_bytes
 
 Array = np.ndarray
 MESHES = (".ply", ".obj")
@@ -27,13 +27,15 @@ def read_mesh(path: Path) -> Occluders:
     Raises:
         DataError: naming the file, if it is no mesh of these formats.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, largest_document())
     try:
         vertices, faces = _ply(data) if path.suffix.lower() == ".ply" else _obj(data.decode())
         triangles = [(face[0], a, b) for face in faces for a, b in pairwise(face[1:])]
         things = Occluders(vertices.reshape(-1, 3), np.array(triangles, np.int64).reshape(-1, 3))
-    except (ValueError, IndexError, KeyError, StopIteration, UnicodeDecodeError, DataError) as error:
-        detail = " ".join(str(error).split()) or "it ends too early"
+    except EnvironmentProblem:
+        raise
+    except Exception as error:  # a parser of any content raises anything
+        detail = "it ends too early" if isinstance(error, StopIteration) else one_line(error)
         raise DataError(f"{path} is no mesh that can be read ({detail}); export it as a text PLY") from None
     if not len(things.triangles):
         raise DataError(f"{path} has no faces; a point cloud hides nothing")

@@ -20,10 +20,10 @@ import numpy as np
 import yaml
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.errors import CalibrationError, UsageError, shown
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.io.distortion_models import DISTORTION_MODELS
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.rigs.fields import camera, entry, name_of, numbers, whole_number
 
 POSES = "poses.yaml"
@@ -63,7 +63,7 @@ def _camera(folder: Path, name: str, pose: Any) -> Camera:
     lens = next((lens for lens, name in DISTORTION_MODELS.items() if name == model), None)
     if lens is None:
         known = " and ".join(map(repr, DISTORTION_MODELS.values()))
-        raise CalibrationError(f"{where}: distortion_model is {model!r}; only {known} are supported")
+        raise CalibrationError(f"{where}: distortion_model is {shown(model)}; only {known} are supported")
     size = (
         whole_number(entry(document, "image_width", where), f"{where}: image_width"),
         whole_number(entry(document, "image_height", where), f"{where}: image_height"),
@@ -95,7 +95,7 @@ def dump(rig: Rig) -> dict[str, str]:
     files, poses = {}, {}
     for item in rig.cameras:
         if "/" in item.name or item.name.startswith(".") or f"{item.name}.yaml" == POSES:
-            raise UsageError(f"camera {item.name!r} cannot name a file; rename it for this format")
+            raise UsageError(f"camera {shown(item.name)} cannot name a file; rename it for this format")
         files[f"{item.name}.yaml"] = yaml.safe_dump(_info(item), sort_keys=False)
         rotation = item.cam_from_world.rotation
         poses[item.name] = {

@@ -1,21 +1,15 @@
 """From a file to its parsed content, whatever the name: JSON, XML, TOML, lines of numbers, or a folder."""
 from __future__ import annotations
 
-import gzip
-import json
-import sys
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from panoptic_ros.errors import CalibrationError
-from panoptic_ros.io.files import read_bytes
+from panoptic_ros.errors import CalibrationError, DataError
+from panoptic_ros.io.documents import LARGEST_TABLES, decoded, parse_json, parse_toml, parse_xml
+from panoptic_ros.io.loading import read_unpacked
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+FILE = "the file"  # in messages; the caller names it
 
 
 @dataclass(frozen=True)
@@ -36,33 +30,22 @@ def load_document(path: Path) -> Document | None:
     """
     if path.is_dir():
         return Document("folder", path)
-    data = read_bytes(path)
+    data = read_unpacked(path, LARGEST_TABLES)
     try:
-        if data[:2] == b"\x1f\x8b":
-            data = gzip.decompress(data)
-        text = data.decode("utf-8-sig")
-    except (OSError, EOFError, UnicodeDecodeError):
+        text = decoded(data, path)
+    except DataError:
         return None
     start = text.lstrip()[:1]
+    if start == "<":
+        return Document("xml", parse_xml(text, FILE, CalibrationError))
+    if start == "{":
+        return Document("json", parse_json(text, FILE, CalibrationError))
+    if start != "[" and (rows := _rows(text)) is not None:
+        return Document("numbers", rows)
     try:
-        if start == "<":
-            return Document("xml", _xml(text))
-        if start in ("{", "["):
-            return _json_or_toml(text, start)
-        if (rows := _rows(text)) is not None:
-            return Document("numbers", rows)
-        return Document("toml", tomllib.loads(text)) if start else None
-    except (json.JSONDecodeError, ElementTree.ParseError) as error:
-        raise CalibrationError(f"the file is broken: {error}") from None
-    except tomllib.TOMLDecodeError:
+        return Document("toml", parse_toml(text, FILE)) if start else None
+    except DataError:
         return None
-
-
-def _json_or_toml(text: str, start: str) -> Document:
-    """JSON objects start with a brace; a bracket starts a TOML table."""
-    if start == "[":
-        return Document("toml", tomllib.loads(text))
-    return Document("json", json.loads(text))
 
 
 def _rows(text: str) -> list[list[float]] | None:
@@ -72,9 +55,3 @@ def _rows(text: str) -> list[list[float]] | None:
     except ValueError:
         return None
     return rows if any(rows) else None
-
-
-def _xml(text: str) -> Any:
-    if "<!ENTITY" in text:
-        raise CalibrationError("the file defines XML entities; a calibration needs none")
-    return ElementTree.fromstring(text)

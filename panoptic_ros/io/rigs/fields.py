@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import Camera
-from panoptic_ros.errors import CalibrationError
+from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.geometry import Intrinsics, Lens, Rigid
 
 Array = np.ndarray
 METRES = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # how many of the unit are one metre
+
+LONGEST_SIDE = 100_000  # px of an image; the sensors of line cameras have 16 000
 
 # The world of CMU Panoptic: y down, floor at y = 0. Ours: z up. x_theirs = Z_UP_TO_Y_DOWN @ x_ours.
 Z_UP_TO_Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -25,9 +27,9 @@ def entry(mapping: Any, key: str, where: str) -> Any:
         CalibrationError: if it is not, or `mapping` is none.
     """
     if not isinstance(mapping, Mapping):
-        raise CalibrationError(f"{where} is a {type(mapping).__name__}, expected a table with {key!r}")
+        raise CalibrationError(f"{where} is a {type(mapping).__name__}, expected a table with {shown(key)}")
     if key not in mapping:
-        raise CalibrationError(f"{where} has no {key!r}")
+        raise CalibrationError(f"{where} has no {shown(key)}")
     return mapping[key]
 
 
@@ -40,14 +42,14 @@ def numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Arr
     value = entry(mapping, key, where)
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise CalibrationError(f"{where}: {key!r} is no array of numbers") from None
+    except (TypeError, ValueError, OverflowError):
+        raise CalibrationError(f"{where}: {shown(key)} is no array of numbers") from None
     if not any(_fits(array, shape) for shape in shapes):
         wanted = " x ".join("n" if size < 0 else str(size) for size in shapes[0])
         found = " x ".join(str(size) for size in array.shape) or "a single number"
-        raise CalibrationError(f"{where}: {key!r} is {found}, expected {wanted} numbers")
+        raise CalibrationError(f"{where}: {shown(key)} is {found}, expected {wanted} numbers")
     if not np.isfinite(array).all():
-        raise CalibrationError(f"{where}: {key!r} has numbers that are not finite")
+        raise CalibrationError(f"{where}: {shown(key)} has numbers that are not finite")
     return array
 
 
@@ -59,7 +61,7 @@ def per_metre(unit: Any, where: str) -> float:
     """
     if not isinstance(unit, str) or unit not in METRES:
         known = ", ".join(METRES)
-        raise CalibrationError(f"{where}: the unit of length is {unit!r}, expected one of {known}")
+        raise CalibrationError(f"{where}: the unit of length is {shown(unit)}, expected one of {known}")
     return METRES[unit]
 
 
@@ -74,9 +76,11 @@ def whole_number(value: Any, what: str) -> int:
         CalibrationError: otherwise.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise CalibrationError(f"{what} is {value!r}, expected a whole number of pixels")
-    if value != int(value) or value <= 0:
-        raise CalibrationError(f"{what} is {value!r}, expected a whole number of pixels above 0")
+        raise CalibrationError(f"{what} is {shown(value)}, expected a whole number of pixels")
+    if value != int(value) or not 0 < value <= LONGEST_SIDE:
+        raise CalibrationError(
+            f"{what} is {shown(value)}, expected a whole number of pixels above 0, at most {LONGEST_SIDE}"
+        )
     return int(value)
 
 
@@ -84,8 +88,8 @@ def image_size(mapping: Any, key: str, where: str) -> tuple[int, int]:
     """A list [width, height] of whole pixels."""
     width, height = numbers(mapping, key, where, (2,))
     return (
-        whole_number(float(width), f"{where}: width in {key!r}"),
-        whole_number(float(height), f"{where}: height in {key!r}"),
+        whole_number(float(width), f"{where}: width in {shown(key)}"),
+        whole_number(float(height), f"{where}: height in {shown(key)}"),
     )
 
 
@@ -99,7 +103,7 @@ def name_of(mapping: Any, key: str, where: str) -> str:
     if isinstance(value, int) and not isinstance(value, bool):
         value = str(value)
     if not isinstance(value, str) or not value.strip():
-        raise CalibrationError(f"{where}: {key!r} is {value!r}, expected a name")
+        raise CalibrationError(f"{where}: {shown(key)} is {shown(value)}, expected a name")
     return value
 
 
@@ -115,7 +119,7 @@ def text_of(mapping: Mapping[str, Any], key: str, where: str) -> str:
     if isinstance(value, int) and not isinstance(value, bool):
         return str(value)
     if not isinstance(value, str):
-        raise CalibrationError(f"{where}: {key!r} is {value!r}, expected text")
+        raise CalibrationError(f"{where}: {shown(key)} is {shown(value)}, expected text")
     return value
 
 
@@ -129,7 +133,7 @@ def number_of(mapping: Mapping[str, Any], key: str, where: str, default: float) 
     if value is None:
         return default
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise CalibrationError(f"{where}: {key!r} is {value!r}, expected a number")
+        raise CalibrationError(f"{where}: {shown(key)} is {shown(value)}, expected a number")
     return float(value)
 
 
@@ -141,7 +145,7 @@ def listing(mapping: Any, key: str, where: str) -> list[Any]:
     """
     value = entry(mapping, key, where)
     if not isinstance(value, list) or not value:
-        raise CalibrationError(f"{where}: {key!r} is no list of cameras, or an empty one")
+        raise CalibrationError(f"{where}: {shown(key)} is no list of cameras, or an empty one")
     return value
 
 

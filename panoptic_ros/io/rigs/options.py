@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.errors import CalibrationError, UsageError, shown
 from panoptic_ros.io.rigs.fields import METRES
 
 FAR_APART = 200.0  # m between cameras of one rig; beyond, the unit is surely another
@@ -28,7 +28,7 @@ class ReadOptions:
 
     def __post_init__(self) -> None:
         if self.unit is not None and self.unit not in METRES:
-            raise UsageError(f"unknown unit of length {self.unit!r}; units are {', '.join(METRES)}")
+            raise UsageError(f"unknown unit of length {shown(self.unit)}; units are {', '.join(METRES)}")
 
     def given(self) -> set[str]:
         """The options that differ from their defaults."""

@@ -7,13 +7,14 @@ are those of the normalised image, as in OpenCV.
 """
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree  # only parses files that the user names
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.errors import CalibrationError
+from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.io.rigs.fields import camera, name_of, whole_number
 
 SUBPIXELS = 64.0
@@ -80,8 +81,8 @@ def _video_scale(item: Any, where: str) -> float:
     text = item.get("video_resolution", "")
     if not text:
         return 1.0
-    if not text.rstrip("p").isdigit():
-        raise CalibrationError(f"{where}: video_resolution is {text!r}, expected one like '720p'")
+    if not re.fullmatch("[0-9]{1,5}p?", text):
+        raise CalibrationError(f"{where}: video_resolution is {shown(text)}, expected one like '720p'")
     return int(text.rstrip("p")) / 1080.0
 
 
@@ -95,7 +96,8 @@ def _values(item: Any, tag: str, keys: list[str], where: str) -> list[float]:
         try:
             values.append(float(text))
         except (TypeError, ValueError):
-            raise CalibrationError(f"{where}: {key!r} of <{tag}> is {text!r}, expected a number") from None
+            found = f"{key!r} of <{tag}> is {shown(text)}"
+            raise CalibrationError(f"{where}: {found}, expected a number") from None
     if not np.isfinite(values).all():
         raise CalibrationError(f"{where}: <{tag}> has numbers that are not finite")
     return values

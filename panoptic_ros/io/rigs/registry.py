@@ -10,7 +10,8 @@ from typing import Any
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError, UsageError
-from panoptic_ros.io.files import file_errors, write_bytes
+from panoptic_ros.io.files import check_output_folder, file_errors, write_bytes
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.rigs import (
     camera_info,
     pack_json,
@@ -126,15 +127,16 @@ def read_rig(
     path = Path(path)
     options = ReadOptions(unit, tuple(types), tuple(panels))
     try:
-        document = load_document(path)
-        chosen = _format_of(document)
-        useless = options.given() - chosen.uses
-        if useless:
-            raise UsageError(f"{path}: {chosen.title} has no use for {', '.join(sorted(useless))}")
-        rig = chosen.parse(document.content if document else None, options)
-        if not rig.cameras:
-            raise CalibrationError("a rig without cameras")
-        return rig
+        with parsing("the file", CalibrationError):
+            document = load_document(path)
+            chosen = _format_of(document)
+            useless = options.given() - chosen.uses
+            if useless:
+                raise UsageError(f"{path}: {chosen.title} has no use for {', '.join(sorted(useless))}")
+            rig = chosen.parse(document.content if document else None, options)
+            if not rig.cameras:
+                raise CalibrationError("a rig without cameras")
+            return rig
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from None
 
@@ -196,7 +198,8 @@ def _by_name(path: Path) -> str:
 
 
 def _write_folder(path: Path, files: dict[str, str]) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    path = check_output_folder(path)
+    temporary = path.with_name(f".{path.name[:100]}.{os.getpid()}.part")
     with file_errors(path, "write"):
         try:
             temporary.mkdir(parents=True)

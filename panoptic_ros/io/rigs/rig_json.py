@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import Camera, DepthSensor, Rig
-from panoptic_ros.errors import CalibrationError
+from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.io.rigs.fields import (
     camera,
     entry,
@@ -35,7 +35,7 @@ def parse(document: Any, options: ReadOptions) -> Rig:
     """
     units = entry(document, "units", "the file")
     if units != "m":
-        raise CalibrationError(f"units are {units!r}; a {FORMAT} file is in metres, 'm'")
+        raise CalibrationError(f"units are {shown(units)}; a {FORMAT} file is in metres, 'm'")
     items = listing(document, "cameras", "the file")
     cameras = tuple(_camera(item, f"camera number {i}", "camera") for i, item in enumerate(items))
     frame_id = name_of(document, "frame_id", "the file") if "frame_id" in document else "world"
@@ -50,7 +50,7 @@ def _camera(item: Any, which: str, kind: str) -> Camera:
     where = f"{kind} {name}"
     lens = text_of(item, "lens", where) or "brown"
     if lens not in ("brown", "fisheye"):
-        raise CalibrationError(f"{where}: 'lens' is {lens!r}, expected 'brown' or 'fisheye'")
+        raise CalibrationError(f"{where}: 'lens' is {shown(lens)}, expected 'brown' or 'fisheye'")
     plain = kind == "depth sensor" and "distortion" not in item
     return camera(
         name,
@@ -77,7 +77,7 @@ def _depth_sensors(document: Mapping[str, Any]) -> tuple[DepthSensor, ...]:
     if items is None:
         return ()
     if not isinstance(items, list):
-        raise CalibrationError(f"the file: 'depth_sensors' is {items!r}, expected a list")
+        raise CalibrationError(f"the file: 'depth_sensors' is {shown(items)}, expected a list")
     return tuple(_depth_sensor(i, item) for i, item in enumerate(items))
 
 

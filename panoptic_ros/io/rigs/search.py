@@ -3,7 +3,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from panoptic_ros.errors import CalibrationError, DataError, UsageError
+from panoptic_ros.errors import CalibrationError, DataError, UsageError, UserError
+from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.rigs.document import load_document
 from panoptic_ros.io.rigs.registry import is_rig
 
@@ -41,6 +42,7 @@ def _files(place: Path) -> list[Path]:
 def _is_rig(path: Path) -> bool:
     """Whether a file is a rig; one that is broken is none here and complains when it is named."""
     try:
-        return is_rig(load_document(path))
-    except CalibrationError:
+        with parsing(path, CalibrationError):
+            return is_rig(load_document(path))
+    except UserError:
         return False

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.errors import CalibrationError
+from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.io.rigs.fields import camera, image_size, name_of, numbers, per_metre
 from panoptic_ros.io.rigs.options import ReadOptions, check_unit
 
@@ -70,7 +70,7 @@ def _camera(name: str, item: Mapping[str, Any], scale: float) -> Camera:
     where = f"camera {name}"
     fisheye = item.get("fisheye", False)
     if not isinstance(fisheye, bool):
-        raise CalibrationError(f"{where}: 'fisheye' is {fisheye!r}, expected true or false")
+        raise CalibrationError(f"{where}: 'fisheye' is {shown(fisheye)}, expected true or false")
     rotation = numbers(item, "rotation", where, (3,), (3, 3))
     if rotation.ndim == 1:
         from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need

@@ -25,7 +25,7 @@ MOST_TERMS = 3  # radial, k1 k2 k3
 def recognises(rows: list[list[float]]) -> bool:
     """Whether lines of numbers begin with two whole numbers, then four."""
     counts = [len(row) for row in rows[:3]]
-    return counts == [2, 4, 4] and all(value == int(value) for value in (*rows[0], *rows[1]))
+    return counts == [2, 4, 4] and all(value.is_integer() for value in (*rows[0], *rows[1]))
 
 
 def parse(rows: list[list[float]]) -> Rig:

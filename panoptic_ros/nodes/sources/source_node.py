@@ -32,6 +32,7 @@ from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.parameters import declare_flow
 from panoptic_ros.nodes.middleware.quality import data_quality
 from panoptic_ros.nodes.middleware.runtime import quiet_once
+from panoptic_ros.stage import Notice
 
 IMU = TOPICS["imu"].message
 FREQUENT = (TOPICS["audio"].message, IMU)
@@ -143,6 +144,7 @@ class SourceNode(Node):
     def refuse(self, error: DataError) -> None:
         """Count something that cannot be sent."""
         self._statistics.dropped["bad_message"] += 1
+        self._statistics.take(Notice("source.bad_message", "warning", str(error)))
         self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
     def _send(self, outgoing: Iterator[Outgoing]) -> None:

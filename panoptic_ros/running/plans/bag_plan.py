@@ -28,6 +28,7 @@ from panoptic_ros.running.plans.bag_topics import (
     imu_streams,
     names_of,
     patch_streams,
+    usable_streams,
 )
 from panoptic_ros.running.plans.imu_plan import imus_in_bags, plan_imu_bags
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
@@ -62,7 +63,9 @@ def plan_bags(
         if whole is None:
             raise DataError(f"{names_of(bags)} has no message on /rig; give the calibration with --rig")
         asked = whole if choice.cameras is None else whole.subset(choice.cameras)
-        streams = image_streams(choice, bags, asked, options.chosen_skeleton)
+        streams, useless = usable_streams(
+            image_streams(choice, bags, asked, options.chosen_skeleton), bags, choice
+        )
         depths, unreadable = depth_streams(choice, bags, asked, streams)
         bag_of = {s: next(bag for bag in bags if bag.path == s.bag) for s in streams}
         counts = {s.camera: bag.counts[s.topic] for s, bag in bag_of.items()}
@@ -101,7 +104,8 @@ def plan_bags(
         shifts=clocks.shifts, stage=stage, depth_cameras=tuple(s.camera for s in depths), extras=extras,
         frame_count=sum(counts.values()), instants=max(counts.values()), frame_rate=rate,
         notices=(
-            *(f"camera {name} of the rig is not in the bag" for name in absent), *unreadable, *clocks.notices
+            *(f"camera {name} of the rig is not in the bag" for name in absent if name not in useless),
+            *useless.values(), *unreadable, *clocks.notices,
         ),
     ))  # fmt: skip
 

@@ -63,6 +63,28 @@ def image_streams(
     )
 
 
+def usable_streams(
+    streams: Sequence[BagStream], bags: Sequence[BagReader], choice: BagChoice
+) -> tuple[tuple[BagStream, ...], dict[str, str]]:
+    """The streams whose first messages can be used, and by camera a line for each of the others.
+
+    Raises:
+        DataError: if none can be used, or one cannot whose topic was asked for.
+    """
+    usable, errors = [], dict[str, DataError]()
+    for stream in streams:
+        try:
+            stream.first_record(next(bag for bag in bags if bag.path == stream.bag))
+            usable.append(stream)
+        except DataError as error:
+            errors[stream.camera] = error
+            if stream.camera in choice.topics:
+                raise
+    if not usable:
+        raise next(iter(errors.values()))
+    return tuple(usable), {name: f"camera {name} is left out: {error}" for name, error in errors.items()}
+
+
 def depth_streams(
     choice: BagChoice, bags: Sequence[BagReader], rig: Rig, streams: Sequence[BagStream]
 ) -> tuple[tuple[BagStream, ...], list[str]]:

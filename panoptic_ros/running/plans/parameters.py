@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import ConfigError
+from panoptic_ros.errors import ConfigError, shown
 from panoptic_ros.graph.build import configure, merged, parse_setting
 from panoptic_ros.graph.flow import LIVE_DEFAULTS
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.params import Config
 from panoptic_ros.running.plans.free_threads import free_threads
@@ -31,7 +31,7 @@ def read_parameters(
     Raises:
         ConfigError: on unknown ones and bad values.
     """
-    values = merged(preset or {}, {} if file is None else parameters_of(read_yaml(file) or {}, file))
+    values = merged(preset or {}, {} if file is None else parameters_of(read_yaml(file), file))
     for text in settings:
         stage, name, value = parse_setting(text)
         values.setdefault(stage, {})[name] = value
@@ -45,9 +45,14 @@ def parameters_of(document: Any, file: Path) -> Parameters:
     Raises:
         ConfigError: if it is of another form.
     """
+    if document is None:
+        return {}
     if not isinstance(document, dict) or not all(isinstance(entry, dict) for entry in document.values()):
-        raise ConfigError(f"{file} must hold {{stage: {{parameter: value}}}}")
-    return {str(stage): dict(_plain(entries)) for stage, entries in document.items()}
+        raise ConfigError(f"{file} must hold {{stage: {{parameter: value}}}}, found {shown(document)}")
+    return {
+        str(stage): {str(name): value for name, value in _plain(entries).items()}
+        for stage, entries in document.items()
+    }
 
 
 def _plain(entries: dict[str, Any]) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from panoptic_ros.errors import ConfigError
+from panoptic_ros.errors import ConfigError, shown
 from panoptic_ros.graph.build import configure
-from panoptic_ros.io.files import read_yaml
+from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.io.skeletons import load_skeleton
 from panoptic_ros.running.plans.parameters import Parameters, parameters_of
@@ -50,9 +50,10 @@ def read_preset(name_or_path: str | None) -> Preset:
         path = _folder() / f"{name_or_path}.yaml"
     else:
         raise ConfigError(
-            f"there is no preset {name_or_path!r}; there are {', '.join(preset_names())}, or name a YAML file"
+            f"there is no preset {shown(name_or_path)}; there are {', '.join(preset_names())}, "
+            "or name a YAML file"
         )
-    document = read_yaml(path) or {}
+    document = read_yaml(path)
     skeleton = document.pop("skeleton", "") if isinstance(document, dict) else ""
     preset = Preset(path.stem, str(skeleton), parameters_of(document, path))
     configure(preset.parameters)  # so that mistakes are told before anything starts

@@ -26,7 +26,7 @@ LATEST = "latest."
 # notices of which report and console tell
 TOLD = (
     "timecode.", "clocks.", "sync.clock_", "kinematics.", "graph.lossy", "graph.incompatible_qos",
-    "graph.unusable",
+    "graph.unusable", "source.bad_message",
 )  # fmt: skip
 
 

@@ -57,6 +57,7 @@ class _Counted:
             clock=time.perf_counter_ns, table=NODES if looks is None else TABLE,
         )  # fmt: skip
         self._looks = looks
+        self._places: dict[str, int] = {}  # of what was refused, and their numbers
         self.first = plan.stage
 
     def _note(self, stage: str, notice: Notice) -> None:
@@ -78,8 +79,11 @@ class _Counted:
         self.statistics[stage].add_duration(duration_ns)
 
     def refuse(self, error: DataError) -> None:
-        """Something that comes from outside cannot be used."""
+        """Something that comes from outside cannot be used: it is counted and named."""
         self._refuse(self.first, error)
+        place = str(error).partition(": ")[0]  # the bag and the topic
+        number = self._places.setdefault(place, len(self._places))
+        self._note(self.first, Notice(f"source.bad_message.{number}", "warning", str(error)))
 
     def drop(self, count: int) -> None:
         """Live frames were overtaken."""

@@ -96,7 +96,7 @@ def test_what_is_wrong_is_named(tmp_path, content, words):
         ("a.ply", PLY.format("binary_little_endian 1.0").encode() + b"\0" * 20, "buffer"),
         ("a.obj", b"v 0 0 0\nv 0 0 1\nv 0 1 0\nf 1 2 9\n", "not among the 3"),
         ("a.obj", b"v 0 0 0\nv 0 0 1\nv 0 1 0\n", "no faces"),
-        ("a.json", b"[1, 2", "no JSON"),
+        ("a.json", b"[1, 2", "not valid JSON"),
     ],
 )
 def test_broken_files_are_refused_in_one_line(tmp_path, name, data, words):

@@ -71,7 +71,7 @@ def test_rig_json(tmp_path: Path, rig: Rig, change: Change, says: str) -> None:
 @pytest.mark.parametrize(
     "content",
     [b"", b"   \n", b"hello", b"{}", b"[1, 2]", b'{"cameras": []}', b"\x00\xff\xfe", b"<html></html>",
-     b"a = 1", b"\x1f\x8bbroken", gzip.compress(b"{}", mtime=0), b'{"cameras": [{"name": "a"}]}'],
+     b"a = 1", gzip.compress(b"{}", mtime=0), b'{"cameras": [{"name": "a"}]}'],
 )  # fmt: skip
 def test_what_is_no_rig_lists_what_is_read(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x").write_bytes(content)

@@ -1,0 +1,61 @@
+"""Files of named arrays (.npz), whose headers are checked before anything is unpacked."""
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.loading import MIB, check_file, largest_document, parsing
+
+Array = np.ndarray
+SMALL = 64 * MIB  # bytes that any file may unpack to
+RATIO = 64  # of unpacked to packed bytes in larger files; our recorded motion has 1.3
+
+
+@contextmanager
+def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
+    """Give the arrays of an .npz by name, each of which is read when it is asked for.
+
+    What the block raises about its content becomes an error that names the file.
+
+    Raises:
+        DataError: if it is no such file, or unpacks to more than such files do.
+        EnvironmentProblem: on permissions and other trouble of the machine.
+    """
+    packed = check_file(path)
+    most = min(max(SMALL, RATIO * packed), largest_document())
+    with parsing(path):
+        try:
+            with zipfile.ZipFile(path) as archive:
+                for entry in archive.infolist():
+                    most -= entry.file_size
+                    if most < 0:
+                        raise DataError(f"{path} unpacks to far more than an .npz of {packed} bytes holds")
+                for name in archive.namelist():
+                    with archive.open(name) as file:
+                        _check(file, archive.getinfo(name).file_size, f"{path}: {name}")
+        except zipfile.BadZipFile as error:
+            raise DataError(f"{path} is no .npz file that is whole: {error}") from None
+        with np.load(path) as found:
+            yield found
+
+
+def _check(file: IO[bytes], size: int, where: str) -> None:
+    """Whether an array takes as many bytes as there are: its memory is taken before it is read.
+
+    Raises:
+        DataError: if not, or if it holds objects, which could be code.
+    """
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(file)
+    if dtype.hasobject:
+        raise DataError(f"{where} holds objects of Python, which are not read")
+    if math.prod(shape) * dtype.itemsize > size:
+        raise DataError(f"{where} says that it is {shape} of {dtype}, which is more than its {size} bytes")
