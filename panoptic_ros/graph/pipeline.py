@@ -225,7 +225,7 @@ class Pipeline:
         return make_stage(name, self._configs[name], self._context, self.wiring.table)
 
     def _find_live_stages(self) -> None:
-        """Find the stages that are told what only a live graph knows."""
+        """Find the stages that take what only a live graph knows."""
         self._punctual = [stage for stage in self._stages if isinstance(stage, Punctual)]
         self._timed_stages = [stage for stage in self._stages if isinstance(stage, Timed)]
 

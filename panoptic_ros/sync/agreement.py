@@ -21,7 +21,7 @@ SURE_NS = 7 * SECOND // 10  # time that these span: a burst after a stall is sho
 START_NS = SECOND  # after the first frame, the time line begins without cameras that gave none
 ALONE_NS = 10 * SECOND  # after which a camera that no other one confirms is named
 AGAIN_NS = 5 * SECOND  # between notices of one camera; /diagnostics forget a warning after 10 s
-OFFSETS = 5  # frames whose median clock offset is told: latency scatters that of a single one
+OFFSETS = 5  # frames whose median clock offset a notice gives; latency scatters that of a single one
 HELD = 64  # frames of a pending line that are kept
 NEAR_NS = 2 * SECOND  # between two frames of one line, for cameras above 2 Hz
 NEAR_STEPS = 4  # the same in steps of a slower camera
@@ -35,9 +35,13 @@ class PendingLine:
     """The frames of one camera that are off the time line.
 
     Args:
-        frames: the newest of them. count: of all. since: arrival of the first, ns; None: there are none.
+        frames: the newest of them.
+        count: the number of all of them.
+        since: arrival of the first, ns. None means that there are none.
         offsets: clock offsets of the newest frames from the time line, ns.
-        out: whether the camera is left out. told: its notice, and told_at: when it was given.
+        out: whether the camera is left out.
+        text: its notice.
+        noticed_at: arrival at which the notice was given last, ns.
     """
 
     frames: list[ViewDetections] = field(default_factory=list)
@@ -45,8 +49,8 @@ class PendingLine:
     since: int | None = None
     offsets: deque[int] = field(default_factory=lambda: deque(maxlen=OFFSETS))
     out: bool = False
-    told: str = ""
-    told_at: int = 0
+    text: str = ""
+    noticed_at: int = 0
 
     def add(self, view: ViewDetections, at: int) -> list[ViewDetections]:
         """Append a frame; return those that are no longer kept."""
@@ -109,7 +113,7 @@ class Agreement:
         """Return the frames that may be grouped, in the order of their stamps.
 
         Args:
-            came_ns: arrival on a monotonic clock; None: the median of the cameras' newest stamps stands in.
+            came_ns: arrival on a monotonic clock. None: the median of the cameras' newest stamps stands in.
             host_ns: arrival on the host's clock, which decides where there is no majority.
         """
         if came_ns is None:
@@ -153,8 +157,9 @@ class Agreement:
         if len(best.names) == 1 and len(self._lines) > 1 and unsure:
             if at - self._began >= ALONE_NS and not line.out:
                 whom = "the host's time, and no other camera confirms them"
-                line.out, line.told, line.told_at = True, _off_text(view, best.offset - (host or 0), whom), at
-                notices.append(_off(view, line.told))
+                line.out, line.noticed_at = True, at
+                line.text = _off_text(view, best.offset - (host or 0), whom)
+                notices.append(_off(view, line.text))
             return [], notices
         majority.offset = best.offset
         return self._release(majority, notices)
@@ -213,11 +218,11 @@ class Agreement:
             if rulers:
                 whom = f"those of camera {' and '.join(rulers)}, for which the host's time decides"
             offset = sorted(line.offsets)[len(line.offsets) // 2]
-            line.told, line.told_at = _off_text(view, offset, whom), at
-            notices.append(_off(view, line.told))
-        elif at - line.told_at >= AGAIN_NS:
-            line.told_at = at
-            notices.append(_off(view, line.told))
+            line.text, line.noticed_at = _off_text(view, offset, whom), at
+            notices.append(_off(view, line.text))
+        elif at - line.noticed_at >= AGAIN_NS:
+            line.noticed_at = at
+            notices.append(_off(view, line.text))
         line.out, line.count, line.since = True, 0, None
         notices += [_out_of_time(lost) for lost in line.keep(SURE)]
 

@@ -17,7 +17,7 @@ REACH_PERIODS = 1  # the same in periods of slower sets
 def without_far_views(sets: Sequence[DetectionSet]) -> tuple[list[DetectionSet], list[Notice]]:
     """Leave out views far from the majority of their set; give such a set the stamp of its majority.
 
-    Of groups of equal size, the one nearest to the stamp of its set stays.
+    Among groups of equal size, the one nearest to the stamp of its set stays.
 
     Args:
         sets: in the order of their stamps.
@@ -52,7 +52,11 @@ def without_far_views(sets: Sequence[DetectionSet]) -> tuple[list[DetectionSet],
 
 
 def _majority(stamps: Sequence[int], wanted: int, reach: int) -> tuple[list[int], int]:
-    """The largest group of stamps within reach, nearest to the wanted one; how many groups are as large."""
+    """Return the largest group of stamps within reach, and the number of groups of its size.
+
+    Args:
+        wanted: the stamp that decides between groups of one size.
+    """
     ordered = sorted(stamps)
     groups = [[other for other in ordered[k:] if other - first <= reach] for k, first in enumerate(ordered)]
     largest = max(len(group) for group in groups)

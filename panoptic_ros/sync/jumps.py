@@ -21,15 +21,17 @@ class GuardedCamera:
     """One camera.
 
     Args:
-        newest: its newest stamp; period: between the newest two, ns.
-        back: frames after a step back. told: whether the step was told.
+        newest: its newest stamp, ns.
+        period: time between its newest two stamps, ns.
+        back: frames after a step back.
+        noticed: whether a notice has named the step.
         goes_on: whether it gave a good frame since the first camera stepped back.
     """
 
     newest: int | None = None
     period: int = 0
     back: deque[ViewDetections] = field(default_factory=lambda: deque(maxlen=HELD))
-    told: bool = False
+    noticed: bool = False
     goes_on: bool = False
 
 
@@ -59,7 +61,7 @@ class SetBackGuard:
         if camera.newest is not None and stamp_ns > camera.newest:
             camera.period = stamp_ns - camera.newest
         camera.newest = stamp_ns
-        camera.told = False
+        camera.noticed = False
         camera.goes_on = True
 
     def _hold(self, camera: GuardedCamera, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
@@ -101,12 +103,12 @@ class SetBackGuard:
     def _tell(self, camera: GuardedCamera, view: ViewDetections) -> list[Notice]:
         """Warn once a jump; its other frames are counted."""
         values = {"camera": view.camera, "device": view.camera, "stamp_ns": view.stamp_ns}
-        if camera.told:
+        if camera.noticed:
             text = f"frame {view.frame_number} of camera {view.camera} waits: it is earlier than those before"
             return [Notice("sync.out_of_time", "info", text, values)]
         if len(camera.back) < SURE or view.stamp_ns - camera.back[0].stamp_ns < SURE_NS:
             return []  # the others may follow
-        camera.told = True
+        camera.noticed = True
         back_s = ((camera.newest or 0) - view.stamp_ns) / SECOND
         text = (
             f"the clock of camera {view.camera} was set back by {back_s:.4g} s: its images are left out "

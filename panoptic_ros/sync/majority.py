@@ -73,12 +73,12 @@ class Majority:
         return vote.offset
 
     def agrees(self, offset: int) -> bool:
-        """Whether a clock offset is that of the time line."""
+        """Return whether a clock offset is that of the time line."""
         return self.offset is not None and abs(offset - self.offset) <= self.reach
 
     @property
     def complete(self) -> bool:
-        """Whether every camera has given a frame."""
+        """Return whether every camera has given a frame."""
         return all(vote.at is not None for vote in self.votes.values())
 
     def groups(self, at: int) -> list[Group]:

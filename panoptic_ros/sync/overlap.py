@@ -1,7 +1,7 @@
 """Recordings: cameras whose frames lie at another time than those of most cameras.
 
 There are no times of arrival. A camera may begin later, or end earlier. But frames of one camera alone give
-no people. So the first frame tells that a camera is far from the others, or that its frames are all alone.
+no people. Two things show another time: a first frame far from those of the others, and no frame beside one.
 """
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ class Overlap:
         return found
 
     def is_apart(self, camera: str) -> bool:
-        """Whether a camera begins far from the others and has not joined them."""
+        """Return whether a camera begins far from the others and has not joined them."""
         return camera in self._apart
 
     def is_early(self, view: ViewDetections, reach: float = SECOND) -> bool:
-        """Whether a frame of a camera that is apart lies before the frames of most cameras."""
+        """Return whether a frame of a camera that is apart lies before those of most cameras."""
         return view.camera in self._apart and view.stamp_ns < self._begin - reach
 
     def closes(self, views: Sequence[ViewDetections], others_over: bool) -> tuple[bool, list[Notice]]:

@@ -336,7 +336,7 @@ class SyncStage(Stateful):
 
 
     def _overlaps(self, views: list[ViewDetections], notices: list[Notice]) -> bool:
-        """Whether a set may be given (see `Overlap`)."""
+        """Return whether a set may be given (see `Overlap`)."""
         if self._overlap is None:
             return True
         own = {view.camera for view in views}

@@ -188,7 +188,7 @@ def test_two_against_two(bench, begin_s):
 
 
 def test_the_host_decides_for_the_camera_that_was_wrong_so_far(bench):
-    """Of two cameras on another clock, one is set to the host's time."""
+    """Two cameras are on another clock; then one of them is set to the host's time."""
     set_at = EPOCH + 5 * SECOND
     take = live(bench, "ab", 6.0, 10.0, lambda c, t: t if c == "a" and t > set_at else t - 60 * SECOND)
     codes = [note.code for _, note in take.about_clocks()]

@@ -14,7 +14,7 @@ from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
 
-EACH_TEXT = "sync.clock_off"  # told whenever its text is another: for each camera and each clock offset
+EACH_TEXT = "sync.clock_off"  # printed for each text: each camera and each clock offset
 EACH = (  # told for each device
     "kinematics.imu_", "kinematics.odd_", "kinematics.never_", "kinematics.mounting", "kinematics.strap",
     "graph.unusable",

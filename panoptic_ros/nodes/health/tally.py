@@ -64,7 +64,7 @@ class Tally:
 
     @property
     def events(self) -> int:
-        """How many events the stages have warned of."""
+        """Return the number of events of which stages have warned."""
         return sum(log.events for log in self._logs.values())
 
     def has_taken(self, stage: str) -> bool:

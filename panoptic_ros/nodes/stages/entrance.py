@@ -16,7 +16,7 @@ from panoptic_ros.nodes.stages.inputs import Input, Takers
 from panoptic_ros.stage import Notice
 
 UNUSABLE = 3  # messages one after another that were refused
-UNUSABLE_S = 1.0  # that these span, before the input is told to be unusable
+UNUSABLE_S = 1.0  # time that these span before a notice names the input
 
 
 class Entrance:
