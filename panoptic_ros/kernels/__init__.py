@@ -8,7 +8,11 @@ environment, which the other rooms of its rank may not: that is its task, and no
 from panoptic_ros.kernels.cache import cache_folder
 from panoptic_ros.kernels.compiling import on_compilation
 from panoptic_ros.kernels.jit import inlined, njit
+from panoptic_ros.kernels.kept import damaged_files, remove_damaged
 from panoptic_ros.kernels.parts import slow_compilation
 from panoptic_ros.kernels.sources import all_sources_hash
 
-__all__ = ["all_sources_hash", "cache_folder", "inlined", "njit", "on_compilation", "slow_compilation"]
+__all__ = [
+    "all_sources_hash", "cache_folder", "damaged_files", "inlined", "njit", "on_compilation",
+    "remove_damaged", "slow_compilation",
+]  # fmt: skip

@@ -19,6 +19,7 @@ from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.runtime.nrt import rtsys
 
+from panoptic_ros.kernels.kept import KeptFile
 from panoptic_ros.kernels.sources import closure_hash, edited_meanwhile
 
 KNOWN = ("0.68",)  # versions of numba whose own parts are known to be as expected here and in `parts`
@@ -139,11 +140,16 @@ class KernelCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
+        if IS_KNOWN:
+            locator = self._impl.locator
+            self._cache_file = KeptFile(
+                locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp()
+            )
         if edited_meanwhile(function.__module__):
             self.disable()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """numba's, or None where the cache knows a record of arguments that has moved since: compile anew.
+        """numba's, or None where what is kept cannot be loaded, e.g. a record of arguments moved: compile.
 
         numba loads all that it compiles with first, a quarter of a second, and again where it does compile.
         What is compiled already needs the counts of references alone.
@@ -154,8 +160,9 @@ class KernelCache(FunctionCache):
             rtsys.initialize(target_context)
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
-        except (ImportError, AttributeError):
-            self._cache_file.flush()
+        except Exception:  # a file of another program's, or that was cut: unpickling it raises anything
+            with suppress(OSError):
+                self._cache_file.flush()
             return None
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import panoptic_ros
-from panoptic_ros.kernels import cache
+from panoptic_ros.kernels import cache, damaged_files, remove_damaged
 
 ROOT = Path(panoptic_ros.__file__).parent
 SAMPLE = {
@@ -198,3 +198,45 @@ def test_what_is_compiled_already_is_used_without_the_compiler(copy):
     assert run(package, loaded) == ("7.0 1.0", "False")
     new = loaded.replace("shifted(3.0)", "shifted(3.0), shifted(3)")
     assert run(package, new) == ("7.0 7.0 1.0", "True shifted scaled")
+
+
+def cut(data: bytes) -> bytes:
+    return data[:50]
+
+
+def emptied(data: bytes) -> bytes:
+    return b""
+
+
+def other_bytes(data: bytes) -> bytes:
+    return bytes(k * 37 % 256 for k in range(len(data)))
+
+
+def one_bit(data: bytes) -> bytes:
+    return data[:-100] + bytes([data[-100] ^ 4]) + data[-99:]
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", [cut, emptied, other_bytes, one_bit])
+def test_damaged_files_are_compiled_again(copy, tmp_path, suffix, damage):
+    package = copy("a")
+    run(package)
+    files = [path for path in (tmp_path / "kept").rglob(f"*{suffix}") if path.is_file()]
+    assert files
+    for path in files:
+        path.write_bytes(damage(path.read_bytes()))
+    assert set(damaged_files(tmp_path / "kept" / "panoptic_ros")) == set(files)
+    result, compiled = run(package)
+    assert result == "7.0 1.0" and {"shifted", "height"} <= set(compiled.split())
+    assert run(package) == ("7.0 1.0", "")
+    assert not damaged_files(tmp_path / "kept" / "panoptic_ros")
+
+
+def test_damaged_files_can_be_removed(copy, tmp_path):
+    package = copy("a")
+    run(package)
+    path = next(path for path in (tmp_path / "kept").rglob("*.nbc") if path.is_file())
+    path.write_bytes(cut(path.read_bytes()))
+    assert remove_damaged(tmp_path / "kept" / "panoptic_ros") == 1
+    assert remove_damaged(tmp_path / "kept" / "panoptic_ros") == 0
+    assert run(package)[0] == "7.0 1.0"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from panoptic_ros.errors import ContractError
-from panoptic_ros.kernels import all_sources_hash, cache_folder, slow_compilation
+from panoptic_ros.kernels import all_sources_hash, cache_folder, remove_damaged, slow_compilation
 from panoptic_ros.kernels.cache import VERSIONS, hash_of
 
 MOST_PROCESSES = 4  # more would mostly compile the same twice
@@ -29,8 +29,8 @@ class Warmed(NamedTuple):
 
 
 def is_warm() -> bool:
-    """Whether everything was compiled from these sources on this machine."""
-    return _mark().exists()
+    """Whether everything was compiled from these sources on this machine. Damaged files are removed."""
+    return not remove_damaged(cache_folder()) and _mark().exists()
 
 
 def warm_up(

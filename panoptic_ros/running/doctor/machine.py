@@ -115,6 +115,18 @@ def check_cache() -> Finding:
     return fail(f"no permission to write in {folder}", "set PANOPTIC_CACHE to a folder of your own")
 
 
+def check_kernels() -> Finding:
+    """Whether the files of compiled kernels are whole."""
+    from panoptic_ros import kernels  # numba takes half a second to load
+
+    folder = kernels.cache_folder()
+    damaged = kernels.damaged_files(folder)
+    if damaged:
+        found = f"{len(damaged)} files of compiled kernels in {folder} are cut or damaged"
+        return warn(f"{found}; each is compiled again when it is needed", "panoptic warm-up")
+    return ok(f"compiled ones in {folder} are whole")
+
+
 def check_cameras() -> Finding:
     """Video devices and whether this user may open them."""
     devices = sorted(Path("/dev").glob("video*"))
@@ -145,5 +157,6 @@ MACHINE_CHECKS: dict[str, Check] = {
     "video": check_video,
     "disk": check_disk,
     "cache": check_cache,
+    "kernels": check_kernels,
     "cameras": check_cameras,
 }
