@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.bench import ltc_robustness
 from panoptic_ros.bench.libltc import load_libltc
 from panoptic_ros.bench.ltc_conditions import CONDITIONS, Condition, clip, noise_bound_us
 from panoptic_ros.bench.ltc_sounds import sounds
@@ -44,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--starts", type=int, default=0, metavar="N",
         help="only count the starts after noise, silence, tones or clicks that are never decoded",
     )
+    parser.add_argument(
+        "--impairments", type=int, default=0, metavar="N",
+        help="only decode clips with random combinations of impairments; counts exceptions and wrong labels",
+    )  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, help="of the clips (default 1)")
 
 
@@ -53,6 +58,8 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         return {"false_codes": _false_codes(args.false_codes, args.seed)}
     if args.starts > 0:
         return {"starts": _starts(args.starts, args.seed)}
+    if args.impairments > 0:
+        return {"impairments": ltc_robustness.robustness(args.impairments, args.seed, progress=progress)}
     clips, words = (QUICK_CLIPS, QUICK_WORDS) if args.quick else (CLIPS, WORDS)
     libltc = None if args.no_libltc else load_libltc()
     _decode(clip(CONDITIONS[0], 0, 40).samples, 48000)  # compiled from here on
@@ -196,6 +203,8 @@ def lines(result: dict[str, Any]) -> list[str]:
         ]
         total = sum(r["seconds"] for r in rows), sum(r["words"] for r in rows)
         return [*out, f"all sounds {total[0]:.0f} s: {total[1]} words read where there are none"]
+    if "impairments" in result:
+        return ltc_robustness.lines(result["impairments"])
     if "starts" in result:
         r = result["starts"]
         return [f"{r['dead']} of {r['starts']} starts not decoded, {r['wrong']} wrong labels"]

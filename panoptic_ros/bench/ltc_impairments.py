@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.signal import resample_poly
@@ -22,7 +23,7 @@ SAMPLE_RATES = (8000, 11025, 16000, 22050, 32000, 44100, 48000, 88200, 96000, 19
 FRAME_RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")
 LABELS = 2_000_000  # frames, range of the first label: less than a day at 24 frames/s
 NO_TIMECODE = 0.15  # share of the clips
-LEVEL = 0.25  # of full scale, peak of a piece before its impairments
+LEVEL = 0.25  # peak of a piece before its impairments; full scale is 1
 SILENCE_SECONDS = 0.1  # around a sound without timecode
 Change = Callable[["Impaired", np.random.Generator], "Impaired"]
 
@@ -71,14 +72,14 @@ def impaired_clip(seed: int, seconds: float = 4.0) -> Impaired:
 
 
 def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impaired:
-    """A stretch of tape with a channel of its own."""
+    """Play a stretch of tape through a channel of its own."""
     rate = timecode_rate(str(rng.choice(FRAME_RATES)))
     kinds = [f"{sample_rate} Hz"]
     speed = 1.0 + 1e-4 * rng.uniform(-1.0, 1.0)
     if rng.random() < 0.3:
         kinds.append("speed")
         speed = float(np.exp(rng.uniform(np.log(0.25), np.log(4.0)) * rng.choice([0.15, 1.0])))
-    options: dict[str, tuple[float, dict[str, float]]] = {
+    options: dict[str, tuple[float, dict[str, Any]]] = {
         "wow": (0.25, {"wow": rng.uniform(0.0, 0.05), "wow_hz": float(np.exp(rng.uniform(-2.3, 0.7)))}),
         "flutter": (
             0.3, {"flutter": rng.uniform(0.0, 0.03), "flutter_hz": float(np.exp(rng.uniform(0.7, 3.0)))},
@@ -89,7 +90,7 @@ def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impair
         "high pass": (0.2, {"high_pass_hz": 10.0 ** rng.uniform(0.5, 3.3)}),
         "echo": (0.15, {"echo_s": rng.uniform(0.05, 0.8), "direct_db": rng.uniform(3.0, 25.0)}),
     }  # fmt: skip
-    given: dict[str, float] = {}
+    given: dict[str, Any] = {}
     for name, (share, fields) in options.items():
         if rng.random() < share:
             kinds.append(name)
@@ -112,7 +113,7 @@ def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impair
 
 
 def _sound(rng: np.random.Generator, rate: int, seconds: float) -> Impaired:
-    """A sound without timecode, or none."""
+    """Make a sound without timecode, or silence."""
     count = int(seconds * rate)
     time = np.arange(count) / rate
     tone = np.sin(2.0 * np.pi * rng.uniform(50.0, 4000.0) * time)
@@ -126,7 +127,7 @@ def _sound(rng: np.random.Generator, rate: int, seconds: float) -> Impaired:
 
 
 def _joined(pieces: list[Impaired], rng: np.random.Generator) -> Impaired:
-    """One piece after the other; the splice is anywhere in a word, at the end, or after silence."""
+    """Join pieces; the splice is anywhere in a word, at the end, or after silence."""
     parts: list[Array] = []
     starts: list[Array] = []
     place, kinds = 0, [*pieces[0].kinds]
@@ -159,13 +160,13 @@ def _with(clip: Impaired, samples: Array) -> Impaired:
 
 
 def _noise(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """White noise 0 to 40 dB below the signal."""
+    """Add white noise 0 to 40 dB below the signal."""
     level = _rms(clip.samples) * 10.0 ** (-rng.uniform(0.0, 40.0) / 20.0)
     return _with(clip, clip.samples + level * rng.standard_normal(len(clip.samples)))
 
 
 def _hum(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Mains hum with harmonics, -20 to +6 dB."""
+    """Add mains hum with harmonics, -20 to +6 dB."""
     time = np.arange(len(clip.samples)) / clip.sample_rate
     level = _rms(clip.samples) * 10.0 ** (rng.uniform(-20.0, 6.0) / 20.0)
     base = float(rng.choice([50.0, 60.0]))
@@ -174,7 +175,7 @@ def _hum(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _dropouts(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Stretches of 1 to 300 ms that are nearly or wholly silent."""
+    """Silence stretches of 1 to 300 ms, wholly or nearly."""
     samples = clip.samples.copy()
     for _ in range(int(rng.integers(1, 9))):
         first = int(rng.integers(max(1, len(samples))))
@@ -184,21 +185,21 @@ def _dropouts(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _gain(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """A gain control that pumps, up to 12 dB either way, 0.2 to 8 Hz."""
+    """Swing the gain as a control that pumps, up to 12 dB either way, 0.2 to 8 Hz."""
     time = np.arange(len(clip.samples)) / clip.sample_rate
     swing = rng.uniform(0.0, 12.0) * np.sin(2.0 * np.pi * rng.uniform(0.2, 8.0) * time)
     return _with(clip, clip.samples * 10.0 ** (swing / 20.0))
 
 
 def _crosstalk(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Another timecode, 12 to 40 dB below."""
+    """Add another timecode, 12 to 40 dB below."""
     other = _piece(rng, clip.sample_rate, len(clip.samples) / clip.sample_rate)
     faint = np.resize(other.samples, len(clip.samples)) * 10.0 ** (-rng.uniform(12.0, 40.0) / 20.0)
     return replace(clip, samples=clip.samples + faint, faint=other.labels)
 
 
 def _clicks(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Bursts of a few samples."""
+    """Add bursts of a few samples."""
     samples = clip.samples.copy()
     for at in rng.integers(0, max(1, len(samples)), int(rng.integers(1, 60))):
         samples[at : at + int(rng.integers(1, 8))] += rng.uniform(-1.0, 1.0)
@@ -206,7 +207,7 @@ def _clicks(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _lost(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """One to three blocks of 1 to 4000 samples that the recorder has lost without a gap."""
+    """Delete one to three blocks of 1 to 4000 samples, as a recorder that loses them."""
     for _ in range(int(rng.integers(1, 4))):
         if len(clip.samples) < 10_000:
             break
@@ -218,7 +219,7 @@ def _lost(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _converted(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Converted to another sample rate and back, or only there."""
+    """Convert to another sample rate and back, or only there."""
     factor = rng.choice([(1, 2), (2, 1), (147, 160), (160, 147), (2, 3), (3, 2)])
     up, down = int(factor[0]), int(factor[1])
     samples, rate = resample_poly(clip.samples, up, down), clip.sample_rate * up // down
@@ -232,39 +233,39 @@ def _converted(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _level(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """-60 to +20 dB."""
+    """Change the level by -60 to +20 dB."""
     return _with(clip, clip.samples * 10.0 ** (rng.uniform(-60.0, 20.0) / 20.0))
 
 
 def _offset(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """A constant of up to the peak."""
+    """Add a constant of up to the peak."""
     return _with(clip, clip.samples + rng.uniform(-1.0, 1.0) * float(np.abs(clip.samples).max(initial=0.0)))
 
 
 def _inverted(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """The other polarity."""
+    """Invert the polarity."""
     return _with(clip, -clip.samples)
 
 
 def _clipped(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """At 3 to 90 % of the peak."""
+    """Clip at 3 to 90 % of the peak."""
     limit = rng.uniform(0.03, 0.9) * float(np.abs(clip.samples).max(initial=0.0))
     return _with(clip, np.clip(clip.samples, -limit, limit))
 
 
 def _square(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Only the signs are left: edges at whole samples."""
+    """Keep only the signs, so that edges lie at whole samples."""
     return _with(clip, LEVEL * np.sign(clip.samples))
 
 
 def _resolution(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """8, 16 or 24 bits, clipped at full scale."""
+    """Round to 8, 16 or 24 bits and clip at full scale."""
     scale = 2.0 ** (int(rng.choice([8, 8, 16, 24])) - 1)
     return _with(clip, np.clip(np.round(clip.samples * scale), -scale, scale - 1.0) / scale)
 
 
 def _cut(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Both ends are cut off, so that words lack a part."""
+    """Cut both ends off, so that words lack a part."""
     count = len(clip.samples)
     first, last = int(rng.uniform(0.0, 0.4) * count), int(rng.uniform(0.6, 1.0) * count)
     return replace(clip, samples=clip.samples[first:last], starts=clip.starts - first)

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.domain import TimecodeReading
+from panoptic_ros.errors import DataError
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder
 from panoptic_ros.timecode.follow.pace import Pace, std_of
@@ -30,11 +31,18 @@ PIECE_SECONDS = 1.0
 def decode_recording(
     config: TimecodeConfig, device: str, sample_rate: int, samples: Array, stamp_ns: int = 0
 ) -> list[TimecodeReading]:
-    """All readings of a recording.
+    """Decode a whole recording.
 
     Args:
         samples: (N,) of one channel, the first at `stamp_ns`.
+
+    Returns: all readings, in the order of the recording.
+
+    Raises:
+        DataError: samples are not finite.
     """
+    if not np.isfinite(samples).all():
+        raise DataError(f"audio of {device} has samples that are not finite")
     decoder = LtcDecoder(config, sample_rate)
     piece = int(PIECE_SECONDS * sample_rate)
     words: list[Word] = []

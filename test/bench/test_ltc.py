@@ -68,3 +68,13 @@ def test_starts_are_counted() -> None:
     result = ltc.measure(arguments("--starts", "8"))
     assert result["starts"] == {"starts": 8, "dead": 0, "wrong": 0}
     assert ltc.lines(result) == ["0 of 8 starts not decoded, 0 wrong labels"]
+
+
+def test_impairments_are_counted_for_both_ways_of_decoding() -> None:
+    result = json.loads(json.dumps(ltc.measure(arguments("--impairments", "2", "--seed", "1001"))))
+    rows = result["impairments"]
+    assert set(rows) == {"recorded", "live"}
+    for row in rows.values():
+        assert (row["clips"], row["exceptions"], row["unusable"], row["wrong"]) == (2, 0, 0, 0)
+        assert 0 < row["right"] <= row["sent"] and row["findings"] == []
+    assert ltc.lines(result)[0].split()[:3] == ["decoded", "as", "clips"]

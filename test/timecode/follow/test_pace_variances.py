@@ -48,8 +48,9 @@ def test_words_that_scatter_less_than_their_edges_state():
 
 @settings(max_examples=40)
 @given(
-    seed=st.integers(0, 2**31), bend=st.floats(-0.02, 0.02), scatter=st.floats(0.0, 2.0), reverse=st.booleans()
-)
+    seed=st.integers(0, 2**31), bend=st.floats(-0.02, 0.02), scatter=st.floats(0.0, 2.0),
+    reverse=st.booleans(),
+)  # fmt: skip
 def test_no_words_give_a_negative_variance(seed, bend, scatter, reverse):
     rng = np.random.default_rng(seed)
     numbers = np.arange(30.0)
