@@ -11,6 +11,7 @@ import threading
 import warnings
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -119,24 +120,28 @@ def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
         None if the data are no such stream, or damaged otherwise than by their end.
     """
     unpacker = zlib.decompressobj(GZIP)
-    packed = packed.rstrip(b"\0")  # of a power cut: the file has its length, its last bytes were not written
+    written = packed.rstrip(b"\0")  # of a power cut: the file has its length, its last bytes were not written
     try:
-        text = unpacker.decompress(packed, MOST_TIMES * len(packed)).decode(errors="ignore")
+        if zlib.decompressobj(GZIP).decompress(written, 1) != b"{":  # before much is unpacked
+            return None
+        text = unpacker.decompress(written, MOST_TIMES * len(written)).decode(errors="ignore")
     except zlib.error:
         return None
+    with suppress(zlib.error):  # the length at the end of a whole file ends with zeros, too
+        unpacker.decompress(packed[len(written) : len(written) + 8], 1)
     begin = text.find('"frames": [')
-    if unpacker.eof or begin < 0 or not text.startswith("{"):
+    if unpacker.eof or begin < 0:
         return None
     at = begin + len('"frames": [')
     try:
         document: dict[str, Any] = json.loads(text[:at] + END)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     decoder, end = json.JSONDecoder(), at
     while text.startswith("{", at):
         try:
             frame, end = decoder.raw_decode(text, at)
-        except ValueError:
+        except (ValueError, RecursionError):
             break
         document["frames"].append(frame)
         at = end + len(", ")
