@@ -11,7 +11,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
 
 RATE = 48000
-SEEDS = range(1000, 1020)  # of clips with one second of timecode; the bench has 300 of two
+SEEDS = range(1000, 1016)  # of clips with one second of timecode; the bench has 300 of two
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -55,7 +55,7 @@ LTC = encode_ltc(Timecode.from_frame_count(1000, timecode_rate("25")), 25, RATE)
 
 DEGENERATE = {
     "empty": np.zeros(0), "one sample": np.ones(1), "silence": np.zeros(RATE), "constant": np.ones(RATE),
-    "negative": -np.ones(RATE), "huge": 1e30 * LTC, "tiny": 1e-20 * LTC, "offset": LTC + 1e3,
+    "negative": -np.ones(RATE), "huge": 1e30 * LTC, "tiny": 1e-20 * LTC[:20_000], "offset": LTC + 1e3,
 }  # fmt: skip
 
 
