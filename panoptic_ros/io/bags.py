@@ -15,9 +15,14 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer, WriterError
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.bag_connections import Connection, digest_of
+from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.files import file_errors
+from panoptic_ros.io.loading import MIB
 from panoptic_ros.io.messages.earlier import bringing_up
 from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
+
+# of metadata.yaml, bytes and values; 480 cameras with eight topics each have 2 MB and 100 000
+LARGEST_METADATA, MOST_VALUES = 16 * MIB, 1_000_000
 
 
 class BagWriter:
@@ -142,6 +147,7 @@ class BagReader:
         self.begin_ns, self.end_ns = self._reader.start_time, self._reader.end_time
 
     def _opened(self) -> Reader:
+        self._check_metadata()
         try:
             reader = Reader(self.path)
             reader.open()
@@ -151,6 +157,22 @@ class BagReader:
                 f"cut off, `panoptic bag repair {self.path}` saves what is whole"
             ) from None
         return reader
+
+    def _check_metadata(self) -> None:
+        """Whether metadata.yaml is bounded in size and nesting: the library takes minutes for others.
+
+        Raises:
+            DataError: if not.
+        """
+        path = self.path / "metadata.yaml"
+        if path.is_file():
+            try:
+                read_yaml(path, LARGEST_METADATA, MOST_VALUES)
+            except DataError as error:
+                raise DataError(
+                    f"{self.path} cannot be read as a rosbag2 ({_one_line(error)}); "
+                    f"`panoptic bag repair {self.path}` makes it anew from the messages"
+                ) from None
 
     @property
     def interleaves(self) -> bool:
