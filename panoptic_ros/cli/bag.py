@@ -11,13 +11,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     texts = {
-        "repair": "save what is whole in a bag that was cut, in a new bag",
+        "repair": "save what is whole in a bag or a live take that was cut, in a new one",
         "upgrade": "write a bag of an older version anew, with the messages of this one",
     }
     for action, text in texts.items():
         usual = "BAG" + ENDINGS[action]
         sub = actions.add_parser(action, help=text, description=text[0].upper() + text[1:] + ".")
-        sub.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or its file")
+        sub.add_argument("bag", type=Path, metavar="BAG",
+                         help="folder of the bag, or its file; to repair, also the folder of a live run")
         sub.add_argument("--out", type=Path, metavar="NEW", help=f"the new bag; default: {usual} beside it")
 
 
@@ -30,15 +31,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _repair(source: Path, target: Path) -> int:
-    from panoptic_ros.io.salvage import repair  # only now: --help must be quick
+    from panoptic_ros.running.takes import save_take  # only now: --help must be quick
 
-    made = repair(source, target)
-    seconds = (made.end_ns - made.begin_ns) * 1e-9
-    print(f"{target}: {sum(made.counts.values())} messages on {len(made.counts)} topics, {seconds:.1f} s")
-    for topic, count in sorted(made.counts.items()):
-        print(f"  {count:8d}  {topic}")
-    print("nothing was lost" if not made.lost else "lost:")
-    for line in made.lost:
+    saved = save_take(source, target)
+    for name, made in saved.bags.items():
+        seconds = (made.end_ns - made.begin_ns) * 1e-9
+        count = sum(made.counts.values())
+        print(f"{target / name}: {count} messages on {len(made.counts)} topics, {seconds:.1f} s")
+        for topic, count in sorted(made.counts.items()):
+            print(f"  {count:8d}  {topic}")
+    for name, count in saved.frames.items():
+        print(f"{target / name}: {count} frames")
+    print("nothing was lost" if not saved.lost else "lost:")
+    for line in saved.lost:
         print(f"  {line}")
     return 0
 

@@ -7,7 +7,9 @@ import importlib
 import keyword
 import os
 import sys
+import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import panoptic_ros
@@ -68,6 +70,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return error.exit_code
 
 
+def _tell_warning(message: Warning | str, *about: object, **more: object) -> None:
+    """Print a warning of Python in one line; see `warnings.showwarning`."""
+    print(f"warning: {message}", file=sys.stderr)
+
+
 def _module(verb: str) -> Any:
     name = verb.replace("-", "_") + "_" * keyword.iskeyword(verb)
     return importlib.import_module(f"panoptic_ros.cli.{name}")
@@ -100,11 +107,13 @@ def program() -> NoReturn:
     was run by exec() it would forget our exit code and kill itself with the signal.
     """
     listen_to_signals()
+    warnings.showwarning = _tell_warning
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")
     code = main()
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # nobody reads it any more
+            stream.flush()
     os._exit(code)
 
 

@@ -7,6 +7,8 @@ from typing import Any
 
 from panoptic_ros.cli.options import number
 from panoptic_ros.errors import UsageError
+from panoptic_ros.io.output import lossy_output
+from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +38,7 @@ def run(args: argparse.Namespace) -> int:
     """Record, or tell others to."""
     if sum((args.start, args.stop, args.out is not None)) != 1:
         raise UsageError("give one of --out BAG, --start and --stop; --standby goes with --out FOLDER")
+    prepare_shared_memory()  # before ROS is loaded, which a full one ends
     if args.start or args.stop:
         return _ask(args.start)
     # only now: --help must be quick
@@ -43,16 +46,18 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.recordings.options import RecordOptions
     from panoptic_ros.running.recordings.record import record, stand_by
     from panoptic_ros.running.recordings.selection import Selection
+    from panoptic_ros.running.takes import name_unclosed_takes
 
     options = RecordOptions(
         Selection(args.topic, not args.no_images), args.duration, args.budget, args.keep_free, args.rig,
         split_of(args.split) if args.split else None,
     )
-    if args.standby:
-        stand_by(args.out, options, _tell)
-        return 0
-    recorded = record(args.out, options, _tell)
-    _print(recorded)
+    with lossy_output():
+        name_unclosed_takes()
+        if args.standby:
+            stand_by(args.out, options, _tell)
+            return 0
+        _print(record(args.out, options, _tell))
     return 0
 
 

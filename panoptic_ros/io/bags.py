@@ -20,6 +20,7 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.loading import MIB
 from panoptic_ros.io.messages.earlier import bringing_up
 from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
+from panoptic_ros.io.takes import sync_files
 
 # of metadata.yaml, bytes and values; 480 cameras with eight topics each have 2 MB and 100 000
 LARGEST_METADATA, MOST_VALUES = 16 * MIB, 1_000_000
@@ -91,17 +92,20 @@ class BagWriter:
             self._open = False
             with file_errors(self.path, "write"):
                 self._writer.close()
-                if not self._in_place:
+                if self._in_place:
+                    sync_files(self.path)
+                else:
                     os.replace(self._part / self.path.name, self.path)
                     self._part.rmdir()
 
     def flush(self) -> None:
-        """Hand what was written to the system, as a chunk of its own: a kill costs what comes after."""
+        """Write a chunk of all so far to the disk: a kill or a power cut costs what comes after."""
         storage: Any = self._writer.storage
         with file_errors(self.path, "write"):
             if storage.chunk.bio.tell():
                 storage.close_chunk()
             storage.bio.flush()
+            os.fsync(storage.bio.fileno())
 
     def discard(self) -> None:
         """Stop and leave nothing behind; in place, what was written stays."""

@@ -72,6 +72,18 @@ def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def requests_held() -> Iterator[None]:
+    """Let requests to end do nothing within it: for work that must be finished, as closing a take."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    _handle(lambda number, frame: None)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def _is_heeded() -> bool:
     """Whether a request of now is the first, or comes long after the last; remembers it then."""
     now = time.monotonic()

@@ -84,8 +84,18 @@ class OpenTake:
 
 def sync_folder(folder: Path) -> None:
     """Write the entries of a folder to the disk, where the file system can."""
+    _sync(folder)
+
+
+def sync_files(folder: Path) -> None:
+    """Write a folder and its files to the disk, where the file system can."""
+    for path in (*folder.iterdir(), folder, folder.parent):
+        _sync(path)
+
+
+def _sync(path: Path) -> None:
     with suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        descriptor = os.open(path, os.O_RDONLY)
         try:
             os.fsync(descriptor)
         finally:

@@ -43,6 +43,7 @@ class RunReport:
         notices: of stages and sources, in the order in which they came.
         facts: anything else to be told, e.g. {"model": ..., "elapsed_s": ...}.
         bodies: what bodies of designated people rest on, see `BodyTally.document`; empty without.
+        files: that the run left, relative to its folder; only these are replaced by the next run.
     """
 
     summary: CaptureSummary
@@ -52,6 +53,7 @@ class RunReport:
     notices: Sequence[Notice] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
     bodies: Mapping[str, Any] = field(default_factory=dict)
+    files: Sequence[str] = ()
 
     def table(self) -> str:
         """Lines for a terminal."""
@@ -82,6 +84,7 @@ class RunReport:
                 {"code": first.code, "severity": first.severity, "count": count, "text": first.text}
                 for first, count in _grouped(self.notices)
             ],
+            "files": list(self.files),
         })  # fmt: skip
         return content
 

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 from panoptic_ros.cli.offsets import add_apart_option, add_saved_option
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, number, program_shown
 from panoptic_ros.cli.run.usage import check_usage
+from panoptic_ros.io.output import lossy_output
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 
 if TYPE_CHECKING:
@@ -96,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     check_usage(args, parser.parse_args(["--out", ""]))
     from panoptic_ros.cli.run.beginning import begun  # only now: --help must be quick
 
-    with begun(args) as ahead:
+    with lossy_output(), begun(args) as ahead:
         return _run(args, ahead)
 
 
@@ -112,7 +114,10 @@ def _run(args: argparse.Namespace, ahead: Ahead) -> int:
             node_per_stage=args.node_per_stage, duration_s=args.duration, pictures=not args.no_pictures,
             observer=watch, ahead=ahead,
         )  # fmt: skip
-    print(outcome.report.table())
+    if outcome.report is not None:
+        print(outcome.report.table())
+    for line in outcome.troubles:
+        print(f"\nwarning: {line}", file=sys.stderr)
     print(f"\nresults in {args.out}: {', '.join(outcome.files)}")
     print(f"see them: {program_shown()} view {args.out}")
     if outcome.fault is not None:

@@ -1,6 +1,7 @@
 """The launcher's own node: takes what the graph gives, and knows when it is over."""
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -28,19 +29,20 @@ class CollectorNode(Node):
         bodies: whose samples of IMUs are taken beside bodies; None: there are no bodies.
         more: keys and owners of topics that are taken besides, which end.
         on_record: called with (key of the topic, record), and with ("diagnostics", those of all nodes).
+        check: raises DataError for a record that is not of this graph, as detections of another camera.
     """
 
     def __init__(
         self, flow: Flow, cameras: Sequence[str], on_record: Callable[[str, Any], None],
         devices: Iterable[str] = (), bodies: Iterable[str] | None = None,
-        more: Iterable[tuple[str, str]] = (),
+        more: Iterable[tuple[str, str]] = (), check: Callable[[str, str, Any], None] = lambda *about: None,
     ):  # fmt: skip
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
         self._bad_messages = 0
         self._refused: set[str] = set()  # topics of which that was told
         self.diagnostics: dict[str, dict[str, str]] = {}
-        self._on_record = on_record
+        self._on_record, self._check = on_record, check
         self._quality, self._live = collecting_quality(flow), flow.name == "live"
         self._ends = StreamEnds(self, self._end)
         self._kept = [self._subscribe("detections", camera) for camera in cameras]
@@ -80,13 +82,11 @@ class CollectorNode(Node):
                     message = unpacked(message, kind)
                 is_imu = topic.scope == "imu"  # whose frame_id is the driver's own
                 record = read_imu(message, camera) if is_imu else from_message(message, topic.record)
-                self._on_record(key, record)
+                self._check(key, camera, record)
             except DataError as error:
-                self._bad_messages += 1
-                self.diagnostics[self.get_name()] = {"dropped.bad_message": str(self._bad_messages)}
-                if subscription.topic_name not in self._refused:  # the rest is counted
-                    self._refused.add(subscription.topic_name)
-                    self.get_logger().warning(f"dropped: {error}")
+                self._refuse(subscription.topic_name, str(error))
+            else:
+                self._on_record(key, record)
             if not topic.latched:
                 self._ends.taken(subscription.topic_name)
 
@@ -101,6 +101,14 @@ class CollectorNode(Node):
             subscription = self.create_subscription(kind, topic.of(camera), take, quality)
         return subscription
 
+    def _refuse(self, topic: str, why: str) -> None:
+        """Count a message that is dropped; the first one of a topic is told."""
+        self._bad_messages += 1
+        self.diagnostics[self.get_name()] = {"dropped.bad_message": str(self._bad_messages)}
+        if topic not in self._refused:
+            self._refused.add(topic)
+            self.get_logger().warning(f"a message on {topic} was dropped: {why}")
+
     def _tell(self, notice: Notice) -> None:
         """What does not fit of a driver; who takes its samples besides tells the rest."""
         if notice.severity != "info":
@@ -111,5 +119,23 @@ class CollectorNode(Node):
 
     def _take_status(self, message: Any) -> None:
         for name, status in own_statuses(message, self.get_namespace()):
-            self.diagnostics[name] = values_of(status)
+            values = values_of(status)
+            odd = [k for k, value in values.items() if _is_number(k) and not _has_number(value)]
+            if odd:
+                why = f"{status.name}: {odd[0]} = {values[odd[0]][:40]!r} is no number"
+                self._refuse("/diagnostics", why)
+                continue
+            self.diagnostics[name] = values
         self._on_record("diagnostics", self.diagnostics)
+
+
+def _is_number(key: str) -> bool:
+    """Whether the value of that key of our nodes is a number."""
+    return key == "taken" or key.startswith(("dropped.", "notice.", "step_"))
+
+
+def _has_number(value: str) -> bool:
+    try:
+        return math.isfinite(float(value))
+    except ValueError:
+        return False

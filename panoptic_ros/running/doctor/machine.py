@@ -14,6 +14,7 @@ from pathlib import Path
 
 from panoptic_ros.errors import UserError
 from panoptic_ros.io.resources import cache_folder
+from panoptic_ros.io.takes import UnclosedTake, unclosed_take, unclosed_takes
 from panoptic_ros.running.doctor.finding import Check, Finding, fail, ok, warn
 
 SUPPORTED = ((3, 10), (3, 13))  # first and last minor version of Python
@@ -127,6 +128,21 @@ def check_kernels() -> Finding:
     return ok(f"compiled ones in {folder} are whole")
 
 
+def check_takes() -> Finding:
+    """Live takes that nobody closed."""
+    takes = {take.path.resolve(): take for take in (*unclosed_takes(), *_unclosed_here())}
+    if not takes:
+        return ok("no take that was not closed")
+    found = "; ".join(str(take) for take in takes.values())
+    return warn(found, f"panoptic bag repair {next(iter(takes.values())).path}")
+
+
+def _unclosed_here() -> list[UnclosedTake]:
+    """The same below this folder, for takes of other users and other caches."""
+    folders = (path for depth in ("*", "*/*") for path in Path.cwd().glob(depth) if path.is_dir())
+    return [take for folder in folders if (take := unclosed_take(folder)) is not None]
+
+
 def check_cameras() -> Finding:
     """Video devices and whether this user may open them."""
     devices = sorted(Path("/dev").glob("video*"))
@@ -158,5 +174,6 @@ MACHINE_CHECKS: dict[str, Check] = {
     "disk": check_disk,
     "cache": check_cache,
     "kernels": check_kernels,
+    "takes": check_takes,
     "cameras": check_cameras,
 }

@@ -4,12 +4,10 @@ from __future__ import annotations
 import os
 import shutil
 import socket
-import sys
-from pathlib import Path
 
 from panoptic_ros.running.doctor.finding import Check, Finding, fail, finish, ok, start_python, warn
+from panoptic_ros.running.processes.shared_memory import SHARED_MEMORY, leftovers
 
-SHARED_MEMORY = Path("/dev/shm")
 LITTLE_SHARED_MEMORY = 256  # MiB; Docker's default is 64
 MUCH_LEFT_OVER = 64  # MiB
 MULTICAST_GROUP = "239.255.0.1"  # of DDS discovery
@@ -49,15 +47,12 @@ def check_shared_memory() -> Finding:
 
 def check_leftovers() -> Finding:
     """Segments that killed processes left behind."""
-    files = [path for path in SHARED_MEMORY.glob("*fastrtps_*") if path.is_file()]
-    used = _mapped_files()
-    stale = [path for path in files if os.access(path, os.W_OK) and str(path) not in used]
+    stale = leftovers(SHARED_MEMORY)
     size = sum(path.stat().st_size for path in stale) >> 20
     if size >= MUCH_LEFT_OVER:
-        tool = Path(sys.executable).with_name("fastdds")
-        remedy = f"{tool if tool.exists() else 'fastdds'} shm clean"
-        return warn(f"{len(stale)} files of ended processes in /dev/shm, {size} MiB", remedy)
-    return ok(f"{len(files) - len(stale)} shared-memory files in use, {len(stale)} left over ({size} MiB)")
+        remedy = "the next `panoptic run` or `record` of this user removes them"
+        return warn(f"{len(stale)} files of killed processes in /dev/shm, {size} MiB", remedy)
+    return ok(f"{len(stale)} files of killed processes in /dev/shm ({size} MiB)")
 
 
 def check_multicast() -> Finding:
@@ -103,18 +98,6 @@ def check_graph() -> Finding:
         f"no message from one process to another within 10 s ({where})",
         "try ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST or FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
     )
-
-
-def _mapped_files() -> set[str]:
-    """Files in shared memory that some process of ours has open."""
-    used = set()
-    for maps in Path("/proc").glob("[0-9]*/maps"):
-        try:
-            lines = maps.read_text(errors="replace").splitlines()
-        except OSError:  # ended meanwhile, or another user's
-            continue
-        used |= {line.split(maxsplit=5)[-1] for line in lines if str(SHARED_MEMORY) in line}
-    return used
 
 
 NETWORK_CHECKS: dict[str, Check] = {

@@ -14,6 +14,7 @@ from typing import Protocol
 from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import share_folder
+from panoptic_ros.running.processes.shared_memory import full
 from panoptic_ros.running.processes.successors import Child, ForkServer
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # the variable that names it
@@ -157,6 +158,8 @@ class Processes:
             said = [line.removeprefix("panoptic: ") for line in lines if line.startswith("panoptic: ")]
             if code == 2 and said:
                 raise UserError(said[-1])
+            if code == -signal.SIGBUS:
+                raise EnvironmentProblem(f"process {name} ended by a bus error: {full()}")
             if code == -signal.SIGKILL:
                 raise EnvironmentProblem(
                     f"process {name} was killed by the system or by somebody; systems do so when memory runs "

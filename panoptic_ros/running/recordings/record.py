@@ -17,10 +17,11 @@ from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.bag_recorder import BagRecorder, TopicCounter
 from panoptic_ros.io.bag_split import GB
 from panoptic_ros.io.definitions import described
-from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.io.interruption import first_request_told, requests_held
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.io.takes import OpenTake
 from panoptic_ros.nodes.listeners.recorder_node import RecorderNode
 from panoptic_ros.nodes.middleware.executor import make_executor
 from panoptic_ros.nodes.middleware.family import service_class
@@ -33,7 +34,8 @@ from panoptic_ros.running.recordings.room import told_room
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"
 STRING = "std_msgs/msg/String"
 PATIENCE_S = 10.0  # for the first topic
-MEASURED_S = 2.0
+MEASURED_S = 2.0  # of a recording, whose rates tell how long there is room
+SETTLE_S = 1.0  # until the nodes of a graph have found the recorder, as measured for `claim_domain`
 
 
 @dataclass(frozen=True)
@@ -58,16 +60,17 @@ def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> R
         tell: called with lines for the user: the budget, what is left out.
 
     Raises:
-        EnvironmentProblem: if nothing is published, or the time that is asked for does not fit on the disk.
+        EnvironmentProblem: if nothing is published, or the time that is asked for does not fit on the disk:
+            the bag then ends after `MEASURED_S`.
     """
     with first_request_told() as asked, _Recording(options, tell) as recording:
-        rates = recording.measure(asked)
+        recording.wait(asked)
         if asked():
             raise KeyboardInterrupt
-        tell(told_room(path, rates, options))
         recording.begin(path)
         recording.spin(asked, options.duration_s)
-        return recording.end()
+        with requests_held():
+            return recording.end()
 
 
 def stand_by(folder: Path, options: RecordOptions, tell: Callable[[str], None]) -> None:
@@ -85,8 +88,9 @@ class _Recording:
     def __init__(self, options: RecordOptions, tell: Callable[[str], None]):
         self._options, self._tell = options, tell
         self._bag: BagRecorder | None = None
-        self._path = Path()
-        self._sizes: dict[str, int] = {}  # bytes by topic, to measure
+        self._path, self._begun_s = Path(), 0.0
+        self._room_told: BagRecorder | None = None  # the bag whose room was told
+        self._take: OpenTake | None = None  # the mark of that bag
         self._facts = ""
         self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)
         self._wish: Path | None = None  # a bag that is to begin
@@ -97,7 +101,7 @@ class _Recording:
         prepare_recording()
         start_ros([])
         self._node = RecorderNode(
-            PREFIX + ros_name(platform.node() or "host"), options.selection.wants, self._take, tell
+            PREFIX + ros_name(platform.node() or "host"), options.selection.wants, self._put, tell
         )
         self._executor = make_executor()
         self._executor.add_node(self._node)
@@ -107,8 +111,8 @@ class _Recording:
         """Full name of the service."""
         return f"{self._node.get_fully_qualified_name()}/{SERVICE}"
 
-    def measure(self, stop: Callable[[], bool]) -> dict[str, float]:
-        """Bytes per second by kind of message.
+    def wait(self, stop: Callable[[], bool]) -> None:
+        """Wait for the first topic.
 
         Raises:
             EnvironmentProblem: if nothing is published.
@@ -116,21 +120,16 @@ class _Recording:
         deadline = time.monotonic() + PATIENCE_S
         while not self._node.topics and time.monotonic() < deadline and not stop():
             self._executor.spin_once(timeout_sec=0.05)
-        end = time.monotonic() + MEASURED_S
-        while self._node.topics and time.monotonic() < end and not stop():
-            self._executor.spin_once(timeout_sec=0.05)
         if not self._node.topics and not stop():
             raise EnvironmentProblem(
                 "nobody publishes anything that is to be recorded: is the graph running, in this "
                 "ROS_DOMAIN_ID? `--topic PATTERN` chooses other topics"
             )
-        return {topic: size / MEASURED_S for topic, size in self._sizes.items()}
 
     def begin(self, path: Path) -> None:
-        """Begin a bag: with what the graph is, and what is latched."""
-        facts = recording_facts(self._node, self._executor)
+        """Begin a bag: with what is latched, then with what the graph is, as its nodes answer."""
         options = self._options
-        self._facts = as_text(facts)
+        self._facts = ""
         bag = BagRecorder(
             path, round(options.budget_gb * GB), round(options.keep_free_gb * GB), options.split,
             self._opening,
@@ -138,11 +137,18 @@ class _Recording:
         now = self._node.get_clock().now().nanoseconds
         for connection, data in self._opening():
             bag.put(connection, now, data)
-        self._path, self._bag = path, bag
+        self._path, self._bag, self._begun_s = path, bag, time.monotonic()
+        self._take = OpenTake(path)
+        self._tell(f"recording {path}")
+        settled = time.monotonic() + SETTLE_S
+        while time.monotonic() < settled:  # messages are taken meanwhile, and all nodes are found
+            self._executor.spin_once(timeout_sec=0.05)
+        self._facts = as_text(recording_facts(self._node, self._executor))
+        bag.put(_text_topic(FACTS), self._node.get_clock().now().nanoseconds, _text(self._facts))
 
     def _opening(self) -> list[tuple[Connection, bytes]]:
         """What every bag begins with: what the graph is, and what is latched."""
-        found = [(_text_topic(FACTS), _text(self._facts))]
+        found = [(_text_topic(FACTS), _text(self._facts))] if self._facts else []
         rig = "/" + TOPICS["rig"].name
         if self._rig is not None and rig not in self._node.topics:
             message = to_message(self._rig, bag_messages())
@@ -153,9 +159,10 @@ class _Recording:
 
     def spin(self, stop: Callable[[], bool], duration_s: float | None) -> None:
         """Take messages until it is asked to end, or the bag ends by itself."""
-        begin = time.monotonic()
+        begin = self._begun_s if self._bag is not None else time.monotonic()
         while not stop() and (duration_s is None or time.monotonic() < begin + duration_s):
             self._executor.spin_once(timeout_sec=0.1)
+            self._tell_room()
             if self._wish is not None:
                 self._begin_wish(self._wish)
             if self._bag is not None and self._bag.fault is not None:
@@ -164,11 +171,26 @@ class _Recording:
                 self._tell(str(self._bag.fault))
                 self._end_told()  # the same once more
 
+    def _tell_room(self) -> None:
+        """Tell once for each bag how long the disk has room for it.
+
+        Raises:
+            EnvironmentProblem: if the time that is asked for does not fit.
+        """
+        bag = self._bag
+        seconds = time.monotonic() - self._begun_s
+        if bag is None or self._room_told is bag or seconds < MEASURED_S:
+            return
+        self._room_told = bag
+        rates = {name: c.size / seconds for name, c in dict(bag.counters).items() if name != FACTS}
+        line = told_room(self._path, rates, self._options)
+        if self._folder is None:
+            self._tell(line)
+
     def _begin_wish(self, path: Path) -> None:
         """What the service asked for. It is a wish until the bag stands, so that nobody begins another."""
         try:
             self.begin(path)
-            self._tell(f"recording {path}")
             if self._unwished:
                 self._tell(self._end_told())
         except PanopticError as error:  # the next wish may go better
@@ -191,6 +213,7 @@ class _Recording:
             PanopticError: if it cannot be finished.
         """
         bag, self._bag = self._bag, None
+        take, self._take = self._take, None
         if bag is None:
             return Recorded(self._path, {}, {})
         counters = {topic: c for topic, c in bag.counters.items() if topic not in (FACTS, COUNTERS)}
@@ -201,7 +224,7 @@ class _Recording:
         }  # fmt: skip
         if bag.fault is None:
             bag.put(_text_topic(COUNTERS), self._node.get_clock().now().nanoseconds, _text(as_text(document)))
-        bag.close()
+        _close(bag, take)
         return Recorded(self._path, counters, dict(bag.dropped), str(bag.fault or ""))
 
     # ------------------------------------------------------------- service
@@ -234,11 +257,9 @@ class _Recording:
 
     # ------------------------------------------------------------- messages
 
-    def _take(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
+    def _put(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
         if self._bag is not None:
             self._bag.put(connection, stamp_ns, data)
-        else:
-            self._sizes[connection.topic] = self._sizes.get(connection.topic, 0) + len(data)
 
     def __enter__(self) -> _Recording:
         return self
@@ -246,12 +267,24 @@ class _Recording:
     def __exit__(self, *exception: object) -> None:
         if self._bag is not None:  # an error: what there is stays, for `panoptic bag repair`
             try:
-                self._bag.close()
+                _close(self._bag, self._take)
             except PanopticError as error:
                 self._tell(str(error))
         self._executor.shutdown()
         self._node.destroy_node()
         try_shutdown()
+
+
+def _close(bag: BagRecorder, take: OpenTake | None) -> None:
+    """Close a bag and its mark; the mark of a bag that cannot be closed stays."""
+    try:
+        bag.close()
+    except PanopticError:
+        if take is not None:
+            take.leave()
+        raise
+    if take is not None:
+        take.close()
 
 
 def _free(path: Path) -> Path:

@@ -11,7 +11,6 @@ from panoptic_ros.evaluation.capture_report import summarise_capture
 from panoptic_ros.graph.counters import OF
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.body_models import read_body_model, read_body_shape
-from panoptic_ros.io.folders import MARK
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan
@@ -35,23 +34,20 @@ def finish(
     results: Results,
     counted: Mapping[str, Mapping[str, str]],
     notices: Sequence[Notice],
+    sets: Sequence[DetectionSet],
     *,
-    pictures: bool,
     elapsed_s: float,
-    on_picture: Callable[[int, int], None],
 ) -> RunReport:
-    """Write report.json and all that a person looks at.
+    """Return the report of a run.
 
     Args:
         counted: what every node or stage counted, as on /diagnostics.
         notices: of the self-check.
+        sets: the views of the run, see `grouped_views`.
         elapsed_s: how long the run took, without this.
-        on_picture: called with the number of pictures of the video that are done, and of all.
     """
-    views = [view for own in results.views.values() for view in own]
-    sets = regrouped(plan, results.clocks.values(), views)
-    summary = summarise_capture(plan.rig, plan.skeleton, list(results.poses), sets)
-    report = RunReport(
+    summary = summarise_capture(plan.rig, plan.skeleton, list(results.poses), list(sets))
+    return RunReport(
         summary,
         frames_in=dict(results.frames_in),
         dropped=_dropped(counted),
@@ -63,15 +59,25 @@ def finish(
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
         bodies=results.bodies.document() if results.bodies.instants else {},
     )
-    if pictures and plan.rig.cameras:
-        _pictures(plan, results, sets, on_picture)
-    report.write(results.folder / MARK)
-    return report
 
 
-def _pictures(
-    plan: Plan, results: Results, sets: list[DetectionSet], on_picture: Callable[[int, int], None]
+def grouped_views(plan: Plan, results: Results) -> list[DetectionSet]:
+    """Return the views of a run, grouped by the last clock models."""
+    views = [view for own in results.views.values() for view in own]
+    return regrouped(plan, results.clocks.values(), views)
+
+
+def draw(
+    plan: Plan, results: Results, sets: Sequence[DetectionSet], on_picture: Callable[[int, int], None]
 ) -> None:
+    """Draw the plot, and of recordings overlays and their video.
+
+    Args:
+        sets: as of `finish`.
+        on_picture: called with the number of pictures of the video that are done, and of all.
+    """
+    if not plan.rig.cameras:
+        return
     path = results.folder / "skeletons.png"
     from panoptic_ros.view.plot3d import plot_capture  # matplotlib takes half a second to load
 
@@ -87,7 +93,7 @@ def _pictures(
             stack.enter_context(open_source(name, plan.rig, plan.sources[name])[0]) for name in plan.rig.names
         ]
         OverlayRun(plan.rig, plan.skeleton, bodies).write(
-            results.folder, sources, sets, list(results.poses),
+            results.folder, sources, list(sets), list(results.poses),
             on_frame=lambda done: on_picture(done, len(sets)),
         )  # fmt: skip
 
@@ -113,7 +119,7 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
     for stage in NODES:
         for name in sorted(name for name in counted if name.rsplit("_", 1)[0] == stage):
             values = counted[name]
-            if int(values["taken"]) and "step_p50_ms" in values:
+            if int(values.get("taken", 0)) and "step_p50_ms" in values and "step_p99_ms" in values:
                 p50, p99 = float(values["step_p50_ms"]), float(values["step_p99_ms"])
                 rows[name] = Latency(int(values["taken"]), p50, p99)
     return rows

@@ -5,6 +5,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from rclpy.utilities import try_shutdown
@@ -23,7 +24,7 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead, Processes, prepare_environment
 from panoptic_ros.running.runs.launch import write_launch_file
 from panoptic_ros.running.runs.listening import require_no_other_graph
-from panoptic_ros.running.runs.results import Results, patch_topics
+from panoptic_ros.running.runs.results import Results, check_record, patch_topics
 
 LOOK_S = 0.2  # whether all processes run
 LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
@@ -64,7 +65,8 @@ def _run(
         with Processes(launch, document["processes"], results.folder / "logs", plan.live, ahead) as processes:
             try:  # processes make their nodes meanwhile, which wait for the rig: it is published last
                 collector = CollectorNode(
-                    flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan)
+                    flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan),
+                    partial(check_record, plan),
                 )
                 nodes += [collector]
                 nodes += [StaticsNode(plan.rig, plan.skeleton)]

@@ -1,25 +1,24 @@
-"""What a run leaves in its folder: all of it, or nothing."""
+"""What a run records: the bag, the skeletons and the bodies, as they come."""
 from __future__ import annotations
 
-import os
-import shutil
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from panoptic_ros.domain import ClockModel, RefinedPoseSet, ViewDetections
-from panoptic_ros.errors import UsageError
+from panoptic_ros.errors import ContractError, DataError, PanopticError
 from panoptic_ros.evaluation.body_tally import BodyTally
 from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_recorder import BagRecorder
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.body_stream import BodyStream
 from panoptic_ros.io.clock_offsets import write_models
-from panoptic_ros.io.files import file_errors
-from panoptic_ros.io.folders import MARK
+from panoptic_ros.io.definitions import described
 from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.previews import Previews
 from panoptic_ros.io.skeleton_stream import SkeletonStream
@@ -31,35 +30,55 @@ from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
 PATCHES = ("patch_tracks", "skeletons_raw", "patches")  # what refinement takes, where patches are on
 KEPT_LIVE = 3600  # instants that the report of a live run, which has no end, is about: two minutes
+KEPT_FREE = 16_000_000  # bytes that a live take leaves on the disk; index, report and plot need a tenth
+BAG, SKELETONS, BODIES, CLOCKS = "bag", "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
+MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")  # while it runs
 
 
-@contextmanager
-def result_folder(out: Path) -> Iterator[Path]:
-    """A temporary folder beside `out` that takes its place at the end, or vanishes on an error.
+class Bag(Protocol):
+    """Takes the messages of a run."""
 
-    Raises:
-        UsageError: if `out` is a file, or a folder with other things in it.
-        EnvironmentProblem: if it cannot be written.
-    """
-    out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise UsageError(f"--out {out} is a file; give a folder")
-    if out.is_dir() and any(out.iterdir()) and not (out / MARK).is_file():
-        raise UsageError(f"--out {out} holds other things than the results of a run; choose another folder")
-    part = out.with_name(f".{out.name}.{os.getpid()}.part")
-    old = out.with_name(f".{out.name}.{os.getpid()}.old")
-    with file_errors(out, "write"):
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-    try:
-        yield part
-        with file_errors(out, "write"):
-            if out.exists():
-                os.replace(out, old)
-            os.replace(part, out)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+    def write(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """Append a message of the family `bag_messages()`."""
+
+    def close(self) -> None:
+        """Finish the bag."""
+
+    def discard(self) -> None:
+        """End it after an error."""
+
+
+class TakeBag:
+    """The bag of a live take: a `BagRecorder`, in place, synced to the disk in a thread of its own."""
+
+    def __init__(self, path: Path, beside: Callable[[], None]):
+        self._recorder = BagRecorder(path, keep_free=KEPT_FREE, beside=beside)
+
+    @property
+    def fault(self) -> PanopticError | None:
+        """What ended it before its end: a full disk, or an error of the disk."""
+        return self._recorder.fault
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages for which the disk was too slow."""
+        return sum(self._recorder.dropped.values())
+
+    def write(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """See `Bag`."""
+        kind = message.__msgtype__
+        connection = described(topic, kind)
+        if connection is None:
+            raise ContractError(f"there is no definition of {kind}")
+        self._recorder.put(connection, stamp_ns, bytes(bag_typestore().serialize_cdr(message, kind)))
+
+    def close(self) -> None:
+        """See `Bag`."""
+        self._recorder.close()
+
+    def discard(self) -> None:
+        """Close it as far as it goes: what was recorded stays."""
+        self._recorder.close()
 
 
 def patch_topics(plan: Plan) -> list[tuple[str, str]]:
@@ -70,14 +89,39 @@ def patch_topics(plan: Plan) -> list[tuple[str, str]]:
     return [*((PATCHES[0], name) for name in tracks), *((key, "") for key in PATCHES[1:])]
 
 
+def check_record(plan: Plan, key: str, owner: str, record: Any) -> None:
+    """Check that a record that came from outside is of this run.
+
+    Args:
+        owner: the camera or device of the topic, "" for topics of the graph.
+
+    Raises:
+        DataError: naming what is another camera, device, skeleton or set of segments.
+    """
+    found = getattr(record, "camera", getattr(record, "device", ""))
+    if owner and key in ("detections", "preview", "patch_tracks", SOUND_KEY) and found != owner:
+        raise DataError(f"it is of {found!r}, and the topic is of {owner!r}")
+    skeleton = getattr(record, "skeleton_hash", plan.skeleton.hash)
+    if key in ("detections", "skeletons", *PATCHES) and skeleton != plan.skeleton.hash:
+        raise DataError(f"its skeleton has hash {skeleton}, and that of this run {plan.skeleton.hash}")
+    joints = len(plan.skeleton.joint_names)
+    positions = getattr(record, "positions", None)
+    if key in ("skeletons", "skeletons_raw") and positions is not None and positions.shape[1] != joints:
+        raise DataError(f"its people have {positions.shape[1]} joints, and those of this run {joints}")
+    model = plan.extras.get("segments")
+    if key == "bodies" and model is not None and tuple(record.segment_names) != tuple(model.names):
+        raise DataError(f"its {len(record.segment_names)} segments are not those of this run")
+
+
 class Results:
     """Takes the records of a run as they come: into the bag and skeletons.json.gz at once. What the report
     needs is kept for the end; of a live run, the newest.
 
-    A context manager: leaving it normally writes the skeletons, leaving it with an error gives all up.
+    A context manager: leaving it normally closes all files. Leaving it with an error gives the results of a
+    recording up, and closes those of a live take.
 
     Args:
-        folder: that is there, see `result_folder`.
+        folder: that is there, see `running.runs.result_folder`.
         on_record: called with every record that is kept, e.g. for progress.
         pictures: whether pictures follow; without them no body is kept for drawing.
     """
@@ -91,16 +135,17 @@ class Results:
         self.poses: deque[RefinedPoseSet] = deque(maxlen=kept)
         self.views: dict[str, deque[ViewDetections]] = {name: deque(maxlen=kept) for name in plan.rig.names}
         self.frames_in = dict.fromkeys(plan.rig.names, 0)
-        self._skeletons = SkeletonStream(folder / "skeletons.json.gz", plan.skeleton.joint_names)
+        self._skeletons = SkeletonStream(folder / SKELETONS, plan.skeleton.joint_names)
         model = plan.extras.get("segments")
-        self._bodies = None if model is None else BodyStream(folder / "kinematics.json.gz", model)
+        self._bodies = None if model is None else BodyStream(folder / BODIES, model)
         self.bodies = BodyTally()
         self.drawn: deque[DrawnBody] = deque(maxlen=kept if pictures else 0)
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
         self._with_patches = config_of(plan.configs, PatchesConfig).active
         self._on_record = on_record
-        self._bag = BagWriter(folder / "bag")
+        self._take_bag = TakeBag(folder / BAG, self._sync) if plan.live else None
+        self._bag: Bag = self._take_bag or BagWriter(folder / BAG)
         self._previews = Previews()
         self._shown: set[int] = set()
         self._started = False
@@ -161,24 +206,53 @@ class Results:
         """Whether there were skeletons or bodies."""
         return bool(self.poses) or self.bodies.instants > 0
 
+    @property
+    def recorded(self) -> bool:
+        """Whether any record was written."""
+        return self._started
+
+    @property
+    def fault(self) -> PanopticError | None:
+        """What ended a live take: a full disk, or an error of the disk."""
+        return None if self._take_bag is None else self._take_bag.fault
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages of a live take for which the disk was too slow."""
+        return 0 if self._take_bag is None else self._take_bag.dropped
+
     def close(self) -> None:
-        """Finish the skeletons, write the clocks that were found, and finish the bag."""
+        """Finish the bag, the skeletons and the bodies, and write the clocks that were found.
+
+        Raises:
+            PanopticError: if one cannot be finished; the others are.
+        """
         self._start(0)
-        self._bag.close()
-        self._skeletons.close()
+        with ExitStack() as stack:  # closes each of them, whatever the others do
+            stack.callback(self._write_clocks)
+            if self._bodies is not None:
+                stack.callback(self._bodies.close)
+            stack.callback(self._skeletons.close)
+            stack.callback(self._bag.close)
+
+    def _sync(self) -> None:
+        """Write the files beside the bag of a live take to the disk."""
+        self._skeletons.sync()
         if self._bodies is not None:
-            self._bodies.close()
+            self._bodies.sync()
+
+    def _write_clocks(self) -> None:
         found = {name: model for name, model in self.clocks.items() if name in self.views}
         if found:
             given = named_numbers("SyncConfig.delays_ms", config_of(self._plan.configs, SyncConfig).delays_ms)
             delays = {name: of_name(given, name) for name in self.views if of_name(given, name)}
-            write_models(self.folder / "offsets.json", found, delays)
+            write_models(self.folder / CLOCKS, found, delays)
 
     def __enter__(self) -> Results:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        if kind is None:
+        if kind is None or self._plan.live:
             self.close()
         else:
             self._bag.discard()

@@ -1,25 +1,28 @@
 """The course of a run: its stages or nodes, the self-check, the report.
 
-Whatever happens, no half-written results stay. A live run has no end of its own: being asked to end, as by
-Ctrl-C, or a fault of a camera ends the recording, and what it has is written.
+A run over recordings leaves all of its results or none. A live run has no end of its own: a request to end,
+as Ctrl-C, a fault of a camera or a bug ends the recording. The take is closed first, then the report and the
+pictures are made, and nothing that happens there changes the take.
 """
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.errors import PanopticError
-from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.errors import ContractError, PanopticError
+from panoptic_ros.io.folders import MARK
+from panoptic_ros.io.interruption import first_request_told, interrupted, requests_held
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead
-from panoptic_ros.running.runs.finish import finish
+from panoptic_ros.running.runs.finish import draw, finish, grouped_views
 from panoptic_ros.running.runs.in_process import run_in_process
 from panoptic_ros.running.runs.observer import RunObserver
 from panoptic_ros.running.runs.offline import OfflineResults, without_patch_inputs
-from panoptic_ros.running.runs.results import Results, result_folder
+from panoptic_ros.running.runs.result_folder import LiveFolder, files_below, open_live_folder, result_folder
+from panoptic_ros.running.runs.results import MADE, Results
 from panoptic_ros.running.runs.startup_check import StartupCheck
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.report import RunReport
@@ -32,14 +35,16 @@ class RunOutcome:
     """What a run came to.
 
     Args:
-        report: as it stands in report.json.
+        report: as it stands in report.json; None if it could not be made (live).
         files: names of what was written to the folder.
         fault: what ended a live run, whose results up to then were written; None if nothing did.
+        troubles: one line each about what could not be made after a live take was closed.
     """
 
-    report: RunReport
+    report: RunReport | None
     files: tuple[str, ...]
     fault: PanopticError | None = None
+    troubles: tuple[str, ...] = ()
 
 
 def run(
@@ -58,7 +63,7 @@ def run(
     """Run a plan to its end and leave the results in a folder.
 
     Args:
-        out: is made, or replaced if it holds the results of a run.
+        out: is made. Live it must be new or empty; else the files of an earlier run there are replaced.
         in_process: all stages in this process, without ROS; else nodes in processes of their own.
         offline: the same, and skeletons are refined over the whole recording.
         jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: as they are.
@@ -72,46 +77,191 @@ def run(
         UserError: on whatever the user can mend; nothing is left in `out` then.
         KeyboardInterrupt: if a live run was asked to end before there was anything.
     """
-    started = time.monotonic()
-    fault: PanopticError | None = None
+    how = _How(in_process, offline, jpeg_quality, node_per_stage, duration_s, pictures, observer, ahead)
     told: tuple[Notice, ...] = ()
     if not (in_process or offline):
         plan, told = without_patch_inputs(plan)
         observer.judged(told)
-    with first_request_told(plan.live) as asked, result_folder(out) as folder:
-        observer.started(plan)
-        check = StartupCheck(plan, observer.judged)
-
-        def saw(key: str, record: Any) -> None:
-            observer.saw(key, record)
-            check.saw(key, record)
-
-        def stop() -> bool:
-            return asked() or (duration_s is not None and time.monotonic() - started > duration_s)
-
-        with Results(folder, plan, saw, pictures) as results:
-            try:
-                counted = (
-                    _in_process(plan, results, stop, offline) if in_process or offline
-                    else _over_dds(plan, results, stop, jpeg_quality, node_per_stage, ahead)
-                )  # fmt: skip
-            except PanopticError as error:
-                if not (plan.live and results.has_something):
-                    raise
-                counted, fault = {}, error
-            if asked() and not (plan.live and results.has_something):
+    if plan.live:
+        return _run_live(plan, open_live_folder(Path(out)), how, told)
+    with result_folder(Path(out)) as folder:
+        started = time.monotonic()
+        watch = _Watch(plan, observer, interrupted, duration_s)
+        with Results(folder, plan, watch.saw, pictures) as results:
+            observer.started(plan)
+            counted = _counted(plan, results, watch.stop, how)
+            if interrupted():
                 raise KeyboardInterrupt
         observer.ended()
-        notices = (*told, *check.judge())
+        notices = (*told, *watch.check.judge())
         elapsed_s = time.monotonic() - started
-        report = finish(
-            plan, results, counted, notices, pictures=pictures, elapsed_s=elapsed_s, on_picture=observer.drew
+        sets = grouped_views(plan, results)
+        report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
+        if pictures:
+            draw(plan, results, sets, observer.drew)
+        report = replace(report, files=sorted([*files_below(folder), MARK]))
+        report.write(folder / MARK)
+        names = tuple(sorted(path.name for path in folder.iterdir()))
+    return RunOutcome(report, names)
+
+
+@dataclass(frozen=True)
+class _How:
+    """The options of `run`."""
+
+    in_process: bool
+    offline: bool
+    jpeg_quality: int
+    node_per_stage: bool
+    duration_s: float | None
+    pictures: bool
+    observer: RunObserver
+    ahead: Ahead
+
+
+class _Watch:
+    """Tells observer and self-check of records, and when a run is to stop."""
+
+    def __init__(
+        self, plan: Plan, observer: RunObserver, asked: Callable[[], bool], duration_s: float | None
+    ):
+        self._observer, self._asked = observer, asked
+        self._end_s = None if duration_s is None else time.monotonic() + duration_s
+        self.check = StartupCheck(plan, observer.judged)
+
+    def saw(self, key: str, record: Any) -> None:
+        """A record of the topic of that key."""
+        self._observer.saw(key, record)
+        self.check.saw(key, record)
+
+    def stop(self) -> bool:
+        """Whether the run is to end now."""
+        return self._asked() or (self._end_s is not None and time.monotonic() > self._end_s)
+
+
+class _Unharmed:
+    """Calls what only looks at a live take; an error there is told once, and ends the looking.
+
+    Args:
+        look: called with key and record. troubles: one line is appended for the error.
+    """
+
+    def __init__(self, look: Callable[[str, Any], None], troubles: list[str]):
+        self._look: Callable[[str, Any], None] | None = look
+        self._troubles = troubles
+
+    def saw(self, key: str, record: Any) -> None:
+        """A record of the topic of that key."""
+        if self._look is not None:
+            try:
+                self._look(key, record)
+            except Exception as error:
+                self._look = None
+                self._troubles.append(f"the display ended ({_in_short(error)})")
+
+
+def _run_live(plan: Plan, folder: LiveFolder, how: _How, told: tuple[Notice, ...]) -> RunOutcome:
+    """Record until it is asked to end or something ends it; close the take, then report.
+
+    Raises:
+        KeyboardInterrupt, PanopticError: if it ended before anything was recorded; the folder is gone then.
+        PanopticError: if the take could not be closed; it stays, and is marked open.
+    """
+    started = time.monotonic()
+    troubles: list[str] = []
+    counted: Counted = {}
+    ended_by: BaseException | None = None
+    with first_request_told() as asked:
+        watch = _Watch(plan, how.observer, asked, how.duration_s)
+        try:
+            results = Results(folder.path, plan, _Unharmed(watch.saw, troubles).saw, how.pictures)
+        except BaseException:
+            folder.give_up(MADE)
+            raise
+        try:
+            how.observer.started(plan)
+            counted = _counted(plan, results, lambda: watch.stop() or results.fault is not None, how)
+        except BaseException as error:  # whatever it is, what was recorded is closed below
+            ended_by = error
+        with requests_held():
+            recorded = results.recorded
+            fault = _close(results, folder)
+            if not recorded and (asked() or ended_by is not None):
+                folder.give_up(MADE)
+                raise ended_by or KeyboardInterrupt
+        if not isinstance(fault, PanopticError) and ended_by is not None:
+            fault = _told(ended_by)
+        report, more = _report_live(plan, results, counted, told, watch, how, started)
+    names = tuple(sorted(path.name for path in folder.path.iterdir()))
+    return RunOutcome(report, names, fault, (*troubles, *more))
+
+
+def _close(results: Results, folder: LiveFolder) -> PanopticError | None:
+    """Close a take; return what ended it before, or kept it from being closed: then it stays marked open."""
+    try:
+        results.close()
+    except PanopticError as error:
+        folder.leave()
+        return type(error)(
+            f"{error}; the take is not closed, `panoptic bag repair {folder.path}` saves what was recorded"
         )
-        files = tuple(sorted(path.name for path in folder.iterdir()))
-    return RunOutcome(report, files, fault)
+    folder.close()
+    return results.fault
+
+
+def _report_live(
+    plan: Plan, results: Results, counted: Counted, told: tuple[Notice, ...], watch: _Watch, how: _How,
+    started: float,
+) -> tuple[RunReport | None, list[str]]:
+    """Make report and pictures of a closed take; errors and requests to end cost these alone.
+
+    Returns:
+        the report, and a line for what could not be made.
+    """
+    report: RunReport | None = None
+    troubles: list[str] = []
+    doing = "report"
+    try:
+        how.observer.ended()
+        notices = (*told, *watch.check.judge())
+        elapsed_s = time.monotonic() - started
+        sets = grouped_views(plan, results)
+        report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
+        report.write(results.folder / MARK)
+        if how.pictures:
+            doing = "pictures"
+            draw(plan, results, sets, how.observer.drew)
+        doing = "report"
+        report = replace(report, files=sorted({*files_below(results.folder), MARK}))
+        report.write(results.folder / MARK)
+    except KeyboardInterrupt:
+        troubles.append(f"the {doing} were interrupted; the take is whole")
+    except Exception as error:
+        troubles.append(f"the {doing} could not be made ({_in_short(error)}); the take is whole")
+    return report, troubles
+
+
+def _told(error: BaseException) -> PanopticError | None:
+    """The error of the family that stands for what ended a live run; None for a request to end."""
+    if isinstance(error, PanopticError):
+        return error
+    if isinstance(error, KeyboardInterrupt):
+        return None
+    return ContractError(f"the run broke down ({_in_short(error)}); the take is whole up to then")
+
+
+def _in_short(error: BaseException) -> str:
+    """The kind and the text of an error in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}".rstrip(": ")
 
 
 Counted = Mapping[str, Mapping[str, str]]  # what every stage or node counted
+
+
+def _counted(plan: Plan, results: Results, stop: Callable[[], bool], how: _How) -> Counted:
+    if how.in_process or how.offline:
+        return _in_process(plan, results, stop, how.offline)
+    return _over_dds(plan, results, stop, how.jpeg_quality, how.node_per_stage, how.ahead)
 
 
 def _in_process(plan: Plan, results: Results, stop: Callable[[], bool], offline: bool) -> Counted:

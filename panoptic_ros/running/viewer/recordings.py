@@ -14,6 +14,7 @@ from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON, load_skeleton
+from panoptic_ros.io.takes import is_recorded_now, unclosed_take
 from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
@@ -43,7 +44,12 @@ def open_recorded(
     path = Path(path)
     if not path.exists():
         raise UsageError(f"there is no {path}; give the results of `panoptic run`, a bag or a capture folder")
-    if path.is_dir() and not (path / MARK).is_file() and not (path / "metadata.yaml").is_file():
+    if is_recorded_now(path):
+        raise UsageError(f"{path} is being recorded now; `panoptic view --live` shows the graph")
+    if (take := unclosed_take(path) or unclosed_take(path.parent)) is not None:
+        raise UsageError(f"{take}; then view that")
+    kept = path / "bag" / "metadata.yaml"  # of a take that was repaired, which has no report
+    if path.is_dir() and not any(p.is_file() for p in (path / MARK, path / "metadata.yaml", kept)):
         return _open_folder(path, rig, skeleton, truth)
     given: dict[str, Any] = {}
     if rig is not None:
@@ -59,7 +65,7 @@ def open_recorded(
         if not bag.exists():
             raise UsageError(f"{path} has a {MARK} but no bag/: run `panoptic run` again")
         return RecordedScene(bag, path.resolve().name, report=read_json(path / MARK), **given)
-    return RecordedScene(path, path.resolve().name, **given)
+    return RecordedScene(path / "bag" if kept.is_file() else path, path.resolve().name, **given)
 
 
 def _open_folder(path: Path, rig: Path | None, skeleton: str, truth: Path | None) -> FolderScene:

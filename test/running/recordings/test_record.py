@@ -90,7 +90,7 @@ def test_parts_of_a_recording_have_what_a_run_needs(graph, tmp_path):
     parts = sorted((tmp_path / "day").iterdir())
     assert len(parts) >= 2 and plan_bags([parts[1]]).rig.names == captures.RIG.names
     with BagReader(parts[1]) as bag:
-        assert bag.counts[FACTS] == 1 and bag.counts["/cam0/detections"] > 5
+        assert bag.counts[FACTS] >= 1 and bag.counts["/cam0/detections"] > 5
 
 
 def test_a_killed_recorder_leaves_what_repairs(graph, tmp_path):

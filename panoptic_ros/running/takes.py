@@ -1,0 +1,113 @@
+"""Takes that nobody closed: named at the start of the next one, and saved in a new folder."""
+from __future__ import annotations
+
+import shutil
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.files import write_json
+from panoptic_ros.io.folders import whole_folder
+from panoptic_ros.io.frame_stream import CutFileWarning, read_frames
+from panoptic_ros.io.salvage import repair
+from panoptic_ros.io.salvage.repair import READERS, Repair
+from panoptic_ros.io.takes import OPEN, is_recorded_now, mark_saved, unclosed_takes
+
+MOST_NAMED = 3  # takes; `panoptic doctor` names all
+FRAMES = ("skeletons.json.gz", "kinematics.json.gz")  # files of frames beside the bag of a run
+
+
+@dataclass(frozen=True)
+class SavedTake:
+    """What was saved of a take.
+
+    Args:
+        bags: by path relative to the new folder, "" = the folder itself.
+        frames: by name of a file of frames: how many are whole. lost: one line each.
+    """
+
+    bags: dict[str, Repair]
+    frames: dict[str, int]
+    lost: tuple[str, ...]
+
+
+def name_unclosed_takes() -> None:
+    """Print a line for each of the newest takes of this user that were not closed."""
+    takes = unclosed_takes()
+    for take in takes[:MOST_NAMED]:
+        print(f"warning: {take}", file=sys.stderr, flush=True)
+    if len(takes) > MOST_NAMED:
+        print(f"warning: {len(takes) - MOST_NAMED} more; `panoptic doctor` names all", file=sys.stderr)
+
+
+def save_take(source: Path, target: Path) -> SavedTake:
+    """Write what is whole of a bag or of a live take to a new folder; the old one keeps its files.
+
+    Args:
+        source: a bag, one of its files, the folder of a run, or a recording in parts.
+        target: must not be there.
+
+    Raises:
+        DataError: if nothing is whole, or the take is being recorded.
+    """
+    if source.is_dir() and is_recorded_now(source):
+        raise DataError(f"{source} is being recorded now; end that first")
+    parts = [] if source.is_file() else sorted(path for path in _folders(source) if _has_bag(path))
+    if not parts or _has_bag(source):
+        saved = SavedTake({"": (made := repair(source, target))}, {}, made.lost)
+        mark_saved(source)
+        return saved
+    bags: dict[str, Repair] = {}
+    frames: dict[str, int] = {}
+    lost: list[str] = []
+    with whole_folder(target) as folder:
+        for part in parts:
+            try:
+                bags[part.name] = repair(part, folder / part.name)
+                lost += [f"{part.name}: {line}" for line in bags[part.name].lost]
+            except DataError as error:  # a part that had just begun
+                lost.append(f"{part.name}: {error}")
+        for name in FRAMES:
+            if (source / name).is_file():
+                frames[name] = _save_frames(source / name, folder / name, lost)
+        if not bags and not any(frames.values()):
+            raise DataError(f"{source} has no whole message and no whole frame: {'; '.join(lost)}")
+        _copy_rest(source, folder, [*FRAMES, *(part.name for part in parts), OPEN])
+    mark_saved(source)
+    return SavedTake(bags, frames, tuple(lost))
+
+
+def _save_frames(source: Path, target: Path, lost: list[str]) -> int:
+    """Write the whole frames of a file; return how many there are."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", CutFileWarning)
+        try:
+            document = read_frames(source)
+            count = len(document["frames"])
+        except (DataError, KeyError, TypeError) as error:
+            lost.append(f"{source.name}: {error}")
+            return 0
+    lost += [f"{source.name}: {each.message}" for each in told if issubclass(each.category, CutFileWarning)]
+    write_json(target, document)
+    return count
+
+
+def _copy_rest(source: Path, target: Path, known: list[str]) -> None:
+    """Copy the small files of a take: rig, report, logs."""
+    for path in source.iterdir():
+        if path.name in known or path.name.startswith("."):
+            continue
+        if path.is_dir():
+            shutil.copytree(path, target / path.name)
+        else:
+            shutil.copy2(path, target / path.name)
+
+
+def _folders(source: Path) -> list[Path]:
+    return [path for path in source.iterdir() if path.is_dir()] if source.is_dir() else []
+
+
+def _has_bag(folder: Path) -> bool:
+    return folder.is_dir() and any(path.suffix in READERS for path in folder.iterdir())
