@@ -1,6 +1,7 @@
 """What all tests share: builders in test/support, and settings that disturb nobody."""
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # gw0, gw1, ...: and one for each of se
     worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
     os.environ["ROS_DOMAIN_ID"] = str((int(os.environ["ROS_DOMAIN_ID"]) + 1 + worker) % 102)
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+STATE = tempfile.TemporaryDirectory()  # takes that tests leave open are not named to the user
+os.environ["XDG_STATE_HOME"] = STATE.name
 
 # Time is not what these tests assert: a kernel's first call compiles it. On a machine that decides about a
 # change, the examples are the same every time.

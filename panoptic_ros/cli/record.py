@@ -46,14 +46,12 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.recordings.options import RecordOptions
     from panoptic_ros.running.recordings.record import record, stand_by
     from panoptic_ros.running.recordings.selection import Selection
-    from panoptic_ros.running.takes import name_unclosed_takes
 
     options = RecordOptions(
         Selection(args.topic, not args.no_images), args.duration, args.budget, args.keep_free, args.rig,
         split_of(args.split) if args.split else None,
     )
     with lossy_output():
-        name_unclosed_takes()
         if args.standby:
             stand_by(args.out, options, _tell)
             return 0

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 import panoptic_ros
@@ -26,6 +27,15 @@ def share_folder() -> Path:
         + ", ".join(str(place) for place in places)
         + "; install the package again"
     )
+
+
+def state_folder() -> Path:
+    """Return the folder of what the program remembers: XDG_STATE_HOME, else ~/.local/state, /panoptic_ros."""
+    base = os.environ.get("XDG_STATE_HOME")
+    try:
+        return (Path(base) if base else Path.home() / ".local" / "state") / "panoptic_ros"
+    except RuntimeError:  # a user without a home, as in containers
+        return Path(tempfile.gettempdir()) / f"panoptic_ros-state-{os.getuid()}"
 
 
 def cache_folder() -> Path:

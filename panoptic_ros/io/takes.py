@@ -2,7 +2,7 @@
 
 A take holds the file `take.open` from its first second until it is closed. The recording process keeps a lock
 on that file, so the file without a lock tells of a process that was killed, or of a power cut. The paths of
-open takes are also listed in the user's cache, where `panoptic doctor` and the next run find them.
+open takes are also listed in the user's state folder, where `panoptic doctor` and the next run find them.
 """
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from hashlib import sha256
 from pathlib import Path
 
 from panoptic_ros.io.files import file_errors
-from panoptic_ros.io.resources import cache_folder
+from panoptic_ros.io.resources import state_folder
 
 OPEN = "take.open"  # name of the mark in the folder of a take
-LISTED = "takes"  # folder in the user's cache, one file for each open take
+LISTED = "takes"  # folder in the user's state folder, one file for each open take
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class OpenTake:
             os.fsync(self._lock)
             sync_folder(folder)
             sync_folder(folder.parent)
-        with suppress(OSError):  # a cache that cannot be written: the mark in the folder remains
+        with suppress(OSError):  # no such folder can be made: the mark in the folder of the take remains
             self._entry.parent.mkdir(parents=True, exist_ok=True)
             self._entry.write_text(str(folder.resolve()))
 
@@ -134,7 +134,7 @@ def unclosed_takes() -> list[UnclosedTake]:
     """Return the takes of this user that nobody closed; forget those that are gone or closed."""
     found = []
     with suppress(OSError):
-        for entry in sorted((cache_folder() / LISTED).iterdir()):
+        for entry in sorted((state_folder() / LISTED).iterdir()):
             with suppress(OSError, UnicodeDecodeError):
                 folder = Path(entry.read_text())
                 take = unclosed_take(folder)
@@ -154,5 +154,5 @@ def mark_saved(folder: Path) -> None:
 
 
 def _entry_of(folder: Path) -> Path:
-    """The file in the user's cache that lists a take."""
-    return cache_folder() / LISTED / sha256(str(folder.resolve()).encode()).hexdigest()[:20]
+    """Return the file that lists a take."""
+    return state_folder() / LISTED / sha256(str(folder.resolve()).encode()).hexdigest()[:20]

@@ -282,9 +282,8 @@ def hosts(out):
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
             words = path.read_bytes().decode().split("\0")
-            folder = str(out.with_name(f".{out.name}."))
             log = os.readlink(path.with_name("fd") / "1")
-            if "panoptic_ros.nodes.main" in words and log.startswith(folder):
+            if "panoptic_ros.nodes.main" in words and log.startswith(f"{out}/"):
                 found.append(int(path.parent.name))
     return found
 

@@ -10,8 +10,8 @@ from panoptic_ros.io.takes import OPEN, OpenTake, is_recorded_now, mark_saved, u
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "cache"))
+def state(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
 
 @pytest.fixture
@@ -59,9 +59,9 @@ def test_takes_that_are_gone_are_forgotten_but_not_those_on_a_disk_that_is_away(
     assert [take.path for take in unclosed_takes()] == [away / "take"]
 
 
-def test_a_mark_of_garbage_and_a_cache_that_cannot_be_written_do_no_harm(folder, monkeypatch, tmp_path):
+def test_a_damaged_mark_and_a_state_folder_that_cannot_be_written_do_no_harm(folder, monkeypatch, tmp_path):
     (tmp_path / "file").write_text("no folder")
-    monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "file"))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     OpenTake(folder).leave()
     assert unclosed_takes() == [] and unclosed_take(folder) is not None
     (folder / OPEN).write_bytes(b"\xff\x00[")

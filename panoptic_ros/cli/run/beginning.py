@@ -7,13 +7,11 @@ from contextlib import contextmanager
 
 from panoptic_ros.running.processes.children import Ahead
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
-from panoptic_ros.running.takes import name_unclosed_takes
 
 
 @contextmanager
 def begun(args: argparse.Namespace) -> Iterator[Ahead]:
     """A process that loads, and ears for other graphs, unless all is to run in this process."""
-    name_unclosed_takes()
     over_dds = not (args.in_process or args.offline)
     if over_dds:
         prepare_shared_memory()  # before ROS is loaded, which a full one ends

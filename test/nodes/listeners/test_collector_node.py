@@ -1,20 +1,26 @@
 """The launcher's node knows when it has everything."""
 import time
+from functools import partial
 
 import captures
+import numpy as np
 import pytest
+from recordings import write_bag
 from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 
-from panoptic_ros.domain import ImuSample  # noqa: E402
+from panoptic_ros.domain import ImuSample, JointState, RefinedPoseSet  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import to_message  # noqa: E402
+from panoptic_ros.io.skeletons import load_skeleton  # noqa: E402
 from panoptic_ros.nodes.listeners.collector_node import CollectorNode  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import END_OF_STREAM, data_quality  # noqa: E402
+from panoptic_ros.running.plans.bag_plan import plan_bags  # noqa: E402
+from panoptic_ros.running.runs.results import check_record  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -67,3 +73,48 @@ def test_samples_of_drivers_that_offer_best_effort_are_taken_live_by_the_name_of
 
     spin_until(executor, came)
     assert next(record.device for key, record in taken if key == "imu") == "back"
+
+
+def test_messages_that_are_not_of_the_run_are_counted_and_dropped(executor, tmp_path):
+    """Detections of another camera, skeletons of another kind, and /diagnostics with other fields."""
+    bag = write_bag(tmp_path / "bag", captures.views(2))
+    plan, taken = plan_bags([bag]), []
+    collector = CollectorNode(
+        make_flow("live"), ["cam0"], lambda key, record: taken.append(key), check=partial(check_record, plan)
+    )
+    sender = rclpy.create_node("sender")
+    live = data_quality(make_flow("live"))
+    views = sender.create_publisher(
+        message_class("panoptic_msgs/msg/ViewDetections"), "cam0/detections", live
+    )
+    people = sender.create_publisher(message_class("panoptic_msgs/msg/Skeletons"), "skeletons", live)
+    status = message_class("diagnostic_msgs/msg/DiagnosticArray")
+    health = sender.create_publisher(status, "/diagnostics", 10)
+    for node in (collector, sender):
+        executor.add_node(node)
+    odd = ros_messages().make(
+        "diagnostic_msgs/msg/DiagnosticStatus", level=b"\x00", name="panoptic: sync", message="",
+        hardware_id="", values=[ros_messages().make("diagnostic_msgs/msg/KeyValue", key="taken", value="x")],
+    )  # fmt: skip
+    shape = (1, 17)
+    few = RefinedPoseSet(
+        0, 5, load_skeleton("coco17").hash, np.zeros((*shape, 3)), np.tile(np.eye(3), (*shape, 1, 1)),
+        np.ones(shape), np.full(shape, 4), np.full(shape, JointState.MEASURED), np.ones(1), ids=np.array([1]),
+    )  # fmt: skip
+    dropped = {}
+
+    def came():
+        views.publish(to_message(captures.view(captures.RIG.cameras[1], 0, 5), ros_messages()))
+        people.publish(to_message(few, ros_messages()))
+        health.publish(ros_messages().make(
+            "diagnostic_msgs/msg/DiagnosticArray",
+            header=ros_messages().header(0, ""), status=[odd],
+        ))  # fmt: skip
+        dropped.update(collector.diagnostics.get("collector", {}))
+        return len(collector._refused) == 3
+
+    spin_until(executor, came)
+    assert taken == [key for key in taken if key == "diagnostics"] and "sync" not in collector.diagnostics
+    assert int(dropped["dropped.bad_message"]) >= 2
+    views.publish(to_message(captures.view(captures.RIG.cameras[0], 0, 5), ros_messages()))
+    spin_until(executor, lambda: "detections" in taken)

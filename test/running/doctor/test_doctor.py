@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -140,6 +141,8 @@ def test_shared_memory_and_leftovers(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     monkeypatch.setattr(network, "SHARED_MEMORY", tmp_path)
     with (tmp_path / "fastrtps_0123").open("wb") as file:
         file.truncate(65 << 20)
+    (tmp_path / "fastrtps_0123_el").touch()
+    os.utime(tmp_path / "fastrtps_0123_el", (0, 0))
     assert network.check_leftovers().level == "WARN"
     monkeypatch.setattr(network, "LITTLE_SHARED_MEMORY", 1 << 40)
     finding = network.check_shared_memory()

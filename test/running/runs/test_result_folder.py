@@ -10,8 +10,8 @@ from panoptic_ros.running.runs.result_folder import files_below, open_live_folde
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "cache"))
+def state(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
 
 def leave(out, files):
@@ -87,7 +87,7 @@ def test_what_cannot_take_results_is_told_in_a_line(tmp_path, name):
         with pytest.raises(UserError) as error:
             make()
         assert "\n" not in str(error.value) and name[:5] in str(error.value)
-    assert sorted(os.listdir(tmp_path)) in (["file", "other"], ["cache", "file", "other"])
+    assert sorted(os.listdir(tmp_path)) in (["file", "other"], ["state", "file", "other"])
 
 
 def test_a_live_take_replaces_nothing(tmp_path):
