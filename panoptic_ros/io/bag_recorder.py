@@ -1,6 +1,7 @@
 """A bag that is written while messages come: in a thread of its own, with counters by topic."""
 from __future__ import annotations
 
+import os
 import queue
 import shutil
 import threading
@@ -111,6 +112,11 @@ class BagRecorder:
         self._thread.start()
 
     @property
+    def path(self) -> Path:
+        """The bag, or the folder of its parts."""
+        return self._path
+
+    @property
     def size(self) -> int:
         """Bytes of messages so far."""
         return self._size
@@ -187,7 +193,7 @@ class BagRecorder:
         path = self._path
         if self._split is not None:
             if self._parts == 0:
-                if path.exists():
+                if os.path.lexists(path):
                     raise DataError(f"{path} is there already; give another --out, or move it away")
                 with file_errors(path, "write"):
                     path.mkdir(parents=True)
@@ -201,7 +207,7 @@ class BagRecorder:
             raise DiskFull(f"{self._bag.path} has reached its budget of {self._budget / GB:g} GB")
         free = shutil.disk_usage(self._bag.path).free
         if free < self._keep_free:
-            raise DiskFull(f"only {free / GB:.2f} GB are free beside {self._bag.path}; see --keep-free")
+            raise DiskFull(f"only {free / 1e6:.0f} MB are free beside {self._bag.path}: free some space")
 
 
 class DiskFull(EnvironmentProblem):

@@ -42,7 +42,7 @@ class BagWriter:
 
     def __init__(self, path: Path, in_place: bool = False):
         self.path = Path(path)
-        if self.path.exists():
+        if os.path.lexists(self.path):  # a link to nothing too
             raise DataError(f"{self.path} is there already; choose another name or remove it")
         self._in_place = in_place
         self._part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")

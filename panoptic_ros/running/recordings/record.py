@@ -281,10 +281,12 @@ def _close(bag: BagRecorder, take: OpenTake | None) -> None:
     """Close a bag and its mark; the mark of a bag that cannot be closed stays."""
     try:
         bag.close()
-    except PanopticError:
+    except PanopticError as error:
         if take is not None:
             take.leave()
-        raise
+        raise type(error)(
+            f"{error}; the bag is not closed, `panoptic bag repair {bag.path}` saves what was recorded"
+        ) from None
     if take is not None:
         take.close()
 

@@ -30,7 +30,7 @@ from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
 PATCHES = ("patch_tracks", "skeletons_raw", "patches")  # what refinement takes, where patches are on
 KEPT_LIVE = 3600  # instants that the report of a live run, which has no end, is about: two minutes
-KEPT_FREE = 16_000_000  # bytes that a live take leaves on the disk; index, report and plot need a tenth
+KEPT_FREE = 2_000_000  # bytes that a live take leaves on the disk: its index of an hour has 2 MB
 BAG, SKELETONS, BODIES, CLOCKS = "bag", "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
 MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")  # while it runs
 

@@ -1,0 +1,494 @@
+"""Staged accidents of live takes: terminals that close, disks that fill, processes that are killed.
+
+Each accident happens to a `panoptic run --topics` or `panoptic record` of its own, at a random moment, beside
+stand-in drivers. Afterwards the take is read, repaired if it was not closed, and compared with the instant of
+the accident.
+"""
+from __future__ import annotations
+
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.errors import PanopticError
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.frame_stream import CutFileWarning
+from panoptic_ros.io.plain_formats import read_skeletons
+from panoptic_ros.io.rigs import write_rig
+from panoptic_ros.io.takes import unclosed_take
+from panoptic_ros.nodes.sources.stand_in_drivers import FOREIGN, TOPIC
+from panoptic_ros.running.takes import save_take
+from panoptic_ros.stage import Progress, untold
+
+SECOND = 1_000_000_000
+RATE_HZ = 8.0  # of the images of each stand-in camera: two networks fit on a core
+STARTED_S = 60.0  # for the first message of a take
+ENDED_S = 40.0  # for the end of a process that was asked to end
+LATENCY_S = 0.7  # from the stamp of an image to its detections in the launcher, on a busy machine
+LOST_S = 1.0  # what an accident may cost
+SMALL_DISK = 3_000_000  # bytes, of one file or of a disk
+GRAPH = ("/cam0/detections", "/cam1/detections")
+IMAGES = tuple(TOPIC.format(name) for name in ("cam0", "cam1"))
+
+
+@dataclass
+class Outcome:
+    """What an accident came to.
+
+    Args:
+        lost_s: from the newest instant that was saved to the accident; None where nothing could be lost.
+        code: exit code of the process; said: its last line.
+        fault: why the accident counts as failed, "" = it does not.
+    """
+
+    name: str
+    lost_s: float | None = None
+    code: int | None = None
+    said: str = ""
+    fault: str = ""
+
+
+@dataclass
+class Stage:
+    """A place for accidents: stand-in drivers, a rig, and a folder for takes.
+
+    Args:
+        drivers: the process of the drivers. rng: chooses the moments.
+    """
+
+    folder: Path
+    rig: Path
+    topics: Path
+    drivers: subprocess.Popen[bytes]
+    rng: random.Random
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+    def command(self, verb: str, out: Path, *more: str) -> list[str]:
+        """The command line of a take."""
+        program = [sys.executable, "-m", "panoptic_ros.cli.main"]
+        if verb == "record":
+            what = ["--keep-free", "0.001", "--topic", "/drivers/*"]
+        else:
+            what = ["--topics", str(self.topics), "--rig", str(self.rig)]
+        return [*program, verb, *what, "--out", str(out), *more]
+
+    def send(self, what: str) -> None:
+        """Let the drivers send a foreign message."""
+        assert self.drivers.stdin is not None
+        self.drivers.stdin.write(f"{what}\n".encode())
+        self.drivers.stdin.flush()
+
+
+class Take:
+    """A take that is recorded by a process of its own.
+
+    Args:
+        verb: run or record. how: more arguments of `subprocess.Popen`.
+    """
+
+    def __init__(self, stage: Stage, verb: str, out: Path, *more: str, **how: Any):
+        self.out, self.verb = out, verb
+        self.log = stage.folder / f"{out.name}.log"
+        how = {"stdout": self.log.open("wb"), "stderr": subprocess.STDOUT, **how}
+        variables = {**os.environ, **stage.environment, **how.pop("variables", {})}
+        self.process = subprocess.Popen(
+            stage.command(verb, out, *more), stdin=subprocess.DEVNULL, env=variables, start_new_session=True,
+            **how,
+        )  # fmt: skip
+
+    @property
+    def bag(self) -> Path:
+        """The folder of its bag."""
+        return self.out / "bag" if self.verb == "run" else self.out
+
+    def wait(self, seconds: float) -> None:
+        """Wait until it has recorded for so long."""
+        file, end = self.bag / f"{self.bag.name}.mcap", time.monotonic() + STARTED_S
+        while not (file.is_file() and file.stat().st_size > 2000):
+            if time.monotonic() > end or self.process.poll() is not None:
+                raise TimeoutError(f"nothing was recorded: {self.said()}")
+            time.sleep(0.02)
+        time.sleep(seconds)
+
+    def said(self) -> str:
+        """The last line that it printed."""
+        lines = self.log.read_text(errors="replace").strip().splitlines() if self.log.is_file() else []
+        return lines[-1] if lines else ""
+
+    def end(self, number: int | None = None) -> int | None:
+        """Ask it to end, if a signal is given, and wait; None if it had to be killed."""
+        if number is not None:
+            self.process.send_signal(number)
+        with suppress(subprocess.TimeoutExpired):
+            return self.process.wait(ENDED_S)
+        os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        return None
+
+
+def newest_saved(take: Take, folder: Path) -> int:
+    """Return the newest stamp (ns) that can be read of a take; it is repaired first if it was not closed.
+
+    Raises:
+        PanopticError: if nothing can be read.
+    """
+    place = take.out
+    if unclosed_take(place) is not None:
+        place = folder / f"{take.out.name}-repaired"
+        save_take(take.out, place)
+    bag = place / "bag" if (place / "bag").is_dir() else place
+    topics = GRAPH if take.verb == "run" else IMAGES
+    with BagReader(bag) as reader:
+        stamps = [message.header.stamp for _, _, message in reader.messages(*topics)]
+    newest = max((stamp.sec * SECOND + stamp.nanosec for stamp in stamps), default=0)
+    if take.verb == "run":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CutFileWarning)
+            frames = read_skeletons(place / "skeletons.json.gz").frames
+        newest = min(newest, max((frame.stamp_ns for frame in frames), default=0) + SECOND)
+    return newest
+
+
+Codes = tuple[int | None, ...]
+
+
+def _judged(stage: Stage, take: Take, outcome: Outcome, when_ns: int, codes: Codes) -> Outcome:
+    """Compare what was saved with the instant of the accident, and the exit code with those allowed."""
+    outcome.said = take.said()
+    try:
+        outcome.lost_s = (when_ns - newest_saved(take, stage.folder)) / SECOND
+    except PanopticError as error:
+        outcome.fault = str(error)
+        return outcome
+    if outcome.lost_s > LOST_S + LATENCY_S:
+        outcome.fault = f"{outcome.lost_s:.1f} s were lost"
+    elif outcome.code not in codes:
+        outcome.fault = f"exit code {outcome.code}"
+    elif "Traceback" in take.log.read_text(errors="replace"):
+        outcome.fault = "a traceback was printed"
+    return outcome
+
+
+Accident = Callable[[Stage, Outcome, str, Path], Outcome]
+
+
+def _moment(stage: Stage) -> float:
+    return stage.rng.uniform(1.5, 5.0)
+
+
+def _signalled(*numbers: int, codes: Codes = (0,), apart_s: float = 0.0) -> Accident:
+    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+        take = Take(stage, verb, out)
+        take.wait(_moment(stage))
+        when = time.time_ns()
+        for number in numbers[:-1]:
+            take.process.send_signal(number)
+            time.sleep(apart_s)
+        outcome.code = take.end(numbers[-1])
+        return _judged(stage, take, outcome, when, codes)
+
+    return happen
+
+
+def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    """The terminal goes away; the take goes on until it is asked to end."""
+    master, slave = os.openpty()
+    take = Take(stage, verb, out, stdout=slave, stderr=slave)
+    os.close(slave)
+    take.wait(1.0)
+    os.close(master)
+    time.sleep(_moment(stage))
+    when = time.time_ns()
+    outcome.code = take.end(signal.SIGTERM)
+    return _judged(stage, take, outcome, when, (0,))
+
+
+def _reader_ended(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    """`... 2>&1 | tee log`, and Ctrl-C, which ends tee first."""
+    reader, writer = os.pipe()
+    take = Take(stage, verb, out, stdout=writer, stderr=writer)
+    os.close(writer)
+    take.wait(_moment(stage))
+    os.close(reader)
+    when = time.time_ns()
+    outcome.code = take.end(signal.SIGINT)
+    return _judged(stage, take, outcome, when, (0,))
+
+
+def _foreign(what: str) -> Accident:
+    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+        take = Take(stage, verb, out)
+        take.wait(1.0)
+        for _ in range(5):
+            stage.send(what)
+            time.sleep(0.3)
+        stage.send("none")
+        time.sleep(_moment(stage))
+        when = time.time_ns()
+        outcome.code = take.end(signal.SIGINT)
+        return _judged(stage, take, outcome, when, (0,))
+
+    return happen
+
+
+def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    """No file may grow beyond `SMALL_DISK`, as on a full disk."""
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (SMALL_DISK, SMALL_DISK))
+
+    take = Take(stage, verb, out, preexec_fn=limit)
+    take.wait(0.0)
+    if verb == "run":  # its bag has no images and grows slowly
+        time.sleep(_moment(stage))
+        outcome.code = take.end(signal.SIGINT)
+        return _judged(stage, take, outcome, time.time_ns(), (0, 2))
+    outcome.code = take.end()
+    return _judged(stage, take, outcome, (take.bag / f"{take.bag.name}.mcap").stat().st_mtime_ns, (2,))
+
+
+def _mounted(size: str | None, ends: bool) -> Accident:
+    """The folder of the take is a disk of its own; ends: a small one that fills up."""
+
+    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+        place = out.with_name(f"{out.name}-disk")
+        place.mkdir()
+        words = ["mount", "-t", "tmpfs", "-o", f"size={size or '64m'}", "none", str(place)]
+        if shutil.which("mount") is None or subprocess.run(words, capture_output=True).returncode:
+            outcome.said = "not tried: a disk can be mounted by root only"
+            return outcome
+        try:
+            take = Take(stage, verb, place if verb == "run" else place / "take")
+            take.wait(_moment(stage))
+            when = time.time_ns()
+            if ends:
+                with open(place / "filler", "wb", buffering=0) as file, suppress(OSError):
+                    while True:
+                        file.write(bytes(1 << 16))
+                outcome.code = take.end()
+            else:
+                outcome.code = take.end(signal.SIGINT)
+            return _judged(stage, take, outcome, when, (2,) if ends else (0,))
+        finally:
+            subprocess.run(["umount", "-l", str(place)], capture_output=True)
+
+    return happen
+
+
+def _told_before(prepare: Callable[[Path], None], kept: Callable[[Path], bool]) -> Accident:
+    """The place of the take cannot be used: one line, exit code 2, and what was there stays."""
+
+    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+        prepare(out)
+        take = Take(stage, verb, out)
+        outcome.code = take.end()
+        lines = take.log.read_text(errors="replace").strip().splitlines()
+        outcome.said = lines[-1] if lines else ""
+        if outcome.code != 2 or not kept(out) or any("Traceback" in line for line in lines):
+            outcome.fault = f"exit code {outcome.code}, kept: {kept(out)}"
+        return outcome
+
+    return happen
+
+
+def _twice(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    """The same command again: the first take stays."""
+    take = Take(stage, verb, out)
+    take.wait(_moment(stage))
+    when = time.time_ns()
+    first = take.end(signal.SIGINT)
+    again = Take(stage, verb, out)
+    outcome.code = again.end()
+    outcome = _judged(stage, take, outcome, when, (2,))
+    outcome.fault = outcome.fault or ("" if first == 0 else f"the first take ended with exit code {first}")
+    return outcome
+
+
+def _with_variables(**variables: str) -> Accident:
+    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+        take = Take(stage, verb, out, variables=variables)
+        take.wait(_moment(stage))
+        when = time.time_ns()
+        outcome.code = take.end(signal.SIGINT)
+        return _judged(stage, take, outcome, when, (0,))
+
+    return happen
+
+
+def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    """A node of the graph is killed; the take goes on."""
+    take = Take(stage, verb, out)
+    take.wait(2.0)
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            log = os.readlink(path.with_name("fd") / "1")
+            if log == str(out.resolve() / "logs" / "fusion.log"):
+                os.kill(int(path.parent.name), signal.SIGKILL)
+    time.sleep(8.0 + _moment(stage))
+    when = time.time_ns()
+    outcome.code = take.end(signal.SIGINT)
+    return _judged(stage, take, outcome, when, (0,))
+
+
+def _says_when(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    """The line "recording PATH" comes when the first messages are taken."""
+    reader, writer = os.pipe()
+    take = Take(stage, verb, out, stdout=writer, stderr=writer)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as lines:
+        for line in lines:
+            if line.startswith(b"recording "):
+                break
+        said = time.time_ns()
+        time.sleep(2.0)
+        take.process.send_signal(signal.SIGINT)
+        lines.read()
+    outcome.code = take.end()
+    with BagReader(out) as bag:
+        first = min(stamp for _, stamp, _, _ in bag.raw(*IMAGES))
+    outcome.lost_s = (first - said) / SECOND
+    outcome.said = f"first message {outcome.lost_s:+.2f} s after the line"
+    if outcome.code != 0 or not -0.5 < outcome.lost_s < 0.7:
+        outcome.fault = f"exit code {outcome.code}"
+    return outcome
+
+
+def _make_file(out: Path) -> None:
+    out.write_text("mine")
+
+
+def _make_notes(out: Path) -> None:
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+
+
+def _make_dangling(out: Path) -> None:
+    out.symlink_to(out.with_name("nothing"))
+
+
+ACCIDENTS: dict[str, tuple[str, Accident]] = {
+    f"{verb}: {name}": (verb, accident)
+    for verb, accidents in {
+        "run": {
+            "killed": _signalled(signal.SIGKILL, codes=(-9,)),
+            "killed while it ends": _signalled(signal.SIGINT, signal.SIGKILL, codes=(-9, 0), apart_s=0.3),
+            "SIGTERM": _signalled(signal.SIGTERM),
+            "SIGHUP": _signalled(signal.SIGHUP),
+            "Ctrl-C": _signalled(signal.SIGINT),
+            "Ctrl-C thrice at once": _signalled(*3 * [signal.SIGINT], apart_s=0.2),
+            "Ctrl-C again after 5.2 s": _signalled(*2 * [signal.SIGINT], apart_s=5.2),
+            "terminal closed": _terminal_closed,
+            "tee ended": _reader_ended,
+            **{f"foreign {what}": _foreign(what) for what in FOREIGN},
+            "file too large": _file_full,
+            "on a mount point": _mounted(None, ends=False),
+            "disk filled up": _mounted("24m", ends=True),
+            "MPLBACKEND": _with_variables(MPLBACKEND="module://no_such_backend"),
+            "node killed": _node_killed,
+            "the same command twice": _twice,
+            "--out a file": _told_before(_make_file, lambda out: out.read_text() == "mine"),
+            "--out with a user's file": _told_before(_make_notes, lambda out: (out / "notes.txt").is_file()),
+            "--out a dangling link": _told_before(_make_dangling, Path.is_symlink),
+        },
+        "record": {
+            "killed": _signalled(signal.SIGKILL, codes=(-9,)),
+            "SIGTERM": _signalled(signal.SIGTERM),
+            "SIGHUP": _signalled(signal.SIGHUP),
+            "Ctrl-C": _signalled(signal.SIGINT),
+            "terminal closed": _terminal_closed,
+            "tee ended": _reader_ended,
+            "file too large": _file_full,
+            "disk filled up": _mounted("24m", ends=True),
+            "the same command twice": _twice,
+            "--out with a user's file": _told_before(_make_notes, lambda out: (out / "notes.txt").is_file()),
+            "--out a dangling link": _told_before(_make_dangling, Path.is_symlink),
+            "says when it records": _says_when,
+        },
+    }.items()
+    for name, accident in accidents.items()
+}
+
+
+def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) -> list[Outcome]:
+    """Let every accident happen once, at moments of that seed.
+
+    Args:
+        wanted: part of the names of the accidents to stage, "" = all.
+
+    Returns:
+        their outcomes, in the order of the table.
+    """
+    names = [name for name in ACCIDENTS if wanted in name]
+    outcomes = []
+    with (
+        tempfile.TemporaryDirectory(prefix="panoptic-accidents-") as folder,
+        _staged(Path(folder), seed) as stage,
+    ):
+        for number, name in enumerate(names):
+            progress(number / len(names), name)
+            verb, accident = ACCIDENTS[name]
+            outcome = Outcome(name)
+            try:
+                outcomes.append(accident(stage, outcome, verb, stage.folder / f"take{number}"))
+            except (OSError, PanopticError) as error:
+                outcome.fault = str(error)
+                outcomes.append(outcome)
+    return outcomes
+
+
+@contextmanager
+def _staged(folder: Path, seed: int) -> Iterator[Stage]:
+    rig, topics, state = folder / "rig.json", folder / "drivers.yaml", folder / "state"
+    write_rig(rig, _rig())
+    topics.write_text(yaml.safe_dump({name: {"image": TOPIC.format(name)} for name in ("cam0", "cam1")}))
+    environment = {
+        "XDG_STATE_HOME": str(state), "ROS_DOMAIN_ID": str(random.Random(os.getpid()).randrange(40, 100)),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }  # fmt: skip
+    words = [sys.executable, "-m", "panoptic_ros.nodes.sources.stand_in_drivers", str(rig), str(RATE_HZ)]
+    drivers = subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        env={**os.environ, **environment},
+    )  # fmt: skip
+    before = os.environ.get("XDG_STATE_HOME")
+    os.environ["XDG_STATE_HOME"] = str(state)
+    try:
+        yield Stage(folder, rig, topics, drivers, random.Random(seed), environment)
+    finally:
+        if before is None:
+            del os.environ["XDG_STATE_HOME"]
+        else:
+            os.environ["XDG_STATE_HOME"] = before
+        assert drivers.stdin is not None
+        drivers.stdin.close()
+        with suppress(subprocess.TimeoutExpired):
+            drivers.wait(5.0)
+        drivers.kill()
+
+
+def _rig() -> Rig:
+    """Two small cameras that look at one place."""
+    matrix = np.array([[180.0, 0, 80], [0, 180.0, 60], [0, 0, 1]])
+    turned = [np.array([[0.0, side, 0], [0, 0, -1], [-side, 0, 0]]) for side in (1.0, -1.0)]
+    return Rig(tuple(
+        Camera(f"cam{k}", (160, 120), Intrinsics(matrix, np.zeros(5)), Rigid(r, np.array([0.0, 1.2, 3.0])))
+        for k, r in enumerate(turned)
+    ))  # fmt: skip
