@@ -119,18 +119,11 @@ def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
     Returns:
         None if the data are no such stream, or damaged otherwise than by their end.
     """
-    unpacker = zlib.decompressobj(GZIP)
-    written = packed.rstrip(b"\0")  # of a power cut: the file has its length, its last bytes were not written
-    try:
-        if zlib.decompressobj(GZIP).decompress(written, 1) != b"{":  # before much is unpacked
-            return None
-        text = unpacker.decompress(written, MOST_TIMES * len(written)).decode(errors="ignore")
-    except zlib.error:
-        return None
-    with suppress(zlib.error):  # the length at the end of a whole file ends with zeros, too
-        unpacker.decompress(packed[len(written) : len(written) + 8], 1)
-    begin = text.find('"frames": [')
-    if unpacker.eof or begin < 0:
+    text = _cut_text(packed)
+    # after a power cut a file may have its length, and zeros where its last bytes were not written
+    text = _cut_text(packed.rstrip(b"\0")) if text is None else text
+    begin = -1 if text is None else text.find('"frames": [')
+    if text is None or begin < 0:
         return None
     at = begin + len('"frames": [')
     try:
@@ -146,3 +139,15 @@ def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
         document["frames"].append(frame)
         at = end + len(", ")
     return document, len(text) - end
+
+
+def _cut_text(packed: bytes) -> str | None:
+    """Return what can be unpacked of a gzip file that ends early; None if it is whole, or damaged."""
+    unpacker = zlib.decompressobj(GZIP)
+    try:
+        if zlib.decompressobj(GZIP).decompress(packed, 1) != b"{":  # before much is unpacked
+            return None
+        text = unpacker.decompress(packed, MOST_TIMES * len(packed)).decode(errors="ignore")
+    except zlib.error:
+        return None
+    return "" if unpacker.eof else text

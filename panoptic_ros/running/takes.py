@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,13 +32,13 @@ class SavedTake:
     lost: tuple[str, ...]
 
 
-def name_unclosed_takes() -> None:
-    """Print a line for each of the newest takes of this user that were not closed."""
+def named_unclosed_takes() -> list[str]:
+    """Return a line for each of the takes of this user that were not closed, for the user; at most three."""
     takes = unclosed_takes()
-    for take in takes[:MOST_NAMED]:
-        print(f"warning: {take}", file=sys.stderr, flush=True)
+    lines = [str(take) for take in takes[:MOST_NAMED]]
     if len(takes) > MOST_NAMED:
-        print(f"warning: {len(takes) - MOST_NAMED} more; `panoptic doctor` names all", file=sys.stderr)
+        lines.append(f"{len(takes) - MOST_NAMED} more takes were not closed; `panoptic doctor` names all")
+    return lines
 
 
 def save_take(source: Path, target: Path) -> SavedTake:

@@ -106,7 +106,7 @@ def _run(args: argparse.Namespace, ahead: Ahead) -> int:
     from panoptic_ros.cli.run.source import make_plan
     from panoptic_ros.cli.run.watch import Watch
     from panoptic_ros.running.runs.run import run as run_plan
-    from panoptic_ros.running.takes import name_unclosed_takes
+    from panoptic_ros.running.takes import named_unclosed_takes
 
     plan = replace(make_plan(args), publish=tuple(names(args.publish) or ()), namespace=args.namespace)
     with Watch(args.live_view) as watch:
@@ -123,6 +123,6 @@ def _run(args: argparse.Namespace, ahead: Ahead) -> int:
     print(f"see them: {program_shown()} view {args.out}")
     if outcome.fault is not None:
         raise outcome.fault
-    if not plan.live:
-        name_unclosed_takes()
+    for line in () if plan.live else named_unclosed_takes():
+        print(f"warning: {line}", file=sys.stderr)
     return 0

@@ -10,7 +10,7 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import dropped_in_all, warnings_of
 from panoptic_ros.running.runs.observer import RunObserver
 from panoptic_ros.running.runs.waiting import Waiting
-from panoptic_ros.running.takes import name_unclosed_takes
+from panoptic_ros.running.takes import named_unclosed_takes
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
@@ -43,7 +43,8 @@ class Watch(RunObserver):
     def started(self, plan: Plan) -> None:
         """Begin to draw."""
         if plan.live:
-            name_unclosed_takes()
+            for line in named_unclosed_takes():
+                _warn(f"warning: {line}")
         self._live, self._has_cameras = plan.live, bool(plan.rig.cameras)
         if self._with_table:
             self._table = LiveTable(plan.rig.names, plan.skeleton)

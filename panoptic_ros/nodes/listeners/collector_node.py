@@ -1,7 +1,6 @@
 """The launcher's own node: takes what the graph gives, and knows when it is over."""
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -136,6 +135,7 @@ def _is_number(key: str) -> bool:
 
 def _has_number(value: str) -> bool:
     try:
-        return math.isfinite(float(value))
+        float(value)  # NaN: not known yet
     except ValueError:
         return False
+    return True

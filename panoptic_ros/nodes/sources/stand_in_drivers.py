@@ -1,8 +1,9 @@
 """Stand-in for camera drivers of other packages, which also sends messages that no graph of ours expects.
 
-`python -m panoptic_ros.nodes.sources.stand_in_drivers RIG HZ` publishes grey images of all cameras of a rig
-on /drivers/<camera>/image_raw, stamped with the wall time. A line on the standard input names a foreign
-message to send: detections, skeletons or diagnostics; any other line ends these. It ends with its input.
+`python -m panoptic_ros.nodes.sources.stand_in_drivers RIG TOPIC HZ` publishes grey images of all cameras of
+a rig, stamped with the wall time; TOPIC has {} in place of the camera. A line on the standard input names a
+foreign message to send: detections, skeletons or diagnostics. Any other line destroys their publishers. The
+program ends with its input.
 """
 from __future__ import annotations
 
@@ -26,24 +27,21 @@ from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.quality import data_quality
 from panoptic_ros.nodes.middleware.runtime import start_ros
 
-TOPIC = "/drivers/{}/image_raw"
-FOREIGN = ("detections", "skeletons", "diagnostics")
-
 
 class StandInDrivers(Node):
     """Publishes images and, on demand, foreign messages.
 
     Args:
-        rig: file of the rig.
+        rig: file of the rig. topic: of the images, with {} in place of the camera.
     """
 
-    def __init__(self, rig: Path):
+    def __init__(self, rig: Path, topic: str):
         super().__init__("stand_in_drivers")
         self._rig = read_rig(rig)
         quality = data_quality(make_flow("live"))
         kind = message_class("sensor_msgs/msg/Image")
         self._images = {
-            name: self.create_publisher(kind, TOPIC.format(name), quality) for name in self._rig.names
+            name: self.create_publisher(kind, topic.format(name), quality) for name in self._rig.names
         }
         first = self._rig.names[0]
         self._topics = {
@@ -63,15 +61,18 @@ class StandInDrivers(Node):
             self._images[camera.name].publish(image_message(frame, ros_messages()))
         self._number += 1
 
-    def send_foreign(self, what: str) -> None:
-        """Publish one foreign message."""
+    def take_order(self, what: str) -> None:
+        """Publish one foreign message of that kind; any other word ends their publishers."""
+        if what not in self._topics:
+            self._end_foreign()
+            return
         message = self._message(what)
         if what not in self._foreign:
             self._foreign[what] = self.create_publisher(type(message), self._topics[what], 10)
             time.sleep(0.5)
         self._foreign[what].publish(message)
 
-    def end_foreign(self) -> None:
+    def _end_foreign(self) -> None:
         """Destroy the publishers of foreign messages."""
         for publisher in self._foreign.values():
             self.destroy_publisher(publisher)
@@ -105,9 +106,9 @@ class StandInDrivers(Node):
 
 def main() -> int:
     """Publish until the standard input ends."""
-    rig, rate = Path(sys.argv[1]), float(sys.argv[2])
+    rate = float(sys.argv[3])
     start_ros([])
-    node = StandInDrivers(rig)
+    node = StandInDrivers(Path(sys.argv[1]), sys.argv[2])
     asked = selectors.DefaultSelector()
     asked.register(sys.stdin, selectors.EVENT_READ)
     due = time.monotonic()
@@ -120,10 +121,7 @@ def main() -> int:
                 if not line:
                     try_shutdown()
                     return 0
-                if line.strip() in FOREIGN:
-                    node.send_foreign(line.strip())
-                else:
-                    node.end_foreign()
+                node.take_order(line.strip())
 
 
 if __name__ == "__main__":

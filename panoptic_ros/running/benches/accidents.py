@@ -23,21 +23,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.files import write_json
 from panoptic_ros.io.frame_stream import CutFileWarning
 from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.io.takes import unclosed_take
-from panoptic_ros.nodes.sources.stand_in_drivers import FOREIGN, TOPIC
 from panoptic_ros.running.takes import save_take
 from panoptic_ros.stage import Progress, untold
 
 SECOND = 1_000_000_000
+TOPIC = "/drivers/{}/image_raw"  # of the stand-in drivers
+FOREIGN = ("detections", "skeletons", "diagnostics")
 RATE_HZ = 8.0  # of the images of each stand-in camera: two networks fit on a core
 STARTED_S = 60.0  # for the first message of a take
 ENDED_S = 40.0  # for the end of a process that was asked to end
@@ -157,12 +158,14 @@ def newest_saved(take: Take, folder: Path) -> int:
     topics = GRAPH if take.verb == "run" else IMAGES
     with BagReader(bag) as reader:
         stamps = [message.header.stamp for _, _, message in reader.messages(*topics)]
+        sets = [stamp for _, stamp, _, _ in reader.raw("/skeletons")]
     newest = max((stamp.sec * SECOND + stamp.nanosec for stamp in stamps), default=0)
-    if take.verb == "run":
+    if take.verb == "run" and sets:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", CutFileWarning)
             frames = read_skeletons(place / "skeletons.json.gz").frames
-        newest = min(newest, max((frame.stamp_ns for frame in frames), default=0) + SECOND)
+        in_file = max((frame.stamp_ns for frame in frames), default=0)
+        newest -= max(0, max(sets) - in_file)  # both are synced together
     return newest
 
 
@@ -458,25 +461,19 @@ def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) ->
 def _staged(folder: Path, seed: int) -> Iterator[Stage]:
     rig, topics, state = folder / "rig.json", folder / "drivers.yaml", folder / "state"
     write_rig(rig, _rig())
-    topics.write_text(yaml.safe_dump({name: {"image": TOPIC.format(name)} for name in ("cam0", "cam1")}))
+    write_json(topics, {name: {"image": TOPIC.format(name)} for name in ("cam0", "cam1")})
     environment = {
         "XDG_STATE_HOME": str(state), "ROS_DOMAIN_ID": str(random.Random(os.getpid()).randrange(40, 100)),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }  # fmt: skip
-    words = [sys.executable, "-m", "panoptic_ros.nodes.sources.stand_in_drivers", str(rig), str(RATE_HZ)]
+    program = [sys.executable, "-m", "panoptic_ros.nodes.sources.stand_in_drivers"]
     drivers = subprocess.Popen(
-        words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        env={**os.environ, **environment},
+        [*program, str(rig), TOPIC, str(RATE_HZ)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, env={**os.environ, **environment},
     )  # fmt: skip
-    before = os.environ.get("XDG_STATE_HOME")
-    os.environ["XDG_STATE_HOME"] = str(state)
     try:
         yield Stage(folder, rig, topics, drivers, random.Random(seed), environment)
     finally:
-        if before is None:
-            del os.environ["XDG_STATE_HOME"]
-        else:
-            os.environ["XDG_STATE_HOME"] = before
         assert drivers.stdin is not None
         drivers.stdin.close()
         with suppress(subprocess.TimeoutExpired):

@@ -30,7 +30,7 @@ from panoptic_ros.running.recordings.control import PREFIX, SERVICE, prepare_rec
 from panoptic_ros.running.recordings.facts import as_text, recording_facts
 from panoptic_ros.running.recordings.options import RecordOptions
 from panoptic_ros.running.recordings.room import told_room
-from panoptic_ros.running.takes import name_unclosed_takes
+from panoptic_ros.running.takes import named_unclosed_takes
 
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"
 STRING = "std_msgs/msg/String"
@@ -141,7 +141,8 @@ class _Recording:
         self._path, self._bag, self._begun_s = path, bag, time.monotonic()
         self._take = OpenTake(path)
         self._tell(f"recording {path}")
-        name_unclosed_takes()
+        for line in named_unclosed_takes():
+            self._tell(f"warning: {line}")
         settled = time.monotonic() + SETTLE_S
         while time.monotonic() < settled:  # messages are taken meanwhile, and all nodes are found
             self._executor.spin_once(timeout_sec=0.05)
