@@ -11,7 +11,6 @@ import threading
 import warnings
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
