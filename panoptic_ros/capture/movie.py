@@ -19,7 +19,8 @@ from av.video.reformatter import Interpolation, VideoReformatter
 from av.video.stream import VideoStream
 
 from panoptic_ros.capture.packets import decoded, reason
-from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.errors import DataError, EnvironmentProblem, UserError
+from panoptic_ros.io.loading import check_file
 
 MILLISECOND = Fraction(1, 1000)  # Matroska keeps whole ones, also where such a file is copied to another kind
 _NO_TIMES = 0x0080  # AVFMT_NOTIMESTAMPS of libavformat
@@ -148,11 +149,22 @@ class Converter:
         self._reformatter = VideoReformatter()
 
     def image(self, frame: VideoFrame) -> np.ndarray:
-        """(H, W, 3) uint8 BGR, turned as the file's rotation mark says."""
-        bgr = self._reformatter.reformat(
-            frame, format="bgr24", interpolation=Interpolation.BICUBIC, threads=1
-        )  # one thread: every camera has its own
-        pixels = bgr.to_ndarray()
+        """(H, W, 3) uint8 BGR, turned as the file's rotation mark says.
+
+        Raises:
+            DataError: if the frame is in a format that FFmpeg cannot convert, as in a damaged file.
+        """
+        try:
+            bgr = self._reformatter.reformat(
+                frame, format="bgr24", interpolation=Interpolation.BICUBIC, threads=1
+            )  # one thread: every camera has its own
+            pixels = bgr.to_ndarray()
+        except (av.FFmpegError, OSError, ValueError) as error:
+            kind = getattr(frame.format, "name", "unknown")
+            raise DataError(
+                f"a video frame of {frame.width}x{frame.height}, format {kind}, cannot be converted to an "
+                f"image ({reason(error)}); the file is damaged"
+            ) from None
         turn = turned(frame)
         return cv2.rotate(pixels, _TURNS[turn]) if turn in _TURNS else np.ascontiguousarray(pixels)
 
@@ -188,8 +200,11 @@ def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
         EnvironmentProblem: if the hardware cannot.
     """
     try:
+        check_file(path)
         container = av.open(str(path))
-    except (av.FFmpegError, OSError) as error:
+    except UserError:
+        raise
+    except Exception as error:  # PyAV decodes the texts of a file, too
         raise DataError(f"{what} cannot be opened: no video, or damaged ({reason(error)})") from None
     if not hardware:
         return container

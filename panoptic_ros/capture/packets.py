@@ -6,7 +6,7 @@ from typing import Any
 
 import av
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, one_line
 
 
 def decoded(container: Any, stream: Any, what: str) -> Iterator[list[Any]]:
@@ -24,7 +24,7 @@ def decoded(container: Any, stream: Any, what: str) -> Iterator[list[Any]]:
             packet = next(packets)
         except StopIteration:
             return
-        except (av.FFmpegError, OSError) as error:
+        except Exception as error:  # PyAV decodes the texts of a file, too
             raise DataError(f"{what} cannot be read on: {reason(error)}") from None
         try:
             frames = packet.decode()
@@ -36,4 +36,4 @@ def decoded(container: Any, stream: Any, what: str) -> Iterator[list[Any]]:
 
 def reason(error: Exception) -> str:
     """A few words of FFmpeg."""
-    return str(getattr(error, "strerror", None) or error)
+    return str(getattr(error, "strerror", None) or one_line(error))

@@ -7,12 +7,22 @@ import json
 from types import ModuleType
 
 from panoptic_ros.bench import BENCHES
-from panoptic_ros.running.benches import detection, graph, kinematics, live, network, recording, soak, view
+from panoptic_ros.running.benches import (
+    detection,
+    faults,
+    graph,
+    kinematics,
+    live,
+    network,
+    recording,
+    soak,
+    view,
+)
 from panoptic_ros.view.progress import PassBar
 
 BENCHES_OF_RUNS = {  # of more than a stage
     "detection": detection, "graph": graph, "kinematics": kinematics, "live": live, "recording": recording,
-    "view": view, "soak": soak, "network": network,
+    "view": view, "soak": soak, "network": network, "faults": faults,
 }  # fmt: skip
 TITLES = {**BENCHES, **{name: bench.ABOUT for name, bench in BENCHES_OF_RUNS.items()}}
 

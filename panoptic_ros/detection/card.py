@@ -236,7 +236,7 @@ def _convert(card: Any, where: str) -> None:
 
 
 def _scalar(kind: type, value: Any, label: str) -> Any:
-    if kind is float and type(value) is int:
+    if kind is float and type(value) is int and value.bit_length() < 1024:  # which a float can hold
         value = float(value)
     _require(type(value) is kind, f"{label} = {shown(value)} is not a {kind.__name__}")
     return value

@@ -10,6 +10,7 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 
 Array = np.ndarray
 POSE_AND_MATRIX = 10  # rotation, translation, fx, fy, cx, cy: rows of a covariance before the distortion
+FARTHEST = 1e6  # m of t; earth-centred coordinates are larger, and no float of 32 bits holds them to a mm
 SYMMETRY = 1e-6  # relative to the standard deviations: files may round
 
 
@@ -28,7 +29,8 @@ class Camera:
             None = unknown. A read-only copy is kept.
 
     Raises:
-        CalibrationError: on an empty name, a size that is not positive, an impossible delay or covariance.
+        CalibrationError: on an empty name, a size that is not positive, an impossible place, delay or
+            covariance.
     """
 
     name: str
@@ -48,6 +50,11 @@ class Camera:
         if width <= 0 or height <= 0:
             raise CalibrationError(f"camera {self.name} has image size {width} x {height}")
         object.__setattr__(self, "image_size", (width, height))
+        away = float(np.abs(self.cam_from_world.translation).max())
+        if not away <= FARTHEST:
+            raise CalibrationError(
+                f"camera {self.name} has t = {away:.3g} m, more than {FARTHEST:g} m; is its unit right?"
+            )
         object.__setattr__(self, "line_delay_us", float(self.line_delay_us))
         if not 0.0 <= self.line_delay_us < float("inf"):
             raise CalibrationError(

@@ -35,8 +35,9 @@ class Rigid:
             )
         if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
             raise CalibrationError("a rigid transform has numbers that are not finite")
-        error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-        if error > 1e-4 or np.linalg.det(rotation) < 0.0:
+        bounded = np.clip(rotation, -1e3, 1e3)  # the products of others can overflow
+        error = float(np.abs(bounded @ bounded.T - np.eye(3)).max())
+        if error > 1e-4 or np.linalg.det(bounded) < 0.0:
             kind = "mirrors (determinant -1)" if error <= 1e-4 else f"is off by {error:.2g}"
             raise CalibrationError(f"a rotation matrix {kind}; is it really the rotation?")
         rotation.flags.writeable = translation.flags.writeable = False

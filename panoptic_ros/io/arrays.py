@@ -10,7 +10,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, one_line
 from panoptic_ros.io.loading import MIB, check_file, largest_document, parsing
 
 Array = np.ndarray
@@ -41,7 +41,7 @@ def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
                     with archive.open(name) as file:
                         _check(file, archive.getinfo(name).file_size, f"{path}: {name}")
         except zipfile.BadZipFile as error:
-            raise DataError(f"{path} is no .npz file that is whole: {error}") from None
+            raise DataError(f"{path} is no .npz file that is whole: {one_line(error)}") from None
         with np.load(path) as found:
             yield found
 

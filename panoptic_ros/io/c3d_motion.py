@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from panoptic_ros.errors import DataError, EnvironmentProblem, one_line, shown
-from panoptic_ros.io.loading import largest_document, parsing, read_bytes
+from panoptic_ros.errors import DataError, EnvironmentProblem, shown
+from panoptic_ros.io.apart import apart
+from panoptic_ros.io.loading import file_errors, largest_document, parsing, read_bytes
 from panoptic_ros.io.motion_files import JointMotion
 
 Array = np.ndarray
@@ -42,13 +43,10 @@ def read_c3d(path: Path) -> JointMotion:
 
 
 def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
-    try:
-        found = package.c3d(str(path))
-        points, residuals = found["data"]["points"], found["data"]["meta_points"]["residuals"]
-        point = found["parameters"]["POINT"]
-        labels, rate = _labels(point), float(point["RATE"]["value"][0])
-    except (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError) as error:
-        raise DataError(f"{path} is no C3D file that is whole: {one_line(error)}") from None
+    # ezc3d trusts the lengths in a file, so damage can bring its process down
+    what = f"{path} is no C3D file that is whole; it"
+    points, residuals, point = apart(lambda: _content(package, path), what, len(data))
+    labels, rate = _labels(point), float(point["RATE"]["value"][0])
     joints = np.moveaxis(np.asarray(points[:3], float), 0, -1).swapaxes(0, 1)
     count, number = joints.shape[:2]
     if rate <= 0.0 or not np.isfinite(rate) or len(labels) != number or not joints.size:
@@ -59,6 +57,17 @@ def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
     joints[np.asarray(residuals)[0].T < 0.0] = np.nan
     turn = np.array(UPRIGHT[_up(path, point)], float)
     return JointMotion(path.stem, labels, _unit(path, point) * joints @ turn.T, rate)
+
+
+def _content(package: Any, path: Path) -> tuple[Array, Array, dict[str, dict[str, list[Any]]]]:
+    """Points, residuals and the parameters of points that are used here."""
+    with file_errors(path, "read"):
+        found = package.c3d(str(path))
+    point = {
+        str(key): {"value": list(entry["value"])} for key, entry in found["parameters"]["POINT"].items()
+        if key in ("RATE", "UNITS", "Y_SCREEN") or str(key).startswith("LABELS")
+    }  # fmt: skip
+    return found["data"]["points"], found["data"]["meta_points"]["residuals"], point
 
 
 def _frames_stated(data: bytes) -> int:

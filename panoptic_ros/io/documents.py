@@ -78,29 +78,32 @@ def parse_json(data: bytes | str, path: Path | str, kind: type[UserError] = Data
         raise kind(f"{path} is not valid JSON: {one_line(error)}") from None
 
 
-def read_yaml(path: Path) -> Any:
+def read_yaml(path: Path, most: int = LARGEST_YAML, values: int = MOST_VALUES) -> Any:
     """Read YAML.
+
+    Args:
+        most: bytes of the text. values: in the document, with all aliases expanded.
 
     Raises:
         DataError: if it is no YAML, nested too deeply, or has aliases that expand to very much.
     """
-    text = decoded(read_bytes(Path(path), LARGEST_YAML), path)
+    text = decoded(read_bytes(Path(path), most), path)
     with parsing(path):  # values such as dates are made by Python, which raises errors of its own
         try:
-            return _yaml(text, path)
+            return _yaml(text, path, values)
         except yaml.YAMLError as error:
             where = getattr(error, "problem_mark", None)
             line = f", line {where.line + 1}" if where else ""
             raise DataError(f"{path} is not valid YAML{line}") from None
 
 
-def _yaml(text: str, path: Path) -> Any:
+def _yaml(text: str, path: Path, most: int) -> Any:
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
         if node is None:
             return None
-        _Expanded(path).size(node, 0)
+        _Expanded(path, most).size(node, 0)
         return loader.construct_document(node)
     finally:
         loader.dispose()
@@ -109,8 +112,8 @@ def _yaml(text: str, path: Path) -> Any:
 class _Expanded:
     """How many values a document has with all of its aliases expanded, and how deeply they are nested."""
 
-    def __init__(self, path: Path | str):
-        self._path = path
+    def __init__(self, path: Path | str, most: int):
+        self._path, self._most = path, most
         self._known: dict[int, tuple[int, int]] = {}  # of nodes by identity: values, and levels below
 
     def size(self, node: Any, depth: int) -> tuple[int, int]:
@@ -129,9 +132,9 @@ class _Expanded:
             for part in entry if isinstance(entry, tuple) else (entry,):
                 more, below = self.size(part, depth + 1)
                 values, levels = values + more, max(levels, below + 1)
-        if values > MOST_VALUES:
+        if values > self._most:
             raise DataError(
-                f"{self._path} has more than {MOST_VALUES} values, with its aliases expanded; "
+                f"{self._path} has more than {self._most} values, with its aliases expanded; "
                 "write it without aliases (* and &), or in several files"
             )
         self._known[id(node)] = values, levels

@@ -20,6 +20,7 @@ from panoptic_ros.io.loading import parsing, read_unpacked
 
 Array = np.ndarray
 SUBJECT = "panoptic-subject-1"
+LARGEST = 1e6  # m, of a place or length
 INERTIAL_FRAMES = ("world", "unknown heading")
 COLUMNS = ("device", "stamp_ns", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 
@@ -198,8 +199,8 @@ def _bone(values: Any, name: str, stature: float) -> Array:
 
 def _vector(values: Any, count: int, where: str) -> Array:
     found = np.array(values, float)
-    if found.shape != (count,) or not np.isfinite(found).all():
-        raise DataError(f"{where} = {shown(values)} is not {count} numbers")
+    if found.shape != (count,) or not (np.abs(found) <= LARGEST).all():
+        raise DataError(f"{where} = {shown(values)} is not {count} numbers, at most {LARGEST:g}")
     if count == 4 and not found.any():
         raise DataError(f"{where} = {shown(values)} is no rotation; expected a quaternion w x y z")
     return found

@@ -142,10 +142,14 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
     if limit is not None and size > limit:
         raise _too_large(path, limit)
     with file_errors(path, "read"), open(path, "rb") as file:
-        data = file.read() if limit is None else file.read(limit + 1)
-    if limit is not None and len(data) > limit:
-        raise _too_large(path, limit)
-    return data
+        if size > 0 or limit is None:
+            return file.read()
+        whole = io.BytesIO()  # of a pipe, or of a file that tells no size
+        while piece := file.read(MIB):
+            whole.write(piece)
+            if whole.tell() > limit:
+                raise _too_large(path, limit)
+    return whole.getvalue()
 
 
 def read_unpacked(path: Path, most: int | None = None) -> bytes:

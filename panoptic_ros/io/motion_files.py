@@ -44,7 +44,7 @@ def read_clip_arrays(path: Path) -> list[JointMotion]:
                 for clip in found["clips"]
             ]
         except KeyError as error:
-            raise DataError(f"{path} has no clips of joints: {error}") from None
+            raise DataError(f"{path} has no clips of joints: {one_line(error)}") from None
 
 
 def read_bvh(path: Path, unit: float) -> JointMotion:

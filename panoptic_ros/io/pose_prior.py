@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, one_line
 from panoptic_ros.io.arrays import arrays_of
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.files import write_bytes
@@ -39,7 +39,8 @@ def read_prior(name: str = "", model: SegmentModel | None = None) -> PoseStatist
         try:
             arrays = [found[key] for key in PRIOR_KEYS]
         except KeyError as error:
-            raise DataError(f"{path} is no pose prior, or an old one ({error}): train it anew") from None
+            told = f"{path} is no pose prior, or an old one ({one_line(error)})"
+            raise DataError(f"{told}: train it anew") from None
         own = tuple(map(str, found[SEGMENTS])) if SEGMENTS in found else read_body_model().names
     with parsing(path):
         _check_shapes(arrays, path)

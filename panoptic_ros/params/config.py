@@ -12,6 +12,7 @@ from panoptic_ros.errors import ConfigError, ContractError, shown
 
 Value = bool | int | float | str | tuple[str, ...] | tuple[float, ...] | tuple[int, ...]
 
+LONGEST_INTEGER = 1023  # bits of a whole number that a float can hold
 _SCALARS: tuple[type, ...] = (bool, int, float, str)
 _TUPLES: dict[Any, type] = {tuple[str, ...]: str, tuple[float, ...]: float, tuple[int, ...]: int}
 _KEY = "panoptic_param"
@@ -188,7 +189,7 @@ def _checked(item: Param, value: Any, owner: str) -> Any:
 
 
 def _scalar(where: str, kind: type[Any], value: Any, item: Param) -> Any:
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+    if kind is float and type(value) is int and value.bit_length() <= LONGEST_INTEGER:
         value = float(value)
     if type(value) is not kind:
         raise ConfigError(f"{where} = {shown(value)} is not a {kind.__name__}")
