@@ -41,7 +41,7 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
 
 
 def output_file(text: str) -> Path:
-    """For `type` of an option: a file to write, checked before any work is done.
+    """Return a file to write, checked before any work; for `type` of an option.
 
     Raises:
         UsageError: if the text is empty.
@@ -56,7 +56,7 @@ def output_file(text: str) -> Path:
 
 
 def output_folder(text: str) -> Path:
-    """For `type` of an option: a folder to write into, checked before any work is done.
+    """Return a folder to write into, checked before any work; for `type` of an option.
 
     Raises:
         UsageError: if the text is empty.

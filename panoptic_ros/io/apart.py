@@ -56,7 +56,7 @@ def _answer(work: Callable[[], object], reading: int, writing: int, size: int) -
     try:
         os.close(reading)
         null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, 2)  # what the library says when it breaks down
+        os.dup2(null, 2)  # the library prints when it breaks down
         mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         for limit, most in (
             (resource.RLIMIT_CPU, int(time.process_time()) + LEAST_S + size // RATE),

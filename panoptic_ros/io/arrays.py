@@ -15,14 +15,14 @@ from panoptic_ros.io.loading import MIB, check_file, largest_document, parsing
 
 Array = np.ndarray
 SMALL = 64 * MIB  # bytes that any file may unpack to
-RATIO = 64  # of unpacked to packed bytes in larger files; our recorded motion has 1.3
+RATIO = 64  # unpacked over packed bytes of larger files; our recorded motion has 1.3
 
 
 @contextmanager
 def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
     """Give the arrays of an .npz by name, each of which is read when it is asked for.
 
-    What the block raises about its content becomes an error that names the file.
+    An exception of the block becomes an error that names the file.
 
     Raises:
         DataError: if it is no such file, or unpacks to more than such files do.
@@ -47,7 +47,7 @@ def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
 
 
 def _check(file: IO[bytes], size: int, where: str) -> None:
-    """Whether an array takes as many bytes as there are: its memory is taken before it is read.
+    """Check that an array takes as many bytes as there are: its memory is taken before it is read.
 
     Raises:
         DataError: if not, or if it holds objects, which could be code.

@@ -110,11 +110,11 @@ def _yaml(text: str, path: Path, most: int) -> Any:
 
 
 class _Expanded:
-    """How many values a document has with all of its aliases expanded, and how deeply they are nested."""
+    """Counts the values of a document with its aliases expanded, and their levels of nesting."""
 
     def __init__(self, path: Path | str, most: int):
         self._path, self._most = path, most
-        self._known: dict[int, tuple[int, int]] = {}  # of nodes by identity: values, and levels below
+        self._known: dict[int, tuple[int, int]] = {}  # values and levels below, by the identity of a node
 
     def size(self, node: Any, depth: int) -> tuple[int, int]:
         """Return values and levels of a node that lies so deep.

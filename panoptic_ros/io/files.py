@@ -23,7 +23,7 @@ STEM, SUFFIXES = 100, 60  # characters of a temporary name; file systems take 25
 
 
 def check_output(path: Path) -> Path:
-    """Return where a file is to be written, behind a link its target. It can be told before any work is done.
+    """Return where a file is to be written, behind a link its target. It can be checked before any work.
 
     Raises:
         DataError: if the path is a folder, a device, or a link to nothing.
@@ -55,7 +55,7 @@ def check_output_folder(path: Path) -> Path:
 
 
 def _target(path: Path) -> Path:
-    """The whole path of what is to be written; behind a link, its end."""
+    """Return the absolute path to write; behind a link, its end."""
     with file_errors(path, "write"):
         found = Path(os.path.realpath(path) if os.path.islink(path) else os.path.abspath(path))
         try:
@@ -65,13 +65,13 @@ def _target(path: Path) -> Path:
                 raise DataError(
                     f"cannot write {path}: it is a link to {found}, which is not there; remove the link"
                 ) from None
-        except NotADirectoryError:  # told by the parent
+        except NotADirectoryError:  # `_check_parent` raises it
             pass
     return found
 
 
 def _check_parent(path: Path, target: Path) -> None:
-    """Whether something can be made beside the target."""
+    """Check that a file can be made beside the target."""
     with file_errors(path, "write"):
         place = next(parent for parent in target.parents if parent.exists() or parent.is_symlink())
         if not place.is_dir():

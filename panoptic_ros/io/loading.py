@@ -1,4 +1,4 @@
-"""Opening files that others wrote: bounded in size, and every damage told in one line.
+"""Opening files that others wrote: bounded in size, and every damage described in one line.
 
 All readers take the bytes of a file from here and parse them inside of `parsing`. So a file that is cut,
 damaged or made to do harm costs a bounded amount of memory, and ends in an error that names it.
@@ -19,9 +19,9 @@ from panoptic_ros.errors import DataError, EnvironmentProblem, PanopticError, Us
 MIB = 1 << 20  # bytes
 GZIP = b"\x1f\x8b"  # first bytes of a gzip file, RFC 1952
 PIECE = MIB // 2  # bytes that are unpacked in one step
-UNPACKED = 32 * MIB  # bytes that `PIECE` may become, 1:64; our JSON, CSV of IMUs and nulls have 1:30 at most
+UNPACKED = 32 * MIB  # bytes that `PIECE` may become, 1:64; 480 empty views have 1:22, IMUs at rest 1:37
 MEMBERS, MEMBER = 100, 4096  # parts of a gzip file, and bytes of each where there are more; bgzip has 16 kB
-SHARE = 4  # of the machine's memory that a document may have as text; parsed it takes several times as much
+SHARE = 4  # a document may have a fourth of the machine's memory as text; parsed it takes several times more
 LEAST = 1024 * MIB  # bytes that a document may have on any machine
 TABLES = ("items", "keys", "values", "get", "pop")  # attributes that only a table has, of those in use
 
@@ -48,7 +48,7 @@ def file_error(path: Path | str, doing: str, error: OSError) -> UserError:
 
 
 def parsing(where: Path | str, kind: type[UserError] = DataError) -> _Parsing:
-    """Turn all that a parser raises into one line: `with parsing(path): ...`.
+    """Turn any exception of a parser into one line: `with parsing(path): ...`.
 
     A parser meets any value at any place, so it can raise anything. Errors of this package pass as they are.
 
@@ -57,7 +57,7 @@ def parsing(where: Path | str, kind: type[UserError] = DataError) -> _Parsing:
         kind: of error.
 
     Raises:
-        UserError: of the kind, in place of any other exception.
+        UserError: of the kind, for any other exception.
     """
     return _Parsing(where, kind)
 
@@ -86,7 +86,7 @@ def malformed(where: Path | str, error: Exception, kind: type[UserError] = DataE
 
 
 def _told(error: Exception) -> str:
-    """What is wrong with a document, from what a parser raised."""
+    """Describe the fault of a document by the exception of its parser."""
     if isinstance(error, KeyError):
         return f"{shown(error.args[0]) if error.args else 'a key'} is missing"
     if isinstance(error, RecursionError):
@@ -104,7 +104,7 @@ def _told(error: Exception) -> str:
 
 
 def largest_document() -> int:
-    """How many bytes a document may have, unpacked: a share of the machine's memory."""
+    """Return the bytes that a document may have, unpacked: a share of the machine's memory."""
     return max(LEAST, os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // SHARE)
 
 
@@ -130,7 +130,7 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
     """Return the content of a file.
 
     Args:
-        most: bytes; None = any number, of a file that is kept as it is.
+        most: bytes; None = any number.
 
     Raises:
         DataError: if there is no such file, or it is larger.
@@ -144,7 +144,7 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
     with file_errors(path, "read"), open(path, "rb") as file:
         if size > 0 or limit is None:
             return file.read()
-        whole = io.BytesIO()  # of a pipe, or of a file that tells no size
+        whole = io.BytesIO()  # the size of a pipe is unknown
         while piece := file.read(MIB):
             whole.write(piece)
             if whole.tell() > limit:

@@ -12,7 +12,7 @@ import numpy as np
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-MOST_PIXELS = 100_000_000  # of a picture that is decoded, 300 MB; cameras for video have 65 Mpx at most
+MOST_PIXELS = 100_000_000  # px of a decoded picture, 300 MB; cameras for video have 65 Mpx at most
 PNG, JPEG, TIFF = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", (b"II*\0", b"MM\0*")
 WIDTH, HEIGHT, ORIENTATION = 256, 257, 274  # tags of TIFF and Exif
 TURNED = (5, 6, 7, 8)  # values of the last: the decoder turns the picture by a quarter
@@ -20,7 +20,7 @@ NO_SIZE = {0xC4, 0xC8, 0xCC}  # markers of JPEG between those of frames that tel
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """Return width and height, px, of a picture as it is decoded; None if its header does not tell them."""
+    """Return width and height, px, of the decoded picture; None if its header has none."""
     try:
         size, turned = _size(data)
     except (struct.error, IndexError, ValueError):
@@ -33,7 +33,7 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
 def decode_picture(
     data: Array, flags: int, what: str, expected: tuple[int, int] | None = None, most: int = MOST_PIXELS
 ) -> Array | None:
-    """Decode a picture whose header tells a size that can be right.
+    """Decode a picture if the size in its header can be right.
 
     Args:
         data: (N,) uint8. flags: of `cv2.imdecode`. what: for messages.
@@ -43,7 +43,7 @@ def decode_picture(
         None if it is no picture that can be decoded.
 
     Raises:
-        DataError: if its header tells another size than expected, or more pixels.
+        DataError: if the size in its header is another than expected, or has more pixels.
     """
     import cv2  # 17 MB, which processes without images do without
 
@@ -51,7 +51,7 @@ def decode_picture(
     size = picture_size(held)
     if size is None or not _is_whole(held):
         return None
-    if expected is not None and sorted(size) != sorted(expected):  # the decoder tells which side is which
+    if expected is not None and sorted(size) != sorted(expected):  # the decoder may turn it
         raise DataError(f"{what} is {size[0]}x{size[1]}, expected {expected[0]}x{expected[1]}")
     if size[0] * size[1] > most:
         raise DataError(
@@ -65,7 +65,7 @@ def decode_picture(
 
 
 def _is_whole(data: bytes) -> bool:
-    """Whether the checksums of a PNG fit; its decoder would print to stderr that they do not."""
+    """Check the checksums of a PNG; its decoder prints to stderr where they do not fit."""
     at = len(PNG)
     while data.startswith(PNG):
         length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]

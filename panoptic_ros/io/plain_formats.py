@@ -244,7 +244,7 @@ def _document(
 
 
 def _index(frame: dict[str, Any], number: int, where: str) -> int:
-    """The index of a frame, by default its number in the file."""
+    """Return the index of a frame, by default its number in the file."""
     return _integer(frame.get("index", number), where, "index")
 
 

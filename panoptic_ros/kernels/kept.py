@@ -33,7 +33,7 @@ class KeptFile(IndexDataCacheFile):
     def _load_data(self, name: str) -> Any:
         content = _content(Path(self._data_path(name)))
         if content is None:
-            raise FileNotFoundError(f"{name} is not there or damaged")  # which numba takes for "not kept"
+            raise FileNotFoundError(f"{name} is not there or damaged")  # numba compiles then
         return pickle.loads(content)
 
     def _save_data(self, name: str, data: Any) -> None:
@@ -63,7 +63,7 @@ def damaged_files(folder: Path) -> list[Path]:
 
 
 def _content(path: Path) -> bytes | None:
-    """What a file holds behind its checksum; None if it is not there, or not as it was written."""
+    """Return the bytes behind the checksum of a file; None if it is not there, or not as it was written."""
     try:
         data = path.read_bytes()
     except OSError:

@@ -66,7 +66,7 @@ def ended(tmp_path: Path, *words: object) -> tuple[int, list[str]]:
 
 
 def refused(tmp_path: Path, *words: object) -> str:
-    """The one line of a command that is refused."""
+    """Return the one line of a command that is refused."""
     code, lines = ended(tmp_path, *words)
     assert code == 2 and len(lines) == 1, lines
     return lines[0]
@@ -74,7 +74,7 @@ def refused(tmp_path: Path, *words: object) -> str:
 
 @pytest.fixture
 def files(tmp_path):
-    """A rig and detections in a folder."""
+    """Write a rig and detections into a folder."""
     write_rig(tmp_path / "rig.json", captures.RIG)
     views = [captures.view(camera, 0, 10**9) for camera in captures.RIG.cameras]
     frame = DetectionSet(0, 10**9, captures.SKELETON.hash, tuple(views))
@@ -88,7 +88,7 @@ def solve(files: Path, *words: object, out: object = "out.json.gz") -> str:
 
 
 def bomb(size: int) -> bytes:
-    """A gzip file of zeros."""
+    """Return a gzip file of zeros."""
     packer = zlib.compressobj(9, zlib.DEFLATED, 31)
     return b"".join(packer.compress(bytes(1 << 20)) for _ in range(size >> 20)) + packer.flush()
 
@@ -158,7 +158,7 @@ def test_skeletons_and_bias_tables_of_other_types(files):
         assert f"{name}.yaml" in solve(files, "--skeleton", files / f"{name}.yaml")
     folder = share_folder() / "config" / "biases"
     table = (folder / "movenet-multipose-panoptic19.yaml").read_text()
-    rows = ("[1, 2026-11-27, 3]", f"[1, {10**400}, 3]", "{x: 1}", "[1, [], 2]")  # of a, b, c and d
+    rows = ("[1, 2026-11-27, 3]", f"[1, {10**400}, 3]", "{x: 1}", "[1, [], 2]")
     for name, row in zip("abcd", rows):
         wrong = table.replace("offsets:\n", f"offsets:\n  left_hip_x: {row}\n", 1)
         (files / f"{name}.yaml").write_text(wrong)
@@ -206,7 +206,7 @@ def test_results_go_through_a_link_to_a_file(files):
 
 
 def png(width: int, height: int) -> bytes:
-    """A black PNG of one bit per pixel, whose decoded image takes a thousand times its size."""
+    """Return a black PNG of one bit per pixel, whose decoded image takes a thousand times its size."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -233,7 +233,7 @@ def test_sync_tables_that_are_text(files):
 
 
 def written(path: Path, alien: int) -> Path:
-    """A bag of four cameras and five instants; one message of cam1 names another camera."""
+    """Write a bag of four cameras and five instants; one message of cam1 names another camera."""
     views = [captures.view(c, k, 10**9 + k * 10**8) for k in range(5) for c in captures.RIG.cameras]
     family = bag_messages()
     with BagWriter(path) as writer:

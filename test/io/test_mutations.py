@@ -7,7 +7,7 @@ from panoptic_ros.running.benches.damage.formats import FORMATS
 from panoptic_ros.running.benches.damage.trials import try_copies
 
 MUTATIONS, SEED = 200, 42
-SLOW = {"bag": 50, "metadata.yaml": 50, "C3D": 20}  # of formats whose library is slow
+SLOW = {"bag": 50, "metadata.yaml": 50, "C3D": 20}  # formats whose library is slow
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -96,7 +96,7 @@ def _text(output: bytes | str | None) -> str:
 
 
 def lines(result: dict[str, Any]) -> list[str]:
-    """The table, and below it what was found."""
+    """Return the table, and below it the findings."""
     text = [
         f"seed {result['seed']}, {result['seconds']:g} s of mutations per format",
         f"{'format':<22}{'mutations':>10}{'refused':>9}{'accepted':>9}{'foreign':>9}"

@@ -40,8 +40,8 @@ class Format:
     """A format.
 
     Args:
-        sample: writes a whole file into a folder, with what it needs beside it; returns its path.
-        read: takes everything of a file; raises an error of the family where it is damaged.
+        sample: writes a whole file, and what it needs, into a folder; returns its path.
+        read: takes everything of a file, or raises an error of the family.
     """
 
     sample: Sample

@@ -11,8 +11,8 @@ from typing import Any
 from panoptic_ros.io.loading import GZIP
 
 Mutation = Callable[[bytes, random.Random], bytes]
-WORDS = re.compile(rb'"[^"\n]*"|[-+\w.]+|[\[\]{}:,<>=]')  # of JSON, YAML, TOML, XML, CSV and BVH
-DIGITS = 400  # of a number that no float holds
+WORDS = re.compile(rb'"[^"\n]*"|[-+\w.]+|[\[\]{}:,<>=]')  # words of JSON, YAML, TOML, XML, CSV and BVH
+DIGITS = 400  # digits of a number that no float holds
 DEEP = 5000  # levels of nesting; Python's parsers take some hundred
 HOSTILE_WORDS = (
     b"", b"null", b"true", b"nan", b"-inf", b"1e400", b"-1", b"0", b"0.5", b"1e-320",
@@ -145,7 +145,7 @@ def _value(data: bytes, rng: random.Random) -> bytes:
 
 
 def _place(document: Any, rng: random.Random) -> tuple[Any, Any]:
-    """A random container of a document and a key of it; None for the whole."""
+    """Choose a container of a document and a key of it; None for the whole."""
     found: tuple[Any, Any] = (None, None)
     here = document
     while isinstance(here, dict | list) and here and rng.random() < 0.85:

@@ -30,7 +30,7 @@ SECOND = 1_000_000_000
 
 @lru_cache(maxsize=1)
 def rig() -> Rig:
-    """Three cameras that look along y."""
+    """Return three cameras that look along y."""
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     matrix = np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
     return Rig(tuple(
@@ -40,7 +40,7 @@ def rig() -> Rig:
 
 
 def rig_file(form: str, name: str = "rig.json") -> Sample:
-    """The rig in a format that is written, see `rigs.WRITABLE`."""
+    """Return what writes the rig in a format of `rigs.WRITABLE`."""
 
     def write(folder: Path) -> Path:
         write_rig(folder / name, rig(), form)
@@ -50,7 +50,7 @@ def rig_file(form: str, name: str = "rig.json") -> Sample:
 
 
 def camera_info(name: str) -> Sample:
-    """The rig as a folder of YAML files; the path of one of them."""
+    """Return what writes the rig as a folder of YAML files and gives the path of one."""
 
     def write(folder: Path) -> Path:
         write_rig(folder / "infos", rig(), "camera_info")
@@ -60,7 +60,7 @@ def camera_info(name: str) -> Sample:
 
 
 def packed(sample: Sample) -> Sample:
-    """Another sample, gzipped."""
+    """Return what writes another sample, gzipped."""
 
     def write(folder: Path) -> Path:
         path = sample(folder)
@@ -87,7 +87,7 @@ def _installed(folder: Path, *place: str) -> Path:
 
 
 def pack_rig(folder: Path) -> Path:
-    """calibration.json of a data pack."""
+    """Write calibration.json of a data pack."""
     cameras = [
         {"name": camera.name, "K": camera.intrinsics.matrix.tolist(), "distortion": [0.0] * 5, "width": 64,
          "R": camera.cam_from_world.rotation.tolist(), "t": camera.cam_from_world.translation.tolist(),
@@ -98,13 +98,13 @@ def pack_rig(folder: Path) -> Path:
 
 
 def total_capture_rig(folder: Path) -> Path:
-    """calibration.cal."""
+    """Write calibration.cal."""
     one = "0 47 0 63\n60 60 31.5 23.5\n0.01\n1 0 0\n0 1 0\n0 0 1\n0 0 4\n"
     return _text(folder, "calibration.cal", "2 1\n" + one + one)
 
 
 def detections(folder: Path) -> Path:
-    """Two people in three views at two instants."""
+    """Write two people in three views at two instants."""
     names = list(load_skeleton("panoptic19").joint_names)
     person = [[10.0 + k, 20.0, 0.9] for k in range(18)] + [None]
     frames = [
@@ -119,7 +119,7 @@ def detections(folder: Path) -> Path:
 
 
 def skeletons(folder: Path) -> Path:
-    """Two people at two instants."""
+    """Write two people at two instants."""
     names = list(load_skeleton("panoptic19").joint_names)
     joints = [[0.1 * k, 0.2, 1.0] for k in range(18)] + [None]
     covariances = [[1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4]] * 18 + [None]
@@ -141,7 +141,7 @@ def annotation(folder: Path) -> Path:
 
 
 def bodies(folder: Path) -> Path:
-    """One body at one instant."""
+    """Write one body at one instant."""
     model = read_body_model()
     count, covariances = len(model.names), [[1e-4, 0, 0, 1e-4, 0, 1e-4]] * len(model.names)
     body = {
@@ -158,7 +158,7 @@ def bodies(folder: Path) -> Path:
 
 
 def subject(folder: Path) -> Path:
-    """A person with a bone, a keypoint and a device."""
+    """Write a person with a bone, a keypoint and a device."""
     model = read_body_model()
     name, point = model.names[1], next(iter(model.keypoints))
     return _json(folder, "subject.json", {
@@ -171,91 +171,91 @@ def subject(folder: Path) -> Path:
 
 
 def imus(folder: Path) -> Path:
-    """Three samples of two devices."""
+    """Write three samples of two devices."""
     head = "device,stamp_ns,qw,qx,qy,qz,gx,gy,gz,ax,ay,az\n"
     rows = (f"{name},{k}000,1,0,0,0,,,,0.1,0.2,9.81\n" for k in range(1, 4) for name in "ab")
     return _text(folder, "imu.csv", head + "".join(rows))
 
 
 def timestamps(folder: Path) -> Path:
-    """Three frames of two cameras."""
+    """Write three frames of two cameras."""
     rows = (f"cam0{c},{k},{k}000000\n" for c in range(2) for k in range(3))
     return _text(folder, "timestamps.csv", "camera,frame,stamp_ns\n" + "".join(rows))
 
 
 def offsets(folder: Path) -> Path:
-    """Clocks of two cameras."""
+    """Write clocks of two cameras."""
     rows = [{"name": name, "offset_s": 0.01, "offset_std_s": 1e-3, "drift": 0.0, "drift_std": 0.0,
              "applied": True} for name in ("cam00", "cam01")]  # fmt: skip
     return _json(folder, "offsets.json", {"format": "panoptic-offsets-1", "cameras": rows})
 
 
 def synctables(folder: Path) -> Path:
-    """Times of CMU's cameras and of one Kinect."""
+    """Write times of CMU's cameras and of one Kinect."""
     table = {"univ_time": [100.0, 133.3, -1.0, 200.0], "index": [0, 1, 2, 3]}
     kinect = {kind: {"KINECTNODE1": table} for kind in ("color", "depth")}
     return _json(folder, "synctables_a.json", {"hd": table, "kinect": kinect})
 
 
 def parameters(folder: Path) -> Path:
-    """Parameters of two stages, one as ROS writes them."""
+    """Write parameters of two stages, one as ROS writes them."""
     text = "sync:\n  ros__parameters:\n    window_s: 0.01\ntracking: {max_distance: 0.3}\n"
     text += "voting: {method: exact}\n"
     return _text(folder, "parameters.yaml", text)
 
 
 def preset(folder: Path) -> Path:
-    """A preset with a skeleton."""
+    """Write a preset with a skeleton."""
     return _text(folder, "preset.yaml", "skeleton: panoptic15\nvoting:\n  method: exact\n  voxel: 0.04\n")
 
 
 def skeleton(folder: Path) -> Path:
-    """An installed skeleton under another name."""
+    """Write an installed skeleton under another name."""
     return _installed(folder, "skeletons", "panoptic19.yaml")
 
 
 def segments(folder: Path) -> Path:
-    """The installed skeleton of segments."""
+    """Write the installed skeleton of segments."""
     return _installed(folder, "bodies", "segments21.yaml")
 
 
 def card(folder: Path) -> Path:
-    """An installed model card."""
+    """Write an installed model card."""
     return _installed(folder, "models", "movenet-multipose.yaml")
 
 
 def topics(folder: Path) -> Path:
-    """A camera and a depth sensor of running drivers."""
+    """Write a camera and a depth sensor of running drivers."""
     text = "left: {image: /left/image_raw, camera_info: /left/camera_info, encoding: bayer_rggb8}\n"
     text += "kinect:\n  depth: /k/depth\n  camera_info: /k/camera_info\nfixed_frame: map\n"
     return _text(folder, "topics.yaml", text)
 
 
 def bias(folder: Path) -> Path:
-    """An installed bias table."""
+    """Write an installed bias table."""
     return _installed(folder, "biases", "movenet-multipose-panoptic19.yaml")
 
 
 def joint_offsets(folder: Path) -> Path:
-    """Where a detector sees two joints."""
+    """Write the places at which a detector sees two joints."""
     model = read_body_model()
     rows = f"  left_hip: {{frame: {model.keypoints['lHip'][0]}, offset: [0.01, 0.0, 0.02]}}\n"
     return _text(folder, "offsets.yaml", "format: panoptic-joint-offsets-1\nsource: test\noffsets:\n" + rows)
 
 
 def sound_names(folder: Path) -> Path:
-    """sound.yaml beside a recording."""
+    """Write sound.yaml beside a recording."""
     write_wav(folder / "timecode.wav", 8000, np.zeros((80, 2)))
     return _text(folder, "sound.yaml", "timecode.wav: {clocks: [A, B], start_ns: 5}\n")
 
 
 def prior(folder: Path) -> Path:
-    """The installed statistics of poses."""
+    """Write the installed statistics of poses."""
     return _installed(folder, "bodies", "prior-cmu.npz")
 
 
 def clips(folder: Path) -> Path:
-    """Two clips of joints."""
+    """Write two clips of joints."""
     joints = np.zeros((4, 2, 3), np.float32)
     arrays: dict[str, Any] = {"clip_a": joints, "clip_b": joints}
     np.savez(folder / "clips.npz", clips=["a", "b"], joint_names=["x", "y"], fps=30.0, **arrays)
@@ -263,7 +263,7 @@ def clips(folder: Path) -> Path:
 
 
 def occluders(folder: Path) -> Path:
-    """A box and a triangle."""
+    """Write a box and a triangle."""
     mesh = {"name": "m", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]]}
     box = {"name": "b", "size": [1, 1, 1], "centre": [0, 0, 0.5], "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
     return _json(
@@ -279,12 +279,12 @@ _PLY = (
 
 
 def ply(folder: Path) -> Path:
-    """A triangle as text."""
+    """Write a triangle as text."""
     return _text(folder, "a.ply", _PLY.format("ascii 1.0") + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
 
 
 def binary_ply(folder: Path) -> Path:
-    """A triangle in binary."""
+    """Write a triangle in binary."""
     body = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4").tobytes()
     body += b"\3" + np.array([0, 1, 2], "<i4").tobytes()
     (folder / "b.ply").write_bytes(_PLY.format("binary_little_endian 1.0").encode() + body)
@@ -292,13 +292,13 @@ def binary_ply(folder: Path) -> Path:
 
 
 def obj(folder: Path) -> Path:
-    """A triangle as Wavefront OBJ."""
+    """Write a triangle as Wavefront OBJ."""
     text = "# made\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf -1 -2 -3\n"
     return _text(folder, "a.obj", text)
 
 
 def bvh(folder: Path) -> Path:
-    """Two joints in two frames."""
+    """Write two joints in two frames."""
     return _text(folder, "a.bvh", (
         "HIERARCHY\nROOT Hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition "
         "Zrotation Xrotation Yrotation\n JOINT Chest\n {\n  OFFSET 0 5 0\n"
@@ -309,7 +309,7 @@ def bvh(folder: Path) -> Path:
 
 
 def c3d(folder: Path) -> Path:
-    """Two points in two frames."""
+    """Write two points in two frames."""
     made: Any = importlib.import_module("ezc3d").c3d()
     made["parameters"]["POINT"]["RATE"]["value"] = [100.0]
     made["parameters"]["POINT"]["LABELS"]["value"] = ["a", "b"]
@@ -320,14 +320,14 @@ def c3d(folder: Path) -> Path:
 
 
 def human36m(folder: Path) -> Path:
-    """metadata.xml with 300 numbers."""
+    """Write metadata.xml with 300 numbers."""
     numbers = [0.1] * 264 + [1000.0, 1000.0, 500.0, 500.0, 0.0, 0.0, 0.0, 0.0, 0.0] * 4
     text = " ".join(map(str, numbers))
     return _text(folder, "metadata.xml", f"<Metadata><mapping/><w0>[{text}]</w0></Metadata>")
 
 
 def wav(folder: Path) -> Path:
-    """A hundredth of a second of two channels."""
+    """Write a hundredth of a second of two channels."""
     write_wav(folder / "a.wav", 8000, np.zeros((80, 2)))
     return folder / "a.wav"
 
@@ -338,7 +338,7 @@ def _picture() -> np.ndarray:
 
 
 def image(suffix: str) -> Sample:
-    """A folder of two images; the path of the second."""
+    """Return what writes a folder of two images and gives the path of the second."""
 
     def write(folder: Path) -> Path:
         import cv2  # 17 MB, which processes without images do without
@@ -352,7 +352,7 @@ def image(suffix: str) -> Sample:
 
 
 def depth(folder: Path) -> Path:
-    """A depth map."""
+    """Write a depth map."""
     import cv2  # as above
 
     cv2.imwrite(str(folder / "0.png"), _picture()[..., 0].astype(np.uint16) * 10)
@@ -360,7 +360,7 @@ def depth(folder: Path) -> Path:
 
 
 def video(folder: Path) -> Path:
-    """Four frames."""
+    """Write four frames."""
     from panoptic_ros.view.video_file import VideoFile  # needs an encoder
 
     with VideoFile(folder / "a.mp4", SIZE, 25.0) as film:
@@ -370,7 +370,7 @@ def video(folder: Path) -> Path:
 
 
 def bag(name: str) -> Sample:
-    """A bag of two detections; the path of one of its files."""
+    """Return what writes a bag of two detections and gives the path of one file."""
 
     def write(folder: Path) -> Path:
         model = load_skeleton("panoptic19")

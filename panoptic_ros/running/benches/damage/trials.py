@@ -26,7 +26,7 @@ class TookTooLong(BaseException):
 
 @dataclass
 class Trials:
-    """What came out of the copies of one format.
+    """The outcomes of the copies of one format.
 
     Args:
         foreign: exceptions outside of the family, with the numbers of the copies. slowest_s: of all copies.
@@ -91,7 +91,7 @@ def outcome(name: str, path: Path) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """The file and line of this package that an exception came from."""
+    """Return the file and line of this package that raised an exception."""
     trace, found = error.__traceback__, ""
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
