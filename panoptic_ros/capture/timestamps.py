@@ -22,7 +22,7 @@ def read_timestamps(path: Path, sounds: Collection[str] = ()) -> dict[str, tuple
             camera that lacks a frame.
     """
     stamps = {name: frames for name, frames in _read(path).items() if name not in sounds}
-    return {camera: _in_order(frames, f"{path}: camera {camera}") for camera, frames in stamps.items()}
+    return {camera: _in_order(frames, f"{path}: camera {camera[:60]}") for camera, frames in stamps.items()}
 
 
 def read_sound_stamps(path: Path, sounds: Collection[str]) -> dict[str, list[tuple[int, int]]]:
@@ -58,7 +58,7 @@ def _add(stamps: dict[str, dict[int, int]], row: list[str], where: str) -> None:
         raise DataError(f"{where}: stamp_ns {shown(stamp)} is out of range")
     frames = stamps.setdefault(camera, {})
     if frame in frames:
-        raise DataError(f"{where}: frame {frame} of camera {camera} a second time")
+        raise DataError(f"{where}: frame {shown(frame)} of camera {camera[:60]} a second time")
     frames[frame] = stamp
 
 

@@ -117,7 +117,8 @@ class SegmentModel:
                 raise DataError(f"offset of {name}: the skeleton of segments has no such joint of a detector")
             frames = [self.names[k] for k in self.frames_of(name)]
             if found.frame not in frames:
-                raise DataError(f"offset of {name}: frame {found.frame!r} is none of {', '.join(frames)}")
+                known = ", ".join(frames)
+                raise DataError(f"offset of {name}: frame {shown(found.frame)} is none of {known}")
         return replace(self, offsets=dict(offsets))
 
     def frames_of(self, joint: str) -> tuple[int, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 import os
 import pickle
 import resource
+import select
 import signal
 import time
 import traceback
@@ -14,7 +15,8 @@ from typing import TypeVar
 from panoptic_ros.errors import DataError, one_line
 
 Result = TypeVar("Result")
-LEAST_S, RATE = 2, 4_000_000  # s of processor time that the work may take, bytes of the file for each more
+LEAST_S, RATE = 1, 4_000_000  # s of processor time that the work may take, bytes of the file for each more
+WAITING_S = 30  # s, until the work has an answer, on a busy machine
 LEAST, TIMES = 512 << 20, 64  # bytes that the work may take, and times the file's size that it may take more
 
 
@@ -35,7 +37,10 @@ def apart(work: Callable[[], Result], what: str, size: int) -> Result:
     os.close(writing)
     try:
         with os.fdopen(reading, "rb") as pipe:
-            answer = pipe.read()
+            ready = select.select([pipe], [], [], WAITING_S + size / RATE)[0]
+            answer = pipe.read() if ready else b""
+        if not ready:
+            os.kill(child, signal.SIGKILL)
     except BaseException:
         os.kill(child, signal.SIGKILL)
         raise

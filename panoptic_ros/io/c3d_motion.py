@@ -16,6 +16,7 @@ from panoptic_ros.io.motion_files import JointMotion
 
 Array = np.ndarray
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+LARGEST_VALUE = 1e9  # of the file's unit; a point beyond it was not measured
 SECOND_BYTE, MIPS, LARGEST = 0x50, 86, 0xFFFF  # of every C3D file; the processor that is big-endian
 # to z up, by which axis of the laboratory points up on the screen (POINT:Y_SCREEN)
 UPRIGHT = {
@@ -55,6 +56,7 @@ def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
     if count < stated < LARGEST:  # longer recordings do not state their length there
         raise DataError(f"{path} is no C3D file that is whole: it has {count} of {stated} frames")
     joints[np.asarray(residuals)[0].T < 0.0] = np.nan
+    joints[~(np.abs(joints) < LARGEST_VALUE)] = np.nan
     turn = np.array(UPRIGHT[_up(path, point)], float)
     return JointMotion(path.stem, labels, _unit(path, point) * joints @ turn.T, rate)
 

@@ -50,7 +50,8 @@ def _with_offsets(rows: dict[Any, Any], path: Path, model: SegmentModel) -> Segm
     for word, row in rows.items():
         if str(word).startswith("right_") or word not in names:
             left = ", ".join(name for name in names if not name.startswith("right_"))
-            raise ConfigError(f"{path}: {word} is no joint in the middle or on the left; there are {left}")
+            name = str(word)[:60]
+            raise ConfigError(f"{path}: {name} is no joint in the middle or on the left; there are {left}")
         own = _offset(row, f"{path}: offset of {word}")
         found[names[word]] = own
         other = "right_" + str(word).removeprefix("left_")

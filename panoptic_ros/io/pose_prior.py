@@ -61,8 +61,8 @@ def _check_shapes(arrays: Sequence[np.ndarray], path: Path) -> None:
     for key, array in zip(PRIOR_KEYS, arrays):
         if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
             raise DataError(f"{path} is no pose prior: {key} has something that is no finite number")
-    if not (deviations > 0.0).all() or not (spreads > 0.0).all():
-        raise DataError(f"{path} is no pose prior: a deviation is not above 0")
+    if not (deviations > 0.0).all() or not (spreads >= 0.0).all():
+        raise DataError(f"{path} is no pose prior: a deviation is 0 or negative")
 
 
 def write_prior(path: Path, statistics: PoseStatistics, model: SegmentModel) -> None:

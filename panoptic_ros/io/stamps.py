@@ -4,7 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from panoptic_ros.errors import DataError, shown
+from panoptic_ros.errors import DataError
 from panoptic_ros.io.documents import csv_rows, decoded
 from panoptic_ros.io.loading import read_unpacked
 
@@ -36,7 +36,7 @@ def read_stamps(path: Path) -> dict[str, StampTable]:
         if known <= set(columns):
             camera = next(iter(known - {"frame_time"}))
             return _tables(path, rows, camera, "frame_time", "frame_index", own=False)
-    found = shown(", ".join(sorted(columns)), 80) if columns else "none"
+    found = ", ".join(sorted(columns))[:80] or "none"
     raise DataError(f"{path} has the columns {found}; expected {', '.join(OWN)}, or cam_id and frame_time")
 
 

@@ -17,6 +17,7 @@ from panoptic_ros.io.occluders.meshes import MESHES, read_mesh
 
 Array = np.ndarray
 FORMAT = "panoptic-occluders-1"
+LARGEST = 1e8  # m of a place, or the index of a vertex
 FILE = "occluders.json"  # of a capture folder
 
 
@@ -102,7 +103,7 @@ def _numbers(item: Mapping[str, Any], key: str, where: str, shape: tuple[int, ..
     except (TypeError, ValueError, OverflowError):
         raise DataError(f"{where}: {key} has something that is no number") from None
     fits = values.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, values.shape))
-    if not fits or not np.isfinite(values).all():
-        wanted = " x ".join("n" if n < 0 else str(n) for n in shape)
-        raise DataError(f"{where}: {key} must be {wanted} finite numbers, found shape {values.shape}")
+    if not fits or not (np.abs(values) <= LARGEST).all():
+        wanted = " x ".join("n" if n < 0 else str(n) for n in shape) + " finite numbers"
+        raise DataError(f"{where}: {key} must be {wanted}, at most {LARGEST:g}; its shape is {values.shape}")
     return values
