@@ -5,6 +5,7 @@ import argparse
 from pathlib import Path
 
 from panoptic_ros.cli.options import number
+from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay to the end."""
+    prepare_shared_memory()  # before ROS is loaded
     from panoptic_ros.running.recordings.replay import ReplayOptions, replay  # only now: --help must be quick
 
     options = ReplayOptions(

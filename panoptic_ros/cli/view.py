@@ -9,6 +9,7 @@ from pathlib import Path
 
 from panoptic_ros.cli.options import number
 from panoptic_ros.errors import UsageError
+from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
@@ -43,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
             webbrowser.open(address)
 
     if args.live:
+        prepare_shared_memory()  # before ROS is loaded
         from panoptic_ros.running.viewer.live import view_live  # needs ROS
 
         view_live(args.host, args.port, ready, args.namespace.strip("/"))

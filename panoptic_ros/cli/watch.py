@@ -9,6 +9,7 @@ import sys
 import time
 
 from panoptic_ros.io.interruption import first_request_told
+from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 from panoptic_ros.view.watch_table import watch_lines
 
 HOME, REST, CLEAR = "\x1b[H", "\x1b[K", "\x1b[J"
@@ -24,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show until interrupted, or once."""
+    prepare_shared_memory()  # before ROS is loaded
     from panoptic_ros.running.watching import watched  # needs ROS
 
     drawn = sys.stdout.isatty() and not args.once and not args.json
