@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.errors import PanopticError
+from panoptic_ros.errors import PanopticError, UsageError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.files import write_json
@@ -438,8 +438,13 @@ def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) ->
 
     Returns:
         their outcomes, in the order of the table.
+
+    Raises:
+        UsageError: if no accident has such a name.
     """
     names = [name for name in ACCIDENTS if wanted in name]
+    if not names:
+        raise UsageError(f"no accident has {wanted!r} in its name; there are {', '.join(ACCIDENTS)}")
     outcomes = []
     with (
         tempfile.TemporaryDirectory(prefix="panoptic-accidents-") as folder,

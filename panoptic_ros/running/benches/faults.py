@@ -1,4 +1,4 @@
-"""`panoptic bench faults`: damaged and hostile files of every format, and how the readers take them."""
+"""`panoptic bench faults`: damaged and hostile files of every format, and accidents of live takes."""
 from __future__ import annotations
 
 import argparse
@@ -9,14 +9,16 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.stage import Progress, each
 
-ABOUT = "damaged and hostile files of every format: what the readers refuse, and exceptions of others"
+ABOUT = "damaged and hostile files of every format, and what accidents cost live takes"
 CHILD = "panoptic_ros.running.benches.damage.child"
+ALL = "*"
 GRACE_S = 120.0  # beyond the time of the trials, for loading and for one copy
 
 
@@ -26,7 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seconds", type=float, default=60.0, metavar="S", help="of mutations per format; default 60"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the mutations; default 1")
-    parser.add_argument("--formats", default="", metavar="NAME,NAME", help="only these; default: all")
+    parser.add_argument("--formats", default="", metavar="NAME,NAME", help="only these, and no accidents")
+    parser.add_argument("--live", nargs="?", const=ALL, default="", metavar="NAME",
+                        help="only accidents of live takes, those whose name has this text")  # fmt: skip
     parser.add_argument(
         "--keep", type=Path, default=Path("faults"), metavar="DIR",
         help="folder for copies that raise an exception of others; default faults",
@@ -37,8 +41,13 @@ def measure(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Read damaged copies of every format's sample, each format in a process of its own.
 
     Raises:
-        UsageError: on a format that is not there.
+        UsageError: on a format or an accident that is not there.
     """
+    if args.formats and args.live:
+        raise UsageError("--formats and --live exclude each other")
+    accidents = [] if args.formats else _accidents(args, progress)
+    if args.live:
+        return {"seed": args.seed, "seconds": args.seconds, "rows": [], "accidents": accidents}
     from panoptic_ros.running.benches.damage.formats import FORMATS  # numba is slow to load
 
     names = [name.strip() for name in args.formats.split(",") if name.strip()] or list(FORMATS)
@@ -49,7 +58,14 @@ def measure(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         _trials(name, args.seed, args.seconds, args.keep)
         for name in each(names, len(names), progress, "formats")
     ]
-    return {"seed": args.seed, "seconds": args.seconds, "rows": rows}
+    return {"seed": args.seed, "seconds": args.seconds, "rows": rows, "accidents": accidents}
+
+
+def _accidents(args: argparse.Namespace, progress: Progress) -> list[dict[str, Any]]:
+    from panoptic_ros.running.benches.accidents import stage_accidents  # the verb begins without
+
+    found = stage_accidents(args.seed, "" if args.live == ALL else args.live, progress)
+    return [asdict(outcome) for outcome in found]
 
 
 def _trials(name: str, seed: int, seconds: float, keep: Path) -> dict[str, Any]:
@@ -96,8 +112,16 @@ def _text(output: bytes | str | None) -> str:
 
 
 def lines(result: dict[str, Any]) -> list[str]:
-    """Return the table, and below it the findings."""
-    text = [
+    """Return the tables, and below each its findings."""
+    accidents = [_accident_line(row) for row in result["accidents"]]
+    if accidents:
+        title = f"accident, seed {result['seed']}"
+        head = f"{title:<38}{'exit code':>10}{'lost s':>8}  fault, or the last line"
+        failed = sum(bool(row["fault"]) for row in result["accidents"])
+        accidents = [head, *accidents, f"{failed} of {len(accidents)} accidents at fault"]
+    if not result["rows"]:
+        return accidents
+    text = [*accidents, *([""] if accidents else []),
         f"seed {result['seed']}, {result['seconds']:g} s of mutations per format",
         f"{'format':<22}{'mutations':>10}{'refused':>9}{'accepted':>9}{'foreign':>9}"
         f"{'slowest s':>11}{'peak MB':>9}",
@@ -112,3 +136,9 @@ def lines(result: dict[str, Any]) -> list[str]:
         for told, numbers in row["foreign"].items():
             text.append(f"{row['format']}: {told}; mutations {', '.join(map(str, numbers[:5])) or 'unknown'}")
     return text
+
+
+def _accident_line(row: dict[str, Any]) -> str:
+    lost = "-" if row["lost_s"] is None else f"{row['lost_s']:.2f}"
+    told = f"FAULT: {row['fault']}" if row["fault"] else row["said"][:100]
+    return f"{row['name']:<38}{row['code']!s:>10}{lost:>8}  {told}"
