@@ -134,12 +134,12 @@ class Take:
         return lines[-1] if lines else ""
 
     def end(self, number: int | None = None) -> int | None:
-        """Ask it to end, if a signal is given, and wait; None if it had to be killed."""
+        """Ask it to end, if a signal is given, and wait; None if it had to be killed: its log has a trace."""
         if number is not None:
             self.process.send_signal(number)
         with suppress(subprocess.TimeoutExpired):
             return self.process.wait(ENDED_S)
-        os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.send_signal(signal.SIGABRT)
         self.process.wait()
         return None
 
@@ -469,7 +469,7 @@ def _staged(folder: Path, seed: int) -> Iterator[Stage]:
     write_json(topics, {name: {"image": TOPIC.format(name)} for name in ("cam0", "cam1")})
     environment = {
         "XDG_STATE_HOME": str(state), "ROS_DOMAIN_ID": str(random.Random(os.getpid()).randrange(40, 100)),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONFAULTHANDLER": "1",
     }  # fmt: skip
     program = [sys.executable, "-m", "panoptic_ros.nodes.sources.stand_in_drivers"]
     drivers = subprocess.Popen(
