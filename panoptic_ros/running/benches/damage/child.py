@@ -1,6 +1,6 @@
 """`python -m panoptic_ros.running.benches.damage.child FORMAT SEED SECONDS FOLDER`: trials of one format.
 
-It prints a line of JSON for each second, the last when the time is over. Its memory is limited, so a reader
+It writes a line of JSON for each second, the last when the time is over. Its memory is limited, so a reader
 that takes too much of it gets a MemoryError, which counts as a foreign exception.
 """
 from __future__ import annotations
@@ -30,17 +30,19 @@ def main() -> int:
         now = time.monotonic()
         if now >= told + 1.0:
             told = now
-            print(_line(found), flush=True)
+            _tell(found)
         if now >= ends:
             break
-    print(_line(found), flush=True)
+    _tell(found)
     return 0
 
 
-def _line(found: Trials) -> str:
+def _tell(found: Trials) -> None:
+    """Write the state of the trials to the process that started this one."""
     lines = Path("/proc/self/status").read_text().splitlines()  # its peak does not count the parent's
     peak_mb = next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:"))
-    return json.dumps({**asdict(found), "peak_mb": peak_mb})
+    sys.stdout.write(json.dumps({**asdict(found), "peak_mb": peak_mb}) + "\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":
