@@ -30,6 +30,7 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.frame_stream import CutFileWarning
+from panoptic_ros.io.interruption import SIGNALS
 from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.io.takes import unclosed_take
@@ -101,17 +102,21 @@ class Take:
     """A take that is recorded by a process of its own.
 
     Args:
-        verb: run or record. how: more arguments of `subprocess.Popen`.
+        verb: run or record. prepare: called in the process before its program.
+        how: more arguments of `subprocess.Popen`.
     """
 
-    def __init__(self, stage: Stage, verb: str, out: Path, *more: str, **how: Any):
+    def __init__(
+        self, stage: Stage, verb: str, out: Path, *more: str,
+        prepare: Callable[[], None] = lambda: None, **how: Any,
+    ):  # fmt: skip
         self.out, self.verb = out, verb
         self.log = stage.folder / f"{out.name}.log"
         how = {"stdout": self.log.open("wb"), "stderr": subprocess.STDOUT, **how}
         variables = {**os.environ, **stage.environment, **how.pop("variables", {})}
         self.process = subprocess.Popen(
             stage.command(verb, out, *more), stdin=subprocess.DEVNULL, env=variables, start_new_session=True,
-            **how,
+            preexec_fn=lambda: (_heed_signals(), prepare())[0], **how,
         )  # fmt: skip
 
     @property
@@ -142,6 +147,12 @@ class Take:
         self.process.send_signal(signal.SIGABRT)
         self.process.wait()
         return None
+
+
+def _heed_signals() -> None:
+    """Heed requests to end, which a job in the background of a shell ignores."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_DFL)
 
 
 def newest_saved(take: Take, folder: Path) -> int:
@@ -258,7 +269,7 @@ def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (SMALL_DISK, SMALL_DISK))
 
-    take = Take(stage, verb, out, preexec_fn=limit)
+    take = Take(stage, verb, out, prepare=limit)
     take.wait(0.0)
     if verb == "run":  # its bag has no images and grows slowly
         time.sleep(_moment(stage))
