@@ -114,9 +114,14 @@ class Take:
         self.log = stage.folder / f"{out.name}.log"
         how = {"stdout": self.log.open("wb"), "stderr": subprocess.STDOUT, **how}
         variables = {**os.environ, **stage.environment, **how.pop("variables", {})}
+
+        def begin() -> None:
+            _heed_signals()
+            prepare()
+
         self.process = subprocess.Popen(
             stage.command(verb, out, *more), stdin=subprocess.DEVNULL, env=variables, start_new_session=True,
-            preexec_fn=lambda: (_heed_signals(), prepare())[0], **how,
+            preexec_fn=begin, **how,
         )  # fmt: skip
 
     @property
